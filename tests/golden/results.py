@@ -92,7 +92,7 @@ CASES: dict[str, Case] = {
     "transfer": Case(f"identify {_PRBS} --model transfer:0/2 --inputs pitch_command --outputs q"),
     "axis_cifer": Case("identify @px4_sitl/yaw.ulg.xz --model axis.yaw --weights cifer"),
     "axis_wind": Case("identify @ardupilot_sitl/x_wind_rollpitch.BIN.xz --model axis.pitch", slow=True),
-    "longitudinal_reduced": Case(f"identify {_LONGITUDINAL} --reduce --verify @s500/pitch_doublets.csv"),
+    "longitudinal_reduced": Case(f"identify {_LONGITUDINAL} --reduce --verify @s500/pitch_doublets.csv", slow=True),
     "longitudinal_two_step": Case(
         "identify @px4_sitl/pitch.ulg.xz @px4_sitl/thrust.ulg.xz --model hover.longitudinal --speed-damping two_step "
         f"{_HEAVE_ALONE} {_INPUTS_APART}",

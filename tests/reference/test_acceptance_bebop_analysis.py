@@ -120,6 +120,7 @@ def one_sample_late() -> StateSpace:
     return replace(bebop.first_order_delay(), input_delays_s=np.full(3, bebop.SIMULATED_SAMPLE_S))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "mean"),
     [(bebop.first_order(), 73.46), (one_sample_late(), 76.72)],
@@ -135,6 +136,7 @@ def test_published_second_order_scores_as_it_did(bebop_data: Path) -> None:
     np.testing.assert_allclose(found, [83.57, 82.31, 82.69], atol=UNSURE_PERCENT)
 
 
+@pytest.mark.slow
 def test_published_third_order_scores_as_it_did(bebop_data: Path) -> None:
     assert fits(bebop_data, bebop.third_order(), "filter")[1:].mean() == pytest.approx(83.48, abs=UNSURE_PERCENT)
 
@@ -170,12 +172,14 @@ def test_rise_time_of_pitch_is_the_published_one(steps: dict[str, list[StepRespo
     assert found.bandwidth_hz == pytest.approx(1.35, abs=0.28)
 
 
+@pytest.mark.slow
 def test_rise_time_of_climb_is_the_published_one_where_it_settles(steps: dict[str, list[StepResponse]]) -> None:
     settled = [step for step in steps["velocity_down"] if step.settled]
     assert 4 <= len(settled) < len(steps["velocity_down"])
     assert rise_time_bandwidth(settled).rise_s == pytest.approx(0.313, abs=2.0 * 0.025)
 
 
+@pytest.mark.slow
 def test_roll_is_not_as_slow_as_published(steps: dict[str, list[StepResponse]]) -> None:
     """0.410 ± 0.042 s is printed. Roll is as fast as pitch here, as the fitted models of the paper have it too."""
     roll, pitch = (rise_time_bandwidth(steps[name]) for name in ("phi", "theta"))
@@ -183,6 +187,7 @@ def test_roll_is_not_as_slow_as_published(steps: dict[str, list[StepResponse]]) 
     assert abs(roll.rise_s - pitch.rise_s) < roll.rise_std_s
 
 
+@pytest.mark.slow
 def test_answers_are_late_when_commands_come_too_fast(bebop_data: Path, steps: dict[str, list[StepResponse]]) -> None:
     late = {}
     for path in (bebop_data / "command_rate").glob("*.mat"):

@@ -41,6 +41,7 @@ def flight(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "f"
 
 
+@pytest.mark.slow
 def test_drag_of_table_1_in_one_command(shared_data: Path, tmp_path: Path) -> None:
     logs = sorted((shared_data / "bebop" / "steadystate").glob("20Hz_*.mat"))
     run("identify", *logs, "--map", MAPPINGS / "bebop_drag.toml", "--model", "drag.linear", "--out", tmp_path / "d")
@@ -54,6 +55,7 @@ def test_drag_of_table_1_in_one_command(shared_data: Path, tmp_path: Path) -> No
         assert len(alone) > 1
 
 
+@pytest.mark.slow
 def test_whole_flights_are_flown_beside_the_measurement(flight: Path, shared_data: Path, tmp_path: Path) -> None:
     log = shared_data / "bebop" / "ident" / f"{UNSEEN}.mat"
     mapping = ("--map", MAPPINGS / "bebop_flight.toml")
@@ -70,6 +72,7 @@ def test_whole_flights_are_flown_beside_the_measurement(flight: Path, shared_dat
     assert (tmp_path / "flown" / "tables" / "flown.csv").read_text().count("\n") == len(scores) + 1
 
 
+@pytest.mark.slow
 def test_the_parameters_lie_where_the_paper_has_them(flight: Path) -> None:
     found = json.loads((flight / "result.json").read_text())["parameters"]
     for name, (mean, spread) in PUBLISHED_DRAG.items():

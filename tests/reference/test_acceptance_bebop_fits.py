@@ -161,6 +161,7 @@ def test_a_zero_phase_filter_on_the_outputs_alone_leaves_no_delay(filtered: Path
             assert grey(DELAY, y)([record(filtered, name, y)])[1].values[f"tau_{y}"] == 0.0
 
 
+@pytest.mark.slow
 def test_a_held_command_is_late_by_half_a_step(
     shared_data: Path, unfiltered: list[CrossValidation[Identified]]
 ) -> None:

@@ -183,6 +183,7 @@ def flown_heavy(heavy_flight: Twin) -> tuple[rotorid.IdentifiedModel, dict[str, 
     return identify_motors(heavy_flight.record, heavy_flight.choices), dict(heavy_flight.truth)
 
 
+@pytest.mark.slow
 def test_motors_of_a_flight_with_heavy_rotors(
     flown_heavy: tuple[rotorid.IdentifiedModel, dict[str, float]],
 ) -> None:
@@ -199,6 +200,7 @@ def test_motors_of_a_flight_with_heavy_rotors(
     assert "no_excitation" not in kinds
 
 
+@pytest.mark.slow
 def test_the_linear_model_of_motors_leads_in_yaw(
     flown_heavy: tuple[rotorid.IdentifiedModel, dict[str, float]],
 ) -> None:
@@ -282,6 +284,7 @@ def test_a_momentum_may_be_known(heavy_flight: Twin) -> None:
     assert found["I_xx"].value == pytest.approx(heavy_flight.truth["I_xx"], rel=0.02)
 
 
+@pytest.mark.slow
 def test_light_rotors_have_no_momentum(tmp_path: Path) -> None:
     flight = twin("s500", "calm", 1, tmp_path)
     found = identify_motors(flight.record, flight.choices)

@@ -65,7 +65,7 @@ def design_command(
             metavar="|".join(_AUTOPILOTS),
             autocompletion=one_of(_AUTOPILOTS),
             rich_help_panel="Vehicle and autopilot",
-            help="Whose files. [default: the vehicle's]",
+            help="The autopilot to write files for. [default: the vehicle's]",
         ),
     ] = None,
     plan: Annotated[dict[str, Any], PlanChoices],

@@ -55,7 +55,7 @@ def identify_command(
             "--inputs",
             metavar="CHANNEL,...",
             rich_help_panel="Models",
-            help="Of response.*, transfer:m/n and black_box:N or auto.",
+            help="Channels that drive response.*, transfer:m/n, black_box:N and black_box:auto.",
         ),
     ] = None,
     decoupled: Annotated[
@@ -108,7 +108,9 @@ def identify_command(
     nonlinear = nonlinear_of(model_name)
     if nonlinear is not None:
         _require_nonlinear(nonlinear, settings, kind=cross_validate, inputs=inputs, decoupled=decoupled)
-    motors = motor_choices(model_name, settings, beside={"cross validate": cross_validate, "inputs": inputs})
+    motors = motor_choices(
+        model_name, settings, beside={"--cross-validate": cross_validate, "--inputs": inputs, "--decoupled": decoupled}
+    )
     if nonlinear is not None or motors is not None:
         _require_units([nonlinear or model_name], settings)
     wanted: str | LinearStructure | NonlinearStructure = nonlinear or (

@@ -18,6 +18,7 @@ from rotorid.cli.console import progress, tell
 from rotorid.cli.options import ForPaper, Logs, Map, Only, Output
 from rotorid.errors import UsageError
 from rotorid.io.named import logs_in
+from rotorid.signal.airborne import told_by
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -182,7 +183,7 @@ def _head(inspection: Inspection) -> Iterator[str]:
     )
     if inspection.flights:
         spans = ", ".join(f"{flight.start_s:.1f} to {flight.stop_s:.1f} s" for flight in inspection.flights)
-        yield f"in the air {spans}, as {inspection.flights[0].seen_in} tells"
+        yield f"in the air {spans}, {told_by(inspection.flights[0].seen_in)}"
     if inspection.settings:
         yield "  ".join(f"{name}={_setting(value)}" for name, value in inspection.settings.items())
 

@@ -15,7 +15,7 @@ from typing import Annotated, Any, ForwardRef, Literal, TypeAlias, get_args, get
 
 import typer
 
-from rotorid.pipeline.settings import Option, parse_names
+from rotorid.pipeline.settings import Option, option_of, parse_names
 from rotorid.units import read_measure
 
 UNITS_OF_NAMES = {"_rad_s": "rad/s", "_m_s": "m/s", "_kg": "kg", "_rad": "rad", "_m": "m", "_s": "s", "_v": "V"}
@@ -209,7 +209,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
         if kind is None:
             parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
             continue
-        options = {item.name: option for item in fields(kind) if (option := _option(item)) is not None}
+        options = {item.name: option for item in fields(kind) if (option := option_of(item)) is not None}
         if only:
             options = {name: options[name] for name in only}
         parameters += [_parameter(item, options[item.name]) for item in fields(kind) if item.name in options]
@@ -233,11 +233,6 @@ def _settings(annotation: Any) -> tuple[type[Any] | None, bool, tuple[str, ...]]
     kind = next((part for part in parts if inspect.isclass(part) and is_dataclass(part)), None)
     only = next((part.names for part in parts if isinstance(part, Only)), ())
     return kind, kind is parts[0], only
-
-
-def _option(item: "Field[Any]") -> Option | None:
-    """The option of a field, where it has one."""
-    return next((part for part in getattr(item.type, "__metadata__", ()) if isinstance(part, Option)), None)
 
 
 def _parameter(item: "Field[Any]", option: Option) -> inspect.Parameter:

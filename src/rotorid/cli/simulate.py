@@ -151,6 +151,7 @@ def _of_flights(air: Air, flight: dict[str, Any]) -> dict[str, bool]:
     return {
         "--duration": flight["duration_s"] is not None,
         "--wind": air.mean_m_s != Air().mean_m_s,
+        "--height": air.height_m != Air().height_m,
         "--turbulence": air.turbulence_m_s != Air().turbulence_m_s,
         "--runs": flight["runs"] != usual.runs,
         "--set": "changes" in flight,

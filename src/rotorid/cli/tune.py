@@ -37,10 +37,11 @@ def tune_command(
         str | None,
         typer.Option(
             "--axes",
+            "--axis",
             metavar="AXIS,...",
             autocompletion=one_of(["roll", "pitch", "yaw"]),
             rich_help_panel="Gains",
-            help="To look at. [default: roll,pitch,yaw]",
+            help="Axes to tune. [default: roll,pitch,yaw]",
         ),
     ] = None,
     robustness: Annotated[
@@ -83,7 +84,7 @@ def tune_command(
             "--set",
             rich_help_panel="Gains",
             metavar="NAME=VALUE",
-            help="A filter that is to be flown, by the firmware's name.",
+            help="A filter that is to be flown, by the firmware's name. Repeatable.",
         ),
     ] = None,
     check: Annotated[
@@ -278,8 +279,8 @@ def _lines(one: AxisTuneDocument) -> list[str]:
         lines.append(f"{loop}: {', '.join(told)}")
     if one.changed:
         lines.append(
-            f"attitude under a moment: {100.0 * one.attitude_ratio.value:.0f} % of what it was; noise of the command: "
-            f"{100.0 * one.noise_ratio:.0f} %"
+            f"attitude error under a disturbance: {100.0 * one.attitude_ratio.value:.0f} % of what it was; noise of "
+            f"the command: {100.0 * one.noise_ratio:.0f} % of what it was"
         )
     return lines
 

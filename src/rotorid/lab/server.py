@@ -271,7 +271,7 @@ async def _taken_in(session: Session, name: str, parts: AsyncIterable[bytes], an
     except OSError as error:
         session.drop_upload(path)
         why = error.strerror or type(error).__name__
-        raise UsageError(f"the log could not be put down: {why}", needed=f"room in {path.parents[1]}") from error
+        raise UsageError(f"the log could not be saved: {why}", needed=f"room in {path.parents[1]}") from error
     except BaseException:
         session.drop_upload(path)
         raise

@@ -549,9 +549,12 @@ def beyond_limits(one: Designed, limits: Limits) -> list[Finding]:
     if not passed:
         return []
     reached = {name: float(getattr(one.planned.reached, name)) for name in passed}
-    words = ", ".join(f"{limit_words([name])} {value:.3g}" for name, value in reached.items())
+    words = ", ".join(
+        f"{limit_words([name])} {limits.words(name, value)} (limit {limits.words(name)})"
+        for name, value in reached.items()
+    )
     message = (
-        f"The plan passes its limits in simulation: {words} (SI units). Predictions hold for a loop that is linear, "
+        f"The plan passes its limits in simulation: {words}. Predictions hold for a loop that is linear, "
         "and motors at their limits are not. Fly less, or raise the limits on purpose with --limit."
     )
     return [warn("beyond_limits", one.kind, message, **reached)]
@@ -722,6 +725,6 @@ def _require_wanted(choices: DesignChoices, models: Sequence[LinearStructure]) -
     free = {name for model in models for name in model.parameters.free}
     if wrong := [name for name in choices.reach if name not in free]:
         raise UsageError(
-            f"{wrong[0]} should be reached to {choices.reach[wrong[0]]:g} %",
+            f"--reach {wrong[0]}={choices.reach[wrong[0]]:g} came",
             needed=f"a free parameter of {', '.join(model.name for model in models)}: {', '.join(sorted(free))}",
         )

@@ -153,6 +153,11 @@ def parse_shape(kind: str) -> "Shape":
     return known[kind]  # type: ignore[return-value]
 
 
+def _listed(texts: Sequence[str]) -> tuple[str, ...]:
+    """Names with commas between them, given once or more."""
+    return tuple(name.strip() for text in texts for name in text.split(","))
+
+
 def parse_axes(text: str) -> "tuple[Axis, ...]":
     """Read axes with commas between them; ``all`` is all four.
 
@@ -535,10 +540,10 @@ class DesignChoices(Immutable):
         Option(
             "--model",
             heading="What the data will tell",
-            metavar="NAME",
+            metavar="NAME,...",
             help="What will be identified: rate.*, hover.*, response.* [default: the rate model of each axis; behind "
             "set-points response.second_order_delay] Repeatable.",
-            parse=tuple,
+            parse=_listed,
             repeats=True,
         ),
     ] = ()
@@ -568,7 +573,7 @@ class DesignChoices(Immutable):
             "--reach",
             heading="What the data will tell",
             metavar="NAME=PERCENT",
-            help="Find the shortest test input that reaches it. Repeatable.",
+            help="Largest standard deviation wanted; the shortest test input that reaches it is found. Repeatable.",
             parse=partial(parse_percents, option="--reach"),
             repeats=True,
         ),

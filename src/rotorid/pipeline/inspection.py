@@ -25,7 +25,7 @@ from rotorid.pipeline.preparation.consistency import ChannelSkew, check_consiste
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axis_of, find_instrument, own_instrument
 from rotorid.pipeline.provenance import LoggedManeuver, logged
-from rotorid.signal.airborne import Airborne, airborne
+from rotorid.signal.airborne import Airborne, airborne, told_by
 from rotorid.signal.excitations import (
     candidate_excitations,
     find_excitations,
@@ -404,7 +404,7 @@ class Inspection(Immutable):
         for model, support in self.supports.items():
             yield model, "yes" if support.possible else "no", support.because
         for flight in self.flights:
-            yield "in the air", f"{flight.start_s:.1f} to {flight.stop_s:.1f} s", f"as {flight.seen_in} tells"
+            yield "in the air", f"{flight.start_s:.1f} to {flight.stop_s:.1f} s", told_by(flight.seen_in)
         for maneuver in (*self.excitations, *self.candidates):
             origin = "candidate" if isinstance(maneuver, CandidateManeuver) else maneuver.origin
             interval = f"{maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s"

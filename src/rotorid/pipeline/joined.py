@@ -226,7 +226,7 @@ def require(vehicle: JoinedVehicle, *names: str, target: str) -> Multirotor:
         raise UsageError(
             f"the places of the rotors of {vehicle.name} are not known",
             needed=f"them for {target}",
-            remedy="add a result of physical.motors, which holds them",
+            remedy="add a result of physical.motors, which holds them, or name a layout with --layout",
         )
     raise UsageError(
         f"{' and '.join(asked)} of {vehicle.name} {'are' if len(asked) > 1 else 'is'} not known",

@@ -19,6 +19,10 @@ from rotorid.io.documents import read_text
 from rotorid.units import read_measure, read_measures, require_units, writable
 
 if TYPE_CHECKING:
+    from dataclasses import Field
+
+    from _typeshed import DataclassInstance
+
     from rotorid.data.record import FlightRecord, Maneuver
     from rotorid.models.motors import Curve
     from rotorid.models.rotors import RotorLayout
@@ -64,6 +68,36 @@ class Option:
     heading: str | None = None
     words: tuple[str, ...] = ()
     default: str | None = None
+
+
+def option_of(item: "Field[Any]") -> Option | None:
+    """How a field of settings is written on the command line; ``None`` where it is not."""
+    return next((part for part in getattr(item.type, "__metadata__", ()) if isinstance(part, Option)), None)
+
+
+def options_given(settings: "DataclassInstance") -> dict[str, str]:
+    """Fields that differ from their defaults, with the options that set them.
+
+    Examples
+    --------
+    >>> options_given(IdentifySettings(reduce=True, arm_m=0.2))
+    {'reduce': '--reduce', 'arm_m': '--arm'}
+    """
+    usual = type(settings)()
+    changed = [one for one in fields(settings) if getattr(settings, one.name) != getattr(usual, one.name)]
+    return {one.name: option.name if (option := option_of(one)) is not None else one.name for one in changed}
+
+
+def options_of(settings: "type[DataclassInstance]", names: Sequence[str]) -> tuple[str, ...]:
+    """The options of some fields.
+
+    Examples
+    --------
+    >>> options_of(IdentifySettings, ("fix", "arm_m"))
+    ('--fix', '--arm')
+    """
+    found = {one.name: option.name for one in fields(settings) if (option := option_of(one)) is not None}
+    return tuple(found[name] for name in names if name in found)
 
 
 def parse_segment(text: str) -> "Maneuver":
@@ -527,7 +561,9 @@ class MeasureSettings(Immutable):
     estimate: Annotated[
         EstimateChoice,
         Option(
-            "--estimate", heading="Responses", help="Of responses; joint with an instrument, auto where one is logged."
+            "--estimate",
+            heading="Responses",
+            help="How responses are estimated: direct, or joint with an instrument; auto is joint where one is logged.",
         ),
     ] = "auto"
     instruments: Annotated[
@@ -701,7 +737,7 @@ class VerifySettings(MeasureSettings):
             "--low-pass",
             heading="Judging",
             metavar="CUTOFF|auto|none",
-            help="First-order low-pass on both sides, in rad/s.",
+            help="First-order low-pass on measurement and prediction alike, in rad/s.",
             parse=parse_low_pass,
         ),
     ] = "auto"
@@ -901,7 +937,7 @@ class IdentifySettings(MeasureSettings):
             "--free",
             heading="Models",
             metavar="NAME",
-            help="A parameter that the model holds. Repeatable.",
+            help="A held parameter of the model, to be fitted. Repeatable.",
             parse=tuple,
             repeats=True,
         ),
@@ -954,7 +990,7 @@ class IdentifySettings(MeasureSettings):
         Option(
             "--weights",
             heading="Models",
-            help="In the cost; covariance is that of all errors, auto goes by the number of outputs.",
+            help="How the cost weighs errors: covariance is that of all errors, auto goes by the number of outputs.",
         ),
     ] = "auto"
     reduce: Annotated[
@@ -1047,7 +1083,7 @@ class IdentifySettings(MeasureSettings):
         Option(
             "--rotor-diameter",
             heading="Models in physical parameters",
-            help="Of physical.*, meters: judges rotors of measured speed, or is their D.",
+            help="In meters: checks the thrust of rotors whose speed is logged; D of physical.hover.",
         ),
     ] = None
 
@@ -1249,33 +1285,35 @@ def motor_choices(
     settings
         Choices of the run.
     beside
-        Options beside the settings that ``physical.motors`` does not have either, by their names.
+        Options beside the settings that ``physical.motors`` does not have either, such as ``--inputs``.
 
     Raises
     ------
     UsageError
         An option was given that the model does not have.
     """
-    usual = IdentifySettings()
-    given = [item.name for item in fields(settings) if getattr(settings, item.name) != getattr(usual, item.name)]
+    given = options_given(settings)
     if model != MODEL:
         allowed = OF_HOVER if model == HOVER else ()
-        if any(name in OF_MOTORS and name not in allowed for name in given):
+        if wrong := [option for name, option in given.items() if name in OF_MOTORS and name not in allowed]:
             raise UsageError(
-                f"--layout, --arm or --curve came with {model}",
+                f"{', '.join(wrong)} came with {model}",
                 needed=f"them with {MODEL} alone, and all but --curve with {HOVER}",
             )
         if settings.method == "accelerations":
             raise UsageError(f"--method accelerations came with {model}", needed=f"it with {MODEL} alone")
         return None
-    wrong = [name for name in given if name not in (*OF_MOTORS, *ALSO_OF_MOTORS)]
     if settings.method not in ("auto", *get_args(MotorMethod)):
-        wrong.append("method")
-    wrong += [name for name, value in (beside or {}).items() if value]
-    if wrong:
         raise UsageError(
-            f"{', '.join(name.replace('_', ' ') for name in wrong)} came with {MODEL}, which has no such choice",
-            needed="--fix, --layout, --arm, --curve, --segment, --method, --bootstrap, --search, --runs, --verify",
+            f"--method {settings.method} came with {MODEL}", needed=f"one of auto, {', '.join(get_args(MotorMethod))}"
+        )
+    wrong = [option for name, option in given.items() if name not in (*OF_MOTORS, *ALSO_OF_MOTORS)]
+    wrong += [option for option, value in (beside or {}).items() if value]
+    if wrong:
+        had = options_of(IdentifySettings, (*OF_MOTORS, *ALSO_OF_MOTORS))
+        raise UsageError(
+            f"{', '.join(wrong)} came with {MODEL}, which has no such choice",
+            needed=f"{', '.join(had)}, --verify",
             remedy="leave it out, or choose another model",
         )
     return MotorChoices(

@@ -70,7 +70,7 @@ class TrackChoices(Immutable):
 
     def __post_init__(self) -> None:
         if not 0.02 <= self.step_share <= 0.5:
-            raise UsageError(f"a step of {self.step_share:g} came", needed="a share from 0.02 to 0.5")
+            raise UsageError(f"--step {self.step_share:g} came", needed="a share from 0.02 to 0.5")
 
     def as_json(self) -> dict[str, float | None]:
         """All of them by name."""

@@ -44,7 +44,7 @@ class Verified(Immutable):
     candidate
         What was judged.
     found
-        Unseen maneuvers, measured and predicted; unseen sweeps, measured and modelled responses.
+        Unseen maneuvers, measured and predicted; unseen sweeps, measured and modeled responses.
     maneuvers
         The maneuvers in numbers, each with its trim.
     covered

@@ -50,9 +50,32 @@ class Limits(Immutable):
     saturated: float = 0.0
 
     def __post_init__(self) -> None:
-        numbers = (self.tilt_rad, self.rate_rad_s, self.position_m, self.height_m)
-        if min(numbers) <= 0.0 or not self.motor_low < self.motor_high:
-            raise UsageError(f"the limits {self} came", needed="positive limits, and motor_low below motor_high")
+        for name in ("tilt_rad", "rate_rad_s", "position_m", "height_m"):
+            if not getattr(self, name) > 0.0:
+                raise UsageError(
+                    f"a limit of {limit_words([name])} of {self.words(name)} came", needed="one above zero"
+                )
+        if not self.motor_low < self.motor_high:
+            raise UsageError(
+                f"limits of the motors from {self.motor_low:g} to {self.motor_high:g} came",
+                needed="motor_low below motor_high",
+            )
+
+    def words(self, name: str, value: float | None = None) -> str:
+        """A limit, or another value of the same kind, as a person says it.
+
+        Examples
+        --------
+        >>> Limits().words("tilt_rad"), Limits().words("position_m", 12.3)
+        ('25 deg', '12.3 m')
+        """
+        number = getattr(self, name) if value is None else value
+        unit = re.sub(r"^.*?_?(rad_s|rad|m|)$", r"\1", name)
+        return (
+            f"{math.degrees(number):.3g} deg{unit[3:].replace('_', '/')}"
+            if unit.startswith("rad")
+            else (f"{number:.3g} {unit}".rstrip())
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

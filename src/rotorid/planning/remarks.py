@@ -97,8 +97,9 @@ def _on_bands(problem: FrequencyProblem, band_rad_s: tuple[float, float]) -> tup
                 warn(
                     "low_coherence",
                     f"{data.outputs[y]}/{data.inputs[u]}",
-                    f"Of the band {low:.2g} to {high:.3g} rad/s only {omega[0]:.2g} to {omega[-1]:.3g} rad/s will "
-                    "be usable; above and below coherence will be too low or the windows too short.",
+                    f"Of the band {low:.2g} to {high:.3g} rad/s of {data.outputs[y]}/{data.inputs[u]} only "
+                    f"{omega[0]:.2g} to {omega[-1]:.3g} rad/s will be usable; above and below coherence will be too "
+                    "low or the windows too short.",
                     low_rad_s=float(omega[0]),
                     high_rad_s=float(omega[-1]),
                 )

@@ -17,6 +17,7 @@ from rotorid.plot.figure import MOST_POINTS, envelope
 from rotorid.plot.inspection import Bar, LogPicture, Trend, log_figure
 from rotorid.report.frame import Picture, render
 from rotorid.report.parts import finding_rows
+from rotorid.signal.airborne import told_by
 from rotorid.signal.excitations import excitation_signals
 from rotorid.typing import FloatArray
 
@@ -103,7 +104,7 @@ def log_picture(record: FlightRecord, inspection: Inspection) -> LogPicture:
         row="in the air",
         group="flight",
         spans=[(flight.start_s, flight.stop_s) for flight in inspection.flights],
-        words=[f"as {flight.seen_in} tells" for flight in inspection.flights],
+        words=[told_by(flight.seen_in) for flight in inspection.flights],
     )
     topics = [_topic_bar(topic.name, topic.sample_rate_hz, coverage(topic.time_s)) for topic in record.topics]
     trends = [trend for axis in RATE_AXES.values() for trend in _trends(record, inspection, axis.input, axis.output)]

@@ -40,6 +40,7 @@ from rotorid.report.frame import (
     with_interval,
 )
 from rotorid.report.parts import finding_rows
+from rotorid.signal.airborne import told_by
 
 LOOP_WORDS = {
     "p": "roll rate",
@@ -234,8 +235,7 @@ def headline(review: Review) -> str:
     spans = ", ".join(f"{start_s:.1f} to {stop_s:.1f} s" for start_s, stop_s in air.flights)
     total_s = sum(stop_s - start_s for start_s, stop_s in air.flights)
     count = "one flight" if len(air.flights) == 1 else f"{len(air.flights)} flights"
-    tells = "tell" if " and " in air.seen_in else "tells"
-    return f"{what or 'Unknown vehicle'} · {count}, {total_s:.0f} s in the air ({spans}, as {air.seen_in} {tells})"
+    return f"{what or 'Unknown vehicle'} · {count}, {total_s:.0f} s in the air ({spans}, {told_by(air.seen_in)})"
 
 
 def _rows(

@@ -65,5 +65,5 @@ def sentences(document: TrackDocument) -> list[str]:
         reasons = " or ".join(WHY[why] for why in dict.fromkeys(one.why for one in document.cannot_tell))
         said.append(f"{lost_s:.0f} s cannot tell: {reasons}.")
     if any(one.why == "air" for one in document.cannot_tell):
-        said.append("Wind rose after the reference: track that part by itself, with a reference of its own.")
+        said.append("Wind rose after the reference: cut the log there, and track the rest as a log of its own.")
     return said

@@ -210,7 +210,7 @@ def unseen_sweeps(judged: FrequencyCheck, *, key: str, least_coherence: float = 
     Parameters
     ----------
     judged
-        Measured and modelled responses, and their costs.
+        Measured and modeled responses, and their costs.
     key
         Prefix of the identifiers of its pictures.
     least_coherence

@@ -147,15 +147,27 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
     return _found(record, _intervals(time_s, flying, carrying, margin_s), seen_in, by_thrust=by_thrust)
 
 
+def told_by(seen_in: str) -> str:
+    """What tells of a flight, as the end of a sentence.
+
+    Examples
+    --------
+    >>> told_by("vehicle_land_detected and vehicle_status")
+    'as vehicle_land_detected and vehicle_status tell'
+    """
+    return f"as {seen_in} {'tell' if ' and ' in seen_in else 'tells'}"
+
+
 def _found(
     record: FlightRecord, intervals: Intervals, seen_in: str, *, by_thrust: bool = True, by_flags: bool = False
 ) -> Airborne:
     if not intervals:
-        message = f"{record.source.name} holds no flight of {_SHORTEST_FLIGHT_S:g} s and more, as {seen_in} tells."
+        shortest_s = _SHORTEST_EARLY_S if by_flags and record.status.early else _SHORTEST_FLIGHT_S
+        message = f"{record.source.name} holds no flight of {shortest_s:g} s and more, {told_by(seen_in)}."
         raise InsufficientDataError(
             message,
             needed="a vehicle in the air",
-            remedy="choose another log, or name the interval with --segment",
+            remedy="choose another log, or fit a part of it with rotorid identify --segment AXIS:START:STOP",
             findings=[refusal("never_airborne", seen_in, message)],
         )
     found = Airborne(intervals=intervals, seen_in=seen_in, findings=(), by_thrust=by_thrust, by_flags=by_flags)
@@ -334,7 +346,7 @@ def _finding(found: Airborne, record: FlightRecord) -> Finding:
     return remark(
         "airborne",
         found.seen_in,
-        f"In the air from {start_s:.1f} to {stop_s:.1f} s, as {found.seen_in} tells"
+        f"In the air from {start_s:.1f} to {stop_s:.1f} s, {told_by(found.seen_in)}"
         f"{', which is the whole record' if whole else ''}{more}.",
         start_s=start_s,
         stop_s=stop_s,

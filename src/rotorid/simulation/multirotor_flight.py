@@ -230,7 +230,7 @@ def flight_tables(
         raise UsageError(
             f"a speed of {max(speed_m_s, key=abs):g} m/s came for {aircraft.name}, whose autopilot holds none",
             needed="an autopilot that holds its velocity",
-            remedy="rotorid.simulation.multirotor_flight.piloted adds a slow loop that does",
+            remedy="leave --speed out, or choose a vehicle of PX4 or ArduPilot",
         )
     if settle_s is None:
         settle_s = CRUISE_SETTLE_S if cruising else SETTLE_S

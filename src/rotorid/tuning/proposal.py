@@ -223,7 +223,7 @@ def propose(
                 break
     if best is None:
         if hot := _flown_broken(flown, plant, wishes):
-            reasons.append(f"the flown gains break {hot}: lower P and D by hand, and fly the sweep again")
+            reasons.append(f"the flown gains do not keep {hot}: lower P and D by hand, and fly the sweep again")
         return AxisProposal(
             axis=axis, controller=controller, flown=flown, proposed=flown, better=1.0, reasons=tuple(reasons)
         )
@@ -235,7 +235,7 @@ def propose(
             axis=axis, controller=controller, flown=flown, proposed=flown, better=1.0, reasons=tuple(reasons)
         )
     if broken:
-        reasons.append(f"the flown gains break {broken}")
+        reasons.append(f"the flown gains do not keep {broken}")
     reasons += _bound_by(best.gains, flown.gains, wishes)
     return AxisProposal(
         axis=axis, controller=controller, flown=flown, proposed=best, better=better, reasons=tuple(reasons)
@@ -277,7 +277,7 @@ def _searched(
         rms = float(attitude_rms(parts.omega_rad_s, nominal[None], nominal[None] * parts.whole(gains))[0])
         ranked.append((rms, (a, d, A)))
     if not ranked:
-        reasons.append("no gains of the grid hold the limits on the identified plant")
+        reasons.append("no gains that were tried keep the limits on the identified plant")
         return None
     ranked.sort(key=lambda one: one[0])
     best: tuple[float, Gains] | None = None
@@ -409,7 +409,7 @@ def _inside(
         if not broken:
             return found
         gains = _smaller(gains, flown.gains, wishes)
-    reasons.append(f"gains of the grid break {broken} on the likely plants")
+    reasons.append(f"the gains that were tried do not keep {broken} on the likely plants")
     return None
 
 
@@ -423,7 +423,7 @@ def _smaller(gains: Gains, flown: Gains, wishes: Wishes) -> Gains:
 
 
 def _flown_broken(flown: Judged, plant: UncertainPlant, wishes: Wishes) -> str:
-    """Which limit the flown gains break.
+    """Which limit the flown gains do not keep.
 
     Where the plant was not seen at their crossover, its draws are wide there: then half have to say so, or every
     loop that was measured badly would be slowed down.
@@ -436,11 +436,11 @@ def _broken(one: Judged, wishes: Wishes, *, share: float = 2.0 * QUANTILE) -> st
     """Which limit gains break on more than a share of the plants; empty where none."""
     worst = {
         "stability": np.maximum(1.0 - one.rate.stable, 1.0 - one.whole.stable) > 0.0,
-        f"a sensitivity peak of {wishes.sensitivity_peak:.2g} of the rate loop": one.rate.sensitivity_peak
+        f"a sensitivity peak of at most {wishes.sensitivity_peak:.2g} of the rate loop": one.rate.sensitivity_peak
         > wishes.sensitivity_peak,
-        f"a sensitivity peak of {wishes.sensitivity_peak:.2g} of the whole loop": one.whole.sensitivity_peak
+        f"a sensitivity peak of at most {wishes.sensitivity_peak:.2g} of the whole loop": one.whole.sensitivity_peak
         > wishes.sensitivity_peak,
-        f"a phase margin of {np.degrees(wishes.phase_margin_rad):.0f} degrees": one.rate.phase_margin_rad
+        f"a phase margin of at least {np.degrees(wishes.phase_margin_rad):.0f} degrees": one.rate.phase_margin_rad
         < wishes.phase_margin_rad,
     }
     return next((name for name, found in worst.items() if float(np.mean(found)) > share), "")

@@ -92,7 +92,7 @@ class VehicleEntry(Immutable):
             raise ModelError(
                 f"the vehicle {self.name} turns on a pivot and does not fly",
                 needed=f"one of {', '.join(aircraft_names())}",
-                remedy="rotorid.vehicles.rig.fly simulates its records",
+                remedy="rotorid simulate rig writes its log",
             )
         return self.make()
 

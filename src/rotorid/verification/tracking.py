@@ -200,7 +200,7 @@ def track_gain(
         raise InsufficientDataError(
             f"the stick moved by {float(level[: first // _BLOCK].max()):.2f} of full in the reference",
             needed=f"{LEAST_LEVEL:g} and more",
-            remedy="name a livelier part of the flight as reference, or another axis",
+            remedy="lengthen the reference with --first, or follow another axis with --model",
         )
     logs = _log_thrust(thrust, whole, first)
     moved = command[:whole] - float(np.median(command[:whole]))

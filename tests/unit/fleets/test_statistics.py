@@ -49,6 +49,7 @@ def test_without_stated_errors_they_are_those_of_a_balanced_analysis_of_variance
     assert found.between[0] == pytest.approx(np.sqrt(between), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_intervals_hold_over_40_fleets() -> None:
     inside = np.zeros(4)
     for seed in range(40):
@@ -148,6 +149,7 @@ def test_two_odd_vehicles_are_found_and_are_not_in_the_population() -> None:
     assert told.populations["rate.roll", "L_roll"].high == pytest.approx(plain.high, abs=1.5)
 
 
+@pytest.mark.slow
 def test_false_alarms_over_60_fleets_stay_below_5_percent() -> None:
     alarms = 0
     for seed in range(60):

@@ -121,13 +121,14 @@ def left_findings(parameters: ParameterSet, left: Sequence[str], held: Sequence[
     left, held
         Free parameters that were not estimated, and those that states were simulated with.
     """
-    simulated = "a state that no sensor shows is simulated with it"
-    nowhere = "it stands in no equation whose states were all measured, or was not searched"
+    simulated = "it shapes a state that no sensor measures; --method output_error estimates it"
+    nowhere = "no equation whose states were all measured holds it, or it was not searched"
     return tuple(
         warn(
             "not_in_measured_equations",
             name,
-            f"{name} stays at its start value: {simulated if name in held else nowhere}.",
+            f"{name} was not estimated and stays at {parameters[name].value:.4g} {parameters[name].unit}: "
+            f"{simulated if name in held else nowhere}.",
             value=parameters[name].value,
         )
         for name in left

@@ -308,8 +308,8 @@ def _disagreeing(one: InertiaRegression) -> Finding:
         "both_ways_disagree",
         one.parameter,
         f"Acceleration on torque and torque on acceleration state {_pair(one)} for {one.parameter}, "
-        f"{abs(one.apart):.1f} standard deviations apart: the slow motion that the past foretells goes another way "
-        "than the fast one; lag, delay or damping are not as modelled, or the outputs not what the motors received.",
+        f"{abs(one.apart):.1f} standard deviations apart: slow and fast motion state different values; "
+        "lag, delay or damping are not as modeled, or the logged outputs are not what the motors received.",
         direct=one.corrected[0],
         reverse=one.corrected[1],
         direct_std=one.deviations[0],

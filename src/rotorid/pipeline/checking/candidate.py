@@ -260,7 +260,7 @@ def other_controller(record: str, axis: Axis, setpoint: str, scores: LoopScores)
         f"{record}: {axis}",
         f"Not flown in closed loop: with its gains the {axis} controller does not make the logged {axis} command "
         f"of {setpoint} and the measured rate (Theil coefficient {scores.tic:.2f}, good: up to {GOOD_TIC:g}). It "
-        "has parts that are not modelled, the gains changed in flight, or its set-point is another one.",
+        "has parts that are not modeled, the gains changed in flight, or its set-point is another one.",
         tic=scores.tic,
         nrmse_fit_percent=scores.nrmse_fit_percent,
     )

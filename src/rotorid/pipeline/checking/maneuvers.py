@@ -408,12 +408,16 @@ def _where(check: Verification) -> str:
     return f"{check.record} at {check.maneuver.start_s:.1f} s"
 
 
+def _words(check: Verification) -> str:
+    return f"{check.maneuver.axis} {check.maneuver.kind} at {check.maneuver.start_s:.1f} s of {check.record}"
+
+
 def _poor(check: Verification) -> list[Finding]:
     return [
         warn(
             "poor_verification",
             _where(check),
-            f"{name} of the {check.maneuver.kind} at {check.maneuver.start_s:.1f} s is predicted with a Theil "
+            f"{name} of the {_words(check)} is predicted with a Theil "
             f"coefficient of {scores.tic:.2f} (good: up to {GOOD_TIC:g}) and a fit of "
             f"{scores.nrmse_fit_percent:.0f} % (good: {GOOD_FIT_PERCENT:g} % and more).",
             tic=scores.tic,
@@ -431,7 +435,7 @@ def _poor_ahead(check: Verification) -> list[Finding]:
         warn(
             "poor_verification",
             _where(check),
-            f"{name} of the {check.maneuver.kind} at {check.maneuver.start_s:.1f} s is predicted "
+            f"{name} of the {_words(check)} is predicted "
             f"{horizon.horizon_s:.2g} s ahead with a Theil coefficient of {scores.tic:.2f} (good: up to "
             f"{GOOD_TIC:g}) and a fit of {scores.nrmse_fit_percent:.0f} % (good: {GOOD_FIT_PERCENT:g} % and more). "
             "An unstable airframe is judged so, because in open loop any model of it diverges.",
@@ -454,8 +458,8 @@ def _diverges(check: Verification) -> Finding:
     return remark(
         "open_loop_diverges",
         _where(check),
-        f"In open loop the model leaves the measurement of the {check.maneuver.kind} at "
-        f"{check.maneuver.start_s:.1f} s, as that of an unstable airframe must: an error grows e-fold in "
+        f"In open loop the model leaves the measurement of the {_words(check)}, as that of an "
+        "unstable airframe must: an error grows e-fold in "
         f"{1.0 / check.growth_1_s:.2g} s. Predictions hold for {holds_s:.2g} s, and {horizon.horizon_s:.2g} s "
         f"ahead their Theil coefficient is {worst:.2f} at most, so the model is not called poor.",
         holds_s=holds_s,
@@ -473,7 +477,7 @@ def _disturbed(check: Verification) -> Finding:
     return warn(
         "disturbed_verification",
         _where(check),
-        f"The {check.maneuver.kind} at {check.maneuver.start_s:.1f} s cannot judge {', '.join(names)}: the error "
+        f"The {_words(check)} cannot judge {', '.join(names)}: the error "
         f"{horizon.horizon_s:.2g} s ahead is at most {worst:.1f} times that before the maneuver, as gusts alone "
         "would make it. Fly a larger maneuver or in calmer air.",
         horizon_s=horizon.horizon_s,

@@ -185,8 +185,8 @@ def judge_structure(problem: FrequencyProblem, costs: FloatArray, limits: Bounds
                     "structure_error",
                     name,
                     f"The structure does not hold in {name}: over frequency it misses the response by "
-                    f"{100.0 * sizes[name]:.0f} %. The values follow the data and are no physics; their intervals are "
-                    "a lower limit.",
+                    f"{100.0 * sizes[name]:.0f} %. The values follow the data and have no physical meaning; their "
+                    "intervals are a lower limit.",
                     model_error_percent=100.0 * sizes[name],
                 )
             )
@@ -197,8 +197,8 @@ def judge_structure(problem: FrequencyProblem, costs: FloatArray, limits: Bounds
             warn(
                 "structure_error",
                 str(names[y, u]),
-                f"{names[y, u]} costs {costs[y, u]:.0f}, and half of the responses cost {typical:.0f} or less: the "
-                "structure does not hold there, and what it knows from this response may be far off.",
+                f"The cost of {names[y, u]} is {costs[y, u]:.0f}, and that of half of the responses {typical:.0f} or "
+                "less: the structure does not hold there, and what it knows from this response may be far off.",
                 cost=float(costs[y, u]),
                 median_cost=typical,
             )
@@ -228,8 +228,9 @@ def judge_band(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
                 warn(
                     "low_coherence",
                     f"{data.outputs[y]}/{data.inputs[u]}",
-                    f"Of the band {low:.2g} to {high:.3g} rad/s only {omega[0]:.2g} to {omega[-1]:.3g} rad/s could "
-                    f"be fitted; {_what_ends(measured, float(omega[-1]))}.",
+                    f"Of the band {low:.2g} to {high:.3g} rad/s of {data.outputs[y]}/{data.inputs[u]} only "
+                    f"{omega[0]:.2g} to {omega[-1]:.3g} rad/s could be fitted; "
+                    f"{_what_ends(measured, float(omega[-1]))}.",
                     low_rad_s=float(omega[0]),
                     high_rad_s=float(omega[-1]),
                 )

@@ -188,8 +188,8 @@ class AmplitudeDependence(Immutable):
             "amplitude_dependent",
             self.parameter,
             f"{self.parameter} depends on how far the vehicle swings{f', in {unit}' if unit not in ('', '1') else ''}: "
-            f"{words}. Drag that grows faster than speed does that, and a battery that sinks looks like it. In a "
-            f"straight line small motions have {self.at_rest:.4g}, and the interval reaches there.",
+            f"{words}. Drag that grows faster than speed does that, and a battery that sinks looks like it. "
+            f"Extrapolated to small motions it is {self.at_rest:.4g}, and the interval reaches that far.",
             at_rest=self.at_rest,
             distance_std=self.sigmas,
         )

@@ -412,6 +412,19 @@ def _unchecked(names: Sequence[str], error: InsufficientDataError) -> Finding:
     )
 
 
+def _known_words(low: float, high: float, seconds: float) -> str:
+    """What known filters say of a delay, in the direction of that delay."""
+    if (low, high) == (0.0, 0.0):
+        return "no filter is known"
+    near, far = sorted((abs(low), abs(high)))
+    if low < 0.0 < high:
+        return f"known filters explain {1e3 * low:.1f} to {1e3 * high:.1f} ms"
+    alike = (low + high) * seconds >= 0.0
+    return f"known filters {'explain' if alike else 'would make'} {1e3 * near:.1f} to {1e3 * far:.1f} ms" + (
+        " of that" if alike else " the other way"
+    )
+
+
 def _skew_finding(item: ChannelSkew) -> Finding:
     skew = item.skew
     words = f"{1e3 * abs(skew.seconds):.2f} ± {1e3 * skew.std:.2f} ms {'after' if skew.seconds >= 0.0 else 'before'}"
@@ -423,8 +436,7 @@ def _skew_finding(item: ChannelSkew) -> Finding:
         )
     else:
         message = f"{item.channel} in {item.delayed} comes {words} that in {item.reference}"
-        known = f"known filters explain {1e3 * low:.1f} to {1e3 * high:.1f} ms"
-        message += f"; {known if (low, high) != (0.0, 0.0) else 'no filter is known'}."
+        message += f"; {_known_words(low, high, skew.seconds)}."
         if item.suspicious:
             message += (
                 f" One sample is {1e3 * item.sample_s:.2f} ms. If the stamps of {item.reference} are the wrong ones, "
@@ -503,7 +515,7 @@ def sensor_errors(agreement: Sequence[Consistency], outputs: Sequence[str]) -> F
         off = check.scale - 1.0
         if check.relation != "same" or abs(off) > _LARGEST_SCALE_ERROR:
             raise InsufficientDataError(
-                f"{check.channel} is {check.scale:.2f} times what {check.against} gives",
+                f"{check.channel} is {check.scale:.2f} times what {check.against} gives{_looks(check)}",
                 needed="a rate that is the derivative of the attitude beside it",
                 remedy="check signs, units and axes of both; rotorid inspect compares them",
                 findings=[refusal("kinematic_inconsistency", check.channel, _contradiction(check), scale=check.scale)],
@@ -522,8 +534,12 @@ def _contradictions(agreement: Sequence[Consistency]) -> Iterator[KinematicCheck
                 yield check
 
 
+def _looks(check: KinematicCheck) -> str:
+    return "" if check.relation == "same" else f", and looks like its {check.relation}"
+
+
 def _contradiction(check: KinematicCheck) -> str:
     return (
-        f"{check.channel} is {check.scale:.3f} ± {check.scale_std:.3f} times what {check.against} gives: one of the "
-        "two is in another unit, axis or sign, and no model of it can be right."
+        f"{check.channel} is {check.scale:.3f} ± {check.scale_std:.3f} times what {check.against} "
+        f"gives{_looks(check)}: one of the two is in another unit, axis or sign, and no model of it can be right."
     )

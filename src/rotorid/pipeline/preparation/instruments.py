@@ -16,7 +16,7 @@ from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.settings import MeasureSettings
-from rotorid.signal.airborne import Airborne, airborne
+from rotorid.signal.airborne import Airborne, airborne, told_by
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import LEAST_MOTION, RATE_SETPOINTS, excitation_signals, sets_rates_directly
 from rotorid.typing import Axis
@@ -239,11 +239,11 @@ def _flying_part(maneuver: Maneuver, flight: Airborne | None) -> tuple[Maneuver,
     whole = f"{maneuver.axis} {maneuver.start_s:.2f} to {maneuver.stop_s:.2f} s"
     least_s = _SHORTEST_LEFT * maneuver.duration_s
     if stop_s - start_s < (min(_SHORTEST_LEFT_S, least_s) if flight.by_flags else least_s):
-        kept, said = maneuver, f"{whole} lies mostly on the ground, as {flight.seen_in} tells; it was used as it is."
+        kept, said = maneuver, f"{whole} lies mostly on the ground, {told_by(flight.seen_in)}; it was used as it is."
     else:
         kept = replace(maneuver, start_s=start_s, stop_s=stop_s)
         said = (
-            f"{whole} reaches beyond the flight, as {flight.seen_in} tells; {start_s:.2f} to {stop_s:.2f} s was used."
+            f"{whole} reaches beyond the flight, {told_by(flight.seen_in)}; {start_s:.2f} to {stop_s:.2f} s was used."
         )
     numbers = {"start_s": kept.start_s, "stop_s": kept.stop_s, "on_ground_s": lost_s}
     return kept, [warn("airborne", whole, said, **numbers)]

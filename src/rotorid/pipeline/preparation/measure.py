@@ -591,7 +591,8 @@ def _judged(response: FrequencyResponse, direct: FrequencyResponse, used: BoolAr
     return (warn if serious else remark)(
         "closed_loop_bias",
         f"{response.outputs[y]}/{response.inputs[u]}",
-        f"The joint estimate with {', '.join(response.instruments)} was used. A direct estimate would differ by "
+        f"For {response.outputs[y]}/{response.inputs[u]} the joint estimate with {', '.join(response.instruments)} was "
+        f"used. A direct estimate would differ by "
         f"{typical:.1f} dB rms and {worst:+.1f} dB at most in the used band"
         + (
             ": feedback biases it, unless the instrument contains feedback itself."

@@ -190,7 +190,7 @@ def _filtered(record: FlightRecord, part: TimeHistory) -> Iterator[Finding]:
             continue
         for finding in filter_findings(record, source):
             if finding.kind == "known_filter":
-                message = f"{finding.message} The model passes it too."
+                message = f"{finding.message.rstrip('.')}. The model contains the same filters."
                 yield replace(finding, message=message)
             else:
                 yield finding

@@ -142,7 +142,7 @@ def _margins(margins: Mapping[Axis, MarginReview]) -> Card:
     }
     worst = max(peaks, key=lambda one: peaks[one].value, default=None)
     if told[axis].upper < LEAST_PHASE_MARGIN_DEG:
-        sentence = f"The {axis} loop has little room: it rings, and a weaker filter or more gain would make it shake."
+        sentence = f"The {axis} loop has little room: it rings, and a stronger filter or more gain would make it shake."
         return Card(key="margins", title=title, state="look", number=number, sentence=sentence)
     if worst is not None and peaks[worst].lower > LARGEST_SENSITIVITY:
         times = f"{peaks[worst].value:.1f} times as large"
@@ -199,7 +199,7 @@ def _motors(review: Review) -> Card:
         return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
     if imbalance is not None and imbalance.lower > LARGEST_IMBALANCE:
         why = f": {motors.pattern}" if motors.pattern else ""
-        sentence = f"One side works harder than the other in steady flight{why}."
+        sentence = f"The motors do not share the work evenly in steady flight{why}."
         return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
     if high is not None and high.lower > LARGEST_SATURATION:
         number = number or f"{100.0 * high.value:.0f} % at full output"

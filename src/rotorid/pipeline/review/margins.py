@@ -91,7 +91,7 @@ _FEWEST_SAMPLES = 1000
 LARGEST_CHI_SQUARE = 3.0
 """For each degree of freedom; a model that misses the plant by more says nothing of what lies beyond."""
 
-_MOVE = "Move the stick for 30 s: quick left-right pairs of 5 to 10 degrees, one every second."
+_MOVE = "Move the stick of this axis for 30 s: quick pairs to both sides of 5 to 10 degrees, one every second."
 _FASTER = "Log commands and rates faster, and move the stick more quickly."
 
 

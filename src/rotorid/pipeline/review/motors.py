@@ -469,7 +469,7 @@ def _lag_and_delay(response: FrequencyResponse) -> tuple[float, float] | None:
 
 
 _MEANS = {
-    "center of gravity": "the motors of one side work harder: move the battery to their other side",
+    "center of gravity": "the motors of one side work harder: move the battery away from them",
     "twisted arm": "the motors of one direction of rotation work harder: look for a twisted arm or a motor that leans",
     "one motor": "one motor works harder alone: look at its propeller, its bearing and its arm",
     "": "no single cause explains it",

@@ -197,5 +197,6 @@ def _refusals(refused: dict[str, Refused]) -> Iterator[Untold]:
     for name, answer in refused.items():
         reasons = [finding.message for finding in answer.findings if finding.severity == "error"]
         axis = AXIS_OF.get(name)
-        remedy = f"rotorid design sweep --axis {axis}" if axis else ""
+        short = {finding.kind for finding in answer.findings} & {"no_excitation", "low_coherence"}
+        remedy = f"rotorid design sweep --vehicle px4_quad --axis {axis}" if axis and short else ""
         yield Untold(what=f"models.{name}", why=reasons[0] if reasons else "The data cannot support it.", remedy=remedy)

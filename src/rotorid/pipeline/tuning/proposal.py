@@ -86,17 +86,17 @@ class TuneSettings(Immutable):
     def __post_init__(self) -> None:
         require_seed(self.seed)
         if not 1.2 <= self.robustness <= 2.5:
-            raise UsageError(f"a robustness of {self.robustness:g} came", needed="a largest M_s from 1.2 to 2.5")
+            raise UsageError(f"--robustness {self.robustness:g} came", needed="a largest M_s from 1.2 to 2.5")
         if not 0.1 <= self.noise <= 10.0:
-            raise UsageError(f"a noise of {self.noise:g} came", needed="a factor from 0.1 to 10")
+            raise UsageError(f"--noise {self.noise:g} came", needed="a factor from 0.1 to 10")
         if wrong := [name for name in self.keep if name not in "PIDA" or len(name) != 1]:
-            raise UsageError(f"the gain {wrong[0]} came", needed="of P, I, D and A")
+            raise UsageError(f"--keep {wrong[0]} came", needed="of P, I, D and A")
         if len(set(self.keep)) == 4:
             raise UsageError("all gains stay", needed="at least one that may change")
         if wrong_axes := [axis for axis in self.axes if axis not in TUNED_AXES]:
             raise UsageError(f"the axis {wrong_axes[0]} came", needed="roll, pitch, yaw")
         if self.scale is not None and not 1.0 <= self.scale <= 1000.0:
-            raise UsageError(f"a scale of {self.scale:g} came", needed="full scale over the vehicle, from 1 to 1000")
+            raise UsageError(f"--scale {self.scale:g} came", needed="full scale over the vehicle, from 1 to 1000")
         if not 10 <= self.draws <= 1000:
             raise UsageError(f"{self.draws} draws came", needed="10 to 1000")
         self._set(axes=tuple(self.axes), keep=tuple(self.keep), filters=self.filters)
@@ -289,8 +289,11 @@ def tune(
             axes[axis] = _axis(axis, given, logs, chosen, thrust, findings)
         except InsufficientDataError as error:
             message = f"{axis}: {error}"
+            # Options of identify, which tune does not have, are no remedy here.
+            parts = (error.came, f"needed: {error.needed}", "" if "--" in error.remedy else error.remedy)
+            why = "; ".join(part.rstrip(".") for part in parts if part not in ("", "needed: "))
             findings += [one for one in error.findings if one not in findings]
-            findings.append(warn("not_tuned", axis, f"The gains of {axis} stay: {str(error).rstrip('.')}."))
+            findings.append(warn("not_tuned", axis, f"The gains of {axis} stay: {why}."))
             _PROGRESS.info(message)
     if not axes:
         raise InsufficientDataError(

@@ -125,9 +125,9 @@ def _without_speed_modes(above: FrequencyFit, whole: FrequencyFit) -> FrequencyF
     said = warn(
         "speed_modes_left_out",
         name,
-        f"Below {low:.2g} rad/s the vehicle's own speed turns it too, which {name} has no place for: with all that was "
-        f"measured it costs {before:.0f}, from there on {cost:.0f}. That part alone was fitted. An axis or hover model "
-        "describes both.",
+        f"Below {low:.2g} rad/s the vehicle's own speed turns it too, which {name} has no place for: the cost of a fit "
+        f"to all that was measured is {before:.0f}, from there on {cost:.0f} ({ACCEPTABLE_COST:g} is acceptable). "
+        "That part alone was fitted. An axis or hover model describes both.",
         low_rad_s=low,
         average_cost=cost,
         whole_cost=before,
@@ -151,7 +151,7 @@ def _poor_pairs(fitted: FrequencyFit) -> dict[tuple[int, int], Finding]:
             poor[y, u] = warn(
                 "structure_error",
                 str(names[y, u]),
-                f"The model does not describe {names[y, u]}, which costs {costs[y, u]:.0f}: it is off by "
+                f"The model does not describe {names[y, u]}, with a cost of {costs[y, u]:.0f}: it is off by "
                 f"{off_db:.1f} dB and {off_deg:.0f}°.",
                 cost=float(costs[y, u]),
                 off_db=off_db,
@@ -181,7 +181,10 @@ def faster_than_sampled(name: str, system: StateSpace, sample_rate_hz: float | N
     """A pole that no sample shows: a lag that is not there, such as the second one of what is of first order."""
     fastest = float(np.abs(system.poles()).max(initial=0.0))
     if sample_rate_hz is not None and fastest > 2.0 * np.pi * sample_rate_hz:
-        message = f"The model has a pole at {fastest:.3g} rad/s, beyond the sample rate of {sample_rate_hz:.3g} Hz."
+        message = (
+            f"The model has a pole at {fastest:.3g} rad/s ({fastest / (2.0 * np.pi):.3g} Hz), beyond the sample rate "
+            f"of {sample_rate_hz:.3g} Hz: no sample shows it."
+        )
         yield refusal("impossible_physics", name, message, pole_rad_s=fastest, sample_rate_hz=sample_rate_hz)
 
 

@@ -69,12 +69,12 @@ def _unexcited(identified: FittedMotors) -> Iterator[Finding]:
     if not missing:
         return
     best = {axis: max(one[axis].correlation for one in identified.fit.excitations) for axis in missing}
-    words = " and ".join(f"{AXIS_WORDS[axis]} ({best[axis]:.2f})" for axis in missing)
+    words = " and ".join(f"{best[axis]:.2f} in {AXIS_WORDS[axis]}" for axis in missing)
     yield warn(
         "no_excitation",
         ", ".join(AXIS_WORDS[axis] for axis in missing),
-        f"Nothing was identified of {words}: so far do motors and motion go together there, and "
-        f"{LEAST_CORRELATION:g} is needed. Where a controller only answers "
+        f"Nothing was identified of {' and '.join(AXIS_WORDS[axis] for axis in missing)}: the correlation of motors "
+        f"and motion is {words}, and {LEAST_CORRELATION:g} is needed. Where a controller only answers "
         "gusts and noise, motors show the controller. Fly a sweep or doublets on these axes.",
         **{AXIS_WORDS[axis]: correlation for axis, correlation in best.items()},
     )
@@ -118,8 +118,8 @@ def _doubted(identified: FittedMotors, choices: MotorChoices) -> Iterator[Findin
     yield warn(
         "assumed_curve",
         "thrust",
-        f"{100.0 * share:.0f} % of what the {identified.curve} curve of thrust leaves of the specific force "
-        "follows the outputs in another way: the curve is another one, and inertia follows its slope. Leave "
+        f"The {identified.curve} curve of thrust does not fit: {100.0 * share:.0f} % of the specific force that it "
+        "misses still follows the outputs. Inertia, which rests on its slope, is off too. Leave "
         "--curve out, or give --curve polynomial.",
         share=share,
     )

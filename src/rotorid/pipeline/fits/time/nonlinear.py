@@ -13,7 +13,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -44,7 +44,7 @@ from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.resolve import chosen_parameters
 from rotorid.pipeline.preparation.segments import TimeRecords, source_of
 from rotorid.pipeline.results import FittedData, SimulatedRecord, Verifications, bounds_of, no_response
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.settings import IdentifySettings, options_given, options_of
 from rotorid.pipeline.summary import Checks, Derived, Fit, FitEnd
 from rotorid.simulation.nonlinear import Scheme
 from rotorid.typing import FloatArray
@@ -76,16 +76,15 @@ def require_choices(structure: NonlinearStructure, settings: IdentifySettings) -
     ModelError
         A parameter, a constant or an output is unknown.
     """
-    usual = IdentifySettings()
-    given = [one.name for one in fields(settings) if getattr(settings, one.name) != getattr(usual, one.name)]
-    wrong = [name for name in given if name not in CHOICES]
     if settings.method not in ("auto", "output_error"):
-        wrong.append("method")
-    if wrong:
         raise UsageError(
-            f"{', '.join(name.replace('_', ' ') for name in wrong)} came with {structure.name}, which is nonlinear and "
-            "has no such choice",
-            needed="--fix, --tie, --free, --constant, --outputs, --segment, --shift, --hold, --pieces, --search",
+            f"--method {settings.method} came with {structure.name}, which is nonlinear and has no such choice",
+            needed="--method output_error, as by itself",
+        )
+    if wrong := [option for name, option in options_given(settings).items() if name not in CHOICES]:
+        raise UsageError(
+            f"{', '.join(wrong)} came with {structure.name}, which is nonlinear and has no such choice",
+            needed=", ".join(options_of(IdentifySettings, CHOICES)),
             remedy="leave it out, or choose a linear model",
         )
     if settings.outputs:
