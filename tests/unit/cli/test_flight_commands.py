@@ -138,6 +138,11 @@ def test_numbers_of_a_vehicle_change_what_is_true(tmp_path: Path) -> None:
         (("design", "sweep", "--vehicle", "x500", "--reach", "L_rol=2"), "free parameter"),
         (("design", "sweep", "--vehicle", "x500", "--entry", "sticks"), "did you mean stick"),
         (("design", "sweep", "sweep", "--vehicle", "x500"), "each once"),
+        (("design", "sweep", "--vehicle", "x500", "--limit", "tilt=-3"), "a limit of tilt of -3 deg came"),
+        (("design", "sweep", "--vehicle", "x500", "--model", "rate.roll,rate.rol"), "'rate.rol'"),
+        (("simulate", "x500", "--turbulence", "-1"), "turbulence of -1 m/s"),
+        (("simulate", "x500", "--height", "0"), "a height of 0 m above the ground"),
+        (("simulate", "no.json", "--log", "no.csv", "--height", "3"), "--height came with --log"),
     ],
 )
 def test_wrong_use_is_code_2_and_says_what_to_do(arguments: tuple[str, ...], words: str, tmp_path: Path) -> None:

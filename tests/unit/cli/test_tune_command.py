@@ -18,7 +18,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_log_without_gains_is_refused_with_the_reason(log: Path, tmp_path: Path) -> None:
-    ran = rotorid("tune", log, "--axes", "roll", "--out", tmp_path / "out", "--json")
+    ran = rotorid("tune", log, "--axis", "roll", "--out", tmp_path / "out", "--json")
     assert ran.code == 1
     document = json.loads(ran.out)
     assert document["schema"] == "rotorid.tune/1"
@@ -47,6 +47,15 @@ def test_a_slip_is_one_sentence(log: Path, tmp_path: Path, words: tuple[str, ...
     assert said in ran.err
     assert ran.err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_no_remedy_is_an_option_of_identify(log: Path, tmp_path: Path) -> None:
+    result = tmp_path / "result"
+    assert rotorid("identify", log, "--model", "rate.roll", "--out", result).code == 0
+    ran = rotorid("tune", log, result, "--out", tmp_path / "out", "--json")
+    said = [one["message"] for one in json.loads(ran.out)["findings"] if one["kind"] == "not_tuned"]
+    assert said
+    assert not any("--" in message for message in said)
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"schema": "rotorid.result/1"}', '{"schema": "rotorid.tune/1"}', "3"])

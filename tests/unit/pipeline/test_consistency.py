@@ -13,7 +13,7 @@ from rotorid.documents.result import result_document
 from rotorid.io.registry import read
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.inspection import inspect
-from rotorid.pipeline.preparation.consistency import Consistency, check_consistency, stretches
+from rotorid.pipeline.preparation.consistency import Consistency, check_consistency, known_words, stretches
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import FloatArray
@@ -118,6 +118,22 @@ def test_a_filter_that_the_log_names_explains_a_skew(record: FlightRecord) -> No
     # A second-order low-pass at 20 Hz: sqrt(2)/(2 pi 20) s, less half a sample of its rate.
     assert skew.known_s[1] == pytest.approx(np.sqrt(2.0) / (40.0 * np.pi), abs=1e-3)
     assert not skew.suspicious
+
+
+@pytest.mark.parametrize(
+    ("known_s", "seconds", "said"),
+    [
+        ((0.0, 0.0), 3e-3, "no filter is known"),
+        ((3.1e-3, 3.7e-3), 3.2e-3, "known filters explain 3.1 to 3.7 ms of that"),
+        ((-3.7e-3, -3.1e-3), -3.2e-3, "known filters explain 3.1 to 3.7 ms of that"),
+        ((-3.7e-3, -3.1e-3), 3.2e-3, "known filters would make 3.1 to 3.7 ms the other way"),
+        ((-1e-3, 2e-3), 3.2e-3, "known filters explain -1.0 to 2.0 ms"),
+    ],
+)
+def test_what_filters_explain_is_said_in_the_direction_of_the_delay(
+    known_s: tuple[float, float], seconds: float, said: str
+) -> None:
+    assert known_words(*known_s, seconds) == said
 
 
 def test_the_longest_maneuver_of_an_axis_or_else_the_flight_is_looked_at(record: FlightRecord) -> None:

@@ -108,8 +108,8 @@ def test_comparison_has_one_row_for_a_flight(flight: IdentifiedModel) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"band_rad_s": (1.0, 2.0)}, "no such choice"),
-        ({"method": "frequency"}, "no such choice"),
+        ({"band_rad_s": (1.0, 2.0), "reduce": True}, "--band, --reduce came with drag.linear, .* no such choice"),
+        ({"method": "frequency"}, "--method frequency came .* no such choice"),
         ({"outputs": ("nothing",)}, "no output"),
         ({"fix": {"nothing": 1.0}}, "no parameter"),
     ],

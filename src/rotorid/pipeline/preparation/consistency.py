@@ -412,7 +412,7 @@ def _unchecked(names: Sequence[str], error: InsufficientDataError) -> Finding:
     )
 
 
-def _known_words(low: float, high: float, seconds: float) -> str:
+def known_words(low: float, high: float, seconds: float) -> str:
     """What known filters say of a delay, in the direction of that delay."""
     if (low, high) == (0.0, 0.0):
         return "no filter is known"
@@ -436,7 +436,7 @@ def _skew_finding(item: ChannelSkew) -> Finding:
         )
     else:
         message = f"{item.channel} in {item.delayed} comes {words} that in {item.reference}"
-        message += f"; {_known_words(low, high, skew.seconds)}."
+        message += f"; {known_words(low, high, skew.seconds)}."
         if item.suspicious:
             message += (
                 f" One sample is {1e3 * item.sample_s:.2f} ms. If the stamps of {item.reference} are the wrong ones, "
