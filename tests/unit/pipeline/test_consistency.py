@@ -124,8 +124,8 @@ def test_a_filter_that_the_log_names_explains_a_skew(record: FlightRecord) -> No
     ("known_s", "seconds", "said"),
     [
         ((0.0, 0.0), 3e-3, "no filter is known"),
-        ((3.1e-3, 3.7e-3), 3.2e-3, "known filters explain 3.1 to 3.7 ms of that"),
-        ((-3.7e-3, -3.1e-3), -3.2e-3, "known filters explain 3.1 to 3.7 ms of that"),
+        ((3.1e-3, 3.7e-3), 3.2e-3, "known filters explain 3.1 to 3.7 ms"),
+        ((-3.7e-3, -3.1e-3), -3.2e-3, "known filters explain 3.1 to 3.7 ms"),
         ((-3.7e-3, -3.1e-3), 3.2e-3, "known filters would make 3.1 to 3.7 ms the other way"),
         ((-1e-3, 2e-3), 3.2e-3, "known filters explain -1.0 to 2.0 ms"),
     ],

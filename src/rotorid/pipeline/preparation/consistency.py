@@ -419,9 +419,11 @@ def known_words(low: float, high: float, seconds: float) -> str:
     near, far = sorted((abs(low), abs(high)))
     if low < 0.0 < high:
         return f"known filters explain {1e3 * low:.1f} to {1e3 * high:.1f} ms"
-    alike = (low + high) * seconds >= 0.0
-    return f"known filters {'explain' if alike else 'would make'} {1e3 * near:.1f} to {1e3 * far:.1f} ms" + (
-        " of that" if alike else " the other way"
+    words = f"{1e3 * near:.1f} to {1e3 * far:.1f} ms"
+    return (
+        f"known filters explain {words}"
+        if (low + high) * seconds >= 0.0
+        else (f"known filters would make {words} the other way")
     )
 
 
