@@ -118,7 +118,7 @@ def fleet_command(
     elif not output.quiet:
         _print(document, folder)
     if not document.done:
-        say("rotorid: no log gave an answer; the reasons are in the table of failures")
+        say(f"rotorid: no log gave an answer; the reasons are on {folder / PAGE}, and as a table beside it")
         raise typer.Exit(1)
 
 

@@ -408,11 +408,10 @@ class PlanChoices(Immutable):
         if self.entry is not None and self.entry not in get_args(Entry):
             raise no_such("entry of a test input", self.entry, get_args(Entry))
         wrong = [axis for axis in self.axes if axis not in AXES] or len(set(self.axes)) < len(self.axes)
-        if wrong or not self.axes or not 1 <= self.repeats <= _MOST_REPEATS:
-            raise UsageError(
-                f"the axes {', '.join(self.axes) or 'none'} with {self.repeats} repeats came",
-                needed=f"some of {', '.join(AXES)}, each once, and 1 to {_MOST_REPEATS} repeats",
-            )
+        if wrong or not self.axes:
+            raise UsageError(f"--axis {','.join(self.axes)} came", needed=f"some of {', '.join(AXES)}, each once")
+        if not 1 <= self.repeats <= _MOST_REPEATS:
+            raise UsageError(f"--repeats {self.repeats} came", needed=f"1 to {_MOST_REPEATS}")
         self._require_taken()
         if not 0.0 < self.length_s <= _LONGEST_PLAN_S:
             raise UsageError(

@@ -228,11 +228,19 @@ def require(vehicle: JoinedVehicle, *names: str, target: str) -> Multirotor:
             needed=f"them for {target}",
             remedy="add a result of physical.motors, which holds them, or name a layout with --layout",
         )
+    words = ", ".join(f"{name} ({', '.join(filter(None, (UNITS[name], _MEANINGS.get(name))))})" for name in asked)
     raise UsageError(
-        f"{' and '.join(asked)} of {vehicle.name} {'are' if len(asked) > 1 else 'is'} not known",
+        f"{words} of {vehicle.name} {'are' if len(asked) > 1 else 'is'} not known",
         needed=f"{'them' if len(asked) > 1 else 'it'} for {target}{_yaw_words(asked, known)}",
         remedy=" ".join(f"--set {name}=…" for name in asked if name != "I_zz" or "kappa" not in asked),
     )
+
+
+_MEANINGS = {
+    "kappa": "torque of a rotor over its thrust",
+    "c_1": "thrust of a rotor per output",
+    "arm": "from the center to a rotor",
+}
 
 
 def _asked_for(missing: Sequence[str], known: Mapping[str, VehicleNumber]) -> list[str]:

@@ -85,7 +85,9 @@ def test_torque_is_never_taken_from_a_default(target: str) -> None:
     with pytest.raises(UsageError, match=r"kappa.*no body has I_zz beyond .* or kappa beyond .*--set kappa=…"):
         export(motors(), target)
     known = {name: value for name, value in SIH.items() if name not in ("kappa", "I_zz")}
-    with pytest.raises(UsageError, match="I_zz and kappa"):
+    with pytest.raises(
+        UsageError, match=r"I_zz \(kg m\^2\), kappa \(m, torque of a rotor over its thrust\) of .* are not known"
+    ):
         export(joined_vehicle([], given=known, layout=library_layout("quad.x")), target)
 
 

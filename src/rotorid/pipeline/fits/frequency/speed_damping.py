@@ -62,7 +62,7 @@ def first_step(structure: LinearStructure, flights: Sequence[Flight], settings: 
     names = [name for name in FIRST_RESPONSES if name in structure.parameters.free]
     if not names:
         raise UsageError(
-            f"two steps of speed damping for {structure.name} came, which has no free X_u and no free Y_v",
+            f"--speed-damping two_step came with {structure.name}, which has no free X_u and no free Y_v",
             needed="a model with one of them, such as hover.longitudinal",
         )
     found = {name: _one(name, flights, settings) for name in names}

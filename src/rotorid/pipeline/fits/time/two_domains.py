@@ -202,11 +202,14 @@ def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
     std = fitted.bounds.stds[gain]
     if abs(here.value) >= CERTAIN_SIGN * std:
         return
-    said = f"{gain} is {here.value:.4g} {here.unit} in time and {there.value:.4g} {here.unit} by the responses"
+    said = (
+        f"{gain} is {here.value:.4g} ± {std:.2g} {here.unit} in time and {there.value:.4g} {here.unit} by the responses"
+    )
+    others = " or ".join(name for name in ("frequency", "output_error") if name != fitted.method)
     raise InsufficientDataError(
         f"{said} of the same flights",
         needed="methods that agree on it, within a half of its size at least",
-        remedy="take --method frequency or output_error, or hold what trades against it with --fix NAME=VALUE",
+        remedy=f"take --method {others}, or hold what trades against it with --fix NAME=VALUE",
         findings=[refusal("not_identifiable", gain, f"{said}.", value=here.value, std=std, by_responses=there.value)],
     )
 
