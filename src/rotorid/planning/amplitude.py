@@ -70,12 +70,10 @@ class Limits(Immutable):
         ('25 deg', '12.3 m')
         """
         number = getattr(self, name) if value is None else value
-        unit = re.sub(r"^.*?_?(rad_s|rad|m|)$", r"\1", name)
-        return (
-            f"{math.degrees(number):.3g} deg{unit[3:].replace('_', '/')}"
-            if unit.startswith("rad")
-            else (f"{number:.3g} {unit}".rstrip())
-        )
+        for ending, unit in (("_rad_s", "deg/s"), ("_rad", "deg")):
+            if name.endswith(ending):
+                return f"{math.degrees(number):.3g} {unit}"
+        return f"{number:.3g} m" if name.endswith("_m") else f"{number:.3g}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.unit.pipeline.motor_logs import ARM_M, flight
+from tests.unit.pipeline.motor_logs import ARM_M, flight, with_speeds
 
 from rotorid.data.record import FlightRecord
 from rotorid.documents.result import load, save
@@ -52,6 +52,18 @@ def test_a_result_predicts_a_log_alone_as_within_its_identification(
 
 def test_what_was_fitted_is_said(model: IdentifiedModel, log: FlightRecord) -> None:
     assert "seen_data" in {finding.kind for finding in verify(model, [log]).findings}
+
+
+def test_what_cannot_judge_a_fit_is_said_and_refuses_nothing(log: FlightRecord, tmp_path: Path) -> None:
+    speeds = read(with_speeds(tmp_path / "speeds.csv"))
+    bare = [replace(one, channels=one.channels[:1], values=one.values[:1]) for one in log.topics]
+    nothing = replace(unseen(log), topics=tuple(bare))
+    found = identify_motors([log], CHOICES, verify=[log, speeds, nothing, unseen(log)])
+    said = {(finding.where, finding.kind): finding.message for finding in found.findings}
+    assert ("flight.csv", "seen_data") in said
+    assert "another layout of rotors, or tells the motors in another way" in said["speeds.csv", "not_verified"]
+    assert ("other.csv", "not_verified") in said
+    assert {one.record for one in found.verifications.maneuvers} == {"other.csv"}
 
 
 def test_results_are_scored_side_by_side(model: IdentifiedModel, log: FlightRecord) -> None:

@@ -19,7 +19,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.data.response import FrequencyResponse
 from rotorid.data.trust import RICH_KINDS
-from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, pair_costs, point_weights, usable_points
 from rotorid.fitting.time.output_error import Fitted as Simulated
 from rotorid.fitting.time.output_error import TimeProblem
@@ -590,6 +590,41 @@ def seen_data(record: FlightRecord, maneuver: Maneuver) -> Finding:
         start_s=maneuver.start_s,
         stop_s=maneuver.stop_s,
     )
+
+
+def verify_apart(
+    records: Sequence[FlightRecord],
+    judge: Callable[[FlightRecord], tuple[Sequence[Verification], Sequence[Finding]]],
+    *,
+    fitted: Sequence[Flight],
+) -> Verifications:
+    """Judge further logs one by one; those that were fitted, and those that cannot be judged, are told.
+
+    Parameters
+    ----------
+    records
+        The logs.
+    judge
+        What a log shows of the model; raises what keeps it from that.
+    fitted
+        Flights of the fit.
+    """
+    seen = {record.source.sha256 for record, _ in fitted}
+    checks: list[Verification] = []
+    findings: list[Finding] = []
+    for record in records:
+        name = record.source.name
+        if record.source.sha256 in seen:
+            findings.append(warn("seen_data", name, f"{name} was fitted, and does not count as unseen."))
+            continue
+        try:
+            found, said = judge(record)
+        except (InsufficientDataError, UsageError) as error:
+            findings.append(warn("not_verified", name, f"{name} was not judged: {error}"))
+            continue
+        checks += found
+        findings += said
+    return Verifications(maneuvers=tuple(checks), findings=tuple(findings))
 
 
 def verify_fitted_in_time(

@@ -492,7 +492,8 @@ class InTime(_Linear[TimeDomainData]):
         fitted = fit_in_time(
             data.structure, data.records, data.settings, method=self.kind, frequency=data.frequency.fitted
         )
-        fitted = replace(fitted, simulated=simulated_records(fitted, data.records))
+        theta = fitted.problem.parameters.with_values(fitted.parameters.values).pack()
+        fitted = replace(fitted, simulated=simulated_records(fitted.problem.predicted(theta), data.records))
         side = data.frequency.fitted
         require_sound_in_time(fitted, side, data.records)
         widened = with_model_error(fitted, side, data.structure, data.records) if side else fitted

@@ -420,11 +420,9 @@ def known_words(low: float, high: float, seconds: float) -> str:
     if low < 0.0 < high:
         return f"known filters explain {1e3 * low:.1f} to {1e3 * high:.1f} ms"
     words = f"{1e3 * near:.1f} to {1e3 * far:.1f} ms"
-    return (
-        f"known filters explain {words}"
-        if (low + high) * seconds >= 0.0
-        else (f"known filters would make {words} the other way")
-    )
+    if (low + high) * seconds >= 0.0:
+        return f"known filters explain {words}"
+    return f"known filters would make {words} the other way"
 
 
 def _skew_finding(item: ChannelSkew) -> Finding:

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rotorid.data.findings import Finding, warn
+from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError
 from rotorid.fitting.motors.fit import MotorProblem
 from rotorid.models.motors import CURVE_TERMS, DELAYS, scale_of
 from rotorid.pipeline.checking.flown_motors import predicted, verification_of
+from rotorid.pipeline.checking.unseen import verify_apart
 from rotorid.pipeline.fits.methods import Described
 from rotorid.pipeline.fits.motors.fit import fit_motor_data
 from rotorid.pipeline.fits.motors.fitted import FittedMotors, levers_of
@@ -61,25 +62,14 @@ class Motors:
 
     def verify(self, data: MotorData, fitted: FittedMotors, records: Sequence[FlightRecord]) -> Verifications:
         """Predict the accelerations of further logs by the identified values; what cannot be judged is told."""
-        seen = {record.source.sha256 for record, _ in data.flights}
-        checks: list[Verification] = []
-        findings: list[Finding] = []
-        for record in records:
-            name = record.source.name
-            if record.source.sha256 in seen:
-                findings.append(warn("seen_data", name, f"{name} was fitted, and does not count as unseen."))
-                continue
-            try:
-                unseen = motor_data([record], replace(self.settings, segments=()), reference_v=data.reference_v)
-            except (InsufficientDataError, UsageError) as error:
-                findings.append(warn("not_verified", name, f"{name} was not judged: {error}"))
-                continue
+
+        def judge(record: FlightRecord) -> tuple[Sequence[Verification], Sequence[Finding]]:
+            unseen = motor_data([record], replace(self.settings, segments=()), reference_v=data.reference_v)
             if not _alike(unseen, data):
-                message = (
-                    f"{name} is of another layout of rotors, or tells the motors in another way, and was not judged."
+                raise InsufficientDataError(
+                    "it is of another layout of rotors, or tells the motors in another way",
+                    needed="a log as the fitted",
                 )
-                findings.append(warn("not_verified", name, message))
-                continue
             problem = MotorProblem(
                 records=unseen.records,
                 levers=levers_of(unseen),
@@ -87,9 +77,9 @@ class Motors:
                 axes=fitted.fit.problem.axes,
             )
             moved, remarks = predicted(problem, fitted.fit.solution.theta, unseen)
-            checks += [verification_of(motion, fitted.structure.inputs) for motion in moved]
-            findings += remarks
-        return Verifications(maneuvers=tuple(checks), findings=tuple(findings))
+            return [verification_of(motion, fitted.structure.inputs) for motion in moved], remarks
+
+        return verify_apart(records, judge, fitted=data.flights)
 
     def checks(self, fitted: FittedMotors, found: Verifications) -> Checks:  # noqa: ARG002 - as all methods
         """Scores of the excited axes of each stretch."""

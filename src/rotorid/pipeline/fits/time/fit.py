@@ -23,6 +23,7 @@ from rotorid.fitting.equations.regression import InBand, InTime
 from rotorid.fitting.least_squares import Solution
 from rotorid.fitting.problem import Part
 from rotorid.fitting.time.output_error import (
+    Fitted,
     InitialCondition,
     OutputErrorFit,
     TimeData,
@@ -453,9 +454,9 @@ def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod) -> TimeFit:
     )
 
 
-def simulated_records(fitted: TimeFit, records: TimeRecords) -> tuple[SimulatedRecord, ...]:
+def simulated_records(predicted: Sequence[Fitted], records: TimeRecords) -> tuple[SimulatedRecord, ...]:
     """Every record as it was measured and as the model has it; pieces are joined again."""
-    pieces = iter(fitted.problem.predicted(fitted.problem.parameters.with_values(fitted.parameters.values).pack()))
+    pieces = iter(predicted)
     found = []
     for segment, data in zip(records.segments, records.data, strict=True):
         parts: list[FloatArray] = []

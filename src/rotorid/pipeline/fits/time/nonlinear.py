@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, RotoridError, UsageError
@@ -31,11 +31,12 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.checking.checks import checks_of
 from rotorid.pipeline.checking.flown_nonlinear import flown_records, logged_outputs, verified_through, whole_flights
+from rotorid.pipeline.checking.unseen import verify_apart
 from rotorid.pipeline.fits.methods import Described
 from rotorid.pipeline.fits.remarks import judge_combinations, judge_parameters
 from rotorid.pipeline.fits.scatter import Alone, Disagreement, disagreements, widened
 from rotorid.pipeline.fits.searching import Searched, judge_minima, search_summary, searched, searched_minima
-from rotorid.pipeline.fits.time.fit import explained_percents
+from rotorid.pipeline.fits.time.fit import explained_percents, simulated_records
 from rotorid.pipeline.fits.time.remarks import judge_colors, judge_explained, judge_solver, nothing_unseen
 from rotorid.pipeline.fits.time.soundness import does_not_describe, out_of_iterations, require_bounds, unexplained
 from rotorid.pipeline.fits.time.summary import information_of, record_fits, residual_colors
@@ -47,11 +48,9 @@ from rotorid.pipeline.results import FittedData, SimulatedRecord, Verifications,
 from rotorid.pipeline.settings import IdentifySettings, options_given, options_of
 from rotorid.pipeline.summary import Checks, Derived, Fit, FitEnd
 from rotorid.simulation.nonlinear import Scheme
-from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
 from rotorid.uncertainty.identifiability import unseen_combinations
 from rotorid.uncertainty.propagation import pole_confidence
-from rotorid.verification.verification import Verification
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -240,7 +239,7 @@ class Nonlinear:
             outputs=structure.outputs,
             fit=fit,
             bounds=widened(bounds, {one.parameter: one.scatter for one in scattered}),
-            simulated=_simulated(fit, records),
+            simulated=simulated_records(fit.problem.predicted(fit.solution.theta), records),
             alone=alone,
             scattered=scattered,
             search=search,
@@ -274,22 +273,11 @@ class Nonlinear:
         if not records:
             names = list(dict.fromkeys(one.record for one in data.records.segments))
             return Verifications(findings=(nothing_unseen(names),))
-        seen = {record.source.sha256 for record, _ in data.flights}
-        checks: list[Verification] = []
-        findings: list[Finding] = []
-        for record in records:
-            name = record.source.name
-            if record.source.sha256 in seen:
-                findings.append(warn("seen_data", name, f"{name} was fitted, and does not count as unseen."))
-                continue
-            try:
-                found, told = verified_through(fitted.model, fitted.model.parameters, whole_flights([record], ()))
-            except InsufficientDataError as error:
-                findings.append(warn("not_verified", name, f"{name} was not judged: {error}"))
-                continue
-            checks += found
-            findings += told
-        return Verifications(maneuvers=tuple(checks), findings=tuple(findings))
+        return verify_apart(
+            records,
+            lambda record: verified_through(fitted.model, fitted.model.parameters, whole_flights([record], ())),
+            fitted=data.flights,
+        )
 
     def checks(self, fitted: FittedNonlinear, found: Verifications) -> Checks:  # noqa: ARG002 - as all methods
         """Scores of the flights."""
@@ -458,30 +446,6 @@ def _posed(
 def _likelihood(fit: NonlinearFit) -> float:
     """What a fit leaves, for comparison with others of the same records; less is better."""
     return -log_likelihood(fit.problem) if np.isfinite(fit.solution.cost) else math.inf
-
-
-def _simulated(fit: NonlinearFit, records: TimeRecords) -> tuple[SimulatedRecord, ...]:
-    """Every record as measured and as the model has it; pieces are joined again."""
-    pieces = iter(fit.problem.predicted(fit.solution.theta))
-    found = []
-    for segment, data in zip(records.segments, records.data, strict=True):
-        parts: list[FloatArray] = []
-        starts: list[int] = []
-        while (reached := sum(part.shape[1] for part in parts)) < data.samples:
-            starts.append(reached)
-            parts.append(next(pieces).predicted)
-        found.append(
-            SimulatedRecord(
-                record=segment.record,
-                maneuver=segment.maneuver,
-                time_s=segment.history.time_s,
-                inputs=data.inputs,
-                measured=data.outputs,
-                simulated=np.hstack(parts),
-                starts=tuple(starts),
-            )
-        )
-    return tuple(found)
 
 
 def _require_sound(fitted: FittedNonlinear) -> None:
