@@ -41,7 +41,7 @@ def test_unknown_name_suggests_the_nearest() -> None:
 def test_rig_is_known_and_does_not_fly() -> None:
     with pytest.raises(ModelError, match="pivot") as caught:
         aircraft("rig")
-    assert "rotorid.vehicles.rig.fly" in caught.value.remedy
+    assert "rotorid simulate rig" in caught.value.remedy
 
 
 @pytest.mark.parametrize("name", NAMES)
