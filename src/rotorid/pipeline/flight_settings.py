@@ -409,7 +409,9 @@ class PlanChoices(Immutable):
             raise no_such("entry of a test input", self.entry, get_args(Entry))
         wrong = [axis for axis in self.axes if axis not in AXES] or len(set(self.axes)) < len(self.axes)
         if wrong or not self.axes:
-            raise UsageError(f"--axis {','.join(self.axes)} came", needed=f"some of {', '.join(AXES)}, each once")
+            raise UsageError(
+                f"--axis {','.join(self.axes) or 'none'} came", needed=f"some of {', '.join(AXES)}, each once"
+            )
         if not 1 <= self.repeats <= _MOST_REPEATS:
             raise UsageError(f"--repeats {self.repeats} came", needed=f"1 to {_MOST_REPEATS}")
         self._require_taken()

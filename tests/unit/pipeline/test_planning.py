@@ -80,5 +80,5 @@ def test_steps_last_as_many_units_as_they_have() -> None:
 
 
 def test_no_axes_is_no_plan() -> None:
-    with pytest.raises(UsageError, match="the axes none"):
+    with pytest.raises(UsageError, match="--axis none came"):
         replace(SHORT, axes=())

@@ -101,7 +101,7 @@ def test_choices_about_the_second_step_do_not_disturb_the_first() -> None:
 
 
 def test_a_model_without_speed_damping_is_refused() -> None:
-    with pytest.raises(UsageError, match=r"rate\.roll came, which has no free X_u and no free Y_v"):
+    with pytest.raises(UsageError, match=r"rate\.roll, which has no free X_u and no free Y_v"):
         first_step(rate_model("rate.roll"), flight("roll"), IdentifySettings())
 
 
