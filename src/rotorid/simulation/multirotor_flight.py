@@ -230,7 +230,7 @@ def flight_tables(
         raise UsageError(
             f"a speed of {max(speed_m_s, key=abs):g} m/s came for {aircraft.name}, whose autopilot holds none",
             needed="an autopilot that holds its velocity",
-            remedy="leave --speed out, or choose a vehicle of PX4 or ArduPilot",
+            remedy="leave --speed out, or choose a vehicle that does, such as x500",
         )
     if settle_s is None:
         settle_s = CRUISE_SETTLE_S if cruising else SETTLE_S

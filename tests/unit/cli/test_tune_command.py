@@ -8,6 +8,10 @@ from pathlib import Path
 import pytest
 from tests.unit.cli.commands import fly_roll_sweeps, rotorid
 
+from rotorid.errors import InsufficientDataError
+from rotorid.io.registry import read
+from rotorid.pipeline.tuning import proposal
+
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -49,13 +53,18 @@ def test_a_slip_is_one_sentence(log: Path, tmp_path: Path, words: tuple[str, ...
     assert not (tmp_path / "out").exists()
 
 
-def test_no_remedy_is_an_option_of_identify(log: Path, tmp_path: Path) -> None:
-    result = tmp_path / "result"
-    assert rotorid("identify", log, "--model", "rate.roll", "--out", result).code == 0
-    ran = rotorid("tune", log, result, "--out", tmp_path / "out", "--json")
-    said = [one["message"] for one in json.loads(ran.out)["findings"] if one["kind"] == "not_tuned"]
-    assert said
-    assert not any("--" in message for message in said)
+@pytest.mark.parametrize(
+    ("remedy", "said"), [("lower --coherence", "c; needed: n."), ("fly a sweep", "c; needed: n; fly a sweep.")]
+)
+def test_no_remedy_is_an_option_of_identify(log: Path, remedy: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*given: object) -> None:
+        raise InsufficientDataError("c", needed="n", remedy=remedy)
+
+    monkeypatch.setattr(proposal, "_axis", refused)
+    with pytest.raises(InsufficientDataError) as caught:
+        proposal.tune(records=read(log), axes=("roll",))
+    (told,) = [one.message for one in caught.value.findings if one.kind == "not_tuned"]
+    assert told == f"The gains of roll stay: {said}"
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"schema": "rotorid.result/1"}', '{"schema": "rotorid.tune/1"}', "3"])
