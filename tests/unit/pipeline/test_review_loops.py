@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rotorid.data.findings import refusal
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.excitation.sticks import everyday_stick
+from rotorid.pipeline.provenance import Provenance
+from rotorid.pipeline.results import Refused
 from rotorid.pipeline.review.flown import flown, loop_response, with_floor
 from rotorid.pipeline.review.loops import LOOPS, loop_of, loops
+from rotorid.pipeline.review.review import _craft, _refusals
 from rotorid.typing import FloatArray
 
 RATE_HZ, LENGTH_S = 250.0, 60.0
@@ -219,3 +223,14 @@ def test_short_windows_are_left_out_where_a_steep_spectrum_runs_over(sharp: bool
     near = (omega > 25.0) & (omega < 40.0)
     error = np.abs(response.values[0, 0] / truth - 1.0)[near] / response.random_error[0, 0][near]
     assert float(np.sqrt(np.mean(error**2))) < 3.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "remedy"),
+    [("low_coherence", "rotorid design sweep --vehicle ardupilot_quad --axis roll"), ("missing_channel", "")],
+)
+def test_a_sweep_is_advised_where_it_would_help(kind: str, remedy: str) -> None:
+    finding = refusal(kind, "p/roll_command", "Too little.")
+    answer = Refused(name="rate.roll", structure=None, findings=(finding,), provenance=Provenance())
+    (told,) = _refusals({"rate.roll": answer}, _craft("ArduCopter V4.5"))
+    assert (told.why, told.remedy) == ("Too little.", remedy)

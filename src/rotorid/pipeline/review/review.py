@@ -128,12 +128,13 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
         }
         heard = part("noise", lambda: noise(record, bandwidths_rad_s=widths), heard)
         worked = part("motors", lambda: motors(record), worked)
+    kind, *_ = vehicle(record)
     if air is not None and models:
-        found = part("models", lambda: _models(record), found)
+        found = part("models", lambda: _models(record, _craft(kind.autopilot)), found)
     seen = Review(
         name=record.source.name,
         sha256=record.source.sha256,
-        vehicle=vehicle(record)[0],
+        vehicle=kind,
         flight=summary,
         logging=logged,
         loops=closed,
@@ -156,12 +157,17 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
     return replace(seen, next_commands=tuple(next_commands(seen)))
 
 
-def _models(record: FlightRecord) -> tuple[dict[str, IdentifiedModel | Refused], list[Untold]]:
+def _models(record: FlightRecord, craft: str) -> tuple[dict[str, IdentifiedModel | Refused], list[Untold]]:
     if record.status.foreign:
         why = f"{record.status.named_in} says that this is no multirotor ({record.status.vehicle}); all models are."
         return {}, [Untold(what="models", why=why)]
     several = identify_several(record)
-    return dict(several), list(_refusals(several.refused))
+    return dict(several), list(_refusals(several.refused, craft))
+
+
+def _craft(autopilot: str) -> str:
+    """The vehicle of the library that flies as the autopilot does."""
+    return _VEHICLES.get(autopilot.partition(" ")[0], "px4_quad")
 
 
 def next_commands(seen: Review) -> Iterator[str]:
@@ -182,7 +188,7 @@ def next_commands(seen: Review) -> Iterator[str]:
         break
     axes = [axis for name, axis in AXIS_OF.items() if name not in stands]
     if axes and seen.flight.flights and seen.vehicle.kind in ("", "multirotor"):
-        craft = _VEHICLES.get(seen.vehicle.autopilot.partition(" ")[0], "px4_quad")
+        craft = _craft(seen.vehicle.autopilot)
         gains = f" --gains {log}" if seen.margins else ""
         yield f"rotorid design sweep --vehicle {craft} --axis {','.join(axes)}{gains}"
 
@@ -193,10 +199,10 @@ def untold_by(error: InsufficientDataError, what: str) -> Untold:
     return Untold(what=what, why=why, remedy=error.remedy)
 
 
-def _refusals(refused: dict[str, Refused]) -> Iterator[Untold]:
+def _refusals(refused: dict[str, Refused], craft: str) -> Iterator[Untold]:
     for name, answer in refused.items():
         reasons = [finding.message for finding in answer.findings if finding.severity == "error"]
         axis = AXIS_OF.get(name)
         short = {finding.kind for finding in answer.findings} & {"no_excitation", "low_coherence"}
-        remedy = f"rotorid design sweep --vehicle px4_quad --axis {axis}" if axis and short else ""
+        remedy = f"rotorid design sweep --vehicle {craft} --axis {axis}" if axis and short else ""
         yield Untold(what=f"models.{name}", why=reasons[0] if reasons else "The data cannot support it.", remedy=remedy)
