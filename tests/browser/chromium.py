@@ -30,8 +30,14 @@ SETTLED = """
     const frame = () => new Promise((done) => requestAnimationFrame(done));
     do { await frame(); await frame(); } while (document.documentElement.dataset.pictures === "drawing");
   };
+  const openAll = (found) => Promise.all(Array.from(found).filter((details) => !details.open).map(
+    (details) => new Promise((told) => {
+      details.addEventListener("toggle", told, { once: true });
+      details.open = true;
+    })));
 """
-"""For a script: ``await settled()`` returns when what was pressed or opened is drawn."""
+"""For a script: ``await settled()`` returns when what was pressed or opened is drawn; ``await openAll(details)`` opens
+them and returns when the page was told, which is later than they are open."""
 
 
 def browser() -> str:

@@ -54,7 +54,7 @@ def test_ten_thousand_logs_stay_smooth(tmp_path: Path) -> None:
     values[7, 60:] *= 0.9
     html = page_of(table_of(values))
     assert len(html) < 8e6
-    told, said = asked(browser(), html, tmp_path, PROBE, ready='document.documentElement.dataset.fleet === "drawn"')
+    told, said = asked(browser(), html, tmp_path, PROBE, ready='document.documentElement.dataset.fleet === "ready"')
     assert not said
     assert told["all"] == "10000 of 10000 lines"
     assert told["lines"] < 100

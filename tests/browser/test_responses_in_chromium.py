@@ -20,7 +20,7 @@ PROBE = (
     + """
   for (const value of %s) document.querySelector(`button[value="${value}"]`).click();
   const before = Array.from(document.querySelectorAll("details [data-picture]"), (place) => Boolean(place.data));
-  for (const details of document.querySelectorAll("details")) details.open = true;
+  await openAll(document.querySelectorAll("details"));
   await settled();
   const seen = (place) => [place.dataset.picture, {
     data: place.data.map(({ name, x, y, text }) => ({ name, x, y, text })),

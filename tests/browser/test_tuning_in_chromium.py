@@ -20,7 +20,7 @@ PROBE = (
     f"async () => {{{SETTLED}"
     + """
   const place = document.querySelector("[data-axis]");
-  place.open = true;
+  await openAll([place]);
   const told = () => Object.fromEntries(
     Array.from(place.querySelectorAll("[data-told]"), (one) => [one.dataset.told, one.textContent]));
   const before = told();

@@ -13,7 +13,7 @@ from rotorid.report.verification import render_checks
 PROBE = (
     f"async () => {{{SETTLED}"
     + """
-  for (const details of document.querySelectorAll("details")) details.open = true;
+  await openAll(document.querySelectorAll("details"));
   await settled();
   const seen = (place) => [
     place.dataset.picture, Boolean(place.data) && Math.abs(place.clientWidth - place._fullLayout.width) < 2,
@@ -27,6 +27,34 @@ PROBE = (
 def test_all_pictures_are_drawn_in_their_width(chromium: str, tmp_path: Path) -> None:
     drawn, said = asked(chromium, render_checks(*verified(), title="t"), tmp_path, PROBE)
     assert drawn == dict.fromkeys(("check-0", "check-0-ahead", "check-0-loop", "sweeps-0-0"), True)
+    assert said == []
+
+
+ONE_IS_SLOW = """
+async () => {
+  const told = () => document.documentElement.dataset.pictures;
+  const [slow, quick] = document.querySelectorAll("[data-picture]");
+  const react = Plotly.react;
+  let release;
+  const held = new Promise((done) => { release = done; });
+  Plotly.react = async (place, ...drawn) => {
+    if (place === slow) await held;
+    return react(place, ...drawn);
+  };
+  const last = rotorid.redraw([slow]);
+  await rotorid.redraw([quick]);
+  const between = told();
+  release();
+  await last;
+  return [between, told()];
+}
+"""
+
+
+def test_pictures_are_drawn_when_the_last_of_them_is(chromium: str, tmp_path: Path) -> None:
+    """Details that open one inside the other ask for their pictures at once, and the inner may be done first."""
+    told, said = asked(chromium, render_checks(*verified(), title="t"), tmp_path, ONE_IS_SLOW)
+    assert told == ["drawing", "drawn"]
     assert said == []
 
 

@@ -219,7 +219,7 @@
         vehicle.value = String(k);
         draw("fleet-history");
       });
-      document.documentElement.dataset.fleet = document.documentElement.dataset.pictures;
+      document.documentElement.dataset.fleet = "ready";
     },
   );
 })();

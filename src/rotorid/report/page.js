@@ -106,12 +106,19 @@ const rotorid = (() => {
   // In closed details a picture has no width yet; it is drawn when they open.
   const all = (part = document) => Array.from(part.querySelectorAll("[data-picture]"));
   const ready = (place) => pictures[place.dataset.picture] && !place.closest("details:not([open]), [hidden]");
+  // Several may be under way, of details that open one inside the other: how all went is told when the last is done.
+  let [underWay, failed] = [0, ""];
   const redraw = (places = all()) => {
+    underWay += 1;
     root.dataset.pictures = "drawing";
-    return draw(places.filter(ready)).then(
-      () => { root.dataset.pictures = "drawn"; },
-      (error) => { root.dataset.pictures = `failed: ${error}`; },
-    );
+    const done = (error) => {
+      underWay -= 1;
+      failed ||= error ? `failed: ${error}` : "";
+      if (underWay > 0) return;
+      root.dataset.pictures = failed || "drawn";
+      failed = "";
+    };
+    return draw(places.filter(ready)).then(() => done(), done);
   };
 
   const press = () => {
