@@ -203,9 +203,10 @@ def _by_coherence(candidates: Sequence[Candidate]) -> Chosen:
                 warn(
                     "low_coherence",
                     where,
-                    f"The {item.maneuver.axis} {item.maneuver.kind} from {item.maneuver.start_s:.1f} to "
-                    f"{item.maneuver.stop_s:.1f} s has a mean coherence of {_peak(item):.2f} and the best of its axis "
-                    f"{top:.2f}; it was left out. Name it with --segment to use it.",
+                    f"{item.record.source.name}: the {item.maneuver.axis} {item.maneuver.kind} from "
+                    f"{item.maneuver.start_s:.1f} to {item.maneuver.stop_s:.1f} s has a mean coherence of "
+                    f"{_peak(item):.2f} and the best of its axis {top:.2f}; it was left out. Name it with --segment "
+                    "to use it.",
                     mean_coherence=_peak(item),
                     best=top,
                 )

@@ -321,14 +321,25 @@ def _holes(
         (warn if split else remark)(
             "gap",
             ", ".join(names),
-            f"{count} gaps in {', '.join(names)}, the longest {longest_s:.3f} s; "
-            + ("the data were split there." if split else "they were short and interpolated."),
+            _gaps_in_words(count, names, longest_s)
+            + (
+                "the data were split there."
+                if split
+                else f"{'it was' if count == 1 else 'they were'} short and interpolated."
+            ),
             gaps=count,
             longest_s=longest_s,
         )
         for (count, longest_s, split), names in alike.items()
     ]
     return list(holes), findings
+
+
+def _gaps_in_words(count: int, names: Sequence[str], longest_s: float) -> str:
+    where = ", ".join(names)
+    if count == 1:
+        return f"1 gap of {longest_s:.3f} s in {where}; "
+    return f"{count} gaps in {where}, the longest {longest_s:.3f} s; "
 
 
 def _parts(low: float, high: float, holes: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -21,9 +21,14 @@ from rotorid.pipeline.tuning.proposal import AxisTuning, TuneSettings, tune
 from rotorid.tuning.loops import quantities
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
-COMPARED = ("crossover_rad_s", "phase_margin_deg", "sensitivity_peak")
+COMPARED = {
+    "crossover_rad_s": "crossover",
+    "phase_margin_deg": "phase margin",
+    "sensitivity_peak": "sensitivity peak",
+}
 """Figures that are foretold; a gain margin lies outside the band in half of the flights and is not."""
 
+_LOOP = {"rate": "the rate loop", "whole": "the loop with the angle loop"}
 _SAME = 1e-4
 
 
@@ -246,7 +251,7 @@ def _words(axis: Axis, verdict: str, gains: str, figures: Sequence[ComparedFigur
     )
     if verdict == "as_foretold":
         return f"The loop of {axis} is what was foretold.{held}", f"Keep these gains.{further}"
-    names = ", ".join(f"{one.name} of the {one.loop} loop" for one in figures if not one.inside)
+    names = ", ".join(f"{COMPARED[one.name]} of {_LOOP[one.loop]}" for one in figures if not one.inside)
     if verdict == "worse":
         return (
             f"The loop of {axis} is not what was foretold ({names}), and less robust than it should be.{held}",
