@@ -17,10 +17,11 @@ from rotorid.documents.vehicle import read_vehicle
 from rotorid.errors import RotoridError
 from rotorid.io.documents import DocumentError, parse_json, parse_toml
 from rotorid.io.tables.mapping import read_mapping
-from rotorid.pipeline.checking.candidate import read_candidate, read_controllers
-from rotorid.pipeline.designs import read_prior
+from rotorid.pipeline.checking.candidate import read_candidate
+from rotorid.pipeline.checking.controllers import read_controllers
 from rotorid.pipeline.preparation.resolve import resolve_model
 from rotorid.pipeline.settings import chosen_layout
+from rotorid.planning import read_prior
 
 TOML: Mapping[str, Callable[[Path], object]] = MappingProxyType(
     {

@@ -38,7 +38,7 @@ def stitch_command(
 ) -> None:
     """Stitch models that were identified at several speeds into one over speed."""
     from rotorid.documents.stitched import read_models, stitched_document
-    from rotorid.pipeline.checking.candidate import read_controllers
+    from rotorid.pipeline.checking.controllers import read_controllers
     from rotorid.pipeline.settings import require_seed
     from rotorid.pipeline.stitching import refused_flight, stitch
     from rotorid.report.stitched import JSON, write_stitched

@@ -1,5 +1,5 @@
-from rotorid.pipeline.checking.candidate import GivenController as GivenController
-from rotorid.pipeline.checking.candidate import read_controllers as read_controllers
+from rotorid.pipeline.checking.controllers import GivenController as GivenController
+from rotorid.pipeline.checking.controllers import read_controllers as read_controllers
 from rotorid.pipeline.comparison import Comparison as Comparison
 from rotorid.pipeline.comparison import compare as compare
 from rotorid.pipeline.cross_validation import cross_validate as cross_validate
@@ -8,12 +8,10 @@ from rotorid.pipeline.delays import delay as delay
 from rotorid.pipeline.demo import fly_demo as fly_demo
 from rotorid.pipeline.demo import identify_demo as identify_demo
 from rotorid.pipeline.designs import Designed as Designed
-from rotorid.pipeline.designs import Prior as Prior
 from rotorid.pipeline.designs import design as design
 from rotorid.pipeline.designs import expected_values as expected_values
 from rotorid.pipeline.designs import plan_for as plan_for
 from rotorid.pipeline.designs import plan_with as plan_with
-from rotorid.pipeline.designs import read_prior as read_prior
 from rotorid.pipeline.flight_settings import DesignChoices as DesignChoices
 from rotorid.pipeline.flight_settings import PlanChoices as PlanChoices
 from rotorid.pipeline.flight_settings import SimulateChoices as SimulateChoices

@@ -11,7 +11,6 @@ import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -22,11 +21,9 @@ from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, inp
 from rotorid.data.record import AXES
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.excitation.plan import planned, sequence, together, uncorrelated_binaries
-from rotorid.io.documents import MOST_JSON_BYTES, parse_json, read_text
 from rotorid.io.registry import format_of, log_rate_hz
 from rotorid.models.library import RESPONSE_MODELS
 from rotorid.models.structure import LinearStructure
-from rotorid.models.toml import from_toml
 from rotorid.pipeline.flight_settings import DOUBLET_S, DesignChoices, PlanChoices
 from rotorid.pipeline.preparation.resolve import named_model
 from rotorid.pipeline.preparation.scope import INERTIAL
@@ -35,8 +32,9 @@ from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.amplitude import Amplitude, Limits, Reached, largest_amplitude, limit_words, reached
 from rotorid.planning.duration import Shortest, shortest
 from rotorid.planning.expected import FitChoices
-from rotorid.planning.loop import LoopModel, Responds
+from rotorid.planning.loop import LoopModel
 from rotorid.planning.prediction import Prediction, predict
+from rotorid.planning.prior import Prior, with_prior
 from rotorid.planning.responses import (
     SETPOINTS,
     answers_setpoints,
@@ -46,7 +44,7 @@ from rotorid.planning.responses import (
     with_known,
 )
 from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
-from rotorid.typing import Axis, ComplexArray, FloatArray
+from rotorid.typing import Axis
 from rotorid.units import require_units
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -54,59 +52,6 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 
 _SHORTEST_LAG_S = 0.005
 """Where a fit of a motor without lag begins; it drops the lag where the data have none."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Prior(Immutable):
-    """A model from a previous flight.
-
-    Parameters
-    ----------
-    structure
-        What was identified.
-    values
-        Its parameters.
-    source
-        File that it came from.
-    """
-
-    structure: LinearStructure
-    values: Mapping[str, float]
-    source: str
-
-    def __post_init__(self) -> None:
-        self._set(values=self.values)
-
-
-def read_prior(path: Path) -> Prior:
-    """A previous result: a ``result.json``, beside which ``model.toml`` holds its structure, or the folder of both.
-
-    Raises
-    ------
-    UsageError
-        A file is missing or no result.
-    ModelError
-        The model has no linear structure, or holds one that the design cannot use.
-    """
-    file = path / "result.json" if path.is_dir() else path
-    needed = "the result.json of an identification, with its model.toml beside it"
-    content = read_text(file, needed=needed, most_bytes=MOST_JSON_BYTES)
-    text = read_text(file.with_name("model.toml"), needed=needed)
-    try:
-        values = _values(content)
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UsageError(f"{file} is no result of an identification", needed="a result.json") from error
-    structure = from_toml(text, where=str(file.with_name("model.toml")))
-    # Where it lies is nobody's concern; the name of its folder tells one result from another.
-    return Prior(structure=structure, values=values, source="/".join(file.resolve().parts[-2:]))
-
-
-def _values(content: str) -> dict[str, float]:
-    """Values of the parameters of a ``result.json``."""
-    result = parse_json(content)
-    if result["schema"] != "rotorid.result/1":
-        raise ValueError(f"the schema {result['schema']}")
-    return {name: float(parameter["value"]) for name, parameter in result["parameters"].items()}
 
 
 def expected_values(model: LinearStructure, craft: Aircraft, prior: Prior | None = None) -> dict[str, float]:
@@ -132,53 +77,6 @@ def expected_values(model: LinearStructure, craft: Aircraft, prior: Prior | None
 def _inside(model: LinearStructure, name: str, value: float) -> float:
     parameter = model.parameters[name]
     return float(np.clip(value, parameter.lower, parameter.upper))
-
-
-def with_prior(loop: LoopModel, prior: Prior) -> LoopModel:
-    """The loop of an aircraft whose answers to commands are those of a previous result, as far as it has them.
-
-    Everything else (controllers, noise, gusts, and what the result has no answer for) stays that of the aircraft, each
-    answer in proportion to the rate of its axis.
-    """
-    shared = [name for name in prior.structure.inputs if name in loop.inputs]
-    if not shared or not any(name in loop.outputs for name in prior.structure.outputs):
-        raise UsageError(
-            f"{prior.source} leads from {', '.join(prior.structure.inputs)} to {', '.join(prior.structure.outputs)}",
-            needed=f"commands and outputs of {loop.name}: {', '.join((*loop.inputs, *loop.outputs))}",
-        )
-    return replace(loop, plant=_Overlaid(loop=loop, prior=prior, base=loop.plant))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Overlaid:
-    """Outputs by commands, those of a previous result put over those of an aircraft."""
-
-    loop: LoopModel
-    prior: Prior
-    base: Responds
-
-    def response(self, omega_rad_s: FloatArray) -> ComplexArray:
-        plant = self.base.response(omega_rad_s).copy()
-        structure = self.prior.structure
-        found = structure.matrices(dict(self.prior.values)).response(omega_rad_s)
-        for u, command in enumerate(structure.inputs):
-            if command not in self.loop.inputs:
-                continue
-            column = self.loop.inputs.index(command)
-            own = _own_output(command)
-            if own in structure.outputs:
-                # Angles, speeds and accelerations follow the rate.
-                ratio = found[structure.outputs.index(own), u] / plant[self.loop.outputs.index(own), column]
-                plant[:, column] *= ratio
-            for y, output in enumerate(structure.outputs):
-                if output in self.loop.outputs:
-                    plant[self.loop.outputs.index(output), column] = found[y, u]
-        return plant
-
-
-def _own_output(command: str) -> str:
-    own = {"roll_command": "p", "pitch_command": "q", "yaw_command": "r", "thrust_command": "az"}
-    return own.get(command, "")
 
 
 STEPS: tuple[Shape, ...] = ("doublet", "two_one_one", "three_two_one_one")

@@ -16,9 +16,9 @@ from rotorid.units import read_measure, read_measures, writable
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Entry, FlightPlan, Shape
     from rotorid.io.registry import LogFormat
-    from rotorid.pipeline.designs import Prior
     from rotorid.planning.amplitude import Limits
     from rotorid.planning.expected import FitChoices
+    from rotorid.planning.prior import Prior
     from rotorid.simulation.multirotor_flight import Aircraft
     from rotorid.simulation.wind import Wind
     from rotorid.typing import Axis
@@ -206,7 +206,7 @@ def parse_wind(text: str) -> tuple[float, float]:
 
 
 def _read_prior(path: str) -> "Prior":
-    from rotorid.pipeline.designs import read_prior
+    from rotorid.planning.prior import read_prior
 
     return read_prior(Path(path))
 

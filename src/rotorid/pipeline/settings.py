@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord, Maneuver
     from rotorid.models.motors import Curve
     from rotorid.models.rotors import RotorLayout
-    from rotorid.pipeline.checking.candidate import GivenController
+    from rotorid.pipeline.checking.controllers import GivenController
     from rotorid.typing import Axis
     from rotorid.verification.sampled import LowPass
 
@@ -325,7 +325,7 @@ def parse_low_pass(text: str) -> "LowPass":
 
 
 def _read_controllers(path: str) -> "Mapping[Axis, GivenController]":
-    from rotorid.pipeline.checking.candidate import read_controllers
+    from rotorid.pipeline.checking.controllers import read_controllers
 
     return read_controllers(Path(path))
 

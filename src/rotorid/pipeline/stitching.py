@@ -27,7 +27,7 @@ from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.controller import stepped
-from rotorid.pipeline.checking.candidate import Controllers, GivenController, no_controller, other_controller
+from rotorid.pipeline.checking.controllers import Controllers, GivenController, no_controller, other_controller
 from rotorid.pipeline.joined_models import HALVES
 from rotorid.pipeline.preparation.flights import longest_flight
 from rotorid.pipeline.preparation.segments import built, with_ingredients

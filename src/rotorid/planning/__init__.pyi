@@ -16,3 +16,5 @@ from rotorid.planning.prediction import PredictedParameter as PredictedParameter
 from rotorid.planning.prediction import Prediction as Prediction
 from rotorid.planning.prediction import fisher_information as fisher_information
 from rotorid.planning.prediction import predict as predict
+from rotorid.planning.prior import Prior as Prior
+from rotorid.planning.prior import read_prior as read_prior

@@ -13,7 +13,7 @@ from rotorid.documents.verify import verify_document
 from rotorid.errors import UsageError
 from rotorid.models.controller import RateController
 from rotorid.models.library import rate_model
-from rotorid.pipeline.checking.candidate import Controllers, GivenController, no_controller, read_controllers
+from rotorid.pipeline.checking.controllers import Controllers, GivenController, no_controller, read_controllers
 from rotorid.pipeline.checking.maneuvers import with_known_delays, with_known_filters
 from rotorid.pipeline.settings import VerifySettings
 from rotorid.pipeline.verification import verify

@@ -19,7 +19,8 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.models.state_space import StateSpace
-from rotorid.pipeline.checking.candidate import Candidate, Controllers, no_controller, other_controller
+from rotorid.pipeline.checking.candidate import Candidate
+from rotorid.pipeline.checking.controllers import Controllers, no_controller, other_controller
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axis_of, is_command
 from rotorid.pipeline.preparation.measure import Measured, default_band

@@ -22,7 +22,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import AxisController
-from rotorid.pipeline.checking.candidate import Controllers
+from rotorid.pipeline.checking.controllers import Controllers
 from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, logged_axis
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.segments import cut
