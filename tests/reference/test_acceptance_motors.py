@@ -24,8 +24,10 @@ from tests.reference.motor_flights import (
 import rotorid
 from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.fitting.motors.fit import LEAST_CORRELATION, MotorFit, MotorProblem, excitations, excited_axes, fit_motors
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excitations, excited_axes
+from rotorid.fitting.motors.fit import MotorFit, fit_motors
 from rotorid.fitting.motors.inertia import InertiaRegression, inertia_regressions, judge_both_ways
+from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.motors import Curve, check_motor_constants, motor_parameters
 from rotorid.models.rotors import layout_of, mixer_of
 from rotorid.signal.motors import motor_history

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import MotorRecord
-from rotorid.fitting.motors.fit import MotorFit, MotorProblem, fit_motors
+from rotorid.fitting.motors.fit import MotorFit, fit_motors
 from rotorid.fitting.motors.inertia import inertia_regressions
+from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.motors import check_motor_constants, motor_parameters, yaw_range
 from rotorid.uncertainty.colored import colored_apart
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers

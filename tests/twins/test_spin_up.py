@@ -16,7 +16,10 @@ from tests.unit.pipeline.motor_logs import ARM_M, with_speeds
 import rotorid
 from rotorid.data.record import FlightRecord, MotorRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.fitting.motors.fit import MotorFit, MotorProblem, excitations, fit_motors, measured_speed, motor_speed
+from rotorid.fitting.motors.excitation import excitations
+from rotorid.fitting.motors.fit import MotorFit, fit_motors
+from rotorid.fitting.motors.problem import MotorProblem
+from rotorid.fitting.motors.speed import measured_speed, motor_speed
 from rotorid.models.library import library_model
 from rotorid.models.motors import motor_parameters
 from rotorid.pipeline.fits.motors import fit

@@ -37,10 +37,10 @@ from rotorid.fitting.least_squares import Solution as Solution
 from rotorid.fitting.least_squares import best_of as best_of
 from rotorid.fitting.methods import fit as fit
 from rotorid.fitting.motors.fit import MotorFit as MotorFit
-from rotorid.fitting.motors.fit import MotorProblem as MotorProblem
 from rotorid.fitting.motors.fit import fit_motors as fit_motors
 from rotorid.fitting.motors.inertia import InertiaRegression as InertiaRegression
 from rotorid.fitting.motors.inertia import inertia_regressions as inertia_regressions
+from rotorid.fitting.motors.problem import MotorProblem as MotorProblem
 from rotorid.fitting.problem import Fit as Fit
 from rotorid.fitting.problem import Problem as Problem
 from rotorid.fitting.problem import Scale as Scale

@@ -8,7 +8,8 @@ from typing import Any, TypeAlias
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.least_squares import LevenbergMarquardt, best_of
-from rotorid.fitting.motors.fit import MotorProblem, fit_motors
+from rotorid.fitting.motors.fit import fit_motors
+from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.fitting.problem import Fit, Problem
 from rotorid.fitting.time.nonlinear import NonlinearProblem, fit_nonlinear
 from rotorid.fitting.time.output_error import fit_output_error

@@ -32,7 +32,7 @@ from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.fitting.motors.fit import MotorProblem
+from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.fitting.time.nonlinear import NonlinearProblem, fit_nonlinear
 from rotorid.models.equations import structure_from_equations
 from rotorid.models.nonlinear import AXES as FLIGHT_AXES

@@ -9,7 +9,7 @@ import numpy as np
 
 from rotorid.data.axes import AXIS_WORDS
 from rotorid.documents.result import ResultDocument
-from rotorid.fitting.motors.fit import LEAST_CORRELATION
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION
 from rotorid.pipeline.summary import Correlation, ExcitedFlight, MotorPhysics, ParameterEstimate
 from rotorid.plot.figure import quantity
 from rotorid.plot.motors import made_by_motors, rotor_layout, thrust_curve

@@ -21,7 +21,7 @@ from rotorid.data.findings import KINDS
 from rotorid.data.record import LOWEST_RATE_HZ
 from rotorid.documents.result import ResultDocument
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, EXCELLENT_COST
-from rotorid.fitting.motors.fit import SLOW_HZ
+from rotorid.fitting.motors.excitation import SLOW_HZ
 from rotorid.pipeline.preparation.loops import AxisLoop
 from rotorid.pipeline.responses import Pair, Responses
 from rotorid.pipeline.summary import Cost, FitEnd, ManeuverCheck, MotorPhysics, ParameterEstimate, PoleEstimate

@@ -7,7 +7,7 @@ import pytest
 
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.motors.accelerations import AccelerationErrors, acceleration_errors
-from rotorid.fitting.motors.fit import MotorProblem
+from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.motors import motor_parameters
 from rotorid.search import search
 from rotorid.vehicles.motor_flight import TRUTH, Air, flights, levers

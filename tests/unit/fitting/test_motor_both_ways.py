@@ -9,8 +9,9 @@ import pytest
 
 from rotorid.data.record import MotorRecord
 from rotorid.errors import UsageError
-from rotorid.fitting.motors.fit import MotorFit, MotorProblem, fit_motors
+from rotorid.fitting.motors.fit import MotorFit, fit_motors
 from rotorid.fitting.motors.inertia import InertiaRegression, inertia_regressions, judge_both_ways
+from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.motors import motor_parameters
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import MotorRecord
-from rotorid.fitting.motors.fit import LEAST_CORRELATION, excitations, slow_taps
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excitations, slow_taps
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 
 LEVERS = levers()

@@ -12,14 +12,9 @@ import pytest
 from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.least_squares import LevenbergMarquardt
-from rotorid.fitting.motors.fit import (
-    MotorFit,
-    MotorProblem,
-    at_the_best_sample,
-    excitations,
-    excited_axes,
-    fit_motors,
-)
+from rotorid.fitting.motors.excitation import excitations, excited_axes
+from rotorid.fitting.motors.fit import MotorFit, at_the_best_sample, fit_motors
+from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.motors import motor_parameters
 from rotorid.vehicles.motor_flight import TRUTH, Air, flights, levers
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rotorid.fitting.motors.fit import Lagged, MotorSpeed, motor_speed
+from rotorid.fitting.motors.speed import MotorSpeed, measured_speed, motor_speed
 from rotorid.typing import FloatArray
 
 STEP_S = 0.01
@@ -42,7 +42,7 @@ def brute_force(outputs: FloatArray, lag_s: float, delay_s: float) -> tuple[Floa
     return np.array(levels), np.array(first), np.array(second)
 
 
-def parts(found: MotorSpeed) -> tuple[Lagged, Lagged, Lagged]:
+def parts(found: MotorSpeed) -> tuple[FloatArray, FloatArray, FloatArray]:
     return found.level, found.first, found.second
 
 
@@ -57,20 +57,37 @@ def test_levels_and_integrals_are_exact(lag_s: float, delay_s: float) -> None:
         np.testing.assert_allclose(found.second[motor], second, rtol=1e-9)
 
 
-@pytest.mark.parametrize("delay_s", [0.0, 0.0099999, 0.01, 0.0100001, 0.0203])
-def test_complex_steps_give_the_derivatives_of_lag_and_delay(delay_s: float) -> None:
-    lag_s, tiny, small = 0.04, 1e-30, 1e-7
-    by_lag = motor_speed(OUTPUTS, lag_s=complex(lag_s, tiny), delay_s=delay_s, step_s=STEP_S)
-    by_delay = motor_speed(OUTPUTS, lag_s=lag_s, delay_s=complex(delay_s, tiny), step_s=STEP_S)
+@pytest.mark.parametrize("lag_s", LAGS_S)
+@pytest.mark.parametrize("delay_s", [0.0, 0.0099999, 0.01, 0.0100001, 0.0203, -0.004])
+def test_derivatives_by_lag_and_delay_are_exact(lag_s: float, delay_s: float) -> None:
+    small = 1e-7
+    here = motor_speed(OUTPUTS, lag_s=lag_s, delay_s=delay_s, step_s=STEP_S, moved=True)
     above = motor_speed(OUTPUTS, lag_s=lag_s + small, delay_s=delay_s, step_s=STEP_S)
     below = motor_speed(OUTPUTS, lag_s=lag_s - small, delay_s=delay_s, step_s=STEP_S)
     later = motor_speed(OUTPUTS, lag_s=lag_s, delay_s=delay_s + small, step_s=STEP_S)
-    here = motor_speed(OUTPUTS, lag_s=lag_s, delay_s=delay_s, step_s=STEP_S)
-    for exact, high, low in zip(parts(by_lag), parts(above), parts(below), strict=True):
-        np.testing.assert_allclose(exact.imag / tiny, (high - low) / (2.0 * small), atol=1e-5)
+    for exact, high, low in zip(parts(here.moved["lag"]), parts(above), parts(below), strict=True):
+        np.testing.assert_allclose(exact, (high - low) / (2.0 * small), atol=1e-5)
     # Levels have kinks in the delay where a switch meets a sample: from there on the derivative is that to the right.
-    for exact, high, low in zip(parts(by_delay), parts(later), parts(here), strict=True):
-        np.testing.assert_allclose(exact.imag / tiny, (high - low) / small, atol=1e-3)
+    curved = small / lag_s**2
+    for exact, high, low in zip(parts(here.moved["delay"]), parts(later), parts(here), strict=True):
+        np.testing.assert_allclose(exact, (high - low) / small, atol=2.0 * curved)
+
+
+def test_values_are_the_same_with_and_without_derivatives() -> None:
+    plain = motor_speed(OUTPUTS, lag_s=0.04, delay_s=0.0263, step_s=STEP_S)
+    moved = motor_speed(OUTPUTS, lag_s=0.04, delay_s=0.0263, step_s=STEP_S, moved=True)
+    assert (dict(plain.moved), set(moved.moved)) == ({}, {"lag", "delay"})
+    for one, other in zip(parts(plain), parts(moved), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.0041, 0.01, 0.0263, -0.004])
+def test_derivatives_of_measured_speeds_are_exact(delay_s: float) -> None:
+    small = 1e-7
+    here = measured_speed(OUTPUTS, delay_s=delay_s, step_s=STEP_S, moved=True)
+    later = measured_speed(OUTPUTS, delay_s=delay_s + small, step_s=STEP_S)
+    for exact, high, low in zip(parts(here.moved["delay"]), parts(later), parts(here), strict=True):
+        np.testing.assert_allclose(exact, (high - low) / small, atol=2e-4)
 
 
 def test_a_delay_across_a_sample_changes_nothing_abruptly() -> None:

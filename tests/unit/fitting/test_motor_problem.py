@@ -11,7 +11,8 @@ import pytest
 
 from rotorid.data.record import MotorRecord
 from rotorid.errors import UsageError
-from rotorid.fitting.motors.fit import Filter, MotorProblem, motor_speed
+from rotorid.fitting.motors.problem import Filter, MotorProblem
+from rotorid.fitting.motors.speed import motor_speed
 from rotorid.models.motors import Curve, motor_parameters
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2

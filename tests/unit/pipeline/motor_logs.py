@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from rotorid.data.record import MotorRecord
-from rotorid.fitting.motors.fit import motor_speed
+from rotorid.fitting.motors.speed import motor_speed
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 
 UNITS = {"p": "rad/s", "q": "rad/s", "r": "rad/s", "az": "m/s^2", "w": "m/s"}

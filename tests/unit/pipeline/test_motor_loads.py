@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import MotorRecord
-from rotorid.fitting.motors.fit import MotorProblem
+from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.motors import motor_parameters
 from rotorid.pipeline.fits.motors.loads import judge_loads, thrust_of_logs, voltage_exponent
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers

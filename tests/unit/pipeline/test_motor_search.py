@@ -9,7 +9,8 @@ import pytest
 from tests.unit.pipeline.motor_logs import ARM_M, flight
 
 from rotorid.errors import UsageError
-from rotorid.fitting.motors.fit import MotorProblem, searched_motors
+from rotorid.fitting.motors.problem import MotorProblem
+from rotorid.fitting.motors.start import searched_motors
 from rotorid.io.registry import read
 from rotorid.models.motors import motor_parameters
 from rotorid.pipeline.identification import identify_motors

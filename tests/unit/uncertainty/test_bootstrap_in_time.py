@@ -10,7 +10,8 @@ import pytest
 from scipy.signal import lfilter
 
 from rotorid.errors import UsageError
-from rotorid.fitting.motors.fit import MotorProblem, fit_motors
+from rotorid.fitting.motors.fit import fit_motors
+from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.fitting.problem import Problem
 from rotorid.fitting.time.nonlinear import NonlinearProblem, fit_nonlinear
 from rotorid.fitting.time.output_error import OutputErrorFit, TimeData, TimeProblem, fit_output_error

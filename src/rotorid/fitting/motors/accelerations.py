@@ -31,18 +31,9 @@ import numpy as np
 from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
-from rotorid.fitting.motors.fit import (
-    FORCES,
-    LEAST_CORRELATION,
-    SLOW_HZ,
-    Filter,
-    MotorProblem,
-    coarser,
-    excitations,
-    reach,
-    slow_taps,
-    started,
-)
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_HZ, excitations, slow_taps
+from rotorid.fitting.motors.problem import FORCES, Filter, MotorProblem
+from rotorid.fitting.motors.start import coarser, reach, started
 from rotorid.typing import BoolArray, FloatArray
 
 _ROUNDED = (1.0, 0.1, 0.01)

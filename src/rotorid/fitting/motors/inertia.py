@@ -32,7 +32,8 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.errors import UsageError
-from rotorid.fitting.motors.fit import Axis, Filter, MotorFit
+from rotorid.fitting.motors.fit import MotorFit
+from rotorid.fitting.motors.problem import Axis, Filter
 from rotorid.models.motors import SPIN_UP
 from rotorid.typing import FloatArray
 

@@ -18,7 +18,8 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.fitting.motors.fit import MotorProblem, excitations
+from rotorid.fitting.motors.excitation import excitations
+from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.rotors import RotorLayout, layout_of
 from rotorid.pipeline.fits.motors.fitted import levers_of

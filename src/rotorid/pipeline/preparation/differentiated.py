@@ -31,7 +31,7 @@ from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.record import Channel, FlightRecord, Topic
 from rotorid.errors import InsufficientDataError
-from rotorid.fitting.motors.fit import SLOW_HZ
+from rotorid.fitting.motors.excitation import SLOW_HZ
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 

@@ -34,14 +34,9 @@ import numpy as np
 from rotorid.data.axes import RATES
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
-from rotorid.fitting.motors.fit import (
-    LEAST_CORRELATION,
-    Axis,
-    Filter,
-    MotorFit,
-    MotorProblem,
-    slow_taps,
-)
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, slow_taps
+from rotorid.fitting.motors.fit import MotorFit
+from rotorid.fitting.motors.problem import Axis, Filter, MotorProblem
 from rotorid.models.motors import DELAYS, SPIN_UP
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.preparation.motor_data import MotorData

@@ -19,18 +19,11 @@ from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.findings import Finding, refusal, warn
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.motors.accelerations import AccelerationErrors, acceleration_errors
-from rotorid.fitting.motors.fit import (
-    LEAST_CORRELATION,
-    Excitation,
-    MotorFit,
-    MotorProblem,
-    excitations,
-    excited_axes,
-    fit_motors,
-    likely_step,
-    searched_motors,
-)
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, Excitation, excitations, excited_axes
+from rotorid.fitting.motors.fit import MotorFit, fit_motors, likely_step
 from rotorid.fitting.motors.inertia import inertia_regressions
+from rotorid.fitting.motors.problem import MotorProblem
+from rotorid.fitting.motors.start import searched_motors
 from rotorid.models.motors import (
     SPIN_UP,
     YAW_DELAY,

@@ -14,11 +14,9 @@ import numpy as np
 from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding
-from rotorid.fitting.motors.fit import (
-    MotorFit,
-    MotorProblem,
-)
+from rotorid.fitting.motors.fit import MotorFit
 from rotorid.fitting.motors.inertia import InertiaRegression
+from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.motors import (
     SPIN_UP,
     YAW_DELAY,

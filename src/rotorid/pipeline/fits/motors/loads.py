@@ -22,7 +22,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.fitting.motors.fit import MotorProblem
+from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.pipeline.fits.motors.errors import ACCELEROMETER_BIAS_M_S2
 from rotorid.pipeline.summary import LogThrust, VoltageExponent
 from rotorid.typing import FloatArray

@@ -10,7 +10,7 @@ import numpy as np
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.fitting.motors.fit import MotorProblem
+from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.motors import CURVE_TERMS, DELAYS, scale_of
 from rotorid.pipeline.checking.flown_motors import predicted, verification_of
 from rotorid.pipeline.checking.unseen import verify_apart

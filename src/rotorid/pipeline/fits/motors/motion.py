@@ -8,14 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.record import Maneuver
-from rotorid.fitting.motors.fit import (
-    LEAST_CORRELATION,
-    SLOW_HZ,
-    Axis,
-    Excitation,
-    MotorProblem,
-    motor_speed,
-)
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_HZ, Excitation
+from rotorid.fitting.motors.problem import Axis, MotorProblem
+from rotorid.fitting.motors.speed import motor_speed
 from rotorid.pipeline.preparation.motor_data import MotorFlight
 from rotorid.pipeline.results import SimulatedRecord
 from rotorid.typing import FloatArray

@@ -6,10 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.fitting.motors.fit import (
-    LEAST_CORRELATION,
-    excited_axes,
-)
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excited_axes
 from rotorid.fitting.motors.inertia import judge_both_ways
 from rotorid.models.motors import (
     CURVE_TERMS,
