@@ -20,6 +20,7 @@ import rotorid
 from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
+from rotorid.io.parameters import parameters_changed
 from rotorid.models.autopilots.reading import rate_controller
 from rotorid.models.controller import RateController
 from rotorid.pipeline.preparation.controllers import logged_controller
@@ -277,3 +278,14 @@ def test_beyond_the_band_model_times_controller_goes_on(in_wind: tuple[FlightRec
         number = beyond.numbers[name]
         assert abs(number.value - value) < 2.0 * number.std, name
     assert not set(beyond.numbers) & set(result.loops["roll"].numbers)
+
+
+def test_no_loop_is_computed_of_gains_that_changed_in_the_log(px4: tuple[FlightRecord, list[TimeHistory]]) -> None:
+    record, _ = px4
+    options = {"inputs": ["roll_command"], "outputs": ["p"]}
+    assert "gains in the log" in rotorid.response(record, **options).loops["roll"].method
+    changed = parameters_changed({"MC_ROLLRATE_P": (0.1, 0.15)}, "Parameters changed in the log")
+    told = rotorid.response(replace(record, findings=(*record.findings, changed)), **options)
+    assert told.loops["roll"].loop is None
+    assert "gains that changed in the log" in told.loops["roll"].method
+    assert "parameters_changed" in {finding.kind for finding in told.findings}

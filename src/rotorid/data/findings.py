@@ -411,6 +411,11 @@ KINDS: Mapping[str, Kind] = {
     "other_vehicle": Kind(
         "warning", "No multirotor", "The log says that it is of a plane, a VTOL, a rover or another vehicle."
     ),
+    "parameters_changed": Kind(
+        "warning",
+        "Parameters changed",
+        "Gains, filters or the curve of thrust changed within the log, and it does not say which value flew when.",
+    ),
     "outputs_left_out": Kind("info", "Outputs that were not fitted", "Outputs of the model that were not fitted."),
     "parameter_at_bound": Kind(
         "warning",

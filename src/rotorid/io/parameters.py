@@ -20,7 +20,9 @@ Of these, too, a name that ends like the number of a device (``_ID``, ``_SERIAL`
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+
+from rotorid.data.findings import Finding, warn
 
 _PREFIXES = (
     *("ACCEL_Z_", "ACRO_", "ANGLE_", "ATC_", "AUTOTUNE_", "CA_", "CH7_", "EK2_", "EK3_", "EKF2_", "FFT_"),
@@ -71,6 +73,65 @@ def kept_parameters(parameters: Mapping[str, float]) -> dict[str, float]:
     {'MOT_THST_EXPO': 0.65}
     """
     return {name: value for name, value in parameters.items() if _is_kept(name)}
+
+
+_OF_LOOPS = re.compile(
+    r"(?:ATC_(?:RAT|ANG)|MC_|RATE_|STB_|IMU_D?GYRO_|INS_(?:GYRO_FILTER|HNTCH|HNTC2|NOTCH|NOTC2)|FILT\d_|THR_MDL_FAC|"
+    r"MOT_(?:THST_EXPO|SPIN_|PWM_|BAT_VOLT_))\w{0,40}|SCHED_LOOP_RATE"
+)
+"""Gains, filters and the curve of thrust; not what an autopilot learns or counts as it flies."""
+
+_NAMED = 8
+
+
+def changed_in(statements: Iterable[tuple[str, float]]) -> dict[str, tuple[float, float]]:
+    """First and last value of each gain, filter or number of the thrust curve that a log states with several.
+
+    Parameters
+    ----------
+    statements
+        Names and values in the order of the log.
+
+    Examples
+    --------
+    >>> changed_in([("MC_ROLLRATE_P", 0.15), ("MC_YAW_P", 2.8), ("MC_ROLLRATE_P", 0.2), ("MC_YAW_P", 2.8)])
+    {'MC_ROLLRATE_P': (0.15, 0.2)}
+    """
+    ends: dict[str, tuple[float, float]] = {}
+    several: set[str] = set()
+    for name, value in statements:
+        if not _OF_LOOPS.fullmatch(name):
+            continue
+        first, last = ends.get(name, (value, value))
+        if value != last:
+            several.add(name)
+        ends[name] = first, value
+    return {name: ends[name] for name in ends if name in several}
+
+
+def parameters_changed(
+    changes: Mapping[str, tuple[float, float]], why: str, *, taken: str = "the last values"
+) -> Finding:
+    """The warning that a log was flown with other parameters than those that are taken.
+
+    Parameters
+    ----------
+    changes
+        Name to what was, and what is taken.
+    why
+        How that is known, as the beginning of a sentence.
+    taken
+        Which values are.
+    """
+    listed = [f"{name} {was:g} to {now:g}" for name, (was, now) in sorted(changes.items())]
+    more = f" and {len(listed) - _NAMED} more" if len(listed) > _NAMED else ""
+    return warn(
+        "parameters_changed",
+        "parameters",
+        f"{why}: {', '.join(listed[:_NAMED])}{more}. Taken for the whole log are {taken}, and no loop is computed of "
+        "them; log each set of gains by itself.",
+        parameters=len(listed),
+    )
 
 
 def _is_kept(name: str) -> bool:

@@ -319,3 +319,50 @@ def test_arming_is_told_by_its_message_where_events_do_not(
     status = flown(*events, armed=armed).read(tmp_path).status
     assert status.armed == expected
     assert status.flagged_in == ("EV" if events else "ARM")
+
+
+@pytest.mark.parametrize(
+    ("events", "armed", "in_air"),
+    [
+        # GPS and fences alone: the log may begin and end in the air.
+        (((3, 25), (6, 62)), None, None),
+        # Armed and never taken off.
+        (((3, 10), (6, 11)), ((3.0, 6.0),), ()),
+        (((3, 28), (6, 18)), ((3.0, 10.0),), ((3.0, 6.0),)),
+    ],
+)
+def test_events_that_tell_neither_arming_nor_landing_do_not_say_that_it_never_flew(
+    events: tuple[tuple[int, int], ...],
+    armed: tuple[tuple[float, float], ...] | None,
+    in_air: tuple[tuple[float, float], ...] | None,
+    tmp_path: Path,
+) -> None:
+    status = flown(*events, armed=()).read(tmp_path).status
+    assert (status.armed, status.in_air) == (armed, in_air)
+
+
+def test_pulses_with_ranges_of_their_own_are_shares_of_them(tmp_path: Path) -> None:
+    log = Log()
+    for name, value in {"SERVO1_FUNCTION": 33, "SERVO2_FUNCTION": 34, "MOT_PWM_TYPE": 8}.items():
+        log.parameter(name, value)
+    for name, value in {"MOT_PWM_MIN": 1000, "MOT_PWM_MAX": 2000, "SERVO2_MIN": 1100, "SERVO2_MAX": 1900}.items():
+        log.parameter(name, value)
+    log.add("RCOU", "QHH", TimeUS=1, C1=1100, C2=1100)
+    record = log.read(tmp_path)
+    assert values(record, "motor_1") == pytest.approx([0.1])
+    assert values(record, "motor_2") == pytest.approx([0.0])
+
+
+def test_gains_that_change_after_arming_are_told_and_what_is_set_before_is_not(tmp_path: Path) -> None:
+    log = flown(armed=((2, 1), (7, 0)))
+    for second, value in ((0, 0.1), (1, 0.12), (5, 0.15)):
+        stated = {"ATC_RAT_RLL_P": value, "MOT_THST_HOVER": value, "ATC_RAT_PIT_P": min(value, 0.12)}
+        for name, number in stated.items():
+            log.add("PARM", "QNf", TimeUS=1_000_000 * second, Name=name, Value=number)
+    record = log.read(tmp_path)
+    (told,) = [finding for finding in record.findings if finding.kind == "parameters_changed"]
+    assert told.severity == "warning"
+    assert "ATC_RAT_RLL_P 0.12 to 0.15." in told.message
+    assert "PIT" not in told.message
+    assert "HOVER" not in told.message
+    assert record.parameters["ATC_RAT_RLL_P"] == pytest.approx(0.15)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +136,30 @@ def test_slow_frames_tell_arming_and_who_makes_the_set_points_of_rates(tmp_path:
     assert status.in_air is None
 
 
+@pytest.mark.parametrize(
+    ("version", "flags", "mode"),
+    [
+        ("4.5.1", 1, "acro"),
+        ("4.5.1", 1 | 1 << 7, "GPS rescue"),
+        ("4.5.1", 1 | 1 << 4, "acro"),
+        ("3.5.7", 1 | 1 << 7, "acro"),
+        ("2025.12.1", 1 | 1 << 4, "altitude hold"),
+        ("2025.12.1", 1 | 1 << 9, "position hold"),
+        ("2025.12.1", 1 | 1 << 10 | 1 << 9 | 1 << 1, "GPS rescue"),
+        ("2025.12.1", 1 | 1 << 7, "acro"),
+    ],
+)
+def test_modes_that_level_by_themselves_are_no_acro(version: str, flags: int, mode: str, tmp_path: Path) -> None:
+    lines = SLOW.replace("4.3.1", version)
+    start = header(["gyroADC[0]"], inter_encoding=[0], inter_predictor=[1], lines=lines)
+    frames = [intra(8 * k, 8000 * k, 1) for k in range(10)]
+    slow = b"S" + unsigned(flags) + b"\x00"
+    status = record_of(start + frames[0] + slow + b"".join(frames[1:]) + END, tmp_path).status
+
+    assert [name for name, _, _ in status.modes] == [mode]
+    assert bool(status.direct_rates) is (mode == "acro")
+
+
 @pytest.mark.parametrize("turned", [False, True])
 def test_the_yaw_controller_tells_which_way_the_motors_turn(tmp_path: Path, *, turned: bool) -> None:
     names = [*(f"motor[{k}]" for k in range(4)), "axisP[2]"]
@@ -244,7 +269,7 @@ LINES = (
 )
 
 
-def described(frames: int = 2000, *, chirp: bool = False) -> bytes:
+def described(frames: int = 2000, *, chirp: bool = False, start_us: int = 0) -> bytes:
     """A flight of I and P frames of plain numbers; every value is logged anew."""
     start = header(NAMES, inter_encoding=[0] * len(NAMES), inter_predictor=[0] * len(NAMES), lines=LINES)
     parts = [start]
@@ -255,7 +280,7 @@ def described(frames: int = 2000, *, chirp: bool = False) -> bytes:
         if index % 4:
             parts.append(inter(b"".join(map(signed, values))))
         else:
-            parts.append(intra(2 * index, 5000 + 1000 * index, *values))
+            parts.append(intra(2 * index, start_us + 5000 + 1000 * index, *values))
     return b"".join(parts) + END
 
 
@@ -327,6 +352,37 @@ def test_longest_flight_comes_first(tmp_path: Path) -> None:
     assert [topic.name for topic in record.topics] == ["flight 2", "flight 1", "flight 3"]
     several = [finding for finding in record.findings if finding.kind == "several_flights"]
     assert [finding.numbers["flights"] for finding in several] == [3.0]
+
+
+def test_no_second_is_of_two_flights(tmp_path: Path) -> None:
+    """Each battery starts the clock of the flight controller anew, and a flash keeps flights of many."""
+    record = record_of(described(40) + described(80) + described(20), tmp_path)
+
+    spans = sorted((float(topic.time_s[0]), float(topic.time_s[-1])) for topic in record.topics)
+    assert all(before[1] < after[0] for before, after in pairwise(spans))
+    lengths = {topic.name: float(np.ptp(topic.time_s)) for topic in record.topics}
+    assert lengths == pytest.approx({"flight 1": 0.039, "flight 2": 0.079, "flight 3": 0.019})
+    (several,) = [finding for finding in record.findings if finding.kind == "several_flights"]
+    assert "those of flight 2 are 11 s later here than logged, those of flight 3 are 22 s later" in several.message
+
+
+def test_flights_one_after_the_other_keep_their_stamps(tmp_path: Path) -> None:
+    record = record_of(described(40) + described(80, start_us=1_000_000), tmp_path)
+
+    assert sorted(float(topic.time_s[0]) for topic in record.topics) == pytest.approx([0.005, 1.005])
+    (several,) = [finding for finding in record.findings if finding.kind == "several_flights"]
+    assert "later" not in several.message
+
+
+def test_flights_of_other_gains_are_told(tmp_path: Path) -> None:
+    other = described(40).replace(b"H rollPID:45,80,40", b"H rollPID:50,80,40")
+    record = record_of(other + described(80), tmp_path)
+
+    (told,) = [finding for finding in record.findings if finding.kind == "parameters_changed"]
+    assert "Flight 1 was flown with other settings than flight 2: rollPID_P 50 to 45." in told.message
+    assert record.parameters["rollPID_P"] == 45.0
+    same = record_of(described(40) + described(80), tmp_path)
+    assert "parameters_changed" not in {finding.kind for finding in same.findings}
 
 
 def test_sniffs_by_content() -> None:

@@ -113,3 +113,29 @@ def test_a_table_that_cannot_be_read_is_one_sentence(tmp_path: Path, text: str, 
         rotorid.read(tmp_path / "LOG.01.csv")
     assert error.value.exit_code == 2
     assert error.value.remedy
+
+
+def test_a_log_of_high_resolution_without_settings_is_known_by_its_throttle(
+    tmp_path: Path, flight: Flight, sound: FlightRecord
+) -> None:
+    tenths = [10.0 if name.startswith(("rcCommand", "gyroADC")) else 1.0 for name in flight.fields]
+    fine = replace(flight, frames=flight.frames * np.array(tenths))
+    (tmp_path / "LOG.01.csv").write_text("\n".join(rows(fine)))
+    record = rotorid.read(tmp_path / "LOG.01.csv")
+    compare(record, sound, ["p", "q", "r", "roll_stick", "thrust_stick"])
+
+
+def test_without_settings_and_throttle_the_scale_of_rates_is_said_to_be_unknown(tmp_path: Path) -> None:
+    (tmp_path / "LOG.01.csv").write_text("loopIteration, time (us), gyroADC[0]\n0, 0, 100\n1, 500, 100\n")
+    record = rotorid.read(tmp_path / "LOG.01.csv")
+    (told,) = [finding for finding in record.findings if finding.where == "settings"]
+    assert "nothing tells whether rates and set-points are tenths" in told.message
+
+
+@pytest.mark.parametrize(("unit", "value"), [("A", 12.5), ("mA", 12500.0)])
+def test_current_is_in_the_unit_of_its_column(unit: str, value: float, tmp_path: Path, flight: Flight) -> None:
+    header, *body = rows(flight)
+    (tmp_path / "LOG.01.headers.csv").write_text("\n".join(["fieldname, fieldvalue", *settings(flight)]))
+    table = [f"{header}, amperageLatest ({unit})", *(f"{line}, {value}" for line in body[:50])]
+    (tmp_path / "LOG.01.csv").write_text("\n".join(table))
+    np.testing.assert_allclose(rotorid.read(tmp_path / "LOG.01.csv")["battery_current"].values, 12.5)

@@ -189,3 +189,25 @@ def test_memory_follows_what_is_asked_for_and_not_the_log(tmp_path: Path) -> Non
     # Positions twice in 4 bytes, values in 4, and some 40 000 places of a block of 4 MiB in a dozen arrays and lists of
     # 8 bytes or of Python's integers. The log itself has 66 MB.
     assert peak < 12 * count + 40_000 * (12 * 8 + 3 * 40)
+
+
+def test_parameters_are_the_last_ones_and_those_of_loops_that_changed_are_known(tmp_path: Path) -> None:
+    def parameter(name: str, value: float) -> bytes:
+        key = f"float {name}".encode()
+        return message("P", bytes([len(key)]) + key + struct.pack("<f", value))
+
+    stated = [("MC_ROLLRATE_P", 0.15), ("LND_FLIGHT_T_LO", 1.0), ("MC_ROLLRATE_P", 0.25), ("LND_FLIGHT_T_LO", 2.0)]
+    found = extract(
+        written(
+            tmp_path,
+            message("F", STAMPED),
+            *(parameter(*one) for one in stated[:2]),
+            subscription(0, "battery_status"),
+            sample(0, 0),
+            *(parameter(*one) for one in stated[2:]),
+            sample(0, 1),
+        ),
+        {"battery_status": ("voltage_v",)},
+    )
+    assert found.parameters == pytest.approx({"MC_ROLLRATE_P": 0.25, "LND_FLIGHT_T_LO": 2.0})
+    assert found.changed == {"MC_ROLLRATE_P": (pytest.approx(0.15), 0.25)}

@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorid.data.record import MotorRecord
+from rotorid.data.record import FlightRecord, MotorRecord, Source
 from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.motors import motor_parameters
 from rotorid.pipeline.fits.motors.loads import judge_loads, thrust_of_logs, voltage_exponent
+from rotorid.pipeline.preparation.motor_data import _compensated
+from rotorid.signal.motors import Kind, MotorHistory
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 
 
@@ -57,3 +59,30 @@ def test_the_power_of_the_voltage_comes_back(record: MotorRecord, exponent: floa
 def test_a_battery_that_holds_says_nothing(record: MotorRecord) -> None:
     assert voltage_exponent(*posed(record), 15.0) is None
     assert voltage_exponent(*posed(record), None) is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "log", "parameters", "compensated"),
+    [
+        ("output", "PX4 ULog", {"MC_BAT_SCALE_EN": 1.0}, False),
+        # PX4 scales its demands before it logs them.
+        ("thrust_demand", "PX4 ULog", {"MC_BAT_SCALE_EN": 1.0}, False),
+        (
+            "thrust_demand",
+            "ArduPilot DataFlash",
+            {
+                **{"MOT_BAT_VOLT_MAX": 16.8, "MOT_BAT_VOLT_MIN": 13.2},
+                **{"MOT_THST_EXPO": 0.65, "MOT_SPIN_MIN": 0.15, "MOT_SPIN_MAX": 0.95},
+            },
+            True,
+        ),
+        ("speed", "CSV", {}, True),
+    ],
+)
+def test_thrust_follows_the_battery_but_where_it_is_compensated_behind_the_log(
+    kind: Kind, log: str, parameters: dict[str, float], *, compensated: bool
+) -> None:
+    source = Source(name="log", format=log, sha256="")
+    record = FlightRecord(source=source, topics=(), parameters=parameters)
+    motors = MotorHistory(kind=kind, time_s=np.arange(2.0), values=np.zeros((4, 2)), source="")
+    assert _compensated(record, motors) is compensated

@@ -18,7 +18,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Source, Topic
+from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Source, Status, Topic
 from rotorid.errors import LogError, UsageError
 from rotorid.io.ardupilot.advice import decimation_findings, missing_rate, slow_topics
 from rotorid.io.ardupilot.batches import BATCH_MESSAGES, sensor_topics
@@ -27,7 +27,7 @@ from rotorid.io.ardupilot.firmware import Firmware, firmware_of, is_centivolts, 
 from rotorid.io.ardupilot.status import STATUS_MESSAGES, status_of
 from rotorid.io.files import file_bytes
 from rotorid.io.flags import vehicle_findings
-from rotorid.io.parameters import kept_parameters
+from rotorid.io.parameters import changed_in, kept_parameters, parameters_changed
 from rotorid.io.screening import without_lone
 from rotorid.typing import AnyArray, Axis, BoolArray
 from rotorid.units import parse_unit
@@ -137,6 +137,9 @@ FRAME_NAME_MOTORS: Mapping[str, int] = MappingProxyType(
 DSHOT_TYPES = range(4, 8)
 """``MOT_PWM_TYPE`` of digital protocols, which know no limits but 1000 and 2000."""
 
+_PWM_RANGE = 8
+"""``MOT_PWM_TYPE`` of pulses that go through the limits of each output."""
+
 STICKS: Mapping[str, tuple[str, int]] = MappingProxyType(
     {"roll": ("RCMAP_ROLL", 1), "pitch": ("RCMAP_PITCH", 2), "yaw": ("RCMAP_YAW", 4), "thrust": ("RCMAP_THROTTLE", 3)}
 )
@@ -237,6 +240,7 @@ def record_of(tables: Mapping[str, Table], source: Source, findings: Iterable[Fi
         findings=(
             *findings,
             *vehicle_findings(status),
+            *_changed(tables, status),
             *_system_id_findings(runs),
             *decimation_findings(topics, [run.band_rad_s[1] if run.band_rad_s else 0.0 for run in runs], parameters),
             *_dialect(tables, firmware, parameters),
@@ -263,6 +267,19 @@ def _parameters(tables: Mapping[str, Table]) -> Mapping[str, float]:
         for name, value in zip(table.column("Name"), table.column("Value"), strict=True)
         if np.isfinite(value)
     }
+
+
+def _changed(tables: Mapping[str, Table], status: Status) -> Iterator[Finding]:
+    """Gains and filters that changed from when the motors first could run."""
+    table = tables.get("PARM")
+    if table is None or not (table.holds_text("Name") and table.holds_numbers("Value")):
+        return
+    stated = list(zip(map(str, table.column("Name")), map(float, table.column("Value")), strict=True))
+    begun = 0
+    if status.armed and table.time_s is not None:
+        begun = int(np.searchsorted(table.time_s, status.armed[0][0]))
+    if changed := changed_in([*dict(stated[:begun]).items(), *stated[begun:]]):
+        yield parameters_changed(changed, "Parameters changed after arming")
 
 
 def _sdlog2(name: str) -> LogError:
@@ -400,11 +417,11 @@ def motor_topics(tables: Mapping[str, Table], parameters: Mapping[str, float]) -
     """Motor outputs, 0 to 1 over the range of the pulse width, and measured motor speeds."""
     motors = motor_channels(tables, parameters)
     if "RCOU" in tables:
-        low, high = _motor_range(parameters)
-        rows = [
-            Row(_pulse(tables["RCOU"], channel), f"motor_{motor}", "1", 1.0 / (high - low), -low / (high - low))
-            for channel, motor in sorted(motors.items(), key=lambda pair: pair[1])
-        ]
+        rows = []
+        for channel, motor in sorted(motors.items(), key=lambda pair: pair[1]):
+            low, high = _motor_range(parameters, channel)
+            pulse = _pulse(tables["RCOU"], channel)
+            rows.append(Row(pulse, f"motor_{motor}", "1", 1.0 / (high - low), -low / (high - low)))
         topic = topic_of(tables["RCOU"], rows)
         if topic is not None:
             yield topic
@@ -443,12 +460,17 @@ def _announced_motors(tables: Mapping[str, Table]) -> int:
     return next((FRAME_NAME_MOTORS[frame] for frame in frames if frame in FRAME_NAME_MOTORS), 0)
 
 
-def _motor_range(parameters: Mapping[str, float]) -> tuple[float, float]:
-    """Pulse widths of no and of full output: as set for the motors, or else the throttle stick's (old firmware)."""
-    if int(parameters.get("MOT_PWM_TYPE", 0.0)) in DSHOT_TYPES:
+def _motor_range(parameters: Mapping[str, float], channel: int) -> tuple[float, float]:
+    """Pulse widths of no and of full output: as set for the motors, or else the throttle stick's (old firmware).
+
+    With ``PWMRange`` each output has its own.
+    """
+    kind = int(parameters.get("MOT_PWM_TYPE", 0.0))
+    if kind in DSHOT_TYPES:
         return 1000.0, 2000.0
     throttle = int(parameters.get("RCMAP_THROTTLE", 3.0))
-    for low_name, high_name in (("MOT_PWM_MIN", "MOT_PWM_MAX"), (f"RC{throttle}_MIN", f"RC{throttle}_MAX")):
+    own = [(f"SERVO{channel}_MIN", f"SERVO{channel}_MAX")] if kind == _PWM_RANGE else []
+    for low_name, high_name in (*own, ("MOT_PWM_MIN", "MOT_PWM_MAX"), (f"RC{throttle}_MIN", f"RC{throttle}_MAX")):
         low, high = parameters.get(low_name, 0.0), parameters.get(high_name, 0.0)
         if 0.0 < low < high:
             return low, high

@@ -90,13 +90,16 @@ def _vehicle(parameters: Mapping[str, float], firmware: str) -> tuple[Vehicle, s
 
 def _between(
     events: tuple[FloatArray, AnyArray], meaning: Mapping[int, bool], span_s: tuple[float, float]
-) -> Intervals:
-    """When a state was on that some events begin and others end; an end without a beginning began before the log."""
+) -> Intervals | None:
+    """When a state was on that some events begin and others end; an end without a beginning began before the log.
+
+    Of a log that tells neither arming nor landing nothing is said: it may begin and end in the air.
+    """
     time_s, numbers = events
     told = np.isin(numbers, list(meaning))
     time_s, on = time_s[told], np.array([meaning[int(number)] for number in numbers[told]], dtype=np.bool_)
     if not time_s.size:
-        return ()
+        return () if np.isin(numbers, (_ARMED, _DISARMED, *_IN_AIR)).any() else None
     begun = not on[0] and int(numbers[told][0]) in (_LANDED, _DISARMED)
     return intervals_of(
         np.concatenate([[min(span_s[0], float(time_s[0]))], time_s]), np.concatenate([[begun], on]), until_s=span_s[1]

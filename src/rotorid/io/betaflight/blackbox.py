@@ -27,6 +27,8 @@ _PADDING = 4096
 _LEAST_ERASED = 16
 """So many bytes of ones at the end are flash memory that was never written."""
 WRAP = 1 << 32
+_REVISION = re.compile(r"(Betaflight|INAV)\D{0,40}(\d{1,4})\.(\d{1,4})")
+
 MOST_FLIGHTS = 10_000
 """More than a memory holds; each takes room, even one of which there is nothing but the first words."""
 
@@ -179,6 +181,12 @@ class Header:
         text = self.values.get(name, "").split(",")[0]
         value = _number(text)
         return default if value is None else value
+
+    @property
+    def firmware(self) -> tuple[str, tuple[int, int]]:
+        """Name and version, such as ``("Betaflight", (4, 5))``; empty and zero where the header says neither."""
+        found = _REVISION.search(self.values.get("Firmware revision", ""))
+        return (found[1], (int(found[2]), int(found[3]))) if found else ("", (0, 0))
 
 
 def flights(data: bytes) -> Iterator[tuple[int, Flight | LogError]]:

@@ -37,12 +37,15 @@ _COLUMN = re.compile(r"(?P<name>\w+(?:\[\d+\])?)(?: \((?P<unit>[^)]*)\))?")
 _FIELDS = re.compile(
     r"(axis[PIDFS]|axisSum|axisRate|gyroADC|gyroUnfilt|accSmooth|motor|eRPM|setpoint|rcCommand|debug|navPos|navVel)\[\d+\]|vbat\w*|amperageLatest"
 )
-_BEFORE_4 = re.compile(r"Betaflight\D{0,40}[0-3]\.")
 _EXPLORER = re.compile(r'"Product"\s*,\s*"?Blackbox flight data recorder')
 _TIMES: Mapping[str, float] = MappingProxyType({"": 1e-6, "us": 1e-6, "ms": 1e-3, "s": 1.0})
 _ROTATIONS: Mapping[str, float] = MappingProxyType({"deg/s": math.pi / 180.0, "rad/s": 1.0})
 _ACCELERATIONS: Mapping[str, float] = MappingProxyType({"g": 1.0, "m/s2": 1.0 / STANDARD_GRAVITY_M_S2})
+_CURRENTS: Mapping[str, float] = MappingProxyType({"A": 100.0, "mA": 0.1})
 _MOST_SETTINGS = 5000
+
+_LARGEST_PULSE_US = 2500.0
+"""Throttle is 1000 to 2000 µs; a log of high resolution counts tenths of all sticks, rates and set-points."""
 
 
 def sniff(head: bytes) -> bool:
@@ -97,7 +100,7 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> F
     values = _table(body, [clock, *wanted], len(columns), source.name)
     header = Header(
         # Every firmware that is still decoded logs degrees per second; the oldest ones say so by their settings.
-        values=MappingProxyType(settings or {"Firmware type": ""}),
+        values=MappingProxyType(settings or {"Firmware type": "", **_resolution(values, wanted, held)}),
         layouts=_layouts(held[place]["name"] for place in wanted if settings or not _needs_settings(held[place])),
         cadence=(1, 1, 1),
         size=0,
@@ -123,13 +126,32 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> F
     record = record_of([flight], [], source)
     if settings:
         return record
+    scale = (
+        ""
+        if _THROTTLE in {held[place]["name"] for place in wanted}
+        else (
+            f", and without {_THROTTLE} nothing tells whether rates and set-points are tenths of their unit "
+            "(blackbox_high_resolution), which they are not taken for"
+        )
+    )
     told = warn(
         "missing_channel",
         "settings",
         "the CSV comes without the settings of the flight controller, so that motors, accelerometer and voltage have "
-        f"no unit and were left out; give the .BBL, or decode it with --save-headers and keep {beside.name} beside it",
+        f"no unit and were left out{scale}; give the .BBL, or decode it with --save-headers and keep {beside.name} "
+        "beside it",
     )
     return replace(record, findings=(*record.findings, told))
+
+
+_THROTTLE = "rcCommand[3]"
+
+
+def _resolution(values: FloatArray, wanted: Sequence[int], held: Mapping[int, re.Match[str]]) -> dict[str, str]:
+    """The setting of high resolution, where the size of the throttle shows it."""
+    names = [held[place]["name"] for place in wanted]
+    high = _THROTTLE in names and float(np.median(values[1 + names.index(_THROTTLE)])) > _LARGEST_PULSE_US
+    return {"blackbox_high_resolution": "1"} if high else {}
 
 
 def _needs_settings(column: re.Match[str]) -> bool:
@@ -151,8 +173,10 @@ def _raw(values: FloatArray, column: re.Match[str], header: Header) -> FloatArra
     if name.startswith("accSmooth") and unit in _ACCELERATIONS:
         return values * (_ACCELERATIONS[unit] * header.number("acc_1G"))
     if name.startswith("vbat") and unit == "V":
-        tenths = _BEFORE_4.search(header.values.get("Firmware revision", ""))
-        return values * (10.0 if tenths else 100.0)
+        firmware, version = header.firmware
+        return values * (10.0 if firmware == "Betaflight" and version < (4, 0) else 100.0)
+    if name.startswith("amperage") and unit in _CURRENTS:
+        return values * _CURRENTS[unit]
     return values
 
 

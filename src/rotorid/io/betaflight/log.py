@@ -27,6 +27,7 @@ from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, Channel, FlightRec
 from rotorid.errors import LogError
 from rotorid.io.betaflight.blackbox import MAGIC, Flight, Header, flights, parameters_of
 from rotorid.io.betaflight.status import status_of
+from rotorid.io.parameters import parameters_changed
 from rotorid.typing import Axis, BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -91,6 +92,7 @@ def record_of(readable: Sequence[Flight], unread: Sequence[tuple[int, LogError]]
     LogError
         No field is one that the package has a name for.
     """
+    readable, later_s = _in_a_row(readable)
     longest = readable[0]
     topics = tuple(_main_topic(flight, _chirp_rows(flight)) for flight in readable)
     if not topics[0].channels:
@@ -101,8 +103,39 @@ def record_of(readable: Sequence[Flight], unread: Sequence[tuple[int, LogError]]
         parameters=parameters_of(longest.header),
         declared=tuple(maneuver for flight in readable for maneuver in _chirp_maneuvers(flight)),
         instruments=_instruments(topics),
-        findings=findings_of(readable, unread, topics),
+        findings=findings_of(readable, unread, topics, later_s),
         status=status_of(readable),
+    )
+
+
+_APART_S = 10.0
+"""Between flights whose clocks were set apart."""
+
+
+def _in_a_row(readable: Sequence[Flight]) -> tuple[list[Flight], dict[int, float]]:
+    """The flights in their order, and by how much the clocks of some were set later.
+
+    The flight controller counts from when it got its battery, and a flash holds flights of many batteries: their
+    stamps may be those of a flight before, and no second may be of two flights.
+    """
+    later_s: dict[int, float] = {}
+    end_s = -math.inf
+    for flight in sorted(readable, key=lambda one: one.number):
+        start_s, stop_s = float(flight.time_s[0]), float(flight.time_s[-1])
+        if start_s <= end_s:
+            later_s[flight.number] = math.ceil(end_s + _APART_S - start_s)
+        end_s = stop_s + later_s.get(flight.number, 0.0)
+    return [_later(flight, later_s.get(flight.number, 0.0)) for flight in readable], later_s
+
+
+def _later(flight: Flight, by_s: float) -> Flight:
+    if not by_s:
+        return flight
+    return replace(
+        flight,
+        time_s=flight.time_s + by_s,
+        fix_time_s=flight.fix_time_s + by_s,
+        slow_time_s=flight.slow_time_s + by_s,
     )
 
 
@@ -151,7 +184,6 @@ QUAD_X: Mapping[str, tuple[float, float, float, float]] = MappingProxyType(
 """Inverse of the mixer for motors rear right, front right, rear left, front left; the first turns clockwise."""
 
 _DEGREE = math.pi / 180.0
-_REVISION = re.compile(r"(Betaflight|INAV)\D{0,40}(\d{1,4})\.(\d{1,4})")
 
 
 class Row(NamedTuple):
@@ -318,10 +350,9 @@ def _navigation(flight: Flight) -> Iterator[Row]:
 
 def _battery(flight: Flight) -> Iterator[Row]:
     """Voltage, where the firmware's version says in what it was counted."""
-    revision = _REVISION.search(flight.header.values.get("Firmware revision", ""))
-    if revision is None:
+    name, version = flight.header.firmware
+    if not name:
         return
-    name, version = revision[1], (int(revision[2]), int(revision[3]))
     source = "vbat" if name == "INAV" and "vbat" in flight.fields else "vbatLatest"
     if source not in flight.fields or (name == "Betaflight" and version < (3, 1)):
         return
@@ -357,10 +388,9 @@ def _unfiltered(flight: Flight) -> Iterator[Row]:
     if "gyroUnfilt[0]" in flight.fields:
         yield from _body(flight, "gyroUnfilt", names, gyro_scale(flight.header))
         return
-    revision = _REVISION.search(flight.header.values.get("Firmware revision", ""))
-    if revision is None or revision[1] != "Betaflight":
+    firmware, version = flight.header.firmware
+    if firmware != "Betaflight":
         return
-    version = (int(revision[2]), int(revision[3]))
     mode = next((mode for first, mode in _UNFILTERED_MODES.items() if version >= first), None)
     if flight.header.number("debug_mode") == mode and _follows_gyro(flight):
         yield from _body(flight, "debug", names, _DEGREE * _tenths(flight.header))
@@ -481,11 +511,15 @@ _NEEDED = (
 
 
 def findings_of(
-    flights: Sequence[Flight], unread: Sequence[tuple[int, LogError]], topics: Sequence[Topic]
+    flights: Sequence[Flight],
+    unread: Sequence[tuple[int, LogError]],
+    topics: Sequence[Topic],
+    later_s: Mapping[int, float],
 ) -> tuple[Finding, ...]:
     """All remarks on a log; ``flights`` and ``topics`` with the preferred flight first."""
     return (
-        *_others(flights),
+        *_others(flights, later_s),
+        *_other_settings(flights),
         *(_unread(number, error) for number, error in unread),
         *(finding for flight in flights for finding in _damage(flight)),
         *_missing(topics[0]),
@@ -493,19 +527,43 @@ def findings_of(
     )
 
 
-def _others(flights: Sequence[Flight]) -> Iterator[Finding]:
+def _others(flights: Sequence[Flight], later_s: Mapping[int, float]) -> Iterator[Finding]:
     if len(flights) < 2:
         return
     first, *others = flights
     listed = ", ".join(f"flight {flight.number} ({_span(flight)})" for flight in others)
+    moved = [f"those of flight {number} are {by_s:g} s later here than logged" for number, by_s in later_s.items()]
+    clocks = f"; clocks began anew between them: {', '.join(moved)}" if moved else ""
     yield remark(
         "several_flights",
         "log",
         f"the log holds {len(flights)} flights; the longest, flight {first.number} ({_span(first)}), comes "
-        f"first, and the others are {listed}",
+        f"first, and the others are {listed}{clocks}",
         flights=len(flights),
         longest_s=first.duration_s,
     )
+
+
+_OF_LOOPS = re.compile(
+    r"(?:(?:roll|pitch|yaw|level)PID|[dp]_m(?:in|ax)|ff_weight|feedforward_weight|gyro_|dterm_|dyn_|rpm_filter|tpa_|"
+    r"thrust_linear|anti_gravity_gain|pid_process_denom)\w{0,40}"
+)
+"""Settings that loops follow from; not the voltage that is logged with them, nor the rates of the sticks."""
+
+
+def _other_settings(flights: Sequence[Flight]) -> Iterator[Finding]:
+    """Flights of other settings than the longest, whose settings are taken for those of the log."""
+    if not flights:
+        return
+    first, *others = flights
+    known = parameters_of(first.header)
+    for flight in others:
+        own = parameters_of(flight.header)
+        shared = filter(_OF_LOOPS.fullmatch, known.keys() & own.keys())
+        changes = {name: (own[name], known[name]) for name in shared if own[name] != known[name]}
+        if changes:
+            why = f"Flight {flight.number} was flown with other settings than flight {first.number}"
+            yield parameters_changed(changes, why, taken=f"those of flight {first.number}")
 
 
 def _span(flight: Flight) -> str:

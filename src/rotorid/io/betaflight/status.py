@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 from rotorid.data.record import Intervals, Status
 from rotorid.io.betaflight.blackbox import Flight
@@ -12,12 +13,21 @@ _FLAGS, _FAILSAFE = "flightModeFlags", "failsafePhase"
 _ARM, _ANGLE, _HORIZON = 1, 2, 4
 """Boxes of ``flightModeFlags`` that stand at the same bit in every version since 3.0."""
 
+_SELF_LEVELED: Mapping[tuple[int, int], Mapping[int, str]] = MappingProxyType(
+    {
+        (2025, 12): {1 << 10: "GPS rescue", 1 << 9: "position hold", 1 << 4: "altitude hold"},
+        (4, 0): {1 << 7: "GPS rescue"},
+    }
+)
+"""Boxes with which the autopilot levels although neither angle nor horizon mode is set, by the first version."""
+
 
 def status_of(flights: Sequence[Flight]) -> Status:
     """When the flights of a log were armed, and when the sticks were set-points of rates.
 
     There is no landed flag. Without angle and horizon mode the set-points of the body rates come straight from the
-    sticks, unless the failsafe flies. INAV numbers its modes otherwise; of it nothing is said.
+    sticks, unless the failsafe, a GPS rescue or a hold of altitude or position flies. INAV numbers its modes otherwise;
+    of it nothing is said.
 
     Parameters
     ----------
@@ -49,18 +59,24 @@ def _intervals(flight: Flight, *, direct: bool) -> Intervals:
     flags = flight.slow_field(_FLAGS)
     on = (flags & _ARM) > 0
     if direct:
-        on = (flags & (_ANGLE | _HORIZON)) == 0
+        on = (flags & sum(_leveling(flight))) == 0
         if _FAILSAFE in flight.slow_fields:
             on = on & (flight.slow_field(_FAILSAFE) == 0)
     return intervals_of(flight.slow_time_s, on, until_s=float(flight.time_s[-1]))
 
 
-_MODES = {0: "acro", _ANGLE: "angle", _HORIZON: "horizon", _ANGLE | _HORIZON: "angle"}
+def _leveling(flight: Flight) -> dict[int, str]:
+    """Boxes with which the set-points of the rates are not the sticks'; the first that is set names the mode."""
+    _, version = flight.header.firmware
+    newest = next((boxes for since, boxes in _SELF_LEVELED.items() if version >= since), {})
+    return {**newest, _ANGLE: "angle", _HORIZON: "horizon"}
 
 
 def _modes(flight: Flight) -> tuple[tuple[str, float, float], ...]:
-    levels = flight.slow_field(_FLAGS) & (_ANGLE | _HORIZON)
-    return stays_of(flight.slow_time_s, levels, _MODES, until_s=float(flight.time_s[-1]))
+    boxes = _leveling(flight)
+    levels = flight.slow_field(_FLAGS) & sum(boxes)
+    words = {int(level): next((word for box, word in boxes.items() if level & box), "acro") for level in set(levels)}
+    return stays_of(flight.slow_time_s, levels, words, until_s=float(flight.time_s[-1]))
 
 
 def _sorted(each: Iterable[Intervals]) -> Intervals:

@@ -19,7 +19,7 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, T
 from rotorid.errors import LogError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.flags import vehicle_findings
-from rotorid.io.parameters import kept_parameters
+from rotorid.io.parameters import kept_parameters, parameters_changed
 from rotorid.io.px4.advice import logging_advice
 from rotorid.io.px4.sensors import SENSOR_FIELDS, sensor_topics
 from rotorid.io.px4.status import STATUS_FIELDS, status_of
@@ -52,6 +52,7 @@ def read(path: Path, source: Source) -> FlightRecord:
     log = extract(path, wanted_fields())
     facts = {
         "parameters": kept_parameters(log.parameters),
+        "changed": log.changed,
         "dropouts": log.dropouts,
         "damage": log.damage,
         "size_bytes": log.size_bytes,
@@ -376,12 +377,15 @@ def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any], firmware: str
     topics
         What was read.
     facts
-        What the container says: ``damage``, ``dropouts``, ``size_bytes``, ``parameters``.
+        What the container says: ``damage``, ``dropouts``, ``size_bytes``, ``parameters``, and which of these
+        ``changed``, if it says that.
     firmware
         As it introduces itself.
     """
     yield from _damage(facts["damage"], facts["size_bytes"])
     yield from _dropouts(facts["dropouts"])
+    if changed := facts.get("changed"):
+        yield parameters_changed(changed, "Parameters changed in the log")
     advice = logging_advice(facts["parameters"], firmware)
     remedy = f"{capital(advice)}."
     yield from _missing(topics, remedy)

@@ -30,6 +30,7 @@ import numpy as np
 
 from rotorid.errors import LogError
 from rotorid.io.files import Place, file_bytes, gather, let_go, tell_progress
+from rotorid.io.parameters import changed_in
 from rotorid.typing import AnyArray, IntArray
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -105,6 +106,8 @@ class ULog:
         The fields that exist, and the stamps ``topic/timestamp`` and ``topic/timestamp_sample``.
     parameters
         The autopilot's parameters at the end of the log.
+    changed
+        First and last value of gains and filters that changed in it.
     info
         Name and packed version of the firmware.
     dropouts
@@ -117,6 +120,7 @@ class ULog:
 
     arrays: Mapping[str, AnyArray]
     parameters: Mapping[str, float]
+    changed: Mapping[str, tuple[float, float]]
     info: Mapping[str, str | int]
     dropouts: Sequence[tuple[float, float]]
     damage: Sequence[tuple[int, int, str]]
@@ -161,10 +165,11 @@ def extract(path: Path, topics: Mapping[str, Sequence[str]]) -> ULog:
         else:
             damage.append((HEADER_BYTES, HEADER_BYTES, f"the definition of {topic} names no time stamps"))
     arrays = Samples(data=data, fields=fields)
-    parameters, info = _statements(data, found)
+    parameters, changed, info = _statements(data, found)
     return ULog(
         arrays=arrays,
         parameters=parameters,
+        changed=changed,
         info=info,
         dropouts=list(_dropouts(data, found, streams, arrays)),
         damage=damage,
@@ -201,9 +206,11 @@ def _places(found: Walk, stream: Stream, names: Sequence[str]) -> dict[str, Plac
     return places
 
 
-def _statements(data: AnyArray, found: Walk) -> tuple[dict[str, float], dict[str, str | int]]:
-    """Parameters, of one that changed in flight the last value, and information of the firmware."""
-    parameters: dict[str, float] = {}
+def _statements(
+    data: AnyArray, found: Walk
+) -> tuple[dict[str, float], dict[str, tuple[float, float]], dict[str, str | int]]:
+    """Parameters, of one that changed in flight the last value; which changed; and information of the firmware."""
+    stated: list[tuple[str, float]] = []
     info: dict[str, str | int] = {}
     for position in found.statements:
         letter, payload = _message(data, position)
@@ -217,10 +224,10 @@ def _statements(data: AnyArray, found: Walk) -> tuple[dict[str, float], dict[str
         elif kind in _NUMBERS and len(value) == _NUMBERS[kind].size and (letter == "P" or name in _INFORMATION):
             (number,) = _NUMBERS[kind].unpack(value)
             if letter == "P":
-                parameters[name] = float(number)
+                stated.append((name, float(number)))
             else:
                 info[name] = number
-    return parameters, info
+    return dict(stated), changed_in(stated), info
 
 
 def _dropouts(

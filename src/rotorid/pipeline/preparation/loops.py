@@ -146,13 +146,22 @@ def axis_loop(axis: Axis, measured: Measured, flown: Sequence[Flight]) -> AxisLo
     if loop is None and attitude is None:
         return None
     found = AxisLoop(
-        method=method or "no injection at the mixer and no gains in the log: no broken loop",
+        method=method or _no_loop(flown),
         loop=loop,
         margins=loop_margins(loop) if loop else None,
         rejection=disturbance_rejection(sensitivity(loop)) if loop else None,
         attitude=attitude,
     )
     return replace(found, beyond=_beyond(axis, found, measured, flown)) if found.bounds else found
+
+
+def _gains_changed(flown: Sequence[Flight]) -> bool:
+    return any(finding.kind == "parameters_changed" for record, _ in flown for finding in record.findings)
+
+
+def _no_loop(flown: Sequence[Flight]) -> str:
+    gains = "gains that changed in the log" if _gains_changed(flown) else "no gains in the log"
+    return f"no injection at the mixer and {gains}: no broken loop"
 
 
 def _injected(
@@ -186,6 +195,8 @@ def _computed(axis: Axis, measured: Measured, flown: Sequence[Flight]) -> tuple[
     parameters = flown[0][0].parameters
     controllers = logged_controllers(flown, measured, f"{axis}_command", rate)
     if len(controllers) != 1 or any(record.parameters != parameters for record, _ in flown):
+        return None
+    if _gains_changed(flown):
         return None
     plant = selected(response, outputs=[rate], inputs=[f"{axis}_command"])
     gains = controllers[0].rate_loop.response(response.omega_rad_s)

@@ -242,13 +242,17 @@ def common_voltage(flown: Sequence[FlownMotors], reference_v: float | None) -> V
 
 
 def _compensated(record: FlightRecord, history: MotorHistory) -> bool:
-    """Whether thrust at a value of the motors does not follow the voltage: speeds, and demands that are corrected."""
+    """Whether thrust at a value of the motors does not follow the voltage: speeds, and demands corrected later.
+
+    ArduPilot corrects behind what it logs. PX4 (``MC_BAT_SCALE_EN``) scales its set-points before it publishes them:
+    what is logged is scaled, and thrust at it follows the voltage as that of an output does.
+    """
     if history.kind == "speed":
         return True
     if history.kind == "output":
         return False
     known = linearization_of(record)
-    return (known is not None and known.compensates_voltage) or record.parameters.get("MC_BAT_SCALE_EN", 0.0) == 1.0
+    return known is not None and known.compensates_voltage
 
 
 _AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw", "thrust")
