@@ -70,3 +70,23 @@ def test_what_roll_does_to_yaw_is_no_spin_up(shared_data: Path) -> None:
     assert (found["N_spin"].status, said.kind) == ("dropped", "dropped_parameter")
     assert said.numbers["deviations"] < 3.0
     assert said.numbers["cost_rise"] > 2.0
+
+
+def test_a_hover_model_is_refused_where_the_controller_moved_its_other_input(shared_data: Path) -> None:
+    """Under the hold of height thrust goes with pitch: Z_w came out as -0.69 +- 0.03 for +0.70."""
+    record = rotorid.read(shared_data / "s500" / "pitch_sweeps.csv")
+    with pytest.raises(InsufficientDataError, match=r"thrust_command was not excited, and 5\d % of") as refusal:
+        rotorid.identify(record, "hover.longitudinal")
+    assert [one.kind for one in refusal.value.findings] == ["correlated_inputs"]
+    # In roll sweeps a tenth of yaw goes with roll.
+    assert (
+        "L_roll" in rotorid.identify(rotorid.read(shared_data / "s500" / "roll_sweeps.csv"), "hover.lateral").parameters
+    )
+
+
+def test_a_search_keeps_no_coupling_that_grows_without_bound(shared_data: Path) -> None:
+    """A coupling is what is zero in the library, wherever a search begins: L_p was -0.08 +- 251000."""
+    record = rotorid.read(shared_data / "s500" / "roll_sweeps.csv")
+    found = rotorid.identify(record, "hover.lateral", outputs=("p", "r"), search="cma", evaluations=300)
+    assert found["N_p"].status == "dropped"
+    assert max(one.std / abs(one.value) for one in found.parameters.values() if one.std) < 20.0

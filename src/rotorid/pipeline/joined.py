@@ -611,8 +611,19 @@ def _of_airframe(model: IdentifiedModel) -> dict[str, VehicleNumber]:
         first = late[0]
         known_s = first.known_filters_s or 0.0
         own_s = max(first.input_delay_s + first.output_delay_s - known_s, 0.0)
-        found["delay"] = VehicleNumber(value=own_s, unit="s", source="derived", std=first.total_std_s, of=of)
+        found["delay"] = VehicleNumber(value=own_s, unit="s", source="derived", std=_delay_std(model), of=of)
     return found
+
+
+def _delay_std(model: IdentifiedModel) -> float | None:
+    """Of the delay to the first output that has one, by its own parameters: with a lag their sum is known better."""
+    (pair, first), *_ = ((pair, one) for pair, one in model.delays.items() if one.total_s > 0.0)
+    output, _, command = pair.partition("/")
+    of = model.structure
+    entries = of.input_delays[of.inputs.index(command)], of.output_delays[of.outputs.index(output)]
+    names = {name for entry in entries for name in entry.names}
+    stds = [one.std for name, one in model.parameters.items() if name in names and one.std]
+    return math.hypot(*stds) if stds else first.total_std_s
 
 
 def _combined(name: str, found: Sequence[VehicleNumber], known: Mapping[str, float]) -> VehicleNumber:

@@ -394,7 +394,23 @@ def as_records(
     from rotorid.io.registry import read
 
     several = (records,) if isinstance(records, str | Path | FlightRecord) else records
-    return tuple(record if isinstance(record, FlightRecord) else read(record) for record in several)
+    return _told_apart([record if isinstance(record, FlightRecord) else read(record) for record in several])
+
+
+def _told_apart(records: "Sequence[FlightRecord]") -> "tuple[FlightRecord, ...]":
+    """Records whose names differ: several cards hold a ``00000012.BIN``, and findings and fits go by names.
+
+    One that is given twice keeps its name, under which it is refused.
+    """
+    names = [record.source.name for record in records]
+    contents = {(record.source.name, record.source.sha256 or id(record)) for record in records}
+    several = {name for name in names if sum(one == name for one, _ in contents) > 1}
+    return tuple(
+        replace(record, source=replace(record.source, name=f"{name} ({1 + names[:place].count(name)})"))
+        if name in several
+        else record
+        for place, (name, record) in enumerate(zip(names, records, strict=True))
+    )
 
 
 EVALUATIONS = 2000

@@ -16,6 +16,7 @@ import numpy as np
 from rotorid.documents.base import FindingDocument
 from rotorid.documents.result import ResultDocument
 from rotorid.errors import UsageError
+from rotorid.models.library import SPIN_UP
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.summary import (
     BootstrapSummary,
@@ -159,6 +160,8 @@ def delay_rows(document: ResultDocument) -> tuple[DelayRow, ...]:
 def delay_sentence(document: ResultDocument) -> str:
     """How late each input is answered; of outputs with a budget of their own, the first counts.
 
+    Where the spin-up of rotors answers first, the delays are not how late the vehicle is, and nothing is said.
+
     Examples
     --------
     >>> budget = DelayBudget(
@@ -167,10 +170,16 @@ def delay_sentence(document: ResultDocument) -> str:
     'The vehicle answers the pitch command after 40.0 ± 0.4 ms.'
     """
     told: dict[str, str] = {}
-    for name, _, budget in _ways(document):
-        if name not in told:
+    for name, outputs, budget in _ways(document):
+        if name not in told and not ("r" in outputs and name == "yaw_command" and _spins_up(document)):
             told[name] = f"the {quantity(name).words} after {milliseconds(budget.total_s, budget.total_std_s)} ms"
     return f"The vehicle answers {', '.join(told.values())}." if told else ""
+
+
+def _spins_up(document: ResultDocument) -> bool:
+    """Whether yaw answers to the spin-up of rotors before it answers to their torque."""
+    lead = getattr(document, "parameters", {}).get(SPIN_UP)
+    return lead is not None and lead.status != "dropped" and lead.value != 0.0
 
 
 def _ways(document: ResultDocument) -> list[tuple[str, list[str], DelayBudget]]:

@@ -9,7 +9,7 @@ import numpy as np
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import AXES, MOTORS, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.signal.skew import cross_spectrum
+from rotorid.signal.skew import CrossSpectrum, cross_spectrum
 from rotorid.typing import Axis, FloatArray
 
 SATURATED_SHARE = 0.01
@@ -220,8 +220,16 @@ def _other_axes(history: TimeHistory, excited: str, accounted: Collection[str]) 
         if other in history.names and np.std(history[other]) > 0.0:
             spread, reference = float(np.std(history[other])), float(np.std(history[excited]))
             yield from _off_axis(excited, other, spread, reference)
-            if spread >= _LEAST_MOTION * reference:
-                yield from _correlated(history, excited, other)
+            lines = _lines(history, excited, other)
+            coherence = float(np.average(lines.coherence, weights=lines.first)) if lines else 0.0
+            if coherence > CORRELATED:
+                yield warn(
+                    "correlated_inputs",
+                    f"{other}/{excited}",
+                    f"{other} follows {excited} with a coherence of {coherence:.2f}; their effects cannot be told "
+                    "apart well, so use both as inputs.",
+                    coherence=coherence,
+                )
 
 
 def _off_axis(excited: str, other: str, spread: float, reference: float) -> Iterator[Finding]:
@@ -237,21 +245,33 @@ def _off_axis(excited: str, other: str, spread: float, reference: float) -> Iter
         )
 
 
-def _correlated(history: TimeHistory, excited: str, other: str) -> Iterator[Finding]:
+def led_share(history: TimeHistory, excited: str, other: str) -> float:
+    """What part of the motion of a command goes with the one that was excited; zero where it hardly moved.
+
+    Its coherence with that one on average over its own power. Controllers that hold height, heading or place move other
+    commands with the excited one, by half and more where the vehicle couples, and by a tenth where gusts alone do.
+
+    Parameters
+    ----------
+    history
+        Both commands during a maneuver.
+    excited, other
+        Their channels.
+    """
+    lines = _lines(history, excited, other)
+    return float(np.average(lines.coherence, weights=lines.second)) if lines else 0.0
+
+
+def _lines(history: TimeHistory, excited: str, other: str) -> CrossSpectrum | None:
+    reference, spread = float(np.std(history[excited])), float(np.std(history[other]))
+    if not reference > 0.0 or spread < _LEAST_MOTION * reference:
+        return None
     try:
         lines = cross_spectrum(history, excited, other)
     except InsufficientDataError:
         # Too short for a coherence: a doublet has none, and nothing can be said.
-        return
-    coherence = float(np.average(lines.coherence, weights=lines.first)) if lines.first.sum() > 0.0 else 0.0
-    if coherence > CORRELATED:
-        yield warn(
-            "correlated_inputs",
-            f"{other}/{excited}",
-            f"{other} follows {excited} with a coherence of {coherence:.2f}; their effects cannot be told apart "
-            "well, so use both as inputs.",
-            coherence=coherence,
-        )
+        return None
+    return lines if min(lines.first.sum(), lines.second.sum()) > 0.0 else None
 
 
 def _sag(time_s: FloatArray, voltage: FloatArray, maneuver: Maneuver) -> Finding:

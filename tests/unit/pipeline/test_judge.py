@@ -101,6 +101,7 @@ def a_fit(**changes: Any) -> Any:
     made = {
         "estimate": "joint",
         "outcome": Outcome.CONVERGED,
+        "final": Outcome.CONVERGED,
         "poles": [-2.0, -20.0],
         "costs": [[5.0], [6.0]],
         "missed": {"p/roll_command": 0.02, "ay/roll_command": 0.05},
@@ -118,6 +119,7 @@ def a_fit(**changes: Any) -> Any:
             structure=rate_model("rate.roll"), data=data, used=np.ones(errors.shape, dtype=np.bool_)
         ),
         solution=SimpleNamespace(outcome=made["outcome"]),
+        final=SimpleNamespace(outcome=made["final"]),
         system=SimpleNamespace(poles=lambda: np.array(made["poles"])),
         parameters=FOUND,
         costs=np.array(made["costs"]),
@@ -132,6 +134,8 @@ def a_fit(**changes: Any) -> Any:
         ({}, []),
         ({"outcome": Outcome.OUT_OF_ITERATIONS}, ["not_converged"]),
         ({"outcome": Outcome.STALLED}, ["not_converged"]),
+        # The values are those of the second fit.
+        ({"final": Outcome.OUT_OF_ITERATIONS}, ["not_converged"]),
         ({"poles": [-2.0, -630.0]}, ["impossible_physics"]),
         ({"poles": [-2.0, -620.0]}, []),
         ({"costs": [[150.0], [51.0]]}, ["poor_fit"]),

@@ -71,8 +71,11 @@ def test_a_battery_that_holds_says_nothing(record: MotorRecord) -> None:
             "thrust_demand",
             "ArduPilot DataFlash",
             {
-                **{"MOT_BAT_VOLT_MAX": 16.8, "MOT_BAT_VOLT_MIN": 13.2},
-                **{"MOT_THST_EXPO": 0.65, "MOT_SPIN_MIN": 0.15, "MOT_SPIN_MAX": 0.95},
+                "MOT_BAT_VOLT_MAX": 16.8,
+                "MOT_BAT_VOLT_MIN": 13.2,
+                "MOT_THST_EXPO": 0.65,
+                "MOT_SPIN_MIN": 0.15,
+                "MOT_SPIN_MAX": 0.95,
             },
             True,
         ),

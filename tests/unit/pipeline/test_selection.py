@@ -13,7 +13,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import choose_instruments, find_instrument
 from rotorid.pipeline.preparation.selection import select_maneuvers
-from rotorid.pipeline.settings import IdentifySettings, parse_segment
+from rotorid.pipeline.settings import IdentifySettings, as_records, parse_segment
 from rotorid.signal.excitations import find_excitations
 
 RATE_HZ = 50.0
@@ -132,6 +132,23 @@ def test_the_same_data_twice_are_refused_and_other_data_are_not() -> None:
         select_maneuvers([log, other, log], ["roll"], IdentifySettings())
     with pytest.raises(UsageError, match="no record came"):
         select_maneuvers([], ["roll"], IdentifySettings())
+
+
+def test_logs_without_a_hash_are_told_apart() -> None:
+    """Folders of tables have none."""
+    folders = [replace(one, source=replace(one.source, sha256="")) for one in (record(SWEEP), record(SWEEP))]
+    assert len(select_maneuvers(folders, ["roll"], IdentifySettings()).fitted) == 2
+    with pytest.raises(UsageError, match="given twice"):
+        select_maneuvers([folders[0], folders[0]], ["roll"], IdentifySettings())
+
+
+def test_logs_of_one_name_get_names_of_their_own() -> None:
+    """Every card begins with a 00000001.BIN; one log that is given twice keeps its name, under which it is refused."""
+    monday, tuesday, other = (record(SWEEP, name=name) for name in ("a.csv", "b.csv", "c.csv"))
+    tuesday = replace(tuesday, source=replace(tuesday.source, name="a.csv"))
+    assert [one.source.name for one in as_records([monday, other, tuesday])] == ["a.csv (1)", "c.csv", "a.csv (2)"]
+    assert [one.source.name for one in as_records([monday, other])] == ["a.csv", "c.csv"]
+    assert [one.source.name for one in as_records([monday, monday])] == ["a.csv", "a.csv"]
 
 
 def test_what_is_fitted_is_known_again_in_another_copy_of_the_log() -> None:

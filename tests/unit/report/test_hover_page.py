@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -24,7 +25,7 @@ from tests.unit.report.page_parser import Page
 from tests.unit.report.sample import HOSTILE, doublet, shown_with
 
 from rotorid.documents.result import ResultDocument
-from rotorid.pipeline.summary import Correlation, FitEnd, PoleEstimate
+from rotorid.pipeline.summary import Correlation, DelayBudget, FitEnd, PoleEstimate
 from rotorid.report.identification import (
     correlation_picture,
     correlation_sentence,
@@ -214,6 +215,14 @@ class TestDelays:
         assert delay_sentence(hover_document()) == (
             "The vehicle answers the pitch command after 39.7 ± 0.4 ms, the thrust command after 39.7 ± 0.4 ms."
         )
+
+    @pytest.mark.parametrize(("status", "told"), [("free", False), ("dropped", True)])
+    def test_what_answers_by_spin_up_first_has_no_delay_in_words(self, *, status: str, told: bool) -> None:
+        yaw = DelayBudget(input_delay_s=0.005, motor_lag_s=0.048, output_delay_s=0.0, total_s=0.053, total_std_s=0.002)
+        document = ResultDocument.model_construct(
+            delays={"r/yaw_command": yaw}, parameters={"N_spin": SimpleNamespace(status=status, value=1.3)}
+        )
+        assert bool(delay_sentence(document)) is told
 
     def test_known_filters_have_a_column_where_they_are_known(self, page: Page) -> None:
         assert [row[-1] for row in page.rows("Known filters")] == ["–", "5", "–", "5"]

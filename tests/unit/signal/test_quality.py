@@ -10,7 +10,7 @@ import pytest
 from rotorid.data.findings import Finding
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.errors import UsageError
-from rotorid.signal.quality import battery_sag, limited_share, quality_findings
+from rotorid.signal.quality import battery_sag, led_share, limited_share, quality_findings
 from rotorid.typing import FloatArray
 
 RATE_HZ = 200.0
@@ -118,6 +118,21 @@ def test_inputs_that_follow_each_other_are_named() -> None:
         assert (("correlated_inputs", "yaw_command/roll_command") in found) is correlated
     tiny = findings(roll_command=motion, yaw_command=0.01 * motion)
     assert not any(kind == "correlated_inputs" for kind, _ in tiny)
+
+
+@pytest.mark.parametrize(
+    ("led", "own", "share"), [(0.5, 0.0, 1.0), (0.5, 0.5, 0.5), (0.2, 1.0, 0.04), (0.04, 0.0, 0.0)]
+)
+def test_the_share_of_a_command_that_another_one_leads_is_the_planted_one(led: float, own: float, share: float) -> None:
+    """Of a command that moves less than a twentieth of the excited one nothing is said."""
+    excited = noise(13)
+    history = TimeHistory(
+        channels=tuple(Channel(name=name, unit="1") for name in ("pitch_command", "thrust_command")),
+        values=np.stack([excited, led * excited + own * noise(14)]),
+        sample_rate_hz=1.0 / float(TIME_S[1] - TIME_S[0]),
+        start_s=0.0,
+    )
+    assert led_share(history, "pitch_command", "thrust_command") == pytest.approx(share, abs=0.1)
 
 
 def test_short_or_foreign_maneuvers_are_judged_as_far_as_they_go() -> None:

@@ -334,9 +334,8 @@ class Frequency(_Linear[ResponseData]):
     def fit(self, data: ResponseData) -> FrequencyFit:
         """Fit, drop what the data do not show, bound the rest; refit noise drawn anew where that was asked for."""
         fitted = fit_sound(data.screened.problem, data.measured, data.settings)
-        fitted = with_scatter(fitted, data.flights, data.settings)
         again = bootstrap(fitted.problem, fitted.final, fitted.bounds, data.settings, weights=fitted.weights)
-        return replace(fitted, bootstrap=again)
+        return replace(with_scatter(fitted, data.flights, data.settings), bootstrap=again)
 
     def verify(self, data: ResponseData, fitted: FrequencyFit, records: Sequence[FlightRecord]) -> Verifications:
         """Predict unseen maneuvers; where there are none, hold one out of a second fit."""

@@ -13,7 +13,7 @@ from itertools import islice
 
 import numpy as np
 
-from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError, UsageError
@@ -26,8 +26,10 @@ from rotorid.pipeline.preparation.resolve import require_known
 from rotorid.pipeline.preparation.segments import holds, require_channels
 from rotorid.pipeline.preparation.selection import Selection
 from rotorid.pipeline.settings import IdentifySettings
+from rotorid.signal.clock import resample
 from rotorid.signal.excitations import find_excitations
 from rotorid.signal.kinematics import VELOCITIES, ingredients
+from rotorid.signal.quality import led_share
 
 INERTIAL = ("p", "q", "r", "ax", "ay", "az")
 """Outputs that sensors measure. Attitude and speed of a log are estimates of a filter, with delays of its own."""
@@ -81,7 +83,8 @@ def scoped(
     Raises
     ------
     InsufficientDataError
-        None of the outputs is in the records, or none of them follows the inputs that were excited.
+        None of the outputs is in the records, none of them follows the inputs that were excited, or the controller
+        moved an input that was not excited with one that was.
     ModelError
         A name was given that the model does not have.
     UsageError
@@ -90,6 +93,7 @@ def scoped(
     require_known(structure, settings)
     axes = {flight.axis for flight in selection.fitted}
     excited = [name for name in structure.inputs if not is_command(name) or axis_of(name) in axes]
+    _refuse_led_inputs(structure, [name for name in structure.inputs if name not in excited], selection)
     moved = connected(structure.select(inputs=excited))
     outputs = settings.outputs or (_outputs_of_any if joined else _outputs_there)(moved, records)
     if joined:
@@ -112,6 +116,50 @@ def scoped(
             *_without(passed, smaller, [name for name in lost if name not in gone], settings),
         ),
     )
+
+
+_LED = 0.3
+"""Part of the motion of a command that goes with another one, from which on the controller counts as its cause."""
+
+
+def _refuse_led_inputs(structure: LinearStructure, cut: Sequence[str], selection: Selection) -> None:
+    """Refuse a model of whose inputs one was not excited and was moved by the controller with one that was.
+
+    What that input does would be taken for what the excited one does: of pitch sweeps under a hold of height Z_w came
+    out with the sign of a vehicle that runs away, 48 deviations from its value, and M_w and Z_pitch with it.
+
+    Raises
+    ------
+    InsufficientDataError
+        There is such an input.
+    """
+    for name in filter(is_command, cut):
+        share, by = max((_led_share(flight, name), f"{flight.axis}_command") for flight in selection.fitted)
+        if share > _LED:
+            message = (
+                f"{name} was not excited, and {100.0 * share:.0f} % of its motion goes with {by}: the controller moved "
+                f"it, and {structure.name} cannot tell what it does from what {by} does."
+            )
+            raise InsufficientDataError(
+                message.removesuffix("."),
+                needed=f"an excitation of {name} beside that of {by}",
+                remedy=f"sweep {name} too, or fit a model of the axis that was excited",
+                findings=[refusal("correlated_inputs", f"{name}/{by}", message, share=share)],
+            )
+
+
+def _led_share(flight: Flight, other: str) -> float:
+    """What part of a command's motion goes with that of the axis of a maneuver; zero where one is not logged."""
+    own = f"{flight.axis}_command"
+    if own == other or not {own, other} <= set(flight.record.channel_names):
+        return 0.0
+    start_s, stop_s = flight.maneuver.start_s, flight.maneuver.stop_s
+    try:
+        histories = resample(flight.record, channels=(own, other), start_s=start_s, stop_s=stop_s).histories
+    except InsufficientDataError:
+        return 0.0
+    longest = max(histories, key=lambda one: one.values.shape[1])
+    return led_share(longest, own, other)
 
 
 def with_channels_of(

@@ -174,11 +174,13 @@ def each_once(records: Sequence[FlightRecord]) -> None:
         raise UsageError("no record came", needed="at least one flight log")
     seen: dict[str, str] = {}
     for record in records:
-        name, other = record.source.name, seen.get(record.source.sha256)
+        # Folders of tables have no hash of their own.
+        key = record.source.sha256 or str(id(record))
+        name, other = record.source.name, seen.get(key)
         if other is not None:
             came = f"{name} was given twice" if name == other else f"{name} and {other} are the same log"
             raise UsageError(came, needed="each log once", remedy="leave one of them out")
-        seen[record.source.sha256] = name
+        seen[key] = name
 
 
 def given_flights(records: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> tuple[Flight, ...]:

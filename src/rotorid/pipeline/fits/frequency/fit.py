@@ -188,6 +188,7 @@ def fit_with_bounds(
     """
     settings = settings or IdentifySettings()
     problem, unseen = without_unseen_couplings(problem)
+    library = problem.structure.parameters
     search = searched(problem, settings)
     reduced = fit_and_drop(_begun(problem, search))
     problem, solution = reduced.problem, reduced.solution
@@ -197,7 +198,7 @@ def fit_with_bounds(
         reduction = reduce(problem, solution, distances=_distances(problem, solution, settings))
         problem, solution, steps = reduction.problem, reduction.solution, reduction.steps
         findings = (*findings, *reduction.findings)
-    ended = _determined(problem, solution, settings)
+    ended = _determined(problem, solution, settings, library)
     problem, solution, final, weights, limits = ended.problem, ended.solution, ended.final, ended.weights, ended.limits
     findings = (*findings, *ended.findings)
     parameters = problem.parameters.unpack(final.theta)
@@ -251,8 +252,17 @@ _GROWN = 1e3
 """Times from where it began, within which a parameter has stayed where it was."""
 
 
-def _determined(problem: FrequencyProblem, solution: Solution, settings: IdentifySettings) -> _Determined:
+def _determined(
+    problem: FrequencyProblem, solution: Solution, settings: IdentifySettings, library: ParameterSet
+) -> _Determined:
     """The fit with its bounds, without what grows against other parameters with no bound.
+
+    Parameters
+    ----------
+    problem, solution, settings
+        What was fitted, and how.
+    library
+        As the parameters stand before any search: a coupling is zero there, and a flat direction stays near them.
 
     Raises
     ------
@@ -264,7 +274,7 @@ def _determined(problem: FrequencyProblem, solution: Solution, settings: Identif
         weights = weights_of(problem, settings.weights)
         final = refine(problem, solution) if weights == "covariance" else solution
         limits = bounds(problem, final, weights=weights)
-        loose = _without_bound(problem, final, limits)
+        loose = _without_bound(problem, final, limits, library)
         if not loose:
             return _Determined(problem, solution, final, weights, limits, tuple(findings))
         for name in loose:
@@ -295,14 +305,14 @@ def grown(parameters: ParameterSet, limits: Bounds, couplings: Collection[str] =
     return [limits.names[row] for row in np.argsort(-ratio, kind="stable").tolist() if loose[row]]
 
 
-def _without_bound(problem: FrequencyProblem, final: Solution, limits: Bounds) -> list[str]:
+def _without_bound(problem: FrequencyProblem, final: Solution, limits: Bounds, library: ParameterSet) -> list[str]:
     """Parameters without a bound, the least certain first.
 
     A ratio or a product of which a structure shows no more, such as that of force and inertia, is no matter of the
     data: the response is known, and the parameters stay where they began. That is said with the answer.
     """
     parameters = problem.parameters.unpack(final.theta)
-    loose = grown(parameters, limits, [one.name for one in problem.structure.parameters if is_coupling(one)])
+    loose = grown(parameters, limits, [one.name for one in library if is_coupling(one)])
     if not loose:
         return []
     flat = {
@@ -313,7 +323,7 @@ def _without_bound(problem: FrequencyProblem, final: Solution, limits: Bounds) -
     }
 
     def stays(name: str) -> bool:
-        size, began = abs(parameters[name].value), abs(problem.structure.parameters[name].value)
+        size, began = abs(parameters[name].value), abs(library[name].value)
         return began / _GROWN < size < began * _GROWN
 
     return [name for name in loose if not (name in flat and stays(name))]

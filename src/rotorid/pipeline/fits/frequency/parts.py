@@ -83,7 +83,8 @@ def _said_alone(
     solution = fit_frequency(problem)
     final = refine(problem, solution) if fitted.weights == "covariance" else solution
     costs = problem.costs(final.theta)[problem.used.any(axis=-1)]
-    if solution.outcome is Outcome.CONVERGED and float(np.mean(costs)) <= ACCEPTABLE_COST:
+    converged = {solution.outcome, final.outcome} == {Outcome.CONVERGED}
+    if converged and float(np.mean(costs)) <= ACCEPTABLE_COST:
         limits = bounds(problem, final, weights=fitted.weights)
         values = problem.parameters.unpack(final.theta).values
         yield Alone(

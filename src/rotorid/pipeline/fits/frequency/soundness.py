@@ -162,9 +162,12 @@ def _poor_pairs(fitted: FrequencyFit) -> dict[tuple[int, int], Finding]:
 
 def _unsound(fitted: FrequencyFit) -> list[Finding]:
     problem, name = fitted.problem, fitted.problem.structure.name
-    reasons = []
-    if fitted.solution.outcome is not Outcome.CONVERGED:
-        reasons.append(refusal("not_converged", name, f"The fit did not converge: {fitted.solution.outcome.value}"))
+    # With errors that go together the values are those of a second fit.
+    reasons = [
+        refusal("not_converged", name, f"The fit did not converge: {ended.value}")
+        for ended in dict.fromkeys((fitted.solution.outcome, fitted.final.outcome))
+        if ended is not Outcome.CONVERGED
+    ]
     reasons += faster_than_sampled(name, fitted.system, problem.data.sample_rate_hz)
     reasons += _led_by_feedback(fitted)
     reasons += _endless_spin_up(fitted)

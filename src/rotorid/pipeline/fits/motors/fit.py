@@ -168,7 +168,9 @@ def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:
     again = None
     if choices.bootstrap is not None:
         held = fit.problem.with_parameters(fitted.parameters)
-        again = bootstrap(held, replace(fit.solution, theta=fitted.parameters.pack()), fitted.bounds, choices)
+        # What is drawn anew is noise: model errors and the scatter of logs are no part of its spread.
+        random = replace(fitted.bounds, covariance=fitted.bounds.random)
+        again = bootstrap(held, replace(fit.solution, theta=fitted.parameters.pack()), random, choices)
     return replace(fitted, bootstrap=again, left_out=tuple(left_out))
 
 
