@@ -54,7 +54,7 @@ class Discretized:
         u
             Inputs, shape ``(u, samples)``. Beyond the last sample the last one stands.
         past
-            Inputs before the first sample, shape ``(u,)``.
+            Inputs before the first sample, shape ``(u,)`` or ``(u, k)``, the latest last; before them the first stood.
         """
         terms = (self.shifted(u, past, tap).T @ self.taps[tap] for tap in range(3))
         total: FloatArray = sum(terms, start=np.zeros((u.shape[1], self.taps.shape[2])))
@@ -70,11 +70,12 @@ class Discretized:
     def shifted(self, u: FloatArray, past: FloatArray, tap: int) -> FloatArray:
         """The samples of each input that a tap weighs in every step, shape ``(u, samples)``."""
         delayed = np.empty_like(u)
-        for row, values, first, lag in zip(delayed, u, past, self.lags + 1 - tap, strict=True):
+        history = past if past.ndim == 2 else past[:, None]
+        for row, values, known, lag in zip(delayed, u, history, self.lags + 1 - tap, strict=True):
             # A lag of -1 is the sample at the end of the step, which a first-order hold goes to.
             kept = values[max(-lag, 0) : max(values.size - lag, 0)]
             ahead = min(max(lag, 0), values.size)
-            row[:ahead] = first
+            row[:ahead] = known[np.maximum(np.arange(ahead) - lag, -known.size)]
             row[ahead : ahead + kept.size] = kept
             row[ahead + kept.size :] = values[-1]
         return delayed
@@ -173,7 +174,8 @@ def simulate_linear(
     bias
         Constant b in the state equation, shape ``(x,)``. Zero by default.
     before
-        Inputs before the first sample, shape ``(u,)``, which a delayed input still shows. Zero by default.
+        Inputs before the first sample, shape ``(u,)`` or ``(u, k)`` with the latest last, which a delayed input still
+        shows. Zero by default.
     hold
         What the inputs do between their samples: ``zero`` or ``first`` order.
 
@@ -203,11 +205,11 @@ def simulate_linear(
     inputs, samples = _checked(system, u)
     states = system.M.shape[0]
     start = _vector(x0, states, "x0")
-    drive, past = np.asarray(u, dtype=np.float64), _vector(before, inputs, "before")
+    drive, past = np.asarray(u, dtype=np.float64), checked_past(before, inputs)
     if bias is not None:
         # A constant in the state equation is one more input that has always been one.
         system = _with_input(system, _vector(bias, states, "bias"))
-        drive, past = np.vstack([drive, np.ones(samples)]), np.append(past, 1.0)
+        drive, past = np.vstack([drive, np.ones(samples)]), np.vstack([past, np.ones(past.shape[1])])
     y = np.empty((system.H0.shape[0], samples))
     # A delayed output delays the whole system: the same as inputs that are delayed by as much.
     for delay_s in np.unique(system.output_delays_s):
@@ -267,6 +269,21 @@ def _checked(system: StateSpace, u: FloatArray) -> tuple[int, int]:
     if min(system.input_delays_s.min(initial=0.0), system.output_delays_s.min(initial=0.0)) < 0.0:
         raise UsageError("a delay is negative", needed="inputs that act after they are given", remedy="bound the delay")
     return inputs, u.shape[1]
+
+
+def checked_past(before: FloatArray | None, size: int) -> FloatArray:
+    """Inputs before a record, shape ``(u, k)``, the latest last; zeros where none were given.
+
+    Raises
+    ------
+    UsageError
+        They are of another number of inputs.
+    """
+    given = np.zeros(size) if before is None else np.asarray(before, dtype=np.float64)
+    past = given[:, None] if given.ndim == 1 else given
+    if past.ndim != 2 or past.shape[0] != size or not past.shape[1]:
+        raise UsageError(f"before of shape {given.shape} came", needed=f"shape ({size},) or ({size}, samples)")
+    return past
 
 
 def _vector(values: FloatArray | None, size: int, name: str) -> FloatArray:

@@ -18,7 +18,7 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.nonlinear import NonlinearStructure, Program
 from rotorid.models.parameter import no_such
-from rotorid.simulation.linear import WHOLE_SAMPLE, Hold
+from rotorid.simulation.linear import WHOLE_SAMPLE, Hold, checked_past
 from rotorid.typing import FloatArray, IntArray
 
 
@@ -185,7 +185,8 @@ def simulate_nonlinear(
     x0
         States at the first sample, shape ``(x,)``. Zero by default.
     before
-        Inputs before the first sample, shape ``(u,)``, which a delayed input still shows. Zero by default.
+        Inputs before the first sample, shape ``(u,)`` or ``(u, k)`` with the latest last, which a delayed input still
+        shows. Zero by default.
     scheme
         How to integrate; a step of classical Runge–Kutta for every sample of held inputs by default.
 
@@ -222,7 +223,7 @@ def simulate_nonlinear(
         structure.plain,
         values,
         checked_inputs(structure, u),
-        checked_vector(before, len(structure.inputs), "before"),
+        checked_past(before, len(structure.inputs)),
         start,
         (np.zeros((order, 0)), np.zeros((count, 0))),
         sample_rate_hz,
@@ -275,7 +276,7 @@ def nonlinear_sensitivities(
         (structure.dynamics, structure.measurement),
         values,
         checked_inputs(structure, u),
-        checked_vector(before, len(structure.inputs), "before"),
+        checked_past(before, len(structure.inputs)),
         checked_vector(x0, order, "x0"),
         (start_directions, directions),
         sample_rate_hz,
@@ -421,7 +422,7 @@ def simulate_adaptive(
         error = no_such("adaptive method", method, _SCIPY)
         raise UsageError(error.came, needed=error.needed, remedy=error.remedy)
     inputs = checked_inputs(structure, u)
-    past = checked_vector(before, len(inputs), "before")
+    past = checked_past(before, len(inputs))
     count = len(structure.parameters)
     pieces = delayed_pieces(structure, values, np.zeros((count, 0)), sample_rate_hz)
     held, ramps = pieces.between(inputs, past)
@@ -644,4 +645,5 @@ def cut(delays: FloatArray, ddelays: FloatArray) -> Pieces:
 def _taken(u: FloatArray, before: FloatArray, places: IntArray) -> FloatArray:
     """Samples ``places`` ``(..., u)`` of the inputs; before the first one ``before``, beyond the last one the last."""
     known = np.column_stack([before, u])
-    return known[np.arange(len(u)), np.clip(places + 1, 0, u.shape[1])]
+    taken: FloatArray = known[np.arange(len(u)), np.clip(places + before.shape[1], 0, known.shape[1] - 1)]
+    return taken

@@ -22,7 +22,7 @@ import numpy as np
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.state_space import StateSpace
-from rotorid.simulation.linear import Discretized, Hold, discretize
+from rotorid.simulation.linear import Discretized, Hold, checked_past, discretize
 from rotorid.simulation.sensitivity import DiscretizedTangent, Slopes, discretize_tangent, proper_tangent
 from rotorid.typing import FloatArray
 
@@ -417,7 +417,7 @@ def _stepped(
             needed="states that are all dynamic, seen at one time",
             remedy="condense the structure, or take outputs of one delay",
         )
-    past = np.zeros(inputs) if before is None else _shaped(before, (inputs,), "before")
+    past = checked_past(before, inputs)
     step = discretize(A, B, delays_s=system.input_delays_s + late_s[0], step_s=1.0 / sample_rate_hz, hold=hold)
     return _Stepped(
         A=A,

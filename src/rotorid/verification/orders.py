@@ -173,7 +173,7 @@ def _pieces(record: TimeData, count: int) -> list[TimeData]:
             inputs=record.inputs[:, first:last],
             outputs=record.outputs[:, first:last],
             sample_rate_hz=rate_hz,
-            before=record.inputs[:, first - 1] if first else record.before,
+            before=record.until(first),
         )
         for first, last in pairwise(edges.tolist())
     ]

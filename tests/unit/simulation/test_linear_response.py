@@ -179,6 +179,21 @@ def test_algebraic_state_follows_at_once_and_its_start_is_not_used() -> None:
 
 
 @pytest.mark.parametrize("hold", HOLDS)
+@pytest.mark.parametrize("delay_s", [0.0, 0.013, 0.05, 0.2287])
+def test_the_rest_of_a_record_with_all_that_was_before_is_the_rest_of_its_response(hold: Hold, delay_s: float) -> None:
+    """What is still on its way through a delay arrives as it was sent."""
+    system, u = first_order(-3.0, delay_s=delay_s), np.random.default_rng(4).standard_normal((1, 60))
+    options = {"sample_rate_hz": 50.0, "hold": hold}
+    whole = simulate_linear(system, u, **options)
+    rest = simulate_linear(system, u[:, 25:], x0=whole[:, 25], before=u[:, :25], **options)
+    assert np.abs(rest - whole[:, 25:]).max() < 1e-12
+    # Of fewer the oldest stood before them.
+    standing = np.hstack([np.full((1, 20), u[0, 20]), u[:, 20:]])
+    few = simulate_linear(system, u[:, 25:], before=u[:, 20:25], **options)
+    assert np.array_equal(few, simulate_linear(system, u[:, 25:], before=standing[:, :25], **options))
+
+
+@pytest.mark.parametrize("hold", HOLDS)
 def test_steady_sine_is_the_frequency_response(hold: Hold) -> None:
     rate, omega = 2000.0, 7.0
     system = replace(first_order(-6.0, delay_s=0.0377, late_s=0.0111), H1=np.array([[0.3]]))

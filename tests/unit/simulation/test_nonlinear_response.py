@@ -70,6 +70,10 @@ def test_a_linear_model_responds_as_its_exact_discretization(hold: Hold, delay_s
     found = simulate_nonlinear(same, parameters.values, u, sample_rate_hz=RATE_HZ, x0=x0, before=before, scheme=scheme)
     # A step of 1/1280 s times rates of 3 1/s: errors of the fifth order are (3/1280)^5 = 7e-14.
     assert np.abs(found - exact).max() < 1e-12
+    past = steps(2, 1, 9)
+    exact = simulate_linear(linear.matrices(parameters.values), u, sample_rate_hz=RATE_HZ, before=past, hold=hold)
+    found = simulate_nonlinear(same, parameters.values, u, sample_rate_hz=RATE_HZ, before=past, scheme=scheme)
+    assert np.abs(found - exact).max() < 1e-12
 
 
 @pytest.mark.parametrize("hold", HOLDS)

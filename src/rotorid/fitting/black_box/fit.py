@@ -291,8 +291,8 @@ def _earlier(record: TimeData, samples: int) -> TimeData:
     """The record with inputs that were given earlier, so that a system that is late by as much is so no more."""
     inputs = record.inputs
     if samples:
-        before = np.repeat(record.before[:, None], min(samples, record.samples), axis=1)
-        inputs = np.hstack([before, inputs])[:, : record.samples]
+        late = np.arange(-samples, 0)
+        inputs = np.hstack([record.before[:, np.maximum(late, -record.before.shape[1])], inputs])[:, : record.samples]
     return TimeData(name=record.name, inputs=inputs, outputs=record.outputs, sample_rate_hz=record.sample_rate_hz)
 
 
@@ -499,7 +499,7 @@ def _centered(record: TimeData) -> TimeData:
         record,
         inputs=record.inputs - mean[:, None],
         outputs=record.outputs - record.outputs.mean(axis=1, keepdims=True),
-        before=record.before - mean,
+        before=record.before - mean[:, None],
     )
 
 

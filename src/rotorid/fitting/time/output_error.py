@@ -7,6 +7,7 @@ biased. A fit begins at the start values of the structure when nothing else is k
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -41,6 +42,10 @@ def moving(rows: FloatArray) -> BoolArray:
     return np.asarray(np.ptp(rows, axis=1) > _ROUNDING * np.abs(rows).max(axis=1))
 
 
+_REMEMBERED_S = 2.0
+"""Longer than any delay between a command and what it moves."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimeData(Immutable):
     """Inputs and measured outputs of one maneuver on one clock.
@@ -56,7 +61,8 @@ class TimeData(Immutable):
     sample_rate_hz
         Rate of both.
     before
-        Inputs before the first sample, shape ``(u,)``; by default what the first sample shows.
+        Inputs before the first sample, shape ``(u,)`` or ``(u, k)`` with the latest last; before them the first stood.
+        By default what the first sample shows. Kept with shape ``(u, k)``.
     """
 
     name: str
@@ -71,7 +77,8 @@ class TimeData(Immutable):
             raise UsageError(f"{inputs.shape[1]} samples of the inputs and {outputs.shape[1]} of the outputs came")
         if not (np.isfinite(inputs).all() and np.isfinite(outputs).all()):
             raise UsageError(f"{self.name} holds samples that are no numbers", needed="records without gaps")
-        before = read_only(self.before if self.before.size else inputs[:, 0], np.float64, ndim=1)
+        past = self.before if self.before.size else inputs[:, 0]
+        before = read_only(past if past.ndim == 2 else past[:, None], np.float64, ndim=2)
         self._set(inputs=inputs, outputs=outputs, before=before)
 
     @classmethod
@@ -91,6 +98,11 @@ class TimeData(Immutable):
     def duration_s(self) -> float:
         return self.samples / self.sample_rate_hz
 
+    def until(self, sample: int) -> FloatArray:
+        """Inputs before a sample, shape ``(u, k)``: as many as any delay still shows there."""
+        past = np.hstack([self.before, self.inputs[:, :sample]])
+        return past[:, -max(1, math.ceil(_REMEMBERED_S * self.sample_rate_hz)) :]
+
     def pieces(self, length_s: float) -> tuple[TimeData, ...]:
         """The record in pieces of about one length, each of which knows the inputs before it.
 
@@ -108,7 +120,7 @@ class TimeData(Immutable):
                 self,
                 inputs=self.inputs[:, start:stop],
                 outputs=self.outputs[:, start:stop],
-                before=self.inputs[:, start - 1] if start else self.before,
+                before=self.until(start),
             )
             for start, stop in pairwise(edges)
         )

@@ -452,7 +452,7 @@ class InnovationsProblem(RecordsProblem):
         for one, beta in zip(runs, unknown, strict=True):
             start, constants, shifts = self._told_apart(beta, len(one.followed.steady.gain))
             u = _with_constants(one.record.inputs, constants)
-            before = np.append(np.asarray(one.record.before), constants)
+            before = _with_constants(one.record.before, constants)
             y = one.record.outputs - shifts[:, None]
             model, gain = one.followed.model, one.followed.steady.gain
             again.append(innovations(model, gain, u, y, before=before, start=start))
@@ -480,7 +480,7 @@ class InnovationsProblem(RecordsProblem):
                 one.steady.gain,
                 _with_constants(record.inputs, still),
                 record.outputs,
-                before=np.append(np.asarray(record.before), still),
+                before=_with_constants(record.before, still),
                 start=np.zeros(len(one.steady.gain)),
             )
             found.append(_Run(record, one, run.values, unknown[: record.samples]))
