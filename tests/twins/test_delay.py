@@ -65,6 +65,14 @@ def test_an_output_that_surely_runs_ahead_shows_no_delay(
     assert bool(why) == bool(reason)
 
 
+@pytest.mark.parametrize(("high_s", "refused"), [(-0.064, True), (-0.045, False)])
+def test_stamps_of_two_clocks_are_a_sample_apart_at_most(high_s: float, *, refused: bool) -> None:
+    """Attitudes at 20 Hz: -87 ms with an interval up to -64 ms stood as an answer."""
+    channels = "theta_setpoint", "theta"
+    why = contradicted(estimate((-0.111, high_s)), channels, feedback=False, joint=False, sample_s=0.05)
+    assert bool(why) is refused
+
+
 def test_zeros_in_the_place_of_a_delay_are_named() -> None:
     why = contradicted(
         estimate((-0.035, -0.023), Order(2, 3)), ("pitch_command", "q"), feedback=True, joint=True, sample_s=0.0005

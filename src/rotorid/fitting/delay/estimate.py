@@ -50,8 +50,8 @@ _FEWEST_LINES, _FEWEST_POINTS = 12, 8
 _REWEIGHTINGS = 2
 _AT_LIMIT_S = 1e-4
 _SAME_WIDTH = 2.0
-_STAMPS_SAMPLES, _STAMPS_S = 2.0, 2e-3
-"""How far stamps alone may let an output run ahead."""
+_STAMPS_SAMPLES, _STAMPS_S = 1.0, 2e-3
+"""How far stamps alone may let an output run ahead: each is known within a sample."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
