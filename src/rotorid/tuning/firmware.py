@@ -122,8 +122,11 @@ def rounded(controller: AxisController, gains: Gains) -> Gains:
         In SI.
     """
     flown, wanted = Gains.of(controller.controller).as_dict(), gains.as_dict()
-    known = parameters_of(controller)
-    held = {letter: _held(known[letter], wanted[letter]) * known[letter].per_si for letter in known}
+    held = {
+        letter: _held(one, wanted[letter]) * one.per_si
+        for letter, one in parameters_of(controller).items()
+        if not _stays(one, wanted[letter], flown[letter])
+    }
     return Gains(**{**flown, **held})
 
 
@@ -133,8 +136,13 @@ def _held(one: Parameter, gain: float) -> float:
     return float(round(value)) if one.integer else float(np.float32(f"{value:.4g}"))
 
 
+def _stays(one: Parameter, gain: float, flown: float) -> bool:
+    """Whether a gain is the flown one, which is then not rounded: nothing would have changed but its digits."""
+    return math.isclose(_held(one, gain), _held(one, flown), rel_tol=_SAME, abs_tol=_SAME)
+
+
 def written(controller: AxisController, gains: Gains) -> dict[str, float]:
-    """Values of the firmware's parameters for some gains, by name.
+    """Values of the firmware's parameters for some gains, by name; one that stays has the digits of the log.
 
     Raises
     ------
@@ -145,10 +153,11 @@ def written(controller: AxisController, gains: Gains) -> dict[str, float]:
     flown = Gains.of(controller.controller).as_dict()
     for letter, one in parameters_of(controller).items():
         gain = gains.as_dict()[letter]
+        if math.isfinite(gain) and _stays(one, gain, flown[letter]):
+            found[one.name] = controller.gains[one.name]
+            continue
         value = _held(one, gain) if math.isfinite(gain) else gain
-        stays = math.isclose(value, _held(one, flown[letter]), rel_tol=_SAME, abs_tol=_SAME)
-        inside = one.low * (1.0 - _SAME) <= value <= one.high * (1.0 + _SAME)
-        if not math.isfinite(value) or not (inside or stays):
+        if not (math.isfinite(value) and one.low * (1.0 - _SAME) <= value <= one.high * (1.0 + _SAME)):
             raise UsageError(f"{one.name} = {value:g} came", needed=f"a finite value from {one.low:g} to {one.high:g}")
         found[one.name] = value
     return found

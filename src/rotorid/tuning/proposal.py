@@ -10,6 +10,9 @@ For a shape :math:`(a, d, A)` of I/P, D/P and the angle gain a loop is linear in
 - room for the angle loop: :math:`\omega_c \ge 3 A`, :math:`k \ge 1/|L_0(3A)|` of the rate loop;
 - noise of the command: :math:`k \, \|C_0\|` at most twice as large as flown.
 
+Where I or D stays, its ratio to P moves with P, and L is no multiple of one loop any more: values of P are tried, each
+a shape of its own, and the same bounds accept or refuse it.
+
 Both loops count, the rate loop alone and the whole one. Of all shapes the one is proposed that holds an attitude best
 against a moment. The best on the most likely plant are looked at again on all draws; a bound counts by its quantile.
 """
@@ -18,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,6 +59,10 @@ _WORTH = 0.97
 
 _SOFTER = "A falls further than usual, since P may not grow far enough in one flight"
 _SHRINK, _STEPS_DOWN = 0.97, 12
+_PROPORTIONALS = 24
+"""Values of P that are tried where I or D stays."""
+
+_EXACT = 1e-9
 _RATE_SHAPES = np.geomspace(0.3, 12.0, 18)
 _YAW_SHAPES = np.geomspace(0.1, 5.0, 18)
 _DERIVATIVES = np.concatenate([[0.0], np.geomspace(0.003, 0.2, 13)])
@@ -267,25 +275,22 @@ def _searched(
     ends: Sequence[ControllerParts],
 ) -> Judged | None:
     """The best gains of the grid that hold on the draws; ``None``, with the reason, where none do."""
-    shapes = _shapes(axis, flown.gains, wishes)
-    ranked: list[tuple[float, tuple[float, float, float]]] = []
-    for a, d, A in shapes:
-        k = _gain(parts, nominal[None], (a, d, A), flown, wishes)
-        if k is None:
+    ranked: list[tuple[float, _Shape]] = []
+    for shape in _shapes(axis, flown.gains, wishes):
+        gains = _best_of(shape, parts, nominal[None], flown, wishes)
+        if gains is None:
             continue
-        gains = Gains(P=k, I=a * k, D=d * k, A=A)
         rms = float(attitude_rms(parts.omega_rad_s, nominal[None], nominal[None] * parts.whole(gains))[0])
-        ranked.append((rms, (a, d, A)))
+        ranked.append((rms, shape))
     if not ranked:
         reasons.append("no gains that were tried keep the limits on the identified plant")
         return None
     ranked.sort(key=lambda one: one[0])
     best: tuple[float, Gains] | None = None
-    for _, (a, d, A) in ranked[:_KEPT_SHAPES]:
-        k = _gain(parts, drawn, (a, d, A), flown, wishes)
-        if k is None:
+    for _, shape in ranked[:_KEPT_SHAPES]:
+        gains = _best_of(shape, parts, drawn, flown, wishes)
+        if gains is None:
             continue
-        gains = Gains(P=k, I=a * k, D=d * k, A=A)
         over = float(np.median(attitude_rms(parts.omega_rad_s, drawn, drawn * parts.whole(gains))))
         if best is None or over < best[0]:
             best = over, gains
@@ -295,23 +300,62 @@ def _searched(
     return _inside(parts, drawn, best[1], flown, wishes, reasons, ends)
 
 
-def _shapes(axis: Axis, flown: Gains, wishes: Wishes) -> list[tuple[float, float, float]]:
-    """Ratios I/P and D/P and angle gains to look at."""
+class _Shape(NamedTuple):
+    """Ratios I/P and D/P, the angle gain, and P where it is given."""
+
+    a: float
+    d: float
+    A: float
+    P: float | None = None
+
+
+def _shapes(axis: Axis, flown: Gains, wishes: Wishes) -> list[_Shape]:
+    """Shapes to look at."""
     integrals = _YAW_SHAPES if axis == "yaw" else _RATE_SHAPES
     # Without a D of its own an axis has no filter for it that anybody chose.
     derivatives = np.zeros(1) if axis == "yaw" or flown.D == 0.0 else _DERIVATIVES
     angles = _ANGLES if flown.A > 0.0 else np.zeros(1)
     if flown.A > 0.0 and wishes.angle_down < _MOST_DOWN:
         angles = np.concatenate([_SOFT_ANGLES, angles])
-    if "I" in wishes.keep and flown.P > 0.0:
-        integrals = np.array([flown.I / flown.P])
-    if "D" in wishes.keep and flown.P > 0.0:
-        derivatives = np.array([flown.D / flown.P])
-    if "A" in wishes.keep:
-        angles = np.array([flown.A])
-    least, most = _limits("A", flown.A, wishes)
-    angles = np.unique(np.clip(angles, least, most)) if flown.A > 0.0 else angles
-    return [(float(a), float(d), float(A)) for a in integrals for d in derivatives for A in angles]
+    kept = _kept(flown, wishes)
+    if flown.A > 0.0 and "A" not in kept:
+        angles = np.unique(np.clip(angles, *_limits("A", flown.A, wishes)))
+    if "A" in kept:
+        angles = np.array([kept["A"]])
+    found = []
+    for P in _proportionals(flown, kept, wishes):
+        of_i, of_d = (
+            [kept[name] / (P or 1.0)] if name in kept else free for name, free in (("I", integrals), ("D", derivatives))
+        )
+        found += [_Shape(float(a), float(d), float(A), P) for a in of_i for d in of_d for A in angles]
+    return found
+
+
+def _kept(flown: Gains, wishes: Wishes) -> dict[str, float]:
+    """Gains that stay, and their values."""
+    return {name: value for name, value in flown.as_dict().items() if name in wishes.keep}
+
+
+def _proportionals(flown: Gains, kept: Mapping[str, float], wishes: Wishes) -> list[float | None]:
+    """Values of P to try; ``None`` where a loop is a multiple of P, so that its bounds give P."""
+    if "P" not in kept and not any(kept.get(name, 0.0) > 0.0 for name in ("I", "D")):
+        return [None]
+    if flown.P <= 0.0:
+        return []
+    if "P" in kept:
+        return [kept["P"]]
+    least, most = _limits("P", flown.P, wishes)
+    return [float(P) for P in np.unique([*np.geomspace(least, most, _PROPORTIONALS), np.clip(flown.P, least, most)])]
+
+
+def _best_of(
+    shape: _Shape, parts: ControllerParts, plants: ComplexArray, flown: Judged, wishes: Wishes
+) -> Gains | None:
+    """The gains of a shape with the largest P that holds on the plants, kept ones as they are; ``None`` where none."""
+    k = _gain(parts, plants, shape, flown, wishes)
+    if k is None:
+        return None
+    return Gains(**{"P": k, "I": shape.a * k, "D": shape.d * k, "A": shape.A, **_kept(flown.gains, wishes)})
 
 
 def _limits(name: str, flown: float, wishes: Wishes) -> tuple[float, float]:
@@ -327,12 +371,12 @@ def _limits(name: str, flown: float, wishes: Wishes) -> tuple[float, float]:
 def _gain(
     parts: ControllerParts,
     plants: ComplexArray,
-    shape: tuple[float, float, float],
+    shape: _Shape,
     flown: Judged,
     wishes: Wishes,
 ) -> float | None:
     """The largest P of a shape that holds on the plants; ``None`` where none does."""
-    a, d, A = shape
+    a, d, A, given = shape
     unit = Gains(P=1.0, I=a, D=d, A=A)
     controller = parts.rate(unit)
     rate, whole = plants * controller, plants * parts.whole(unit)
@@ -360,10 +404,10 @@ def _gain(
     k_high = min(k_high, max(wishes.noise * flown.noise, least_noise) / parts.noise(unit))
     for name, factor in (("P", 1.0), ("I", a), ("D", d)):
         least, most = _limits(name, getattr(flown.gains, name), wishes)
-        if factor > 0.0:
+        if factor > 0.0 and name not in wishes.keep:
             k_high, k_low = min(k_high, most / factor), max(k_low, least / factor)
-    if "P" in wishes.keep:
-        return flown.gains.P if k_low <= flown.gains.P <= k_high else None
+    if given is not None:
+        return given if k_low * (1.0 - _EXACT) <= given <= k_high * (1.0 + _EXACT) else None
     return k_high if k_high >= k_low else None
 
 
@@ -415,11 +459,11 @@ def _inside(
 
 def _smaller(gains: Gains, flown: Gains, wishes: Wishes) -> Gains:
     """All gains that may change a step down, as far as they may go."""
-    found = {}
+    found, kept = {}, _kept(flown, wishes)
     for name, value in gains.as_dict().items():
         least = min(value, _limits(name, getattr(flown, name), wishes)[0])
-        found[name] = value if name in wishes.keep else max(_SHRINK * value, least)
-    return Gains(**found)
+        found[name] = max(_SHRINK * value, least)
+    return Gains(**{**found, **kept})
 
 
 def _flown_broken(flown: Judged, plant: UncertainPlant, wishes: Wishes) -> str:

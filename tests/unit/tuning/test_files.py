@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.unit.tuning.gain_files import parsed
@@ -88,6 +90,19 @@ def test_a_flown_gain_beyond_its_range_may_be_written_back() -> None:
     assert written(one, flown)["ATC_RAT_YAW_P"] == pytest.approx(0.05)
     with pytest.raises(UsageError, match=r"from 0\.1 to 2\.5"):
         written(one, Gains(P=0.07, I=flown.I, D=flown.D, A=flown.A))
+
+
+def test_a_gain_that_stays_has_the_digits_of_the_log() -> None:
+    """A file changes no gain by rounding it."""
+    held = {"MC_ROLLRATE_I": 0.2345678, "MC_ROLLRATE_D": 0.00234567}
+    one = axis_controller({**PX4, **held}, "roll", firmware="PX4 1.15.0")
+    assert one is not None
+    flown = Gains.of(one.controller)
+    proposed = rounded(one, replace(flown, P=1.3 * flown.P))
+    assert (proposed.I, proposed.D, proposed.A) == (flown.I, flown.D, flown.A)
+    values = written(one, proposed)
+    assert {name: values[name] for name in held} == held
+    assert values["MC_ROLLRATE_P"] != one.gains["MC_ROLLRATE_P"]
 
 
 def test_nothing_else_is_known() -> None:

@@ -103,14 +103,31 @@ def test_caps_ranges_and_kept_gains() -> None:
     assert 2.0 * FLOWN.proportional_s * 1.0001 >= found.proposed.gains.P
     assert 2.0 * FLOWN.angle_1_s >= found.proposed.gains.A
     kept = propose("roll", known(), FLOWN, wishes=Wishes(keep=("I", "A")))
-    assert FLOWN.angle_1_s == kept.proposed.gains.A
-    ratio = kept.proposed.gains.I / kept.proposed.gains.P
-    assert ratio == pytest.approx(FLOWN.integral / FLOWN.proportional_s)
+    assert kept.changed
+    assert (FLOWN.integral, FLOWN.angle_1_s) == (kept.proposed.gains.I, kept.proposed.gains.A)
     capped = propose("roll", known(), FLOWN, wishes=Wishes(ranges={"I": (0.0, 0.1), "P": (0.0, 0.1)}))
     assert capped.proposed.gains.I <= 0.1001
     assert capped.proposed.gains.P <= 0.1001
     quiet = propose("roll", known(), FLOWN, wishes=Wishes(noise=1.0))
     assert quiet.proposed.noise <= 1.001 * quiet.flown.noise
+
+
+@pytest.mark.parametrize("keep", ["I", "D", "ID", "PD", "IDA"])
+def test_kept_gains_stay_to_the_last_digit(keep: str) -> None:
+    """Others move around them, and hold their limits with them."""
+    found = propose("roll", known(), FLOWN, wishes=Wishes(keep=tuple(keep)))
+    flown, proposed = found.flown.gains.as_dict(), found.proposed.gains.as_dict()
+    assert {name: proposed[name] for name in keep} == {name: flown[name] for name in keep}
+    assert found.changed
+    assert proposed["P"] > flown["P"] or "P" in keep
+    assert np.quantile(found.proposed.whole.sensitivity_peak, 0.9) <= 1.75
+
+
+def test_a_kept_gain_may_lie_outside_the_range_of_its_firmware() -> None:
+    """Bounds of a gain are for those that move."""
+    found = propose("roll", known(), FLOWN, wishes=Wishes(keep=("D",), ranges={"D": (0.0, 0.001)}))
+    assert found.changed
+    assert FLOWN.derivative_s2 == found.proposed.gains.D
 
 
 def test_softer_wishes_give_softer_loops() -> None:
