@@ -333,7 +333,17 @@ def _shapes(axis: Axis, flown: Gains, wishes: Wishes) -> list[_Shape]:
 
 def _kept(flown: Gains, wishes: Wishes) -> dict[str, float]:
     """Gains that stay, and their values."""
-    return {name: value for name, value in flown.as_dict().items() if name in wishes.keep}
+    return {
+        name: value
+        for name, value in flown.as_dict().items()
+        if name in wishes.keep or _out_of_reach(name, value, wishes)
+    }
+
+
+def _out_of_reach(name: str, flown: float, wishes: Wishes) -> bool:
+    """Whether one flight cannot bring a gain into the range of its firmware."""
+    least, most = _limits(name, flown, wishes)
+    return least > most
 
 
 def _proportionals(flown: Gains, kept: Mapping[str, float], wishes: Wishes) -> list[float | None]:
@@ -359,13 +369,16 @@ def _best_of(
 
 
 def _limits(name: str, flown: float, wishes: Wishes) -> tuple[float, float]:
-    """Least and largest value of a gain: the range of the firmware, and what one flight may change."""
+    """Least and largest value of a gain: the range of the firmware, and what one flight may change.
+
+    The least is above the largest where the two exclude each other.
+    """
     low, high = wishes.ranges.get(name, (0.0, np.inf))
     if flown > 0.0 and name != "I":
         high = min(high, wishes.most_up * flown)
         if name in ("P", "A"):
             low = max(low, (_MOST_DOWN if name == "P" else wishes.angle_down) * flown)
-    return low, max(high, low)
+    return low, high
 
 
 def _gain(
@@ -377,6 +390,7 @@ def _gain(
 ) -> float | None:
     """The largest P of a shape that holds on the plants; ``None`` where none does."""
     a, d, A, given = shape
+    kept = _kept(flown.gains, wishes)
     unit = Gains(P=1.0, I=a, D=d, A=A)
     controller = parts.rate(unit)
     rate, whole = plants * controller, plants * parts.whole(unit)
@@ -404,7 +418,7 @@ def _gain(
     k_high = min(k_high, max(wishes.noise * flown.noise, least_noise) / parts.noise(unit))
     for name, factor in (("P", 1.0), ("I", a), ("D", d)):
         least, most = _limits(name, getattr(flown.gains, name), wishes)
-        if factor > 0.0 and name not in wishes.keep:
+        if factor > 0.0 and name not in kept:
             k_high, k_low = min(k_high, most / factor), max(k_low, least / factor)
     if given is not None:
         return given if k_low * (1.0 - _EXACT) <= given <= k_high * (1.0 + _EXACT) else None
@@ -491,10 +505,21 @@ def _broken(one: Judged, wishes: Wishes, *, share: float = 2.0 * QUANTILE) -> st
 
 
 def _bound_by(gains: Gains, flown: Gains, wishes: Wishes) -> Sequence[str]:
-    """Which caps of one flight bind."""
-    found = []
+    """Which caps of one flight bind, and which gains they keep out of the range of their firmware."""
+    found = _kept_outside(flown, wishes)
     for name in ("P", "D", "A"):
         before, now = getattr(flown, name), getattr(gains, name)
         if before > 0.0 and now >= 0.99 * wishes.most_up * before:
             found.append(f"{name} at {wishes.most_up:g} times the flown value, the most of one flight")
+    return found
+
+
+def _kept_outside(flown: Gains, wishes: Wishes) -> list[str]:
+    """Gains that stay since one flight cannot bring them into the range of their firmware."""
+    found = []
+    for name, value in flown.as_dict().items():
+        if name not in wishes.keep and _out_of_reach(name, value, wishes):
+            least, most = wishes.ranges[name]
+            words = f"{least:.4g} to {most:.4g}"
+            found.append(f"{name} stays at {value:.4g}, too far from the {words} of its firmware for one flight")
     return found

@@ -130,6 +130,17 @@ def test_a_kept_gain_may_lie_outside_the_range_of_its_firmware() -> None:
     assert FLOWN.derivative_s2 == found.proposed.gains.D
 
 
+@pytest.mark.parametrize(
+    ("name", "limits"), [("A", (10.0, 12.0)), ("P", (0.2, 0.5)), ("P", (0.001, 0.03)), ("D", (0.004, 0.05))]
+)
+def test_a_gain_far_outside_its_range_stays(name: str, limits: tuple[float, float]) -> None:
+    """The range is no reason to more than double a gain, nor to more than halve P."""
+    found = propose("roll", known(), FLOWN, wishes=Wishes(ranges={name: limits}))
+    assert found.changed
+    assert getattr(found.proposed.gains, name) == getattr(found.flown.gains, name)
+    assert any(reason.startswith(f"{name} stays at") for reason in found.reasons)
+
+
 def test_softer_wishes_give_softer_loops() -> None:
     firm = propose("roll", known(), Gains(P=0.2, I=0.2, D=0.003, A=5.0).on(FLOWN))
     soft = propose("roll", known(), Gains(P=0.2, I=0.2, D=0.003, A=5.0).on(FLOWN), wishes=Wishes(sensitivity_peak=1.4))
