@@ -248,6 +248,16 @@ KINDS: Mapping[str, Kind] = {
         "warning", "Held otherwise", "What stands in an export for a number that the target cannot hold as it is."
     ),
     "feedforward": Kind("info", "Feed-forward", "A loop was seen together with its feed-forward."),
+    "filter_not_judged": Kind(
+        "warning",
+        "A filter reaches an axis that was not judged",
+        "A filter that is to be flown stands in the loop of an axis that could not be judged, and why.",
+    ),
+    "filter_refused": Kind(
+        "error",
+        "A filter breaks another loop",
+        "With a filter that is to be flown, an axis that keeps its gains would break a limit.",
+    ),
     "fitted_in_pieces": Kind("info", "Fitted in pieces", "Records were cut into pieces because the model is unstable."),
     "flat_bandwidth": Kind(
         "info", "A bandwidth that says little", "A response lies flat near −3 dB, so that its bandwidth says little."

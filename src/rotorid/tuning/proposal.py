@@ -63,6 +63,9 @@ _PROPORTIONALS = 24
 """Values of P that are tried where I or D stays."""
 
 _EXACT = 1e-9
+
+_ALIKE = 1.05
+"""Sensitivity peaks of one loop over each other up to which neither is the worse."""
 _RATE_SHAPES = np.geomspace(0.3, 12.0, 18)
 _YAW_SHAPES = np.geomspace(0.1, 5.0, 18)
 _DERIVATIVES = np.concatenate([[0.0], np.geomspace(0.003, 0.2, 13)])
@@ -488,6 +491,30 @@ def _flown_broken(flown: Judged, plant: UncertainPlant, wishes: Wishes) -> str:
     """
     seen = flown.rate.usual_crossover_rad_s <= plant.band_rad_s[1]
     return _broken(flown, wishes, share=2.0 * QUANTILE if seen else _MOST)
+
+
+def spoiled(flown: Judged, then: Judged, plant: UncertainPlant, wishes: Wishes) -> str:
+    """Which limit the same gains break with other filters; empty where they keep all, or where it is not their doing.
+
+    Parameters
+    ----------
+    flown, then
+        Gains with the filters as flown, and with the others.
+    plant
+        Of which both were judged.
+    wishes
+        Limits.
+    """
+    limit = _flown_broken(then, plant, wishes)
+    if not limit or not _flown_broken(flown, plant, wishes):
+        return limit
+    before, after = (_worst_peak(one) for one in (flown, then))
+    steady = np.mean(then.whole.stable * then.rate.stable) >= np.mean(flown.whole.stable * flown.rate.stable)
+    return "" if steady and after <= _ALIKE * before else limit
+
+
+def _worst_peak(one: Judged) -> float:
+    return float(np.median(np.maximum(one.rate.sensitivity_peak, one.whole.sensitivity_peak)))
 
 
 def _broken(one: Judged, wishes: Wishes, *, share: float = 2.0 * QUANTILE) -> str:

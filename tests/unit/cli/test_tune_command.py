@@ -57,10 +57,10 @@ def test_a_slip_is_one_sentence(log: Path, tmp_path: Path, words: tuple[str, ...
     ("remedy", "said"), [("lower --coherence", "c; needed: n."), ("fly a sweep", "c; needed: n; fly a sweep.")]
 )
 def test_no_remedy_is_an_option_of_identify(log: Path, remedy: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(*given: object) -> None:
+    def refused(*given: object, **look: object) -> None:
         raise InsufficientDataError("c", needed="n", remedy=remedy)
 
-    monkeypatch.setattr(proposal, "_axis", refused)
+    monkeypatch.setattr(proposal, "known_axis", refused)
     with pytest.raises(InsufficientDataError) as caught:
         proposal.tune(records=read(log), axes=("roll",))
     (told,) = [one.message for one in caught.value.findings if one.kind == "not_tuned"]

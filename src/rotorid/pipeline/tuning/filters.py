@@ -99,6 +99,29 @@ def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRec
     return replace(record, parameters={**record.parameters, **changed})
 
 
+def changed_filters(
+    record: FlightRecord, values: Mapping[str, float], *, gyro: bool = False
+) -> dict[str, tuple[float, float]]:
+    """Filters that are to be another, by the firmware's name: as flown, and as they are to be.
+
+    Parameters
+    ----------
+    record
+        The log.
+    values
+        As for :func:`with_filters`.
+    gyro
+        Those of the gyro alone, which stand in the loops of all axes.
+    """
+    return {
+        name: (float(record.parameters[place]), float(value))
+        for name, value in values.items()
+        if (place := _BLACKBOX_NAMES.get(name, name)) in record.parameters
+        and (not gyro or place.startswith(_OF_GYRO))
+        and record.parameters[place] != value
+    }
+
+
 def _is_filter(name: str) -> bool:
     if name.startswith("ATC_RAT_"):
         return name.endswith(_ARDUPILOT_FILTERS)

@@ -25,13 +25,14 @@ from rotorid.models.autopilots.settings import AxisController
 from rotorid.pipeline.provenance import Provenance, provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import Setting, as_records, require_seed
-from rotorid.pipeline.tuning.filters import FilterPrice, prices, with_filters
-from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, explained, flown_axis, require_gains, require_room
-from rotorid.pipeline.tuning.plants import plant_of, rate_model, require_known
+from rotorid.pipeline.tuning.axis import KnownAxis, known_axis
+from rotorid.pipeline.tuning.filters import FilterPrice, changed_filters, prices
+from rotorid.pipeline.tuning.flown import FlownAxis, at_ends
+from rotorid.pipeline.tuning.shared import require_filters_hold
 from rotorid.pipeline.tuning.thrust import ThrustLinearization, linearization
 from rotorid.tuning.files import parameter_files
 from rotorid.tuning.firmware import parameters_of, ranges_of, rounded, written
-from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid
+from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, judged, propose
 from rotorid.typing import Axis, ComplexArray, FloatArray
@@ -235,8 +236,8 @@ class TuningProposal(Immutable):
 
     @property
     def changed(self) -> bool:
-        """Whether any gain is to change."""
-        return any(one.changed for one in self.axes.values())
+        """Whether any gain or filter is to change."""
+        return any(name.startswith("proposed") for name in self.files)
 
 
 def tune(
@@ -283,24 +284,39 @@ def tune(
     autopilot = next((name for one in logs if (name := _autopilot(one))), "")
     thrust = linearization(given, logs[0] if logs else None, autopilot=autopilot, seed=chosen.seed)
     findings += thrust.findings if thrust is not None else ()
-    axes: dict[Axis, AxisTuning] = {}
+    known: dict[Axis, KnownAxis] = {}
+    refused: dict[Axis, InsufficientDataError] = {}
+    look = {"draws": chosen.draws, "seed": chosen.seed}
     for axis in chosen.axes:
+        _PROGRESS.info(f"tuning {axis}")
         try:
-            axes[axis] = _axis(axis, given, logs, chosen, thrust, findings)
+            known[axis] = known_axis(axis, given, logs, filters=chosen.filters, findings=findings, **look)
         except InsufficientDataError as error:
-            message = f"{axis}: {error}"
+            refused[axis] = error
             # Options of identify, which tune does not have, are no remedy here.
             parts = (error.came, f"needed: {error.needed}", "" if "--" in error.remedy else error.remedy)
             why = "; ".join(part.rstrip(".") for part in parts if part not in ("", "needed: "))
             findings += [one for one in error.findings if one not in findings]
             findings.append(warn("not_tuned", axis, f"The gains of {axis} stay: {why}."))
-            _PROGRESS.info(message)
-    if not axes:
+            _PROGRESS.info(f"{axis}: {error}")
+    if not known:
         raise InsufficientDataError(
             "no axis can be tuned",
             needed="a rate model of an axis, the gains that flew, and motors with room to both sides",
             remedy="the findings say what each axis lacks",
             findings=worst_first(findings) or [refusal("not_tuned", "all axes", "No axis can be tuned.")],
+        )
+    axes = {axis: _axis(axis, one, chosen, thrust) for axis, one in known.items()}
+    findings += [one for axis, tuned in axes.items() for one in _said(axis, tuned.proposal, tuned.plant)]
+    if chosen.filters:
+        findings += require_filters_hold(
+            {axis: known[axis] for axis, tuned in axes.items() if not tuned.proposal.changed},
+            {axis: refused.get(axis) for axis in TUNED_AXES if axis not in axes},
+            given,
+            logs,
+            filters=chosen.filters,
+            wishes=Wishes(sensitivity_peak=chosen.robustness),
+            **look,
         )
     return _together(axes, findings, logs, given, chosen, thrust)
 
@@ -310,80 +326,41 @@ def _autopilot(record: FlightRecord) -> str:
     return next((name for name in ("PX4", "ArduPilot", "Betaflight") if record.source.format.startswith(name)), "")
 
 
-def _axis(
-    axis: Axis,
-    given: Sequence[IdentifiedModel],
-    logs: Sequence[FlightRecord],
-    settings: TuneSettings,
-    thrust: ThrustLinearization | None,
-    findings: list[Finding],
-) -> AxisTuning:
-    """One axis, from its model to what the proposed gains will do.
-
-    What is remarked on goes to ``findings`` at once: it stays where the axis is refused later.
-    """
-    _PROGRESS.info(f"tuning {axis}")
-    record = next((one for one in logs if f"{axis}_command" in one.channel_names), logs[0] if logs else None)
-    flown, model = _flown_loop(axis, given, logs, record, settings)
-    if record is not None:
-        findings += explained(flown, model)
-    then = with_filters(record, settings.filters) if record is not None and settings.filters else None
-    controller = flown.controller if then is None else flown.with_parameters(then)
-    plant = plant_of(model, axis, draws=settings.draws, seed=settings.seed)
-    omega = frequency_grid(flown.controller.controller)
-    noise = flown.rate_noise(omega, plant.band_rad_s)
-    as_flown, parts = flown.parts(omega, noise=noise), flown.parts(omega, then=then, noise=noise)
+def _axis(axis: Axis, known: KnownAxis, settings: TuneSettings, thrust: ThrustLinearization | None) -> AxisTuning:
+    """One axis, from its loop as flown to what the proposed gains will do."""
+    flown, plant, then, controller, parts = known.flown, known.plant, known.then, known.controller, known.parts
+    omega, drawn = known.omega_rad_s, known.drawn()
     ends = at_ends(controller, parts)
     found = propose(
         axis,
         plant,
         controller.controller,
         parts=parts,
-        flown_parts=None if then is None else as_flown,
+        flown_parts=None if then is None else known.flown_parts,
         ends=tuple(ends.values()),
         wishes=_wishes(controller, settings, thrust),
     )
-    drawn = plant.drawn(omega)
     if found.changed:
         found = replace(found, proposed=judged(parts, drawn, rounded(controller, found.proposed.gains)))
-    require_known(axis, plant, found.flown.rate.usual_crossover_rad_s)
-    findings += _said(axis, found, plant)
-    sets = {"flown": (as_flown, found.flown.gains), "proposed": (parts, found.proposed.gains)}
-    if not found.changed:
-        # Without gains that hold, the filters stay too.
-        sets["proposed"] = sets["flown"]
+    elif then is not None:
+        # Gains that stay fly the other filters too.
+        found = replace(found, proposed=judged(parts, drawn, found.flown.gains))
+        found = replace(found, better=float(np.median(found.proposed.attitude_rms / found.flown.attitude_rms)))
+    sets = {"flown": (known.flown_parts, found.flown.gains), "proposed": (parts, found.proposed.gains)}
     return AxisTuning(
         controller=flown.controller,
         plant=plant,
         omega_rad_s=omega,
         proposal=found,
-        parameters=_parameters(flown, controller if found.changed else flown.controller, found),
+        parameters=_parameters(known, settings, found),
         loops=_loops(drawn, sets),
         responses=_responses(omega, drawn, sets),
-        parts=sets["proposed"][0],
-        prices=prices(then or record, controller, parts, plant.response(omega), found.proposed.gains),
+        parts=parts,
+        prices=prices(then or flown.record, controller, parts, plant.response(omega), found.proposed.gains),
         ends={name: judged(end, drawn, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
-        noise_seen=noise is not None,
-        **_steps(flown, then if found.changed else None, plant, found),
+        noise_seen=parts.rate_noise is not None,
+        **_steps(flown, then, plant, found),
     )
-
-
-def _flown_loop(
-    axis: Axis,
-    given: Sequence[IdentifiedModel],
-    logs: Sequence[FlightRecord],
-    record: FlightRecord | None,
-    settings: TuneSettings,
-) -> tuple[FlownAxis, IdentifiedModel]:
-    """The loop that flew and the model of its axis, where the log has gains and its motors had room."""
-    if record is not None:
-        require_gains(axis, record)
-        require_room(record)
-    model = rate_model(axis, given, logs)
-    flown = flown_axis(axis, model, record)
-    if record is None and settings.filters:
-        raise UsageError("--set came with results alone", needed="the log, whose parameters tell the filters")
-    return flown, model
 
 
 def _wishes(controller: AxisController, settings: TuneSettings, thrust: ThrustLinearization | None) -> Wishes:
@@ -420,11 +397,13 @@ def _said(axis: Axis, found: AxisProposal, plant: UncertainPlant) -> list[Findin
     return said
 
 
-def _parameters(flown: FlownAxis, then: AxisController, found: AxisProposal) -> dict[str, tuple[float, float]]:
+def _parameters(known: KnownAxis, settings: TuneSettings, found: AxisProposal) -> dict[str, tuple[float, float]]:
     """Every gain and filter of the loop by the firmware's name, flown and proposed."""
+    flown, then = known.flown.controller, known.controller
     new = {**then.filters, **(written(then, found.proposed.gains) if found.changed else {})}
-    before = {**flown.controller.gains, **flown.controller.filters}
-    return {name: (value, new.get(name, value)) for name, value in before.items()}
+    before = {**flown.gains, **flown.filters}
+    gyro = changed_filters(known.flown.record, settings.filters, gyro=True) if known.flown.record is not None else {}
+    return {name: (value, new.get(name, value)) for name, value in before.items()} | gyro
 
 
 _Sets = Mapping[str, tuple[ControllerParts, Gains]]
@@ -474,9 +453,8 @@ def _together(
     """All axes, with their files."""
     first = next(iter(axes.values())).controller
     changes = {name: pair for one in axes.values() for name, pair in one.parameters.items() if pair[0] != pair[1]}
-    if changes and logs:
-        known = logs[0].parameters
-        changes |= {name: (known[name], value) for name, value in settings.filters.items() if name in known}
+    if logs:
+        changes |= changed_filters(logs[0], settings.filters)
     every: dict[str, float] = {}
     for one in axes.values():
         every |= written(one.controller, one.proposal.flown.gains)

@@ -1,0 +1,122 @@
+"""One axis before anything is proposed: the controller that flew, its plant, and the filters that are to be flown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding
+from rotorid.data.record import FlightRecord
+from rotorid.errors import UsageError
+from rotorid.models.autopilots.settings import AxisController
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.tuning.filters import with_filters
+from rotorid.pipeline.tuning.flown import FlownAxis, explained, flown_axis, require_gains, require_room
+from rotorid.pipeline.tuning.plants import plant_of, rate_model, require_known
+from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid, loop_figures
+from rotorid.tuning.plant import UncertainPlant
+from rotorid.typing import Axis, ComplexArray, FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownAxis(Immutable):
+    """An axis whose loop can be judged.
+
+    Parameters
+    ----------
+    flown
+        The controller that flew.
+    plant
+        With draws of what is not known.
+    omega_rad_s
+        Frequencies of the parts, shape ``(f,)``.
+    flown_parts
+        What its gains do, with the filters as they were flown.
+    then
+        The log as if other filters had been flown; ``None`` where they stay.
+    controller, parts
+        The controller and what its gains do, with the filters that are to be flown.
+    """
+
+    flown: FlownAxis
+    plant: UncertainPlant
+    omega_rad_s: FloatArray
+    flown_parts: ControllerParts
+    then: FlightRecord | None
+    controller: AxisController
+    parts: ControllerParts
+
+    @property
+    def gains(self) -> Gains:
+        """As flown."""
+        return Gains.of(self.flown.controller.controller)
+
+    def drawn(self) -> ComplexArray:
+        """All likely plants, shape ``(draws, f)``."""
+        return self.plant.drawn(self.omega_rad_s)
+
+
+def log_of(axis: Axis, logs: Sequence[FlightRecord]) -> FlightRecord | None:
+    """The log that shows an axis: the first with its command, else the first."""
+    return next((one for one in logs if f"{axis}_command" in one.channel_names), logs[0] if logs else None)
+
+
+def known_axis(
+    axis: Axis,
+    given: Sequence[IdentifiedModel],
+    logs: Sequence[FlightRecord],
+    *,
+    filters: Mapping[str, float],
+    draws: int,
+    seed: int,
+    findings: list[Finding],
+) -> KnownAxis:
+    """An axis with the loop that flew, where it can be judged.
+
+    Parameters
+    ----------
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    given, logs
+        As for :func:`rotorid.pipeline.tuning.proposal.tune`.
+    filters
+        Those that are to be flown.
+    draws, seed
+        Of the plant.
+    findings
+        What is remarked on is added here at once: it stays where the axis is refused later.
+
+    Raises
+    ------
+    InsufficientDataError
+        Its gains, its plant or its room are not known well enough.
+    UsageError
+        Filters came without a log, or no such filter is in it.
+    """
+    record = log_of(axis, logs)
+    if record is not None:
+        require_gains(axis, record)
+        require_room(record)
+    model = rate_model(axis, given, logs)
+    flown = flown_axis(axis, model, record)
+    if record is None and filters:
+        raise UsageError("--set came with results alone", needed="the log, whose parameters tell the filters")
+    if record is not None:
+        findings += explained(flown, model)
+    then = with_filters(record, filters) if record is not None and filters else None
+    plant = plant_of(model, axis, draws=draws, seed=seed)
+    omega = frequency_grid(flown.controller.controller)
+    noise = flown.rate_noise(omega, plant.band_rad_s)
+    known = KnownAxis(
+        flown=flown,
+        plant=plant,
+        omega_rad_s=omega,
+        flown_parts=flown.parts(omega, noise=noise),
+        then=then,
+        controller=flown.controller if then is None else flown.with_parameters(then),
+        parts=flown.parts(omega, then=then, noise=noise),
+    )
+    loops = loop_figures(omega, known.drawn() * known.flown_parts.rate(known.gains))
+    require_known(axis, plant, loops.usual_crossover_rad_s)
+    return known
