@@ -157,6 +157,9 @@ KINDS: Mapping[str, Kind] = {
     "assumed_curve": Kind(
         "warning", "Assumed curve", "The curve of thrust over motor output was assumed, not identified."
     ),
+    "angle_shared": Kind(
+        "info", "One angle gain of two axes", "Roll and pitch have one angle gain: which value both fly, and why."
+    ),
     "assumed_geometry": Kind(
         "info", "The order of the motors was assumed", "The order or the places of the motors were assumed."
     ),

@@ -33,6 +33,8 @@ class Parameter(NamedTuple):
         What a gain in SI is divided by to give its value.
     integer
         Whether it is a whole number.
+    shared
+        Whether another axis has the same one.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Parameter(NamedTuple):
     high: float
     per_si: float = 1.0
     integer: bool = False
+    shared: bool = False
 
 
 _PX4: Mapping[Axis, tuple[str, float, float, float]] = MappingProxyType(
@@ -98,7 +101,7 @@ def parameters_of(controller: AxisController) -> dict[str, Parameter]:
         }
         level = next((name for name in ("angle_p_gain", "p_level") if name in gains), None)
         if level is not None:
-            found["A"] = Parameter(level, 0.0, _MOST_OF_BETAFLIGHT, 0.1, integer=True)
+            found["A"] = Parameter(level, 0.0, _MOST_OF_BETAFLIGHT, 0.1, integer=True, shared=True)
     else:
         raise UsageError(f"gains of {controller.autopilot or 'no autopilot'} came", needed="PX4, ArduPilot, Betaflight")
     # Where D moves in flight, what its parameter is depends on the version: top of the range or its base.

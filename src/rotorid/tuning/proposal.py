@@ -100,6 +100,8 @@ class Wishes(Immutable):
         Least and largest gain of the plant over that in hover, as the curve of thrust makes it over the throttle.
     ranges
         Lowest and highest value of a gain that the firmware takes, by its name.
+    angle_1_s
+        The angle gain that is to be flown, where another axis has the same one; ``None`` where it is free.
     """
 
     sensitivity_peak: float = 1.7
@@ -111,6 +113,7 @@ class Wishes(Immutable):
     angle_down: float = _MOST_DOWN
     gain_range: tuple[float, float] = (1.0, 1.0)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    angle_1_s: float | None = None
 
     def __post_init__(self) -> None:
         self._set(keep=tuple(self.keep), gain_range=tuple(self.gain_range), ranges=self.ranges)
@@ -240,7 +243,8 @@ def propose(
         )
     better = float(np.median(best.attitude_rms / flown.attitude_rms))
     broken = _flown_broken(flown, plant, wishes)
-    if better > _WORTH and not broken and flown_parts is None:
+    same = flown_parts is None and wishes.angle_1_s in (None, flown.gains.A)
+    if better > _WORTH and not broken and same:
         reasons.append("no gains inside the limits hold the attitude clearly better than the flown ones")
         return AxisProposal(
             axis=axis, controller=controller, flown=flown, proposed=flown, better=1.0, reasons=tuple(reasons)
@@ -335,12 +339,13 @@ def _shapes(axis: Axis, flown: Gains, wishes: Wishes) -> list[_Shape]:
 
 
 def _kept(flown: Gains, wishes: Wishes) -> dict[str, float]:
-    """Gains that stay, and their values."""
-    return {
+    """Gains that stay, and their values; an angle gain that is given is one of them."""
+    found = {
         name: value
         for name, value in flown.as_dict().items()
         if name in wishes.keep or _out_of_reach(name, value, wishes)
     }
+    return found if wishes.angle_1_s is None else {**found, "A": wishes.angle_1_s}
 
 
 def _out_of_reach(name: str, flown: float, wishes: Wishes) -> bool:

@@ -31,7 +31,7 @@ from rotorid.pipeline.tuning.flown import FlownAxis, at_ends
 from rotorid.pipeline.tuning.shared import require_filters_hold
 from rotorid.pipeline.tuning.thrust import ThrustLinearization, linearization
 from rotorid.tuning.files import parameter_files
-from rotorid.tuning.firmware import parameters_of, ranges_of, rounded, written
+from rotorid.tuning.firmware import Parameter, parameters_of, ranges_of, rounded, written
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, judged, propose
@@ -306,7 +306,8 @@ def tune(
             remedy="the findings say what each axis lacks",
             findings=worst_first(findings) or [refusal("not_tuned", "all axes", "No axis can be tuned.")],
         )
-    axes = {axis: _axis(axis, one, chosen, thrust) for axis, one in known.items()}
+    axes, shared = _axes(known, chosen, thrust)
+    findings += shared
     findings += [one for axis, tuned in axes.items() for one in _said(axis, tuned.proposal, tuned.plant)]
     if chosen.filters:
         findings += require_filters_hold(
@@ -326,8 +327,55 @@ def _autopilot(record: FlightRecord) -> str:
     return next((name for name in ("PX4", "ArduPilot", "Betaflight") if record.source.format.startswith(name)), "")
 
 
-def _axis(axis: Axis, known: KnownAxis, settings: TuneSettings, thrust: ThrustLinearization | None) -> AxisTuning:
-    """One axis, from its loop as flown to what the proposed gains will do."""
+def _axes(
+    known: Mapping[Axis, KnownAxis], settings: TuneSettings, thrust: ThrustLinearization | None
+) -> tuple[dict[Axis, AxisTuning], list[Finding]]:
+    """All axes, each with gains of its own but for an angle gain that two of them share.
+
+    Where they would have two values of it, the smaller is flown by both; where one of them has no gains for that, or
+    where one alone was looked at, it stays.
+    """
+    sharing = [axis for axis, one in known.items() if (angle := _angle(one)) is not None and angle.shared]
+    flown = known[sharing[0]].gains.A if sharing else 0.0
+    alone = flown if len(sharing) == 1 else None
+    axes = {
+        axis: _axis(axis, one, settings, thrust, angle_1_s=alone if axis in sharing else None)
+        for axis, one in known.items()
+    }
+    proposed = {axis: axes[axis].proposal.proposed.gains.A for axis in sharing}
+    for value in (min(proposed.values(), default=flown), flown):
+        for axis in sharing:
+            if value != axes[axis].proposal.proposed.gains.A:
+                axes[axis] = _axis(axis, known[axis], settings, thrust, angle_1_s=value)
+        if all(value == axes[axis].proposal.proposed.gains.A for axis in sharing):
+            break
+    if not sharing or (alone is None and len(set(proposed.values())) == 1) or "A" in settings.keep:
+        return axes, []
+    angle = _angle(known[sharing[0]])
+    assert angle is not None
+    why = (
+        f"it stays, since {sharing[0]} alone was looked at"
+        if alone is not None
+        else f"{' and '.join(sharing)} alone would have "
+        f"{' and '.join(f'{gain / angle.per_si:.0f}' for gain in proposed.values())}, both fly "
+        f"{axes[sharing[0]].proposal.proposed.gains.A / angle.per_si:.0f}"
+    )
+    return axes, [remark("angle_shared", angle.name, f"{angle.name} is one gain of roll and pitch: {why}.")]
+
+
+def _angle(known: KnownAxis) -> Parameter | None:
+    return parameters_of(known.controller).get("A")
+
+
+def _axis(
+    axis: Axis,
+    known: KnownAxis,
+    settings: TuneSettings,
+    thrust: ThrustLinearization | None,
+    *,
+    angle_1_s: float | None = None,
+) -> AxisTuning:
+    """One axis, from its loop as flown to what the proposed gains will do, with an angle gain that may be given."""
     flown, plant, then, controller, parts = known.flown, known.plant, known.then, known.controller, known.parts
     omega, drawn = known.omega_rad_s, known.drawn()
     ends = at_ends(controller, parts)
@@ -338,7 +386,7 @@ def _axis(axis: Axis, known: KnownAxis, settings: TuneSettings, thrust: ThrustLi
         parts=parts,
         flown_parts=None if then is None else known.flown_parts,
         ends=tuple(ends.values()),
-        wishes=_wishes(controller, settings, thrust),
+        wishes=replace(_wishes(controller, settings, thrust), angle_1_s=angle_1_s),
     )
     if found.changed:
         found = replace(found, proposed=judged(parts, drawn, rounded(controller, found.proposed.gains)))
