@@ -56,6 +56,9 @@ _ARDUPILOT_RANGES = {
 _MOST_OF_BETAFLIGHT = 250.0
 _SAME = 1e-6
 
+_LEAST_LEFT = 0.05
+"""What TPA has to leave of a gain for it to be proposed."""
+
 
 def parameters_of(controller: AxisController) -> dict[str, Parameter]:
     """The parameters that hold P, I, D and A of an axis, as far as its firmware has them.
@@ -95,6 +98,8 @@ def parameters_of(controller: AxisController) -> dict[str, Parameter]:
         found["A"] = Parameter(f"ATC_ANG_{name}_P", *ranges["A"])
     elif controller.autopilot == "Betaflight":
         scales = {"P": PER_P, "I": PER_I * (YAW_I if axis == "yaw" else 1.0), "D": PER_D}
+        # Gains are those at the flown throttle, where TPA had lowered what the parameters say.
+        scales = {letter: scale * controller.left.get(letter, 1.0) for letter, scale in scales.items()}
         found = {
             letter: Parameter(f"{letter.lower()}_{axis}", 0.0, _MOST_OF_BETAFLIGHT, scale, integer=True)
             for letter, scale in scales.items()
@@ -106,7 +111,12 @@ def parameters_of(controller: AxisController) -> dict[str, Parameter]:
         raise UsageError(f"gains of {controller.autopilot or 'no autopilot'} came", needed="PX4, ArduPilot, Betaflight")
     # Where D moves in flight, what its parameter is depends on the version: top of the range or its base.
     moving = ("D",) if controller.ends else ()
-    return {letter: one for letter, one in found.items() if one.name in gains and letter not in moving}
+    # One of which TPA left nothing did nothing in this flight: there is nothing to judge it by.
+    return {
+        letter: one
+        for letter, one in found.items()
+        if one.name in gains and letter not in moving and controller.left.get(letter, 1.0) > _LEAST_LEFT
+    }
 
 
 def ranges_of(controller: AxisController) -> dict[str, tuple[float, float]]:

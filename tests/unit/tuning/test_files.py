@@ -105,6 +105,31 @@ def test_a_gain_that_stays_has_the_digits_of_the_log() -> None:
     assert values["MC_ROLLRATE_P"] != one.gains["MC_ROLLRATE_P"]
 
 
+@pytest.mark.parametrize(("mode", "of_p"), [(0.0, 0.8), (1.0, 1.0)])
+def test_what_tpa_took_is_given_back(mode: float, of_p: float) -> None:
+    """The controller holds what was left of P and D at the flown throttle; parameters hold the whole."""
+    tpa = {"tpa_rate": 40.0, "tpa_breakpoint": 1500.0, "tpa_mode": mode}
+    whole = axis_controller(BETAFLIGHT, "roll", firmware="Betaflight 4.5.1")
+    one = axis_controller({**BETAFLIGHT, **tpa}, "roll", firmware="Betaflight 4.5.1", throttle=0.75)
+    assert whole is not None
+    assert one is not None
+    flown, before = Gains.of(one.controller), Gains.of(whole.controller)
+    assert pytest.approx((of_p * before.P, 0.8 * before.D)) == (flown.P, flown.D)
+    same = {"p_roll": 45.0, "i_roll": 80.0, "d_roll": 30.0}
+    assert {name: written(one, flown)[name] for name in same} == same
+    double = rounded(one, Gains(P=2.0 * flown.P, I=flown.I, D=2.0 * flown.D, A=flown.A))
+    assert written(one, double) == {**written(one, flown), "p_roll": 90.0, "d_roll": 60.0}
+    assert ranges_of(one)["D"][1] == pytest.approx(0.8 * ranges_of(whole)["D"][1])
+
+
+def test_a_gain_of_which_tpa_left_nothing_stays() -> None:
+    tpa = {"tpa_rate": 100.0, "tpa_breakpoint": 1500.0, "tpa_mode": 1.0}
+    one = axis_controller({**BETAFLIGHT, **tpa}, "roll", firmware="Betaflight 4.5.1", throttle=1.0)
+    assert one is not None
+    assert "D" not in parameters_of(one)
+    assert "d_roll" not in written(one, Gains.of(one.controller))
+
+
 def test_nothing_else_is_known() -> None:
     with pytest.raises(UsageError, match="needed: PX4, ArduPilot, Betaflight"):
         parameter_files("Crazyflie", {"p": 1.0}, role="proposed")

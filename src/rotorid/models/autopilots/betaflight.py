@@ -111,6 +111,7 @@ def read(
         gains=_gains(parameters, axis, index, version),
         filters=_filters(parameters, yaw=yaw, version=version),
         ends=ends,
+        left={letter: share for letter, share in (("P", of_p), ("D", of_d)) if share < 1.0},
         notes=tuple(_notes(parameters, throttle, yaw=yaw)),
     )
 

@@ -35,6 +35,9 @@ class AxisController(Immutable):
     ends
         Names of states between which the controller moves in flight, to the controllers there; empty for one that
         stays as it is.
+    left
+        What the throttle that was flown had left of P and D, where the controller holds less of them than its
+        parameters say; by their letters.
     notes
         Sentences on what is on and not part of the linear controller.
     """
@@ -46,10 +49,11 @@ class AxisController(Immutable):
     gains: Mapping[str, float]
     filters: Mapping[str, float]
     ends: Mapping[str, RateController] = field(default_factory=dict)
+    left: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        self._set(gains=self.gains, filters=self.filters, ends=self.ends, notes=tuple(self.notes))
+        self._set(gains=self.gains, filters=self.filters, ends=self.ends, left=self.left, notes=tuple(self.notes))
 
     @property
     def loop_rate_hz(self) -> float | None:
