@@ -450,6 +450,9 @@ KINDS: Mapping[str, Kind] = {
         "info", "A channel was computed", "A channel that is not logged was made of others, which it names."
     ),
     "record_too_short": Kind("warning", "The record is short", "The record is too short for what was asked."),
+    "room_not_checked": Kind(
+        "info", "Limits of the motors", "Whether a motor stood at a limit was not checked before gains were proposed."
+    ),
     "rotor_layout": Kind("info", "Where the rotors are", "Where the rotors stand, as far as the log says."),
     "saturation": Kind("warning", "Saturation", "Motors or commands stood at their limits."),
     "seen_data": Kind(

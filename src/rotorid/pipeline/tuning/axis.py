@@ -97,7 +97,7 @@ def known_axis(
     record = log_of(axis, logs)
     if record is not None:
         require_gains(axis, record)
-        require_room(record)
+        findings += [one for one in require_room(record) if one not in findings]
     model = rate_model(axis, given, logs)
     flown = flown_axis(axis, model, record)
     if record is None and filters:

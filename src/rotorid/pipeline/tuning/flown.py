@@ -30,6 +30,7 @@ from rotorid.pipeline.responses import response
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.signal.autopilot_filters import controller_filters
 from rotorid.signal.filters import combined_response
+from rotorid.signal.motors import in_flight, linearization_of, logged_outputs, or_none
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.typing import Axis, ComplexArray, FloatArray
 from rotorid.verification.time_domain import matched
@@ -38,7 +39,7 @@ _MOST_SATURATED = 0.02
 """Share of the flight with a motor at a limit above which nothing is proposed: its plant is that of a limit cycle."""
 
 _AT_LIMIT = (0.02, 0.98)
-"""Outputs of a motor at which it is."""
+"""Outputs of a motor, over the range in which it moves, at which it is."""
 
 _AIRBORNE = 0.1
 """Mean output of the motors above which that counts."""
@@ -217,25 +218,30 @@ def _no_gains(axis: Axis) -> InsufficientDataError:
     )
 
 
-def require_room(record: FlightRecord) -> None:
-    """Refuse a flight whose motors stood at their limits: its plant is that of a limit cycle.
+def require_room(record: FlightRecord) -> list[Finding]:
+    """Refuse a flight whose motors stood at their limits, its plant is that of a limit cycle; a remark where they hide.
+
+    An output counts by the range in which the autopilot moves it in flight: ArduPilot's go from ``MOT_SPIN_MIN`` to
+    ``MOT_SPIN_MAX`` alone.
 
     Raises
     ------
     InsufficientDataError
         A motor did so for more than 2 % of the flight.
     """
-    names = [name for name in record.channel_names if name.startswith("motor_") and name[6:].isdigit()]
-    limited = count = 0
-    for topic in record.topics:
-        rows = [row for name in names if (row := topic.row(name)) is not None]
-        if rows:
-            values = topic.values[rows]
-            flying = np.nanmean(values, axis=0) > _AIRBORNE
-            stopped = (values <= _AT_LIMIT[0]) | (values >= _AT_LIMIT[1])
-            limited += int(np.count_nonzero(stopped[:, flying].any(axis=0)))
-            count += int(np.count_nonzero(flying))
-    share = limited / count if count else 0.0
+    history = or_none(logged_outputs, record)
+    known = linearization_of(record) if history is not None and history.kind == "output" else None
+    if history is None or (known is None and record.source.format.startswith(("ArduPilot", "MAVLink"))):
+        why = "holds no outputs of all motors" if history is None else "does not say in which range its motors move"
+        message = f"{record.source.name} {why}: whether a motor stood at a limit was not checked."
+        return [remark("room_not_checked", record.source.name, message)]
+    low, high = (known.low, known.high) if known is not None else (0.0, 1.0)
+    shares = (history.values - low) / (high - low)
+    # On the ground all motors idle at the lower end.
+    flying = (history.values.mean(axis=0) > _AIRBORNE) & (shares > _AT_LIMIT[0]).any(axis=0)
+    flying &= in_flight(record, history.time_s)
+    limited = ((shares <= _AT_LIMIT[0]) | (shares >= _AT_LIMIT[1])).any(axis=0)
+    share = float(limited[flying].mean()) if flying.any() else 0.0
     if share > _MOST_SATURATED:
         message = f"A motor stood at a limit for {100.0 * share:.0f} % of the flight: lower the gains first."
         raise InsufficientDataError(
@@ -244,6 +250,7 @@ def require_room(record: FlightRecord) -> None:
             remedy="lower the gains first",
             findings=[refusal("saturation", record.source.name, message, share=share)],
         )
+    return []
 
 
 def explained(flown: FlownAxis, model: IdentifiedModel) -> list[Finding]:
