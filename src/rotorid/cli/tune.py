@@ -113,10 +113,11 @@ def tune_command(
     from rotorid.documents.tune import TUNE, refused_tune_document, tune_document
     from rotorid.pipeline.flight_settings import parse_assignments
     from rotorid.pipeline.settings import parse_names
+    from rotorid.pipeline.tuning.filters import numbered
     from rotorid.pipeline.tuning.proposal import TUNED_AXES, TuneSettings, refused_tuning, tune
 
     stay = _staying(keep, only)
-    changed = parse_assignments(filters or (), option="--set", units={})
+    changed = parse_assignments([numbered(one) for one in filters or ()], option="--set", units={})
     settings = TuneSettings(
         axes=parse_names(axes) if axes else TUNED_AXES,  # type: ignore[arg-type]
         robustness=robustness,

@@ -13,7 +13,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from rotorid.errors import UsageError
-from rotorid.models.autopilots.settings import version_of
+from rotorid.models.autopilots.betaflight_settings import is_type, types_of
+from rotorid.models.autopilots.settings import Version, version_of
 
 Role: TypeAlias = Literal["proposed", "thrust", "rollback"]
 
@@ -104,10 +105,23 @@ def _betaflight(values: Mapping[str, float], role: Role, firmware: str, profile:
     if version >= (4, 3):
         sliders += [f"set simplified_{kind}_filter = OFF" for kind in ("dterm", "gyro") if _has(values, kind)]
     selected = "# select the PID profile that was flown first, and the rate profile with it" if profile is None else ""
-    lines = [f"# {_WORDS[role]}", selected or f"# profile {profile}", "batch start"]
-    lines += [*([] if profile is None else [f"profile {profile}"]), *sliders]
-    lines += [f"set {name} = {int(value)}" for name, value in values.items()]
-    return "\n".join([*lines, "batch end", "save"]) + "\n"
+    lines = [f"# {_WORDS[role]}", selected or f"# profile {profile}"]
+    if role == "rollback" and sliders:
+        lines += ["# but for the sliders (simplified_...), which stay off: turned on, they work the gains out again"]
+    lines += ["batch start", *([] if profile is None else [f"profile {profile}"]), *sliders]
+    lines += [f"set {name} = {_told(name, value, version)}" for name, value in values.items()]
+    # An open batch with an error in it refuses to save, as it does in Betaflight's own files.
+    return "\n".join([*lines, "save", "batch end"]) + "\n"
+
+
+def _told(name: str, value: float, version: Version) -> str:
+    """A value as the command line takes it: types of low-passes are words."""
+    if not is_type(name):
+        return str(int(value))
+    words = types_of(version)
+    if not 0 <= value < len(words):
+        raise UsageError(f"{name} = {value:g} came", needed=", ".join(f"{k} ({word})" for k, word in enumerate(words)))
+    return words[int(value)]
 
 
 def _has(values: Mapping[str, float], kind: str) -> bool:

@@ -15,7 +15,8 @@ import numpy as np
 
 from rotorid.errors import UsageError
 from rotorid.models.autopilots.betaflight import PER_D, PER_I, PER_P, YAW_I
-from rotorid.models.autopilots.settings import AxisController
+from rotorid.models.autopilots.betaflight_settings import angle_name
+from rotorid.models.autopilots.settings import AxisController, Version, version_of
 from rotorid.tuning.loops import Gains
 from rotorid.typing import Axis
 
@@ -53,7 +54,8 @@ _ARDUPILOT_RANGES = {
     False: {"P": (0.01, 0.5), "I": (0.01, 2.0), "D": (0.0, 0.05), "A": (3.0, 12.0)},
     True: {"P": (0.1, 2.5), "I": (0.01, 1.0), "D": (0.0, 0.02), "A": (3.0, 12.0)},
 }
-_MOST_OF_BETAFLIGHT = 250.0
+_BETAFLIGHT_250_SINCE: Version = (4, 3)
+_MOST_OF_BETAFLIGHT, _MOST_OF_OLDER, _MOST_ANGLE = 250.0, 200.0, 200.0
 _SAME = 1e-6
 
 _LEAST_LEFT = 0.05
@@ -100,13 +102,13 @@ def parameters_of(controller: AxisController) -> dict[str, Parameter]:
         scales = {"P": PER_P, "I": PER_I * (YAW_I if axis == "yaw" else 1.0), "D": PER_D}
         # Gains are those at the flown throttle, where TPA had lowered what the parameters say.
         scales = {letter: scale * controller.left.get(letter, 1.0) for letter, scale in scales.items()}
+        version = version_of(controller.firmware) or _BETAFLIGHT_250_SINCE
+        most = _MOST_OF_BETAFLIGHT if version >= _BETAFLIGHT_250_SINCE else _MOST_OF_OLDER
         found = {
-            letter: Parameter(f"{letter.lower()}_{axis}", 0.0, _MOST_OF_BETAFLIGHT, scale, integer=True)
+            letter: Parameter(f"{letter.lower()}_{axis}", 0.0, most, scale, integer=True)
             for letter, scale in scales.items()
         }
-        level = next((name for name in ("angle_p_gain", "p_level") if name in gains), None)
-        if level is not None:
-            found["A"] = Parameter(level, 0.0, _MOST_OF_BETAFLIGHT, 0.1, integer=True, shared=True)
+        found["A"] = Parameter(angle_name(version), 0.0, _MOST_ANGLE, 0.1, integer=True, shared=True)
     else:
         raise UsageError(f"gains of {controller.autopilot or 'no autopilot'} came", needed="PX4, ArduPilot, Betaflight")
     # Where D moves in flight, what its parameter is depends on the version: top of the range or its base.

@@ -11,6 +11,7 @@ from tests.unit.tuning.gain_files import parsed
 from rotorid.errors import UsageError
 from rotorid.models.autopilots import AxisController, axis_controller
 from rotorid.tuning import Gains, parameter_files, parameters_of, ranges_of, rounded, written
+from rotorid.tuning.files import Role
 
 PX4 = {"MC_ROLLRATE_K": 1.5, "MC_ROLLRATE_P": 0.1, "MC_ROLLRATE_I": 0.2, "MC_ROLLRATE_D": 0.002, "MC_ROLL_P": 6.5}
 ARDUPILOT = {"ATC_RAT_YAW_P": 0.18, "ATC_RAT_YAW_I": 0.018, "ATC_RAT_YAW_D": 0.0, "ATC_ANG_YAW_P": 4.5}
@@ -60,7 +61,8 @@ def test_betaflight_has_whole_numbers_and_its_sliders_off() -> None:
     (text,) = parameter_files("Betaflight", values, role="proposed", firmware="Betaflight 4.5.1").values()
     lines = text.splitlines()
     assert lines.index("set simplified_pids_mode = OFF") < lines.index("set p_roll = 54")
-    assert lines[-1] == "save"
+    # A batch that is still open refuses to save what was refused in part.
+    assert lines[-2:] == ["save", "batch end"]
     with pytest.raises(UsageError, match=r"Betaflight 4\.0"):
         parameter_files("Betaflight", values, role="proposed", firmware="")
 
@@ -128,6 +130,52 @@ def test_a_gain_of_which_tpa_left_nothing_stays() -> None:
     assert one is not None
     assert "D" not in parameters_of(one)
     assert "d_roll" not in written(one, Gains.of(one.controller))
+
+
+@pytest.mark.parametrize(
+    ("version", "angle", "most"),
+    [
+        ("4.2.11", "angle_level_strength", 200.0),
+        ("4.4.2", "angle_level_strength", 250.0),
+        ("4.5.1", "angle_p_gain", 250.0),
+    ],
+)
+def test_names_and_ranges_are_those_of_the_version(version: str, angle: str, most: float) -> None:
+    """There is no ``p_level`` at the command line."""
+    one = axis_controller(BETAFLIGHT, "roll", firmware=f"Betaflight {version}")
+    assert one is not None
+    found = parameters_of(one)
+    assert (found["A"].name, found["A"].high, found["P"].high) == (angle, 200.0, most)
+    assert written(one, Gains.of(one.controller))[angle] == 50.0
+    again = axis_controller({**one.gains, "looptime": 125.0}, "roll", firmware=f"Betaflight {version}")
+    assert again is not None
+    assert again.controller.angle_1_s == 5.0
+
+
+@pytest.mark.parametrize("role", ["proposed", "rollback"])
+def test_a_rollback_says_that_sliders_stay_off(role: Role) -> None:
+    (text,) = parameter_files("Betaflight", {"p_roll": 45.0}, role=role, firmware="Betaflight 4.5.1").values()
+    assert ("but for the sliders" in text) == (role == "rollback")
+    (old,) = parameter_files("Betaflight", {"p_roll": 45.0}, role=role, firmware="Betaflight 4.2.11").values()
+    assert "sliders" not in old
+
+
+@pytest.mark.parametrize(
+    ("version", "name", "value", "line"),
+    [
+        ("4.4.2", "dterm_lpf1_type", 3.0, "set dterm_lpf1_type = PT3"),
+        ("4.4.2", "gyro_lpf2_type", 0.0, "set gyro_lpf2_type = PT1"),
+        ("4.2.11", "dterm_lowpass_type", 1.0, "set dterm_lowpass_type = BIQUAD"),
+    ],
+)
+def test_types_of_filters_are_words(version: str, name: str, value: float, line: str) -> None:
+    (text,) = parameter_files("Betaflight", {name: value}, role="proposed", firmware=f"Betaflight {version}").values()
+    assert line in text.splitlines()
+
+
+def test_a_type_that_a_version_does_not_have_is_refused() -> None:
+    with pytest.raises(UsageError, match=r"0 \(PT1\), 1 \(BIQUAD\)"):
+        parameter_files("Betaflight", {"dterm_lowpass_type": 2.0}, role="proposed", firmware="Betaflight 4.2.11")
 
 
 def test_nothing_else_is_known() -> None:

@@ -15,7 +15,7 @@ from rotorid.errors import UsageError
 from rotorid.models.autopilots import axis_controller
 from rotorid.models.controller import RateController
 from rotorid.pipeline.tuning.check import Foretold, _which
-from rotorid.pipeline.tuning.filters import prices, with_filters
+from rotorid.pipeline.tuning.filters import changed_filters, numbered, prices, with_filters
 from rotorid.pipeline.tuning.thrust import _KINDS, linearization
 from rotorid.tuning import ControllerParts, Gains, attitude_figures, frequency_grid, quantities
 from rotorid.tuning.files import parameter_files
@@ -54,6 +54,71 @@ def test_other_filters_are_parameters_of_the_log() -> None:
 def test_what_is_no_filter_is_refused(name: str, value: float, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         with_filters(log(), {name: value})
+
+
+def blackbox(version: str, **header: float) -> FlightRecord:
+    source = Source(name="flight.bbl", format="Betaflight blackbox", sha256="", firmware=f"Betaflight {version}")
+    return FlightRecord(source=source, topics=(), parameters={"rollPID_P": 45.0, "looptime": 125.0, **header})
+
+
+SETTINGS = [
+    ("4.4.2", "dterm_lpf1_dyn_hz_0", "dterm_lpf1_dyn_min_hz"),
+    ("4.4.2", "gyro_lpf1_static_hz", "gyro_lpf1_static_hz"),
+    ("4.4.2", "gyro_notch_hz_0", "gyro_notch1_hz"),
+    ("4.4.2", "gyro_notch_cutoff_1", "gyro_notch2_cutoff"),
+    ("4.2.11", "dterm_lowpass_dyn_hz_1", "dyn_lpf_dterm_max_hz"),
+    ("4.2.11", "dterm_lowpass2_hz", "dterm_lowpass2_hz"),
+]
+
+
+@pytest.mark.parametrize(("version", "header", "command_line"), SETTINGS)
+def test_either_name_of_a_setting_is_taken_and_that_of_the_command_line_written(
+    version: str, header: str, command_line: str
+) -> None:
+    record = blackbox(version, **{header: 100.0})
+    for name in (header, command_line):
+        assert with_filters(record, {name: 150.0}).parameters[header] == 150.0
+        assert changed_filters(record, {name: 150.0}) == {command_line: (100.0, 150.0)}
+    assert changed_filters(record, {header: 100.0}) == {}
+
+
+@pytest.mark.parametrize(("version", "header"), [("4.4.2", "dterm_lpf1_type"), ("4.2.11", "dterm_filter_type")])
+def test_a_type_is_a_word_of_its_version(version: str, header: str) -> None:
+    record = blackbox(version, **{header: 0.0})
+    assert with_filters(record, {header: 1.0}).parameters[header] == 1.0
+    assert numbered(f"{header} = biquad") == f"{header}=1"
+    with pytest.raises(UsageError, match="one of PT1, BIQUAD"):
+        with_filters(record, {header: 4.0 if version == "4.4.2" else 2.0})
+
+
+@pytest.mark.parametrize(("flown", "wanted"), [(0.0, 150.0), (150.0, 200.0), (150.0, 0.0)])
+def test_a_low_pass_of_the_gyro_that_moves_is_refused(flown: float, wanted: float) -> None:
+    """It would be written and not judged."""
+    with pytest.raises(UsageError, match="stands still"):
+        with_filters(blackbox("4.4.2", gyro_lpf1_dyn_hz_0=flown), {"gyro_lpf1_dyn_min_hz": wanted})
+
+
+@pytest.mark.parametrize("version", ["4.2.11", "4.4.2"])
+def test_filters_of_a_controller_have_the_names_of_the_command_line(version: str) -> None:
+    """And make the same controller again, from a result."""
+    older = version < "4.3"
+    header = (
+        {"dterm_filter_type": 1.0, "dterm_lowpass_dyn_hz_0": 70.0, "dterm_lowpass_dyn_hz_1": 170.0}
+        if older
+        else {"dterm_lpf1_type": 1.0, "dterm_lpf1_dyn_hz_0": 70.0, "dterm_lpf1_dyn_hz_1": 170.0}
+    )
+    record = blackbox(version, **header, rollPID_D=30.0)
+    found = axis_controller(record.parameters, "roll", firmware=record.source.firmware)
+    assert found is not None
+    named = {"dterm_lowpass_type", "dyn_lpf_dterm_min_hz", "dyn_lpf_dterm_max_hz"}
+    assert set(found.filters) == (
+        named if older else {"dterm_lpf1_type", "dterm_lpf1_dyn_min_hz", "dterm_lpf1_dyn_max_hz"}
+    )
+    again = axis_controller(
+        {**found.gains, **found.filters, "looptime": 125.0}, "roll", firmware=record.source.firmware
+    )
+    assert again is not None
+    assert again.controller == found.controller
 
 
 def test_a_filter_costs_the_phase_that_it_has() -> None:

@@ -156,7 +156,7 @@ def test_two_axes_fly_one_angle_gain() -> None:
     together, said = proposal._axes(axes, TuneSettings(), None)
     assert {one.proposal.proposed.gains.A for one in alone.values()} != {smaller}
     assert {one.proposal.proposed.gains.A for one in together.values()} == {smaller}
-    assert [(one.kind, one.where) for one in said] == [("angle_shared", "p_level")]
+    assert [(one.kind, one.where) for one in said] == [("angle_shared", "angle_level_strength")]
     assert f"both fly {10.0 * smaller:.0f}" in said[0].message
     roll = together["roll"].proposal.proposed
     assert np.quantile(roll.whole.sensitivity_peak, 0.9) <= 1.75

@@ -24,6 +24,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
+from rotorid.models.autopilots.betaflight_settings import (
+    NAMED_BY_NUMBER,
+    angle_name,
+    command_line_name,
+    header_name,
+)
 from rotorid.models.autopilots.settings import AxisController, Version, present, version_of
 from rotorid.models.controller import RateController
 from rotorid.models.loop_filter import FilterKind, LoopFilter
@@ -45,7 +51,23 @@ YAW_I = 2.5
 """Factor on I of yaw."""
 
 _KINDS: Mapping[int, FilterKind] = MappingProxyType({0: "PT1", 1: "Butterworth", 2: "PT2", 3: "PT3"})
-_CASCADES_SINCE: Version = (4, 3)
+_LOW_PASSES_OF_D = (
+    "dterm_lpf1_type",
+    "dterm_lpf1_static_hz",
+    "dterm_lpf1_dyn_hz_0",
+    "dterm_lpf1_dyn_hz_1",
+    "dterm_lpf1_dyn_expo",
+    "dterm_lpf2_type",
+    "dterm_lpf2_static_hz",
+)
+_OLDER_LOW_PASSES_OF_D = (
+    "dterm_filter_type",
+    "dterm_lowpass_hz",
+    "dterm_lowpass_dyn_hz_0",
+    "dterm_lowpass_dyn_hz_1",
+    "dterm_filter2_type",
+    "dterm_lowpass2_hz",
+)
 _CURVE_SINCE: Version = (4, 2)
 _ANGLE_FILTER_SINCE: Version = (4, 5)
 _ANGLE_FILTER_HZ = 50.0
@@ -127,9 +149,9 @@ def _as_in_header(parameters: Mapping[str, float]) -> dict[str, float]:
     names = {f"{letter.lower()}_{axis}": f"{axis}PID_{letter}" for axis in _AXES for letter in "PID"}
     numbered = {"f": "ff_weight", "d_min": "d_min", "d_max": "d_max"}
     names |= {f"{word}_{axis}": f"{name}_{k}" for axis, k in _AXES.items() for word, name in numbered.items()}
-    names |= {"p_level": "levelPID_P", "angle_p_gain": "levelPID_P"}
-    ends = enumerate(("dyn_min_hz", "dyn_max_hz"))
-    names |= {f"{first}_{word}": f"{first}_dyn_hz_{k}" for k, word in ends for first in ("dterm_lpf1", "dterm_lowpass")}
+    # The first is what results had once.
+    names |= dict.fromkeys(("p_level", "angle_level_strength", "angle_p_gain"), "levelPID_P")
+    names |= {name: header_name(name) for name in parameters if header_name(name) != name}
     return {names[name]: float(value) for name, value in parameters.items() if name in names}
 
 
@@ -167,7 +189,7 @@ def _derivative_filters(
     )
     for kinds, cutoff_hz in zip(names, cutoffs_hz, strict=True):
         code = int(_first(parameters, kinds))
-        if cutoff_hz >= _SLOWEST_HZ and code in _KINDS and (code < 2 or version >= _CASCADES_SINCE):
+        if cutoff_hz >= _SLOWEST_HZ and code in _KINDS and (code < 2 or version >= NAMED_BY_NUMBER):
             found.append(LoopFilter(kind=_KINDS[code], frequency_hz=cutoff_hz))
     return tuple(one for one in found if one is not None)
 
@@ -213,7 +235,7 @@ def _gains(parameters: Mapping[str, float], axis: Axis, index: int, version: Ver
         f"f_{axis}": f"ff_weight_{index}",
         f"d_min_{axis}": f"d_min_{index}",
         f"d_max_{axis}": f"d_max_{index}",
-        "angle_p_gain" if version >= _ANGLE_FILTER_SINCE else "p_level": "levelPID_P",
+        angle_name(version): "levelPID_P",
         "tpa_rate": "tpa_rate",
         "tpa_breakpoint": "tpa_breakpoint",
         "tpa_mode": "tpa_mode",
@@ -230,22 +252,9 @@ def _gains(parameters: Mapping[str, float], axis: Axis, index: int, version: Ver
 
 def _filters(parameters: Mapping[str, float], *, yaw: bool, version: Version) -> dict[str, float]:
     """Filters by the names of the command line."""
-    if version >= _CASCADES_SINCE:
-        first, second, limits = "dterm_lpf1", "dterm_lpf2", ("dyn_min_hz", "dyn_max_hz")
-        found = present(parameters, (f"{first}_type", f"{first}_static_hz", f"{first}_dyn_expo"))
-        found |= present(parameters, (f"{second}_type", f"{second}_static_hz"))
-    else:
-        first, limits = "dterm_lowpass", ("dyn_min_hz", "dyn_max_hz")
-        found = present(
-            parameters, ("dterm_filter_type", "dterm_lowpass_hz", "dterm_filter2_type", "dterm_lowpass2_hz")
-        )
-    source = f"{first}_dyn_hz"
-    found |= {
-        f"{first}_{name}": float(parameters[f"{source}_{end}"])
-        for end, name in enumerate(limits)
-        if f"{source}_{end}" in parameters
-    }
-    return found | present(parameters, ("dterm_notch_hz", "dterm_notch_cutoff", *(["yaw_lowpass_hz"] if yaw else [])))
+    own = ("dterm_notch_hz", "dterm_notch_cutoff", *(["yaw_lowpass_hz"] if yaw else []))
+    names = _LOW_PASSES_OF_D if version >= NAMED_BY_NUMBER else _OLDER_LOW_PASSES_OF_D
+    return {command_line_name(name): value for name, value in present(parameters, (*names, *own)).items()}
 
 
 def _notes(parameters: Mapping[str, float], throttle: float, *, yaw: bool) -> list[str]:

@@ -16,7 +16,16 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord
 from rotorid.errors import UsageError
-from rotorid.models.autopilots.settings import AxisController
+from rotorid.models.autopilots.betaflight_settings import (
+    LOW_PASSES,
+    MOVING_GYRO,
+    NAMED_BY_NUMBER,
+    command_line_name,
+    header_name,
+    is_type,
+    types_of,
+)
+from rotorid.models.autopilots.settings import AxisController, Version, version_of
 from rotorid.models.controller import FILTERS, RateController
 from rotorid.signal.autopilot_filters import controller_filters
 from rotorid.tuning.loops import ControllerParts, Gains
@@ -25,13 +34,6 @@ from rotorid.typing import ComplexArray
 _OF_GYRO = ("IMU_GYRO_", "INS_GYRO_FILTER", "INS_HNTCH_", "INS_HNTC2_", "INS_NOTCH_", "gyro_")
 _OF_LOOP = ("IMU_DGYRO_CUTOFF", "MC_DTERM_CUTOFF", "MC_YAW_TQ_CUTOFF", "ATC_RAT_", "dterm_", "yaw_lowpass_hz")
 _ARDUPILOT_FILTERS = ("_FLTT", "_FLTE", "_FLTD", "_NTF", "_NEF")
-
-_BLACKBOX_NAMES = {
-    f"dterm_{kind}_{end}_hz": f"dterm_{kind}_hz_{index}"
-    for kind in ("lpf1_dyn", "lowpass_dyn")
-    for index, end in enumerate(("min", "max"))
-}
-"""Command line of Betaflight to the header of its log, where the two differ."""
 
 _CUTOFFS: Mapping[str, str] = {
     "derivative_cutoff_hz": "low-pass of D",
@@ -75,19 +77,20 @@ def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRec
     record
         The log.
     values
-        Parameters of the firmware, with their new values.
+        Parameters of the firmware, with their new values; those of Betaflight by the names of its command line or of
+        its header.
 
     Raises
     ------
     UsageError
-        The log has no such parameter, or it is no filter's.
+        The log has no such parameter, it is no filter's, or its filter cannot be judged.
     """
     known = [name for name in record.parameters if _is_filter(name)]
     changed: dict[str, float] = {}
     for name, value in values.items():
-        place = _BLACKBOX_NAMES.get(name, name)
+        place = header_name(name)
         if place not in known:
-            near = get_close_matches(name, known, n=3)
+            near = get_close_matches(name, [command_line_name(one) for one in known], n=3)
             raise UsageError(
                 f"--set {name} came",
                 needed=f"a filter among the parameters of {record.source.name}",
@@ -95,8 +98,36 @@ def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRec
             )
         if not (np.isfinite(value) and value >= 0.0):
             raise UsageError(f"--set {name}={value:g} came", needed="a finite number from zero up")
+        if place in MOVING_GYRO and (value > 0.0 or record.parameters[place] > 0.0):
+            raise UsageError(
+                f"--set {name} came",
+                needed="a filter that stands still",
+                remedy="a low-pass of the gyro that follows the throttle is not modeled",
+            )
+        if record.source.format.startswith("Betaflight") and is_type(place):
+            _require_type(name, value, version_of(record.source.firmware))
         changed[place] = float(value)
     return replace(record, parameters={**record.parameters, **changed})
+
+
+def _require_type(name: str, value: float, version: Version | None) -> None:
+    words = types_of(version or NAMED_BY_NUMBER)
+    if value not in range(len(words)):
+        raise UsageError(f"--set {name}={value:g} came", needed=f"one of {', '.join(words)}")
+
+
+def numbered(text: str) -> str:
+    """An assignment whose value may be the word of a type of low-pass, with its number.
+
+    Examples
+    --------
+    >>> numbered("dterm_lpf1_type = PT3"), numbered("IMU_GYRO_CUTOFF=40")
+    ('dterm_lpf1_type=3', 'IMU_GYRO_CUTOFF=40')
+    """
+    name, _, value = (part.strip() for part in text.partition("="))
+    if is_type(name) and value.upper() in LOW_PASSES:
+        return f"{name}={LOW_PASSES.index(value.upper())}"
+    return text
 
 
 def changed_filters(
@@ -114,9 +145,9 @@ def changed_filters(
         Those of the gyro alone, which stand in the loops of all axes.
     """
     return {
-        name: (float(record.parameters[place]), float(value))
+        command_line_name(place): (float(record.parameters[place]), float(value))
         for name, value in values.items()
-        if (place := _BLACKBOX_NAMES.get(name, name)) in record.parameters
+        if (place := header_name(name)) in record.parameters
         and (not gyro or place.startswith(_OF_GYRO))
         and record.parameters[place] != value
     }
