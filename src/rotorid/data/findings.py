@@ -411,6 +411,9 @@ KINDS: Mapping[str, Kind] = {
     "other_controller": Kind(
         "info", "Another controller flew", "Why nothing was flown in closed loop: another controller flew."
     ),
+    "other_log": Kind(
+        "warning", "Model of another log", "A model is used beside a log on which it was not identified."
+    ),
     "other_minimum": Kind(
         "warning",
         "Other minimum",

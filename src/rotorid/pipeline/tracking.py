@@ -25,7 +25,7 @@ from rotorid.models.parameter import no_such
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import find_instrument
-from rotorid.pipeline.provenance import Provenance, provenance
+from rotorid.pipeline.provenance import Provenance, provenance, require_one_autopilot
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings, as_records
 from rotorid.pipeline.several import AXIS_OF, settings_of
@@ -183,6 +183,7 @@ def track(
         raise no_such("model that can be followed", name, tuple(AXIS_OF))
     choices = TrackChoices(first_s=first_s, step_share=step_share, thrust_exponent=thrust_exponent)
     axis = AXIS_OF[name]
+    beside = require_one_autopilot([model], [log]) if isinstance(model, IdentifiedModel) else ()
     start_s, stop_s = _longest_flight(log)
     require_length(stop_s - start_s, first_s)
     maneuver = Maneuver(axis=axis, kind="other", start_s=start_s, stop_s=stop_s, origin="given")
@@ -217,7 +218,8 @@ def track(
         reference_s=(start_s, start_s + first_s),
         tracking=tracking,
         trims=tuple(_trims(log, start_s, stop_s, first_s)),
-        findings=worst_first([*log.findings, *fitted.findings]),
+        # What was remarked on a model that was given is of other logs.
+        findings=worst_first([*log.findings, *(beside if isinstance(model, IdentifiedModel) else fitted.findings)]),
         provenance=provenance([log], choices),
     )
 

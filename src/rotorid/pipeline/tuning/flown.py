@@ -240,7 +240,7 @@ def require_room(record: FlightRecord) -> list[Finding]:
     # On the ground all motors idle at the lower end.
     flying = (history.values.mean(axis=0) > _AIRBORNE) & (shares > _AT_LIMIT[0]).any(axis=0)
     flying &= in_flight(record, history.time_s)
-    limited = ((shares <= _AT_LIMIT[0]) | (shares >= _AT_LIMIT[1])).any(axis=0)
+    limited = np.any((shares <= _AT_LIMIT[0]) | (shares >= _AT_LIMIT[1]), axis=0)
     share = float(limited[flying].mean()) if flying.any() else 0.0
     if share > _MOST_SATURATED:
         message = f"A motor stood at a limit for {100.0 * share:.0f} % of the flight: lower the gains first."

@@ -22,7 +22,7 @@ from rotorid.data.findings import Finding, Findings, refusal, remark, warn, wors
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots.settings import AxisController
-from rotorid.pipeline.provenance import Provenance, provenance
+from rotorid.pipeline.provenance import Provenance, autopilot_of, provenance, require_one_autopilot
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import Setting, as_records, require_seed
 from rotorid.pipeline.tuning.axis import KnownAxis, known_axis
@@ -281,7 +281,8 @@ def tune(
     if not given and not logs:
         raise UsageError("nothing came to tune", needed="results of identify, logs, or both")
     findings: list[Finding] = [finding for record in logs for finding in record.findings]
-    autopilot = next((name for one in logs if (name := _autopilot(one))), "")
+    findings += require_one_autopilot(given, logs)
+    autopilot = next((name for one in logs if (name := autopilot_of(one))), "")
     thrust = linearization(given, logs[0] if logs else None, autopilot=autopilot, seed=chosen.seed)
     findings += thrust.findings if thrust is not None else ()
     known: dict[Axis, KnownAxis] = {}
@@ -320,11 +321,6 @@ def tune(
             **look,
         )
     return _together(axes, findings, logs, given, chosen, thrust)
-
-
-def _autopilot(record: FlightRecord) -> str:
-    """By the format of a log, as its controllers are named."""
-    return next((name for name in ("PX4", "ArduPilot", "Betaflight") if record.source.format.startswith(name)), "")
 
 
 def _axes(
