@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -219,9 +220,18 @@ def track(
         tracking=tracking,
         trims=tuple(_trims(log, start_s, stop_s, first_s)),
         # What was remarked on a model that was given is of other logs.
-        findings=worst_first([*log.findings, *(beside if isinstance(model, IdentifiedModel) else fitted.findings)]),
+        findings=worst_first([*log.findings, *(beside if isinstance(model, IdentifiedModel) else _told(fitted))]),
         provenance=provenance([log], choices),
     )
+
+
+def _told(reference: IdentifiedModel) -> Iterator[Finding]:
+    """Remarks on a model that was made on the way, without advice on options that only identify has."""
+    for finding in reference.findings:
+        words = re.sub(r"\s*\([^()]*--[^()]*\)", "", finding.message)
+        kept = [sentence for sentence in re.split(r"(?<=[.;]) ", words) if "--" not in sentence]
+        if kept:
+            yield replace(finding, message=re.sub(r";$", ".", " ".join(kept)))
 
 
 def _longest_flight(record: FlightRecord) -> tuple[float, float]:

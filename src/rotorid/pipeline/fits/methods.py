@@ -32,6 +32,7 @@ from rotorid.pipeline.fits.frequency.fit import FrequencyFit, cost_of
 from rotorid.pipeline.fits.frequency.parts import with_scatter
 from rotorid.pipeline.fits.frequency.soundness import fit_sound
 from rotorid.pipeline.fits.frequency.speed_damping import first_step
+from rotorid.pipeline.fits.frequency.support import require_known_gain
 from rotorid.pipeline.fits.remarks import judge_combinations
 from rotorid.pipeline.fits.searching import judge_minima, refuse_search, search_summary, searched_minima
 from rotorid.pipeline.fits.time.feedback import following, judge_following
@@ -335,7 +336,10 @@ class Frequency(_Linear[ResponseData]):
         """Fit, drop what the data do not show, bound the rest; refit noise drawn anew where that was asked for."""
         fitted = fit_sound(data.screened.problem, data.measured, data.settings)
         again = bootstrap(fitted.problem, fitted.final, fitted.bounds, data.settings, weights=fitted.weights)
-        return replace(with_scatter(fitted, data.flights, data.settings), bootstrap=again)
+        scattered = with_scatter(fitted, data.flights, data.settings)
+        # Logs of two vehicles may leave not even a sign, although each is certain by itself.
+        require_known_gain(scattered.problem.structure.gain, scattered.parameters, scattered.bounds, scattered.findings)
+        return replace(scattered, bootstrap=again)
 
     def verify(self, data: ResponseData, fitted: FrequencyFit, records: Sequence[FlightRecord]) -> Verifications:
         """Predict unseen maneuvers; where there are none, hold one out of a second fit."""

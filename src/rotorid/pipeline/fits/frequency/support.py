@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
-from rotorid.data.findings import refusal
+from rotorid.data.findings import Finding, refusal
 from rotorid.data.trust import CERTAIN_SIGN, LEAST_WIDTH, SMALL_ERROR
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.frequency.problem import FrequencyProblem
@@ -141,8 +144,19 @@ def _too_narrow(measured: Measured, low: float, high: float, needed: float) -> I
     )
 
 
-def require_known_gain(gain: str | None, parameters: ParameterSet, bounds: Bounds) -> None:
+def require_known_gain(
+    gain: str | None, parameters: ParameterSet, bounds: Bounds, findings: Sequence[Finding] = ()
+) -> None:
     """Refuse a model whose gain could as well have the other sign.
+
+    Parameters
+    ----------
+    gain
+        Name of the parameter, ``None`` for a model without one.
+    parameters, bounds
+        What was fitted.
+    findings
+        Of the fit: where its logs or maneuvers disagree, that is the reason.
 
     Raises
     ------
@@ -155,6 +169,14 @@ def require_known_gain(gain: str | None, parameters: ParameterSet, bounds: Bound
     if abs(value) >= CERTAIN_SIGN * std:
         return
     found = f"{value:.2g} ± {std:.1g} {parameters[gain].unit}"
+    apart = [replace(one, severity="error") for one in findings if one.kind == "logs_disagree" and one.where == gain]
+    if apart:
+        raise InsufficientDataError(
+            f"what was flown disagrees so far that not even the sign of {gain} is certain: {found}",
+            needed="logs and maneuvers of one vehicle, flown alike",
+            remedy="identify each log by itself",
+            findings=apart,
+        )
     raise InsufficientDataError(
         f"the data do not show {gain}: {found}",
         needed="a gain that differs from zero by two standard deviations",
