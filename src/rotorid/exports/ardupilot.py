@@ -498,7 +498,10 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, thrust: _Thrust) -> list
 def _parameters(
     vehicle: JoinedVehicle, frame: SitlFrame, thrust: _Thrust, table: Mapping[str, Any]
 ) -> dict[str, float]:
-    """Parameters of the autopilot and of SITL that go with the frame, and the gains that flew, of an ArduPilot."""
+    """Parameters of the autopilot and of SITL that go with the frame, and gains and filters that flew, of an ArduPilot.
+
+    Gains of filters other than those of SITL's defaults would leave it other margins than the vehicle had.
+    """
     demand = table["hoverThrOut"] if thrust.demand_gain is None else table["hoverThrOut"] / thrust.demand_gain
     parameters = {
         "FRAME_CLASS": float(frame.frame_class),
@@ -519,7 +522,9 @@ def _parameters(
         parameters |= {"MOT_BAT_VOLT_MAX": 0.0, "MOT_BAT_VOLT_MIN": 0.0}
     controller = vehicle.controller
     if controller is not None and controller.autopilot == "ArduPilot":
-        parameters |= dict(controller.gains)
+        parameters |= {**controller.gains, **controller.filters}
+        if controller.loop_rate_hz:
+            parameters["SCHED_LOOP_RATE"] = controller.loop_rate_hz
     return parameters
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
@@ -206,11 +206,20 @@ def analyze(rows: Iterable[Row], *, groups: Mapping[str, str] | None = None) -> 
 
 
 def _sorted_series(rows: Iterable[Row]) -> dict[Name, list[_Series]]:
-    """Histories by parameter and vehicle; values without an error say nothing."""
+    """Histories by parameter and vehicle; values without an error say nothing.
+
+    A parameter that some logs state in another unit than most, such as inertia without a known arm, has a history of
+    its own there: numbers of two units have no mean.
+    """
+    told = [row for row in rows if math.isfinite(row.value) and math.isfinite(row.std) and row.std > 0.0]
+    units: dict[Name, Counter[str]] = defaultdict(Counter)
+    for row in told:
+        units[row.model, row.parameter][row.unit] += 1
+    usual = {name: max(counted, key=lambda unit: (counted[unit], unit)) for name, counted in units.items()}
     gathered: dict[Name, dict[str, list[Row]]] = defaultdict(lambda: defaultdict(list))
-    for row in rows:
-        if math.isfinite(row.value) and math.isfinite(row.std) and row.std > 0.0:
-            gathered[row.model, row.parameter][row.vehicle].append(row)
+    for row in told:
+        own = "" if row.unit == usual[row.model, row.parameter] else f" in {row.unit or '1'}"
+        gathered[row.model, row.parameter + own][row.vehicle].append(row)
     found: dict[Name, list[_Series]] = {}
     for name in sorted(gathered):
         for vehicle in sorted(gathered[name]):

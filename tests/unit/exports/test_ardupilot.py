@@ -184,7 +184,11 @@ def test_demands_of_an_autopilot_take_its_own_curve() -> None:
     slope = 3.0 * 9.80665 / 4.0 / 0.363
     vehicle = joined_vehicle([], given=known | {"c_1": slope}, layout=library_layout("quad.x"))
     controller = ControllerSettings(
-        autopilot="ArduPilot", firmware="", loop_rate_hz=400.0, gains={"ATC_RAT_RLL_P": 0.135}, filters={}
+        autopilot="ArduPilot",
+        firmware="",
+        loop_rate_hz=400.0,
+        gains={"ATC_RAT_RLL_P": 0.135},
+        filters={"ATC_RAT_RLL_FLTD": 40.0},
     )
     model: Any = SimpleNamespace(motors=motors)
     exported = export(replace(vehicle, models=(model,), controller=controller), ExportChoices())
@@ -196,6 +200,8 @@ def test_demands_of_an_autopilot_take_its_own_curve() -> None:
     written = parameters(exported)
     assert written["MOT_THST_HOVER"] == pytest.approx(0.363)
     assert written["ATC_RAT_RLL_P"] == 0.135
+    # With other filters the gains would have another margin.
+    assert (written["ATC_RAT_RLL_FLTD"], written["SCHED_LOOP_RATE"]) == (40.0, 400.0)
     assert "MOT_BAT_VOLT_MAX" not in written
 
 

@@ -198,6 +198,18 @@ def test_a_pattern_says_what_usually_does_that(names: tuple[str, ...], factors: 
     assert usual in cause.usual or (len(factors) == 1 and "propellers" in cause.usual)
 
 
+def test_numbers_of_two_units_have_no_mean() -> None:
+    """Inertia is in kg m², in m² or in m, by what is known of mass and arm: no vehicle changed where an arm is lost."""
+    rng = np.random.default_rng(3)
+    known, unknown = rng.normal(0.010, 1e-4, (3, 6)), rng.normal(0.040, 4e-4, (2, 6))
+    rows = table_of(known, std=1e-4, parameter="I_xx", unit="m^2")
+    rows += table_of(unknown, std=4e-4, parameter="I_xx", unit="m")
+    told = analyze(rows)
+    assert {name: found.mean.unit for (_, name), found in told.populations.items()} == {"I_xx": "m^2", "I_xx in m": "m"}
+    assert told.populations["rate.roll", "I_xx"].mean.value == pytest.approx(0.010, rel=0.02)
+    assert told.changed == ()
+
+
 def test_values_without_an_error_say_nothing() -> None:
     rows = table_of([[1.0, 2.0, 3.0]], std=float("nan"))
     assert analyze(rows).histories == ()
