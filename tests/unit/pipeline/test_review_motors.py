@@ -138,6 +138,23 @@ def test_limits_are_told_by_motor_and_axis() -> None:
     assert numbers["motor_2_high_share"].upper < 0.01
 
 
+def test_full_thrust_that_was_too_short_is_not_told_to_be_missing() -> None:
+    columns = hovering(20.0, 100.0)
+    for number in range(1, 5):
+        columns[f"motor_{number}"][1000:1005] = 0.99
+    columns["motor_1"][:200] = 1.0
+
+    _, untold = flight(record(columns, 100.0))
+
+    (why,) = (one.why for one in untold if one.what == "flight.thrust_to_weight")
+    assert why.startswith("All motors together were asked for 90 % and more for 0.0")
+    for number in range(1, 5):
+        columns[f"motor_{number}"][1000:1005] = 0.4
+    _, untold = flight(record(columns, 100.0))
+    (why,) = (one.why for one in untold if one.what == "flight.thrust_to_weight")
+    assert why.startswith("All motors together were never asked for more than 5")
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_resistance_comes_from_volts_against_amperes(seed: int) -> None:
     rng, columns = np.random.default_rng(seed), hovering(60.0, 50.0)

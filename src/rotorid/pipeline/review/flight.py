@@ -324,8 +324,13 @@ def _thrust_to_weight(
     asked = np.interp(stamps, time_s, np.convolve(throttle, np.full(3, 1.0 / 3.0), mode="same"))
     full = force[asked >= _FULL]
     if full.size < size:
-        most = float(np.max(asked))
-        return None, f"The motors were never asked for more than {100.0 * most:.0f} %, so that their most was not seen."
+        most, long_s = float(np.max(asked)), full.size * float(np.median(np.diff(stamps)))
+        seen = (
+            f"were asked for {100.0 * _FULL:.0f} % and more for {long_s:.2g} s only"
+            if full.size
+            else f"were never asked for more than {100.0 * most:.0f} % at once"
+        )
+        return None, f"All motors together {seen}, so that their most was not seen."
     value = float(np.percentile(full, 90))
     # Speed through the air takes thrust away: at rest it is more.
     return Quantity(value=value, std=0.1 * value, lower=0.9 * value, upper=1.5 * value, unit="1"), ""
