@@ -17,8 +17,10 @@ from rotorid.documents.base import to_json
 from rotorid.documents.review import ReviewDocument, review_arrays, review_document
 from rotorid.errors import UsageError
 from rotorid.pipeline.provenance import LoggedManeuver
-from rotorid.pipeline.review.cards import cards
+from rotorid.pipeline.review.cards import Card, cards
+from rotorid.pipeline.review.motors import _findings
 from rotorid.pipeline.review.review import next_commands, told_anything
+from rotorid.pipeline.review.values import MotorReview, Review, Untold
 from rotorid.plot.review import motor_bars, noise_maps, png, step_answers
 from rotorid.report.review import render_reviews
 
@@ -96,7 +98,112 @@ def test_cards_judge_by_what_is_sure() -> None:
     )
     doubtful = replace(wild, numbers={**wild.numbers, "overshoot_percent": Quantity.normal(60.0, 30.0, "%")})
     assert {card.key: card.state for card in cards(replace(seen, loops={"p": wild}))}["tracking"] == "look"
-    assert {card.key: card.state for card in cards(replace(seen, loops={"p": doubtful}))}["tracking"] == "good"
+    assert {card.key: card.state for card in cards(replace(seen, loops={"p": doubtful}))}["tracking"] == "cannot"
+
+
+def margins_of(**numbers: Quantity) -> Review:
+    """A review whose roll loop has some numbers, beside a pitch loop that is good."""
+    seen = made_review()
+    return replace(seen, margins={**seen.margins, "roll": replace(seen.margins["roll"], numbers=numbers)})
+
+
+def card_of(review: Review, key: str) -> Card:
+    return next(card for card in cards(review) if card.key == key)
+
+
+def test_a_loop_is_called_safe_only_where_its_whole_interval_is() -> None:
+    wide = Quantity(value=26.3, std=28.4, lower=-7.4, upper=104.1, unit="deg")
+    unsure = card_of(margins_of(phase_margin_deg=wide), "margins")
+    assert (unsure.state, unsure.number) == ("cannot", "roll phase margin 26° (−7 to 104°)")
+    assert "roll" in unsure.sentence
+    assert "To tell: move the roll stick for 30 s" in unsure.sentence
+    narrow = card_of(margins_of(phase_margin_deg=Quantity.normal(60.0, 2.0, "deg")), "margins")
+    assert narrow.state == "good"
+    assert "(M_s) cannot be told" in narrow.sentence
+    peak = card_of(
+        margins_of(phase_margin_deg=Quantity.normal(60.0, 2.0, "deg"), sensitivity_peak=Quantity.normal(1.9, 0.2, "1")),
+        "margins",
+    )
+    assert (peak.state, peak.number) == ("cannot", "roll M_s 1.9 ± 0.4")
+
+
+def test_what_would_tell_a_margin_is_what_the_flight_lacks() -> None:
+    review = margins_of(phase_margin_deg=Quantity.normal(40.0, 9.0, "deg"))
+    lacking = Untold(what="margins.roll.sensitivity_peak", why="Too slow.", remedy="Log commands and rates faster.")
+    assert (
+        "To tell: log commands and rates faster."
+        in card_of(replace(review, cannot_tell=(lacking,)), "margins").sentence
+    )
+
+
+def test_number_and_sentence_of_the_margins_are_of_the_worst_loop() -> None:
+    seen = margins_of(phase_margin_deg=Quantity.normal(38.0, 1.2, "deg"))
+    loud = replace(
+        seen.margins["pitch"],
+        numbers={**seen.margins["pitch"].numbers, "sensitivity_peak": Quantity.normal(2.5, 0.2, "1")},
+    )
+    told = card_of(replace(seen, margins={**seen.margins, "pitch": loud}), "margins")
+    assert (told.state, told.number) == ("look", "pitch M_s 2.5 ± 0.4")
+    assert told.sentence.startswith("The pitch loop makes some disturbances 2.5 ± 0.4 times as large")
+    worse = margins_of(phase_margin_deg=Quantity.normal(12.0, 1.0, "deg"))
+    told = card_of(replace(worse, margins={**worse.margins, "pitch": loud}), "margins")
+    assert told.number == "roll phase margin 12 ± 2°"
+    assert told.sentence.startswith("The roll loop")
+
+
+def test_motors_are_well_only_as_far_as_it_was_measured() -> None:
+    seen = made_review()
+    share = Quantity(value=0.0, std=0.0, lower=0.0, upper=0.001, unit="1")
+    untold = Untold(what="motors.imbalance", why="It hovered for 0 s only.", remedy="hover for 20 s")
+    flown = replace(
+        seen, motors=MotorReview(numbers={"saturated_high_share": share}), cannot_tell=(untold, *seen.cannot_tell)
+    )
+    told = card_of(flown, "motors")
+    assert told.state == "cannot"
+    assert told.sentence == (
+        "How evenly they share the work cannot be told. It hovered for 0 s only. To tell: hover for 20 s."
+    )
+    assert card_of(replace(seen, motors=MotorReview(numbers={"output_delay_s": share})), "motors").state == "cannot"
+    even = card_of(seen, "motors")
+    assert (even.state, even.number) == ("good", "5.0 ± 1.2 % imbalance")
+    assert even.sentence == "They share the work in steady flight, and 50 ± 2 % of their range is left above it."
+    wide = {**seen.motors.numbers, "imbalance": Quantity.normal(0.06, 0.03, "1")}
+    assert card_of(replace(seen, motors=MotorReview(numbers=wide)), "motors").state == "cannot"
+
+
+@pytest.mark.parametrize("share", [0.03, 0.08])
+def test_the_card_of_the_motors_and_their_findings_say_one_thing(share: float) -> None:
+    # Few long stretches at the limit: the mean over the flight is not sure, what was counted is.
+    high = Quantity(value=share, std=0.066, lower=0.0, upper=0.2, unit="1")
+    seen = made_review()
+    motors = replace(seen.motors, numbers={**seen.motors.numbers, "saturated_high_share": high})
+    warned = [finding for finding in _findings(motors) if finding.kind == "saturation"]
+    card = card_of(replace(seen, motors=motors), "motors")
+    assert (card.state == "look") == bool(warned) == (share > 0.05)
+    assert f"at full output for {100.0 * share:.1f} % of the flight" in card.sentence
+
+
+def test_noise_that_was_not_measured_is_not_called_low() -> None:
+    seen = made_review()
+    lines = card_of(replace(seen, noise=replace(seen.noise, numbers={})), "noise")
+    assert (lines.state, lines.number) == ("cannot", "")
+    wide = {"vibration_m_s2": Quantity.normal(28.0, 5.0, "m/s²")}
+    assert card_of(replace(seen, noise=replace(seen.noise, numbers=wide)), "noise").state == "cannot"
+    low = card_of(seen, "noise")
+    assert low.state == "good"
+    assert "through D cannot be told" in low.sentence
+
+
+def test_power_prints_the_interval_of_the_thrust() -> None:
+    seen = made_review()
+    assert "Full thrust is 2.1 ± 0.4 times the weight." in card_of(seen, "power").sentence
+    skewed = Quantity(value=3.0, std=0.3, lower=1.83, upper=4.27, unit="1")
+    told = card_of(replace(seen, flight=replace(seen.flight, thrust_to_weight=skewed)), "power")
+    assert "Full thrust is 3.0 ± 1.2 times the weight." in told.sentence
+    little = replace(skewed, value=1.6, lower=1.2, upper=2.4)
+    told = card_of(replace(seen, flight=replace(seen.flight, thrust_to_weight=little)), "power")
+    assert told.state == "cannot"
+    assert "1.6 (1.2 to 2.4) times" in told.sentence
 
 
 def test_next_commands_can_be_pasted() -> None:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
 from rotorid.data.trust import RICH_KINDS
 from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.review.motors import WORTH_SAYING
-from rotorid.pipeline.review.values import LoopReview, MarginReview, NoiseReview, Review
-from rotorid.typing import Axis
+from rotorid.pipeline.review.motors import MUCH_AT_FULL, WORTH_SAYING
+from rotorid.pipeline.review.values import Review
 
 State: TypeAlias = Literal["good", "look", "cannot"]
 """Good; look here; cannot be told from this flight."""
@@ -21,7 +21,8 @@ State: TypeAlias = Literal["good", "look", "cannot"]
 LEAST_PHASE_MARGIN_DEG, LARGEST_SENSITIVITY = 40.0, 2.0
 """Below the one or above the other a rate loop rings, and has little left for a heavier day or a weaker battery."""
 
-# Habits of the field, not laws. A card asks for a look where the 95 % interval of its number lies beyond the limit.
+# Habits of the field, not laws. A card asks for a look where the whole 95 % interval of a number lies beyond the limit,
+# and is good where every interval keeps to it; what lies in between cannot be told.
 
 LARGEST_OVERSHOOT_PERCENT = 25.0
 """A rate loop that overshoots its set-point by more needs a look."""
@@ -32,8 +33,11 @@ SLOW_RISE_S = 0.25
 LARGEST_IMBALANCE = WORTH_SAYING
 """Off the mean of all motors in steady flight; a pattern is named from the same on."""
 
-LARGEST_SATURATION = 0.05
-"""Share of the flight at full output, where nothing is left for control."""
+LARGEST_SATURATION = MUCH_AT_FULL
+"""Share of the flight with a motor at full output, where nothing is left for control; warned of from the same on."""
+
+_SELDOM = 5e-4
+"""Share of the flight at a limit below which nothing is said of it."""
 
 LEAST_HEADROOM = 0.15
 """Share of the range that the hardest working motor has left in hover."""
@@ -52,6 +56,8 @@ LARGEST_SAG = 0.15
 
 LEAST_THRUST_TO_WEIGHT = 1.5
 """Full thrust over weight below which it is called little."""
+
+_MOVE_MORE = "move the {axis} stick for 30 s: quick pairs to both sides of 5 to 10 degrees, one every second"
 
 _POWER = {"battery_voltage", "thrust_command", "thrust_stick", "motor_1"}
 _RATES = {rate: axis for axis, rate in RATE_OF.items()}
@@ -83,9 +89,9 @@ class Card(Immutable):
 def cards(review: Review) -> tuple[Card, ...]:
     """What a pilot should know first, in the order in which it matters."""
     found = (
-        _tracking(review.loops),
-        _margins(review.margins),
-        _noise(review.noise),
+        _tracking(review),
+        _margins(review),
+        _noise(review),
         _motors(review),
         _power(review),
         _models(review),
@@ -95,134 +101,267 @@ def cards(review: Review) -> tuple[Card, ...]:
     return tuple(replace(card, state="cannot", number="", sentence="This log holds no flight.") for card in found)
 
 
-def _tracking(loops: Mapping[str, LoopReview]) -> Card:
-    told = {
-        name: loop.numbers["rise_time_s"]
-        for name, loop in loops.items()
-        if name in ("p", "q") and "rise_time_s" in loop.numbers
-    }
-    title = "Does it follow the stick?"
+class _Judged(NamedTuple):
+    """A number of an axis that a card judges by, with the limit that it should keep to."""
+
+    axis: str
+    name: str
+    quantity: Quantity
+    good_above: float = math.nan
+    good_below: float = math.nan
+
+    @property
+    def verdict(self) -> State:
+        """Good or not over the whole 95 % interval; else it cannot be told."""
+        if self.sure_end > 1.0:
+            return "look"
+        return "good" if self.bad_end <= 1.0 else "cannot"
+
+    @property
+    def sure_end(self) -> float:
+        """The better end of the interval over its limit: above one it is surely bad, and the worse the larger."""
+        return self._over_limit(self.quantity.upper, self.quantity.lower)
+
+    @property
+    def bad_end(self) -> float:
+        """The worse end of the interval over its limit: up to one it is surely good."""
+        return self._over_limit(self.quantity.lower, self.quantity.upper)
+
+    def _over_limit(self, of_high: float, of_low: float) -> float:
+        if math.isnan(self.good_above):
+            return of_low / self.good_below
+        return self.good_above / of_high if of_high > 0.0 else math.inf
+
+
+def _tracking(review: Review) -> Card:
+    title, loops = "Does it follow the stick?", review.loops
+    told = [name for name in ("p", "q") if name in loops and "rise_time_s" in loops[name].numbers]
     if not told:
         sentence = "This log does not show how quickly roll and pitch follow what is asked of them."
         return Card(key="tracking", title=title, state="cannot", number="", sentence=sentence)
-    name, rise = max(told.items(), key=lambda item: item[1].value)
-    overshoots = {
-        which: loops[which].numbers["overshoot_percent"]
-        for which in told
-        if "overshoot_percent" in loops[which].numbers
-    }
-    number = f"{_RATES[name]} rises in {_pm(rise, 1e3)} ms"
-    over = max(overshoots, key=lambda which: overshoots[which].value, default=None)
-    # Judged by what is sure: the nearer end of the interval has to lie beyond the limit.
-    if over is not None and overshoots[over].lower > LARGEST_OVERSHOOT_PERCENT:
+    rises = [
+        _Judged(_RATES[name], "rises in", loops[name].numbers["rise_time_s"], good_below=SLOW_RISE_S) for name in told
+    ]
+    overshoots = [
+        _Judged(_RATES[name], "overshoots by", numbers["overshoot_percent"], good_below=LARGEST_OVERSHOOT_PERCENT)
+        for name in told
+        if "overshoot_percent" in (numbers := loops[name].numbers)
+    ]
+    slowest = max(rises, key=lambda one: one.quantity.value)
+    number = _number(slowest)
+    bad, unsure = _sorted([*overshoots, *rises])
+    if bad:
+        # What bounces is said before what is slow.
+        worst = next((one for one in bad if one in overshoots), bad[0])
         sentence = (
-            f"{_RATES[over].capitalize()} overshoots by {overshoots[over].value:.0f} %: it bounces after quick moves. "
-            "Usually too much P or I, too little D, or a filter that is too slow."
+            f"{worst.axis.capitalize()} bounces after quick moves. Usually too much P or I, too little D, or a filter "
+            "that is too slow."
+            if worst in overshoots
+            else f"{worst.axis.capitalize()} follows slowly; more P would make it follow quicker."
         )
-        return Card(key="tracking", title=title, state="look", number=number, sentence=sentence)
-    if rise.lower > SLOW_RISE_S:
-        sentence = f"{_RATES[name].capitalize()} follows slowly; more P would make it follow quicker."
-        return Card(key="tracking", title=title, state="look", number=number, sentence=sentence)
-    by = f", with at most {overshoots[over].value:.0f} % overshoot" if over is not None else ""
-    who = "Roll and pitch follow what is asked of them" if len(told) == 2 else f"{_RATES[name].capitalize()} follows"
-    sentence = f"{who}{by}."
-    return Card(key="tracking", title=title, state="good", number=number, sentence=sentence)
+        return Card(key="tracking", title=title, state="look", number=_number(worst), sentence=sentence)
+    if unsure:
+        worst = unsure[0]
+        limit = f"{LARGEST_OVERSHOOT_PERCENT:.0f} %" if worst in overshoots else f"{1e3 * SLOW_RISE_S:.0f} ms"
+        sentence = _unsure(f"{worst.axis} follows well", limit, "fly longer with the sticks moving")
+        return Card(key="tracking", title=title, state="cannot", number=_number(worst), sentence=sentence)
+    most = max(overshoots, key=lambda one: one.quantity.upper, default=None)
+    by = f", with at most {most.quantity.upper:.0f} % overshoot" if most is not None else ""
+    who = "Roll and pitch follow what is asked of them" if len(told) == 2 else f"{slowest.axis.capitalize()} follows"
+    return Card(key="tracking", title=title, state="good", number=number, sentence=f"{who}{by}.")
 
 
-def _margins(margins: Mapping[Axis, MarginReview]) -> Card:
+def _sorted(judged: Sequence[_Judged]) -> tuple[list[_Judged], list[_Judged]]:
+    """What is surely bad and what may be, each the worst first."""
+    bad = sorted((one for one in judged if one.verdict == "look"), key=lambda one: -one.sure_end)
+    unsure = sorted((one for one in judged if one.verdict == "cannot"), key=lambda one: -one.bad_end)
+    return bad, unsure
+
+
+def _unsure(what: str, limit: str, remedy: str) -> str:
+    """Why a number gives no verdict, and what would."""
+    sentence = f"Whether {what} is not sure: the limit of {limit} lies within the interval."
+    return f"{sentence} To tell: {_lower_first(remedy)}" if remedy else sentence
+
+
+_SHOWN: Mapping[str, tuple[str, float]] = {
+    "rises in": (" ms", 1e3),
+    "overshoots by": (" %", 1.0),
+    "phase margin": ("°", 1.0),
+    "M_s": ("", 1.0),
+}
+"""Unit and factor in which a judged number is shown."""
+
+
+def _number(one: _Judged) -> str:
+    return f"{one.axis} {one.name} {_told(one.quantity, *_SHOWN[one.name])}"
+
+
+def _margins(review: Review) -> Card:
     title = "How close is it to shaking?"
-    told = {axis: one.numbers["phase_margin_deg"] for axis, one in margins.items() if "phase_margin_deg" in one.numbers}
-    if not told:
+    judged = [
+        _Judged(axis, "M_s", one.numbers["sensitivity_peak"], good_below=LARGEST_SENSITIVITY)
+        for axis, one in review.margins.items()
+        if "sensitivity_peak" in one.numbers
+    ]
+    phases = [
+        _Judged(axis, "phase margin", one.numbers["phase_margin_deg"], good_above=LEAST_PHASE_MARGIN_DEG)
+        for axis, one in review.margins.items()
+        if "phase_margin_deg" in one.numbers
+    ]
+    # Number and sentence are of one loop: of those that are surely bad the worst, then of those that may be.
+    bad, unsure = _sorted([*phases, *judged])
+    if bad:
+        return Card(key="margins", title=title, state="look", number=_number(bad[0]), sentence=_too_close(bad[0]))
+    if not phases:
         sentence = "How much more gain the loops would stand cannot be told from this log."
         return Card(key="margins", title=title, state="cannot", number="", sentence=sentence)
-    axis = min(told, key=lambda one: told[one].value)
-    number = f"{axis} phase margin {_pm(told[axis])}°"
-    peaks = {
-        name: one.numbers["sensitivity_peak"] for name, one in margins.items() if "sensitivity_peak" in one.numbers
-    }
-    worst = max(peaks, key=lambda one: peaks[one].value, default=None)
-    if told[axis].upper < LEAST_PHASE_MARGIN_DEG:
-        sentence = f"The {axis} loop has little room: it rings, and a stronger filter or more gain would make it shake."
-        return Card(key="margins", title=title, state="look", number=number, sentence=sentence)
-    if worst is not None and peaks[worst].lower > LARGEST_SENSITIVITY:
-        times = f"{peaks[worst].value:.1f} times as large"
-        sentence = f"The {worst} loop makes some disturbances {times}: less gain, or less delay."
-        return Card(key="margins", title=title, state="look", number=number, sentence=sentence)
-    sentence = "The loops keep a safe distance from instability."
-    return Card(key="margins", title=title, state="good", number=number, sentence=sentence)
+    if unsure:
+        worst = unsure[0]
+        remedy = _remedy(review, f"margins.{worst.axis}.") or _MOVE_MORE.format(axis=worst.axis)
+        limit = f"{LEAST_PHASE_MARGIN_DEG:.0f}°" if worst in phases else f"{LARGEST_SENSITIVITY:g}"
+        sentence = _unsure(f"the {worst.axis} loop keeps a safe distance from instability", limit, remedy)
+        return Card(key="margins", title=title, state="cannot", number=_number(worst), sentence=sentence)
+    least = max(phases, key=lambda one: one.bad_end)
+    names = _listed([one.axis for one in phases])
+    which = "loops keep" if len(phases) > 1 else "loop keeps"
+    unseen = [one.axis for one in phases if one.axis not in {peak.axis for peak in judged}]
+    sentence = f"The {names} {which} a safe distance from instability."
+    if unseen:
+        sentence = (
+            f"The {names} {which} a phase margin of more than {LEAST_PHASE_MARGIN_DEG:.0f}°; how much disturbances "
+            f"grow in {_listed(unseen)} (M_s) cannot be told."
+        )
+    missing = [axis for axis in ("roll", "pitch") if axis not in {one.axis for one in phases}]
+    if missing:
+        sentence += f" Of {_listed(missing)} it cannot be told."
+    return Card(key="margins", title=title, state="good", number=_number(least), sentence=sentence)
 
 
-def _noise(noise: NoiseReview) -> Card:
-    title = "Does it vibrate?"
+def _too_close(worst: _Judged) -> str:
+    if worst.name == "M_s":
+        times = f"{_told(worst.quantity)} times as large"
+        return f"The {worst.axis} loop makes some disturbances {times}: less gain, or less delay."
+    return f"The {worst.axis} loop has little room: it rings, and a stronger filter or more gain would make it shake."
+
+
+def _noise(review: Review) -> Card:
+    title, noise = "Does it vibrate?", review.noise
     vibration, clipping = noise.numbers.get("vibration_m_s2"), noise.numbers.get("clipping_share")
     shares = {name: one for name, one in noise.numbers.items() if name.endswith("_d_noise_share")}
     loud = max(shares, key=lambda one: shares[one].value, default=None)
     if vibration is None and loud is None and not noise.peaks:
         sentence = "This log is too slow, or lacks the channels, to show vibration."
         return Card(key="noise", title=title, state="cannot", number="", sentence=sentence)
-    number = "" if vibration is None else f"{_pm(vibration)} m/s²"
+    number = "" if vibration is None else _told(vibration, " m/s²")
     if not number and loud is not None:
-        number = f"{100.0 * shares[loud].value:.1f} % of the motor range"
-    if clipping is not None and clipping.lower > LARGEST_CLIPPING:
+        number = f"{_told(shares[loud], ' %', 100.0)} of the motor range"
+    # What share of this flight clipped was counted, and is no estimate.
+    if clipping is not None and clipping.value > LARGEST_CLIPPING:
         sentence = "The accelerometer hits its limits: mount it softer, or find what shakes."
         return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
-    if vibration is not None and vibration.lower > LARGEST_VIBRATION_M_S2:
+    shaken = None if vibration is None else _Judged("", "vibration", vibration, good_below=LARGEST_VIBRATION_M_S2)
+    passed = [
+        _Judged(name.partition("_")[0], name, one, good_below=LARGEST_NOISE_SHARE) for name, one in shares.items()
+    ]
+    bad, unsure = _sorted([*([shaken] if shaken else ()), *passed])
+    if shaken is not None and shaken in bad:
         sentence = (
             "Vibration is high enough to disturb height and position: balance propellers, look at mount and arms."
         )
         return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
-    if loud is not None and shares[loud].lower > LARGEST_NOISE_SHARE:
-        axis = loud.partition("_")[0]
-        share = f"{100.0 * shares[loud].value:.1f} % of their range"
-        sentence = f"Noise passes through D of {axis} into the motors ({share}): motors may run hot."
+    if bad:
+        share = f"{_told(bad[0].quantity, ' %', 100.0)} of their range"
+        sentence = f"Noise passes through D of {bad[0].axis} into the motors ({share}): motors may run hot."
         return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
     strongest = max(noise.peaks, key=lambda one: one.height_db, default=None)
     where = "" if strongest is None else f" The strongest line is at {strongest.frequency_hz.value:.0f} Hz."
-    return Card(
-        key="noise", title=title, state="good", number=number, sentence=f"Nothing that would disturb the loops.{where}"
-    )
+    if unsure and unsure[0] is shaken:
+        sentence = _unsure("it vibrates little", f"{LARGEST_VIBRATION_M_S2:.0f} m/s²", "fly longer")
+        return Card(key="noise", title=title, state="cannot", number=number, sentence=f"{sentence}{where}")
+    if unsure:
+        share = f"{_told(unsure[0].quantity, ' %', 100.0)} of the motor range"
+        what = f"little noise passes through D of {unsure[0].axis} ({share})"
+        sentence = _unsure(what, f"{100.0 * LARGEST_NOISE_SHARE:.0f} %", "fly longer")
+        return Card(key="noise", title=title, state="cannot", number=number, sentence=f"{sentence}{where}")
+    if vibration is None and loud is None:
+        sentence = f"How strongly it vibrates cannot be told.{where}"
+        return Card(key="noise", title=title, state="cannot", number=number, sentence=sentence)
+    sentence = "Nothing that would disturb the loops."
+    if vibration is None:
+        sentence = "Little noise reaches the motors through D; vibration itself cannot be told."
+    elif loud is None:
+        sentence = "It vibrates little; how much noise reaches the motors through D cannot be told."
+    return Card(key="noise", title=title, state="good", number=number, sentence=f"{sentence}{where}")
 
 
 def _motors(review: Review) -> Card:
     title = "Are the motors well?"
     motors, numbers = review.motors, review.motors.numbers
-    if not numbers:
+    imbalance, headroom, high = (numbers.get(name) for name in ("imbalance", "headroom", "saturated_high_share"))
+    if imbalance is None and headroom is None and high is None:
         logged = "motor_1" in review.logging.rates_hz
         sentence = f"Motor outputs are {'not logged in the air' if logged else 'not in this log'}."
         return Card(key="motors", title=title, state="cannot", number="", sentence=sentence)
-    imbalance, high = numbers.get("imbalance"), numbers.get("saturated_high_share")
-    number = "" if imbalance is None else f"{100.0 * imbalance.value:.0f} % imbalance"
+    # What share of this flight stood at a limit was counted, and is no estimate.
+    full = "" if high is None else f"{100.0 * high.value:.1f} %"
+    number = f"{full} at full output" if high is not None and high.value > _SELDOM else ""
+    if imbalance is not None:
+        number = f"{_told(imbalance, ' %', 100.0)} imbalance"
     if motors.events:
         sentence = (
             f"{len(motors.events)} times a motor was told to speed up and slowed down: look for a desync of its ESC."
         )
         return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
-    if imbalance is not None and imbalance.lower > LARGEST_IMBALANCE:
+    uneven = None if imbalance is None else _Judged("", "imbalance", imbalance, good_below=LARGEST_IMBALANCE)
+    left = None if headroom is None else _Judged("", "headroom", headroom, good_above=LEAST_HEADROOM)
+    if uneven is not None and uneven.verdict == "look":
         why = f": {motors.pattern}" if motors.pattern else ""
         sentence = f"The motors do not share the work evenly in steady flight{why}."
         return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
-    if high is not None and high.lower > LARGEST_SATURATION:
-        number = number or f"{100.0 * high.value:.0f} % at full output"
-        share = f"{100.0 * high.value:.0f} % of the flight"
-        sentence = f"Motors stood at full output for {share}: nothing is left for control then."
-        return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
-    headroom = numbers.get("headroom")
-    if headroom is not None and headroom.upper < LEAST_HEADROOM:
+    if high is not None and high.value > LARGEST_SATURATION:
+        sentence = f"A motor stood at full output for {full} of the flight: nothing is left for control then."
+        return Card(key="motors", title=title, state="look", number=f"{full} at full output", sentence=sentence)
+    if left is not None and left.verdict == "look":
         sentence = "There is little thrust left above hover: lighter, or stronger."
         return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
-    return Card(
-        key="motors",
-        title=title,
-        state="good",
-        number=number,
-        sentence="They share the work, and have room to control.",
-    )
+    limits = _at_limits(numbers)
+    if uneven is None or left is None:
+        why = next((one.why for one in review.cannot_tell if one.what == "motors.imbalance"), "")
+        sentence = " ".join(part for part in ("How evenly they share the work cannot be told.", why, limits) if part)
+        remedy = _remedy(review, "motors.imbalance")
+        if remedy:
+            sentence += f" To tell: {_lower_first(remedy)}"
+        return Card(key="motors", title=title, state="cannot", number=number, sentence=sentence)
+    hover = "hover for 20 s without touching the sticks"
+    if uneven.verdict == "cannot":
+        sentence = _unsure("they share the work evenly", f"{100.0 * LARGEST_IMBALANCE:.0f} %", hover)
+        return Card(
+            key="motors", title=title, state="cannot", number=number, sentence=f"{sentence}{limits and ' '}{limits}"
+        )
+    room = f"{_told(left.quantity, ' %', 100.0)} of their range is left above it"
+    if left.verdict == "cannot":
+        sentence = _unsure(f"enough thrust is left above hover ({room})", f"{100.0 * LEAST_HEADROOM:.0f} %", hover)
+        return Card(key="motors", title=title, state="cannot", number=number, sentence=sentence)
+    sentence = f"They share the work in steady flight, and {room}."
+    return Card(key="motors", title=title, state="good", number=number, sentence=f"{sentence}{limits and ' '}{limits}")
+
+
+def _at_limits(numbers: Mapping[str, Quantity]) -> str:
+    """How much of the flight a motor stood at a limit, as far as it did."""
+    words = {"saturated_high_share": "at full output", "saturated_low_share": "at its lowest"}
+    parts = [
+        f"{where} for {100.0 * numbers[name].value:.1f} %"
+        for name, where in words.items()
+        if name in numbers and numbers[name].value > _SELDOM
+    ]
+    return f"A motor stood {' and '.join(parts)} of the flight." if parts else ""
 
 
 def _power(review: Review) -> Card:
     title = "Power and thrust"
     battery, throttle, ratio = review.flight.battery, review.flight.hover_throttle, review.flight.thrust_to_weight
-    number = "" if throttle is None else f"hovers at {100.0 * throttle.value:.0f} % throttle"
+    number = "" if throttle is None else f"hovers at {_told(throttle, ' %', 100.0)} throttle"
     if not number and not battery:
         logged = _POWER & review.logging.rates_hz.keys()
         sentence = (
@@ -232,22 +371,33 @@ def _power(review: Review) -> Card:
         )
         return Card(key="power", title=title, state="cannot", number="", sentence=sentence)
     sentences = []
-    state: State = "good"
+    verdicts: set[State] = set()
     if ratio is not None:
-        sentences.append(f"Full thrust is {ratio.value:.1f} times the weight.")
-        if ratio.upper < LEAST_THRUST_TO_WEIGHT:
-            state = "look"
+        sentences.append(f"Full thrust is {_told(ratio)} times the weight.")
+        judged = _Judged("", "thrust", ratio, good_above=LEAST_THRUST_TO_WEIGHT)
+        verdicts.add(judged.verdict)
+        if judged.verdict == "look":
             sentences.append("That is little.")
+        elif judged.verdict == "cannot":
+            remedy = "raise the throttle to full for half a second in a safe climb"
+            sentences.append(_unsure("that is enough", f"{LEAST_THRUST_TO_WEIGHT:g}", remedy))
     if battery and "start_v" in battery and "lowest_v" in battery:
         start, lowest = battery["start_v"].value, battery["lowest_v"].value
         stop = battery.get("stop_v", battery["lowest_v"]).value
         sentences.append(f"The battery went from {start:.1f} V to {stop:.1f} V, lowest {lowest:.1f} V.")
-        if start > 0.0 and "sag_v" in battery and battery["sag_v"].lower > LARGEST_SAG * start:
-            state = "look"
-            sentences.append("It sags much under load: old, cold or too small.")
-    return Card(
-        key="power", title=title, state=state, number=number, sentence=" ".join(sentences) or "Nothing to remark."
-    )
+        if start > 0.0 and "sag_v" in battery:
+            judged = _Judged("", "sag", battery["sag_v"], good_below=LARGEST_SAG * start)
+            verdicts.add(judged.verdict)
+            if judged.verdict == "look":
+                sentences.append("It sags much under load: old, cold or too small.")
+            elif judged.verdict == "cannot":
+                sag = f"it sags little under load ({_told(judged.quantity, ' V')})"
+                sentences.append(_unsure(sag, f"{LARGEST_SAG * start:.1f} V", "raise the throttle a few times"))
+    state: State = next((one for one in ("look", "cannot") if one in verdicts), "good")
+    if not verdicts:
+        state = "cannot"
+        sentences.append("Neither full thrust over weight nor the sag under load can be told.")
+    return Card(key="power", title=title, state=state, number=number, sentence=" ".join(sentences))
 
 
 def _models(review: Review) -> Card:
@@ -273,10 +423,46 @@ def without_sweep(review: Review) -> bool:
     return not any(one.kind in RICH_KINDS for one in flown)
 
 
-def _pm(quantity: Quantity, factor: float = 1.0) -> str:
-    """A number with half of its interval, both as precise as that allows."""
-    value, half = factor * quantity.value, 0.5 * factor * (quantity.upper - quantity.lower)
-    if not 0.0 < half < 1e6:
-        return f"{value:.3g}"
-    digits = max(0, -int(f"{half:.0e}".partition("e")[2]))
-    return f"{value:.{digits}f} ± {half:.{digits}f}"
+def _remedy(review: Review, what: str) -> str:
+    """The first thing to do about what a flight cannot tell of something; empty where nothing is known."""
+    return next((one.remedy for one in review.cannot_tell if one.what.startswith(what) and one.remedy), "")
+
+
+def _lower_first(sentence: str) -> str:
+    """A sentence as it goes on behind a colon."""
+    ended = sentence if sentence.endswith(".") else f"{sentence}."
+    return ended if ended[1:2].isupper() else f"{ended[:1].lower()}{ended[1:]}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+_EVEN = 0.25
+"""An interval whose halves differ by less, over their mean, is told as one half."""
+
+
+def _told(quantity: Quantity, unit: str = "", factor: float = 1.0) -> str:
+    """A number with its 95 % interval, both as precise as that allows: by its half, or by both ends if it is skewed."""
+    value, lower, upper = (factor * one for one in (quantity.value, quantity.lower, quantity.upper))
+    half = 0.5 * (upper - lower)
+    if not half > 0.0:
+        return f"{value:.3g}{unit}"
+    digits = _digits(value - lower if math.isinf(half) else half)
+    if abs(upper + lower - 2.0 * value) <= _EVEN * half < math.inf:
+        return _minus(f"{value:.{digits}f} ± {half:.{digits}f}{unit}")
+    ends = [f"{end:.{digits}f}" if math.isfinite(end) else "∞" for end in (lower, upper)]
+    return _minus(f"{value:.{digits}f}{unit} ({ends[0]} to {ends[1]}{unit})")
+
+
+def _digits(half: float) -> int:
+    """Places behind the point that the half of an interval warrants: two digits of one that starts with a one."""
+    if not 0.0 < half < math.inf:
+        return 0
+    first, _, leading = f"{half:.1e}".partition("e")
+    return max(0, -int(leading) + (float(first) < 2.0))
+
+
+def _minus(text: str) -> str:
+    return text.replace("-", "−")

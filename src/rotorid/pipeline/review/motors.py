@@ -71,8 +71,8 @@ _LONGEST_LAG_S = 0.12
 _LAG_BIAS = 0.05
 """Damping of the rate looks like less delay; flights with a known answer differ by so much."""
 
-_MUCH = 0.02
-"""Share of the flight at the upper limit from which it is said."""
+MUCH_AT_FULL = 0.05
+"""Share of the flight with a motor at its upper limit from which it is said."""
 
 
 class _Outputs(NamedTuple):
@@ -479,7 +479,7 @@ _MEANS = {
 def _findings(review: MotorReview) -> Iterator[Finding]:
     numbers = review.numbers
     high = numbers.get("saturated_high_share")
-    if high is not None and high.value > _MUCH:
+    if high is not None and high.value > MUCH_AT_FULL:
         message = f"A motor stood at its upper limit in {100.0 * high.value:.1f} % of the flight."
         yield warn("saturation", "motors", message, saturated_share=high.value)
     imbalance = numbers.get("imbalance")
