@@ -12,9 +12,11 @@ import typer
 from rotorid.cli.command import print_if_asked, read_logs, target_of
 from rotorid.cli.console import default_folder, output_console, progress, say, tell
 from rotorid.cli.options import ForPaper, Logs, Map, Only, Output
+from rotorid.data.findings import worst_first
 from rotorid.io.named import logs_in
 
 if TYPE_CHECKING:
+    from rotorid.data.findings import Finding
     from rotorid.documents.base import Document
     from rotorid.pipeline.review.values import Review
     from rotorid.plot.printed import PrintedAs
@@ -25,7 +27,8 @@ _SIGNS = {
     "look": "[yellow]look here[/yellow]  ",
     "cannot": "[dim]cannot tell[/dim]",
 }
-_MOST_UNTOLD = 8
+_STYLES = {"warning": "bold yellow", "error": "bold red"}
+_MOST_UNTOLD, _MOST_WARNINGS = 8, 8
 
 
 def review_command(
@@ -99,7 +102,7 @@ def _write_figures(folder: Path, seen: Sequence[Review], kind: PrintedAs) -> Non
 
 
 def _print(seen: Review) -> None:
-    """One screen: what flew, a line for each card, what cannot be told, what comes next."""
+    """One screen: what flew, a line for each card, warnings, what cannot be told, what comes next."""
     from rotorid.pipeline.review.cards import cards
     from rotorid.pipeline.review.values import gathered
     from rotorid.report.review import headline
@@ -115,6 +118,13 @@ def _print(seen: Review) -> None:
         console.print(_SIGNS[card.state], end=" ")
         number = f" {card.number}." if card.number else ""
         plain(f"{card.title}{number} {card.sentence}")
+    if warned := _warnings(seen.findings):
+        plain("\nfindings")
+        for severity, line in warned[:_MOST_WARNINGS]:
+            console.print(f"  {severity}", style=_STYLES.get(severity, "bold"), end=" ")
+            plain(line)
+        if len(warned) > _MOST_WARNINGS:
+            plain(f"  and {len(warned) - _MOST_WARNINGS} more, which the page shows")
     if untold := gathered(seen.cannot_tell):
         plain("\ncannot be told from this flight")
         for one in untold[:_MOST_UNTOLD]:
@@ -126,3 +136,17 @@ def _print(seen: Review) -> None:
         for command in seen.next_commands:
             plain(f"  {command}")
     plain("")
+
+
+def _warnings(findings: Sequence[Finding]) -> list[tuple[str, str]]:
+    """Severity and words of warnings and errors, the worst first; of one kind all but the first fold into it."""
+    kinds: dict[tuple[str, str], dict[str, None]] = {}
+    for one in worst_first(findings):
+        if one.severity != "info":
+            kinds.setdefault((one.severity, one.kind), {})[one.message] = None
+    lines = []
+    for (severity, kind), messages in kinds.items():
+        first, *others = messages
+        more = f" (and {len(others)} more of this kind, which the page shows)" if others else ""
+        lines.append((severity, f"{kind}: {first}{more}"))
+    return lines

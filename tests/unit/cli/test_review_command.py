@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.unit.cli.commands import rotorid
+from tests.unit.report.made_reviews import made_review
 
+from rotorid.cli.review import _print
+from rotorid.data.findings import refusal, remark, warn
 from rotorid.io.tables.csv import write_csv
 
 
@@ -37,6 +41,20 @@ def test_a_log_alone_is_reviewed(flight: Path, tmp_path: Path) -> None:
     assert "Does it follow the stick?" in ran.out
     assert "cannot be told from this flight" in ran.out
     assert f"page: {tmp_path / 'out' / 'review.html'}" in ran.out
+
+
+def test_a_screen_shows_warnings_folded_and_the_worst_first(capsys: pytest.CaptureFixture[str]) -> None:
+    stamps = [warn("clock_disorder", f"flight {n}", f"{n}00 stamps step back.") for n in range(1, 4)]
+    others = [warn(f"kind_{n}", "flight", f"Number {n}.") for n in range(9)]
+    gone = refusal("corrupt_log", "flight", "318 places are damaged.")
+    _print(replace(made_review(), findings=(remark("trim", "p", "Nothing."), *stamps, *others, gone)))
+    lines = capsys.readouterr().out.partition("findings\n")[2].splitlines()
+    assert lines[0] == "  error corrupt_log: 318 places are damaged."
+    assert lines[1] == (
+        "  warning clock_disorder: 100 stamps step back. (and 2 more of this kind, which the page shows)"
+    )
+    assert lines[8] == "  and 3 more, which the page shows"
+    assert "Nothing." not in "".join(lines)
 
 
 def test_a_folder_is_its_logs_side_by_side(flight: Path, tmp_path: Path) -> None:
