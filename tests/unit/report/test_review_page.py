@@ -19,8 +19,9 @@ from rotorid.errors import UsageError
 from rotorid.pipeline.provenance import LoggedManeuver
 from rotorid.pipeline.review.cards import Card, cards
 from rotorid.pipeline.review.motors import _findings
-from rotorid.pipeline.review.review import next_commands, told_anything
+from rotorid.pipeline.review.review import _with_thrust_of, next_commands, told_anything
 from rotorid.pipeline.review.values import MotorReview, Review, Untold
+from rotorid.pipeline.summary import Derived, MotorPhysics
 from rotorid.plot.review import motor_bars, noise_maps, png, step_answers
 from rotorid.report.review import render_reviews
 
@@ -210,6 +211,37 @@ def test_next_commands_can_be_pasted() -> None:
     commands = list(next_commands(replace(made_review("my flight.ulg"), models={})))
     assert "'my flight.ulg'" in " ".join(commands)
     assert any(command.startswith("rotorid design sweep --vehicle px4_quad --axis") for command in commands)
+
+
+def test_models_that_were_not_looked_for_are_not_said_to_be_impossible() -> None:
+    seen = replace(made_review(), models_sought=False)
+    assert card_of(seen, "models").sentence == "Models were not looked for (--no-models)."
+    assert not [command for command in next_commands(seen) if "design sweep" in command]
+
+
+def test_full_thrust_is_that_of_the_model_where_one_tells_it() -> None:
+    model = result("physical.motors", {"tau": 0.04})
+    derived = {"thrust_to_weight": Derived(value=2.018, std=0.021, unit="1")}
+    physics = MotorPhysics(
+        layout="quad x",
+        arm_m=None,
+        rotors=(),
+        spins=(),
+        outputs="output",
+        source="actuator_motors",
+        outputs_rate_hz=250.0,
+        curve="expo",
+        hover_output=0.49,
+        flown_outputs=(0.2, 0.7),
+        scale=None,
+        derived=derived,
+    )
+    summary = made_review().flight
+    untold = [Untold(what="flight.thrust_to_weight", why="Not seen."), Untold(what="flight.wind", why="None.")]
+    told, left = _with_thrust_of({"physical.motors": replace(model, motors=physics)}, summary, untold)
+    assert told.thrust_to_weight == Quantity.normal(2.018, 0.021, "1")
+    assert [one.what for one in left] == ["flight.wind"]
+    assert _with_thrust_of({"rate.roll": model}, summary, untold) == (summary, untold)
 
 
 def test_a_map_is_drawn_with_the_strongest_noise_brightest_and_grey_where_nothing_flew() -> None:

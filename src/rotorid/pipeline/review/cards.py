@@ -403,6 +403,9 @@ def _power(review: Review) -> Card:
 def _models(review: Review) -> Card:
     title = "What can be built on this flight"
     stands = _standing(review)
+    if not review.models_sought:
+        sentence = "Models were not looked for (--no-models)."
+        return Card(key="models", title=title, state="cannot", number="", sentence=sentence)
     if not stands:
         sentence = "No model of the vehicle can be identified from it; below stands what to fly or log."
         return Card(key="models", title=title, state="cannot", number="", sentence=sentence)

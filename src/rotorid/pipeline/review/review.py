@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import logging as logs
+import math
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar, overload
 
 from rotorid.data.findings import worst_first
+from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.results import IdentifiedModel, Refused
@@ -131,6 +133,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
     kind, *_ = vehicle(record)
     if air is not None and models:
         found = part("models", lambda: _models(record, _craft(kind.autopilot)), found)
+    summary, untold = _with_thrust_of(found, summary, untold)
     seen = Review(
         name=record.source.name,
         sha256=record.source.sha256,
@@ -140,6 +143,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
         loops=closed,
         margins=broken,
         models=found,
+        models_sought=models,
         noise=heard,
         motors=worked,
         cannot_tell=tuple(dict.fromkeys(untold)),
@@ -165,6 +169,20 @@ def _models(record: FlightRecord, craft: str) -> tuple[dict[str, IdentifiedModel
     return dict(several), list(_refusals(several.refused, craft))
 
 
+def _with_thrust_of(
+    found: Mapping[str, IdentifiedModel | Refused], summary: FlightSummary, untold: list[Untold]
+) -> tuple[FlightSummary, list[Untold]]:
+    """The flight with the full thrust that a model of its motors tells, where one does: a usual curve is a guess."""
+    for model in found.values():
+        if isinstance(model, IdentifiedModel) and model.motors is not None:
+            ratio = model.motors.derived.get("thrust_to_weight")
+            if ratio is not None and math.isfinite(ratio.value) and math.isfinite(ratio.std):
+                told = Quantity.normal(ratio.value, ratio.std, "1")
+                missing = [one for one in untold if one.what != "flight.thrust_to_weight"]
+                return replace(summary, thrust_to_weight=told), missing
+    return summary, untold
+
+
 def _craft(autopilot: str) -> str:
     """The vehicle of the library that flies as the autopilot does."""
     return _VEHICLES.get(autopilot.partition(" ")[0], "px4_quad")
@@ -187,7 +205,7 @@ def next_commands(seen: Review) -> Iterator[str]:
         yield f"rotorid response {log} --inputs {loop.reference} --outputs {loop.answer}{instrument}"
         break
     axes = [axis for name, axis in AXIS_OF.items() if name not in stands]
-    if axes and seen.flight.flights and seen.vehicle.kind in ("", "multirotor"):
+    if seen.models_sought and axes and seen.flight.flights and seen.vehicle.kind in ("", "multirotor"):
         craft = _craft(seen.vehicle.autopilot)
         gains = f" --gains {log}" if seen.margins else ""
         yield f"rotorid design sweep --vehicle {craft} --axis {','.join(axes)}{gains}"

@@ -202,7 +202,7 @@ class FlightSummary(Immutable):
     battery
         ``start_v``, ``stop_v``, ``lowest_v``, ``resistance_ohm``, ``sag_v``.
     hover_throttle, thrust_to_weight
-        Of the usual thrust, and of the most that was seen or follows from the thrust curve.
+        Of the usual thrust, and of the most that a model of the motors tells, was seen, or follows from a thrust curve.
     wind
         ``speed_m_s`` and ``direction_deg`` where the log estimates it.
     modes
@@ -336,7 +336,8 @@ class MotorReview(Immutable):
 class Review(Immutable):
     """Everything that one ordinary flight tells.
 
-    ``models`` maps names of models to an ``IdentifiedModel`` or to an error that says why there is none.
+    ``models`` maps names of models to an ``IdentifiedModel`` or to an error that says why there is none; none was
+    looked for where ``models_sought`` is false.
     """
 
     name: str
@@ -352,6 +353,7 @@ class Review(Immutable):
     cannot_tell: tuple[Untold, ...]
     next_commands: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
+    models_sought: bool = True
 
     def __post_init__(self) -> None:
         self._set(loops=self.loops, margins=self.margins, models=self.models)
