@@ -2,6 +2,7 @@ from rotorid.tuning.files import parameter_files as parameter_files
 from rotorid.tuning.firmware import parameters_of as parameters_of
 from rotorid.tuning.firmware import ranges_of as ranges_of
 from rotorid.tuning.firmware import rounded as rounded
+from rotorid.tuning.firmware import scaled as scaled
 from rotorid.tuning.firmware import written as written
 from rotorid.tuning.loops import AttitudeFigures as AttitudeFigures
 from rotorid.tuning.loops import ControllerParts as ControllerParts

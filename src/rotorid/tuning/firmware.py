@@ -56,6 +56,7 @@ _ARDUPILOT_RANGES = {
 }
 _BETAFLIGHT_250_SINCE: Version = (4, 3)
 _MOST_OF_BETAFLIGHT, _MOST_OF_OLDER, _MOST_ANGLE = 250.0, 200.0, 200.0
+_MOST_F, _MOST_F_OF_OLDER, _MOST_D_MIN_OF_OLDER = 1000.0, 2000.0, 100.0
 _SAME = 1e-6
 
 _LEAST_LEFT = 0.05
@@ -175,4 +176,51 @@ def written(controller: AxisController, gains: Gains) -> dict[str, float]:
         if not (math.isfinite(value) and one.low * (1.0 - _SAME) <= value <= one.high * (1.0 + _SAME)):
             raise UsageError(f"{one.name} = {value:g} came", needed=f"a finite value from {one.low:g} to {one.high:g}")
         found[one.name] = value
+    return found
+
+
+def _ahead(controller: AxisController) -> list[Parameter]:
+    """What the command is proportional to beside P, I and D: feed-forward, and the ends of a D that moves."""
+    axis = controller.axis
+    if controller.autopilot == "PX4":
+        return [Parameter(f"MC_{_PX4[axis][0]}RATE_FF", 0.0, math.inf)]
+    if controller.autopilot == "ArduPilot":
+        return [Parameter(f"ATC_RAT_{_ARDUPILOT[axis]}_{name}", 0.0, math.inf) for name in ("FF", "D_FF")]
+    older = (version_of(controller.firmware) or _BETAFLIGHT_250_SINCE) < _BETAFLIGHT_250_SINCE
+    most = _MOST_OF_OLDER if older else _MOST_OF_BETAFLIGHT
+    return [
+        Parameter(f"d_{axis}", 0.0, most, integer=True),
+        Parameter(f"d_min_{axis}", 0.0, _MOST_D_MIN_OF_OLDER if older else most, integer=True),
+        Parameter(f"d_max_{axis}", 0.0, most, integer=True),
+        Parameter(f"f_{axis}", 0.0, _MOST_F_OF_OLDER if older else _MOST_F, integer=True),
+    ]
+
+
+def scaled(controller: AxisController, factor: float) -> dict[str, float]:
+    """Flown values of all parameters to which the command is proportional, times a factor, by name.
+
+    Parameters
+    ----------
+    controller
+        As the log tells it.
+    factor
+        On P, I, D and feed-forward, and both ends of a D that moves; the angle gain asks for a rate, and stays.
+
+    Raises
+    ------
+    UsageError
+        A value leaves the firmware's range, which the flown one had kept.
+    """
+    known = {one.name: one for one in _ahead(controller)}
+    known |= {one.name: one for letter, one in parameters_of(controller).items() if letter != "A"}
+    found = {}
+    for name, one in known.items():
+        flown = controller.gains.get(name, 0.0)
+        if flown == 0.0:
+            continue
+        value = _held(one, flown * factor * one.per_si)
+        outside = value > max(one.high, flown) * (1.0 + _SAME) or value < min(one.low, flown) * (1.0 - _SAME)
+        if outside:
+            raise UsageError(f"{name} = {value:g} came", needed=f"a finite value from {one.low:g} to {one.high:g}")
+        found[name] = value
     return found

@@ -10,8 +10,9 @@ from tests.unit.tuning.gain_files import parsed
 
 from rotorid.errors import UsageError
 from rotorid.models.autopilots import AxisController, axis_controller
-from rotorid.tuning import Gains, parameter_files, parameters_of, ranges_of, rounded, written
+from rotorid.tuning import Gains, parameter_files, parameters_of, ranges_of, rounded, scaled, written
 from rotorid.tuning.files import Role
+from rotorid.typing import Axis
 
 PX4 = {"MC_ROLLRATE_K": 1.5, "MC_ROLLRATE_P": 0.1, "MC_ROLLRATE_I": 0.2, "MC_ROLLRATE_D": 0.002, "MC_ROLL_P": 6.5}
 ARDUPILOT = {"ATC_RAT_YAW_P": 0.18, "ATC_RAT_YAW_I": 0.018, "ATC_RAT_YAW_D": 0.0, "ATC_ANG_YAW_P": 4.5}
@@ -176,6 +177,51 @@ def test_types_of_filters_are_words(version: str, name: str, value: float, line:
 def test_a_type_that_a_version_does_not_have_is_refused() -> None:
     with pytest.raises(UsageError, match=r"0 \(PT1\), 1 \(BIQUAD\)"):
         parameter_files("Betaflight", {"dterm_lowpass_type": 2.0}, role="proposed", firmware="Betaflight 4.2.11")
+
+
+SCALED = [
+    ("px4", {"MC_ROLLRATE_FF": 0.02}, "roll", "PX4 1.15.0"),
+    (
+        "ardupilot",
+        {"ATC_RAT_YAW_FF": 0.01, "ATC_RAT_YAW_D_FF": 0.001, "ATC_RAT_YAW_P": 0.3, "ATC_RAT_YAW_I": 0.1},
+        "yaw",
+        "ArduCopter V4.6.0",
+    ),
+    ("betaflight", {"d_min_0": 20.0, "ff_weight_0": 120.0}, "roll", "Betaflight 4.4.2"),
+    ("betaflight", {"d_max_0": 40.0}, "roll", "Betaflight 2025.12.0"),
+]
+
+
+@pytest.mark.parametrize(("name", "more", "axis", "firmware"), SCALED)
+def test_all_that_the_command_is_proportional_to_is_scaled(
+    name: str, more: dict[str, float], axis: Axis, firmware: str
+) -> None:
+    """Feed-forward, and both ends of a D that moves; the angle gain stays."""
+    base = {"px4": PX4, "ardupilot": ARDUPILOT, "betaflight": BETAFLIGHT}[name]
+    before = axis_controller({**base, **more}, axis, firmware=firmware)
+    assert before is not None
+    values = scaled(before, 0.5)
+    header = {**before.gains, **values, "looptime": 125.0}
+    after = axis_controller(header, axis, firmware=firmware)
+    assert after is not None
+    one, other = before.controller, after.controller
+    assert other.angle_1_s == one.angle_1_s
+    for field in ("proportional_s", "integral", "derivative_s2", "feedforward", "feedforward_derivative_s"):
+        assert getattr(other, field) == pytest.approx(0.5 * getattr(one, field), rel=0.03)
+    for end in before.ends:
+        assert after.ends[end].derivative_s2 == pytest.approx(0.5 * before.ends[end].derivative_s2, rel=0.03)
+    if "ff_weight_0" in more:
+        assert values["f_roll"] == 60.0
+
+
+def test_what_leaves_its_range_is_not_scaled() -> None:
+    one = controllers()["ardupilot"]
+    with pytest.raises(UsageError, match="ATC_RAT_YAW_P"):
+        scaled(one, 0.3)
+    # Such as stand below their range already may go up to it.
+    low = axis_controller({**ARDUPILOT, "ATC_RAT_YAW_P": 0.05}, "yaw", firmware="ArduCopter V4.6.0")
+    assert low is not None
+    assert scaled(low, 1.5)["ATC_RAT_YAW_P"] == pytest.approx(0.075)
 
 
 def test_nothing_else_is_known() -> None:

@@ -16,7 +16,8 @@ from rotorid.models.autopilots import axis_controller
 from rotorid.models.controller import RateController
 from rotorid.pipeline.tuning.check import Foretold, _which
 from rotorid.pipeline.tuning.filters import changed_filters, numbered, prices, with_filters
-from rotorid.pipeline.tuning.thrust import _KINDS, linearization
+from rotorid.pipeline.tuning.proposal import TuneSettings, _together
+from rotorid.pipeline.tuning.thrust import _KINDS, ThrustLinearization, linearization
 from rotorid.tuning import ControllerParts, Gains, attitude_figures, frequency_grid, quantities
 from rotorid.tuning.files import parameter_files
 
@@ -253,3 +254,40 @@ def test_whole_numbers_have_their_own_type() -> None:
     assert rows["IMU_GYRO_RATEMAX"] == ["800", "6"]
     assert rows["MC_ROLLRATE_P"][1] == "9"
     assert parsed(text)["IMU_GYRO_RATEMAX"] == 800.0
+
+
+@pytest.mark.parametrize(("least", "file"), [(0.18, True), (0.11, False)])
+def test_a_curve_whose_gains_leave_their_range_is_left_out(least: float, file: bool) -> None:
+    """The rest of the proposal stands."""
+    yaw = {"ATC_RAT_YAW_P": least, "ATC_RAT_YAW_I": 0.1, "ATC_RAT_YAW_D": 0.0, "ATC_RAT_YAW_FF": 0.02}
+    controller = axis_controller({**yaw, "ATC_ANG_YAW_P": 4.5}, "yaw", firmware="ArduCopter V4.6.0")
+    assert controller is not None
+    flown = SimpleNamespace(flown=SimpleNamespace(gains=Gains.of(controller.controller)))
+    axes = {"yaw": SimpleNamespace(controller=controller, parameters={}, proposal=flown)}
+    best = Quantity.normal(0.65, 0.01, "1")
+    thrust = ThrustLinearization(
+        parameter="MOT_THST_EXPO",
+        flown=0.0,
+        proposed=0.65,
+        best=best,
+        flown_range=(0.7, 1.3),
+        proposed_range=(1.0, 1.0),
+        hover_gain=1.25,
+        hover_demand=0.2,
+        flown_hover_demand=0.25,
+    )
+    source = Source(name="flight.BIN", format="ArduPilot DataFlash", sha256="", firmware="ArduCopter V4.6.0")
+    record = FlightRecord(source=source, topics=(), parameters={})
+    found = _together(axes, [], [record], [], TuneSettings(), thrust)  # type: ignore[arg-type]
+    assert ("thrust.param" in found.files) == file
+    assert found.thrust is not None
+    assert found.thrust.changed == file
+    assert [one.kind for one in found.findings] == ([] if file else ["thrust_stays"])
+    back = parsed(found.rollback_files["rollback.param"])
+    assert back["ATC_RAT_YAW_P"] == pytest.approx(least)
+    if file:
+        new = parsed(found.files["thrust.param"])
+        assert new["ATC_RAT_YAW_FF"] == pytest.approx(0.8 * 0.02)
+        assert (back["ATC_RAT_YAW_FF"], back["MOT_THST_EXPO"]) == (pytest.approx(0.02), 0.0)
+    else:
+        assert found.thrust.hover_demand == 0.25

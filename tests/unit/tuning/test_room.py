@@ -11,7 +11,7 @@ from rotorid.pipeline.tuning.flown import require_room
 from rotorid.typing import FloatArray
 
 SPIN = {"MOT_SPIN_MIN": 0.15, "MOT_SPIN_MAX": 0.95, "MOT_THST_EXPO": 0.65}
-FORMATS = {"ArduPilot DataFlash": SPIN, "PX4 ULog": {}, "Betaflight blackbox": {}}
+FORMATS: dict[str, dict[str, float]] = {"ArduPilot DataFlash": SPIN, "PX4 ULog": {}, "Betaflight blackbox": {}}
 SQUARE = np.where(np.arange(1000) // 25 % 2 == 0, 1.0, -1.0)
 
 

@@ -31,7 +31,7 @@ from rotorid.pipeline.tuning.flown import FlownAxis, at_ends
 from rotorid.pipeline.tuning.shared import require_filters_hold
 from rotorid.pipeline.tuning.thrust import ThrustLinearization, linearization
 from rotorid.tuning.files import parameter_files
-from rotorid.tuning.firmware import Parameter, parameters_of, ranges_of, rounded, written
+from rotorid.tuning.firmware import Parameter, parameters_of, ranges_of, rounded, scaled, written
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, judged, propose
@@ -505,9 +505,16 @@ def _together(
     make = partial(parameter_files, first.autopilot, firmware=first.firmware)
     files = make({name: after for name, (_, after) in changes.items()}, role="proposed") if changes else {}
     old = {name: before for name, (before, _) in changes.items()} or every
+    findings = list(findings)
     if thrust is not None and thrust.changed:
-        files |= make(_straightened(axes, thrust), role="thrust")
-        old |= {**every, thrust.parameter: thrust.flown}
+        try:
+            straightened = _straightened(axes, thrust)
+        except UsageError as error:
+            thrust = thrust.kept(error.came.removesuffix(" came"))
+            findings += thrust.findings
+        else:
+            files |= make({name: after for name, (_, after) in straightened.items()}, role="thrust")
+            old |= {**every, **{name: before for name, (before, _) in straightened.items()}}
     return TuningProposal(
         autopilot=first.autopilot,
         firmware=first.firmware,
@@ -527,13 +534,18 @@ def _scale(models: Sequence[IdentifiedModel]) -> float | None:
     return FULL_SCALE_M / (2.0 * arms[0]) if arms else None
 
 
-def _straightened(axes: Mapping[Axis, AxisTuning], thrust: ThrustLinearization) -> dict[str, float]:
-    """The parameter that straightens thrust, with gains that make the loops in hover what they were."""
-    values = {thrust.parameter: thrust.proposed}
+def _straightened(axes: Mapping[Axis, AxisTuning], thrust: ThrustLinearization) -> dict[str, tuple[float, float]]:
+    """The parameter that straightens thrust, with gains that make the loops in hover what they were: flown and new.
+
+    Raises
+    ------
+    UsageError
+        One of them leaves its range.
+    """
+    values = {thrust.parameter: (thrust.flown, thrust.proposed)}
     for one in axes.values():
-        gains, factor = one.proposal.flown.gains, 1.0 / thrust.hover_gain
-        scaled = replace(gains, P=gains.P * factor, I=gains.I * factor, D=gains.D * factor)
-        values |= written(one.controller, rounded(one.controller, scaled))
+        new = scaled(one.controller, 1.0 / thrust.hover_gain)
+        values |= {name: (one.controller.gains[name], value) for name, value in new.items()}
     return values
 
 

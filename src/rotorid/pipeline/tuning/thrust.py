@@ -12,7 +12,7 @@ so the gains of the rates are divided by that: the vehicle flies as before in ho
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -95,8 +95,8 @@ class ThrustLinearization(Immutable):
         Least and largest gain of the loops over the outputs that were flown, over that in hover.
     hover_gain
         Gain in hover with the proposed value over that as flown: by this the gains of the rates are divided.
-    hover_demand
-        Demand of thrust in hover with the proposed value.
+    hover_demand, flown_hover_demand
+        Demand of thrust in hover with the proposed value, and with the flown one.
     findings
         Why nothing is proposed.
     """
@@ -109,12 +109,25 @@ class ThrustLinearization(Immutable):
     proposed_range: tuple[float, float]
     hover_gain: float
     hover_demand: float
+    flown_hover_demand: float
     findings: tuple[Finding, ...] = field(default=())
 
     @property
     def changed(self) -> bool:
         """Whether another value is proposed."""
         return self.proposed != self.flown
+
+    def kept(self, why: str) -> ThrustLinearization:
+        """The same, with the flown value proposed, since gains cannot be made to another."""
+        message = f"{self.parameter} stays: the flown gains, made to {self.proposed:g}, leave their range: {why}."
+        return replace(
+            self,
+            proposed=self.flown,
+            proposed_range=self.flown_range,
+            hover_gain=1.0,
+            hover_demand=self.flown_hover_demand,
+            findings=(*self.findings, remark("thrust_stays", self.parameter, message)),
+        )
 
 
 def linearization(
@@ -182,6 +195,7 @@ def linearization(
         proposed_range=after,
         hover_gain=bends[0] / bends[1],
         hover_demand=float(kind.demand(at_hover, np.array([proposed]))[0]),
+        flown_hover_demand=float(kind.demand(at_hover, np.array([flown]))[0]),
         findings=findings,
     )
 
