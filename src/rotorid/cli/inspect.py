@@ -15,9 +15,9 @@ import typer
 
 from rotorid.cli.command import print_if_asked, target_of
 from rotorid.cli.console import progress, tell
+from rotorid.cli.folders import Found
 from rotorid.cli.options import ForPaper, Logs, Map, Only, Output
 from rotorid.errors import UsageError
-from rotorid.io.named import logs_in
 from rotorid.signal.airborne import told_by
 
 if TYPE_CHECKING:
@@ -55,7 +55,8 @@ def inspect_command(
     """Say what is in logs and what they can support: channels, rates, gaps, excitations."""
     if paper.pdf and out is None:
         raise UsageError("--pdf came without --out", needed="a folder for the page that is printed")
-    files = logs_in(logs)
+    found = Found.behind(logs)
+    files = found.files
     if len(files) > 1:
         if plot is not None or out is not None:
             raise UsageError(
@@ -63,7 +64,7 @@ def inspect_command(
                 needed="them with a single log",
                 remedy="rotorid review makes a page of several",
             )
-        _inspect_several(files, map, output)
+        _inspect_several(found, map, output)
         return
     (log,) = files
     from rotorid.io.folders import making
@@ -97,27 +98,19 @@ def inspect_command(
         _print(inspection, plot, out)
 
 
-def _inspect_several(files: Sequence[Path], map: Path | None, output: Output) -> None:
-    """One after the other; a file that cannot be read ends no other."""
-    from rotorid.cli.console import say
+def _inspect_several(found: Found, map: Path | None, output: Output) -> None:
+    """One after the other; a file of a folder that is no log ends no other."""
     from rotorid.documents.base import to_json
     from rotorid.documents.inspection import InspectionsDocument, inspect_document
-    from rotorid.errors import LogError
-    from rotorid.io.registry import read
     from rotorid.pipeline.inspection import inspect
 
     inspections = []
-    for file in files:
-        try:
-            inspections.append(inspect(read(file, mapping=map)))
-        except LogError as error:
-            say(f"rotorid: {error}")
-            continue
+    for record in found.records(map):
+        inspections.append(inspect(record))
         if not output.json and not output.quiet:
             _print(inspections[-1], None, None)
             sys.stdout.write("\n")
-    if not inspections:
-        raise LogError(f"none of {len(files)} files could be read", needed="at least one flight log")
+    found.say_skipped()
     if output.json:
         documents = [inspect_document(inspection) for inspection in inspections]
         sys.stdout.write(to_json(InspectionsDocument(inspections=documents)))

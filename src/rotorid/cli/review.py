@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorid.cli.command import print_if_asked, read_logs, target_of
+from rotorid.cli.command import print_if_asked, target_of
 from rotorid.cli.console import default_folder, output_console, progress, say, tell
+from rotorid.cli.folders import Found
 from rotorid.cli.options import ForPaper, Logs, Map, Only, Output
 from rotorid.data.findings import worst_first
-from rotorid.io.named import logs_in
 
 if TYPE_CHECKING:
     from rotorid.data.findings import Finding
@@ -46,10 +46,13 @@ def review_command(
     from rotorid.pipeline.review.review import review, told_anything
     from rotorid.report.review import render_reviews
 
-    files = logs_in(logs)
-    target = target_of(output, default_folder(files, "review"), FILE, paper)
+    found = Found.behind(logs)
+    target = target_of(output, default_folder(found.files, "review"), FILE, paper)
     with progress(quiet=output.quiet):
-        seen = [review(record, models=models) for record in read_logs(files, map)]
+        seen = [review(record, models=models) for record in found.records(map)]
+        if found.skipped:
+            # Results are not named after what is no log.
+            target = target_of(output, default_folder(found.read, "review"), FILE, paper)
         tell("writing the page")
         document = _document(seen)
         text, page = to_json(document), render_reviews(seen)
@@ -58,6 +61,7 @@ def review_command(
                 _write_figures(made.place / "figures", seen, paper.figures)
             _write(made.place, text, page, seen)
             print_if_asked(made.place, paper)
+    found.say_skipped()
     if output.json:
         sys.stdout.write(text)
     elif not output.quiet:

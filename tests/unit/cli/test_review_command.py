@@ -70,6 +70,44 @@ def test_a_folder_is_its_logs_side_by_side(flight: Path, tmp_path: Path) -> None
     assert "Side by side" in (tmp_path / "out" / "review.html").read_text(encoding="utf-8")
 
 
+@pytest.fixture
+def untidy(flight: Path, tmp_path: Path) -> Path:
+    """A folder of a log among files that are none."""
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    (logs / "flight.csv").write_bytes(flight.read_bytes())
+    (logs / "LASTLOG.TXT").write_text("7\n", encoding="utf-8")
+    (logs / "notes.txt").write_text("windy, two batteries\n", encoding="utf-8")
+    (logs / "weights.csv").write_text("part,grams\nframe,120\n", encoding="utf-8")
+    return logs
+
+
+@pytest.mark.parametrize("command", [("review", "--no-models"), ("inspect",)])
+def test_what_is_no_log_in_a_folder_is_skipped_and_named_once(
+    command: tuple[str, ...], untidy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ran = rotorid(*command, untidy)
+    assert ran.code == 0
+    (said,) = [line for line in ran.err.splitlines() if "skipped" in line]
+    assert "3 files could not be read as a flight log" in said
+    assert "LASTLOG.TXT, notes.txt, weights.csv" in said
+    assert "flight.csv" in ran.out
+    if "review" in command:
+        assert [folder.name for folder in (tmp_path / "rotorid-out").iterdir()] == ["flight-review"]
+
+
+@pytest.mark.parametrize("command", ["review", "inspect"])
+def test_a_file_named_by_itself_that_is_no_log_is_an_error(command: str, untidy: Path, tmp_path: Path) -> None:
+    log, notes = untidy / "flight.csv", untidy / "notes.txt"
+    assert rotorid(command, notes, log).code == 2
+    for file in (log, untidy / "weights.csv"):
+        file.unlink()
+    ran = rotorid(command, untidy)
+    assert ran.code == 2
+    assert "no flight log is among them: LASTLOG.TXT, notes.txt" in ran.err
+
+
 def test_a_log_that_never_flew_tells_nothing_and_says_why(tmp_path: Path) -> None:
     time_s = np.arange(0.0, 20.0, 0.01)
     write_csv(tmp_path / "bench.csv", time_s, {"p": np.zeros(time_s.size), "thrust_command": np.zeros(time_s.size)})

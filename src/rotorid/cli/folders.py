@@ -1,0 +1,97 @@
+"""Logs of folders: what is no log among them ends nothing, and is named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rotorid.cli.console import say, tell
+from rotorid.data.display import counted
+from rotorid.io.named import logs_in
+
+if TYPE_CHECKING:
+    from rotorid.data.record import FlightRecord
+
+_MOST_NAMES = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """Files behind what a user named.
+
+    Parameters
+    ----------
+    files
+        Those that were named themselves, and those that lie in folders and are called like logs.
+    named
+        Those that were named themselves: one that is no log is an error.
+    skipped
+        Files of folders that were tried and are no logs.
+    """
+
+    files: Sequence[Path]
+    named: frozenset[Path]
+    skipped: list[Path] = field(default_factory=list)
+
+    @classmethod
+    def behind(cls, paths: Sequence[Path]) -> Found:
+        """The files behind paths.
+
+        Raises
+        ------
+        UsageError
+            A folder holds nothing that is called like a log.
+        """
+        files = logs_in(paths)
+        return cls(files=files, named=frozenset(paths).intersection(files))
+
+    def records(self, mapping: Path | None) -> Iterator[FlightRecord]:
+        """Read one file after the other; those of folders that are no logs are left out, and remembered.
+
+        Raises
+        ------
+        LogError
+            A file that was named itself cannot be read, or none of a folder can.
+        UsageError
+            The mapping is wrong.
+        """
+        from rotorid.errors import LogError, UsageError
+        from rotorid.io.registry import read
+
+        for number, log in enumerate(self.files):
+            tell(f"reading {log.name}", extra={"done": number, "total": len(self.files)})
+            try:
+                record = read(log, mapping=mapping)
+            except (LogError, UsageError) as error:
+                # A foreign table is wrong use where it was named, or where a mapping was made for it.
+                if log in self.named or (mapping is not None and isinstance(error, UsageError)):
+                    raise
+                self.skipped.append(log)
+                continue
+            yield record
+        if len(self.skipped) == len(self.files):
+            came = f"{counted(len(self.files), 'file')} of the folder came"
+            raise LogError(
+                f"{came}, and no flight log is among them: {self._names()}", needed="at least one flight log"
+            )
+
+    @property
+    def read(self) -> list[Path]:
+        """Files that were not skipped."""
+        return [file for file in self.files if file not in self.skipped]
+
+    def say_skipped(self) -> None:
+        """Name what was left out, in one remark."""
+        if self.skipped:
+            were = "was" if len(self.skipped) == 1 else "were"
+            say(
+                f"rotorid: {counted(len(self.skipped), 'file')} could not be read as a flight log and {were} skipped: "
+                f"{self._names()}"
+            )
+
+    def _names(self) -> str:
+        names = ", ".join(file.name for file in self.skipped[:_MOST_NAMES])
+        more = len(self.skipped) - _MOST_NAMES
+        return f"{names} and {more} more" if more > 0 else names
