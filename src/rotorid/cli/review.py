@@ -108,7 +108,7 @@ def _write_figures(folder: Path, seen: Sequence[Review], kind: PrintedAs) -> Non
 def _print(seen: Review) -> None:
     """One screen: what flew, a line for each card, warnings, what cannot be told, what comes next."""
     from rotorid.pipeline.review.cards import cards
-    from rotorid.pipeline.review.values import gathered
+    from rotorid.pipeline.review.words import gathered
     from rotorid.report.review import headline
 
     console = output_console()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -21,8 +21,8 @@ from rotorid.pipeline.review.values import (
     Review,
     StepCurve,
     Untold,
-    gathered,
 )
+from rotorid.pipeline.review.words import gathered
 from rotorid.pipeline.summary import ParameterEstimate
 from rotorid.plot.figure import Figure
 from rotorid.plot.frequency import bode
@@ -39,7 +39,7 @@ from rotorid.report.frame import (
     with_files,
     with_interval,
 )
-from rotorid.report.parts import finding_rows
+from rotorid.report.parts import FindingRow, finding_rows
 from rotorid.signal.airborne import told_by
 
 LOOP_WORDS = {
@@ -92,6 +92,12 @@ _NUMBER_WORDS = {
     "filter_delay_measured_s": ("delay of the gyro filters as measured", "ms", 1e3),
     "saturated_high_share": ("time with a motor at full output", "%", 100.0),
     "saturated_low_share": ("time with a motor at its lowest", "%", 100.0),
+    **{
+        f"saturated_by_{axis}_share": (f"time with a motor at a limit while {axis} asked for most", "%", 100.0)
+        for axis in ("roll", "pitch", "yaw", "thrust")
+    },
+    "center_of_gravity_forward": ("center of gravity ahead of the middle, over the longest arm", "", 1.0),
+    "center_of_gravity_right": ("center of gravity right of the middle, over the longest arm", "", 1.0),
     "imbalance": ("imbalance of the motors in steady flight", "%", 100.0),
     "headroom": ("output left above steady flight", "%", 100.0),
     "output_delay_s": ("from motor output to gyro", "ms", 1e3),
@@ -183,13 +189,18 @@ def render_reviews(reviews: Sequence[Review]) -> str:
         compared=compared,
         names=[review.name for review in reviews],
         overlaid=overlaid,
-        remarks={section.anchor: finding_rows(section.review.findings) for section in sections},
+        remarks={section.anchor: _remarks(section.review) for section in sections},
         pictures=[*overlaid, *(picture for section in sections for picture in section.pictures)],
     )
     numbers = range(1, len(reviews) + 1)
     arrays = ["review.npz"] if len(reviews) == 1 else [f"review-{number}.npz" for number in numbers]
     topics = ["logger_topics.txt"] if any(review.logging.topics for review in reviews) else []
     return with_files(page, ["review.json", *arrays, *topics])
+
+
+def _remarks(review: Review) -> tuple[FindingRow, ...]:
+    """Findings without their numbers, which their sentences say; by their names they stand in the file."""
+    return finding_rows([replace(finding, numbers={}) for finding in review.findings])
 
 
 def pictures_of(reviews: Sequence[Review]) -> dict[str, Figure]:

@@ -97,6 +97,16 @@ def test_the_delay_of_the_filters_is_measured(found: NoiseReview) -> None:
     assert delay.std < 1e-4
 
 
+def test_filters_of_a_gyro_that_is_not_logged_have_no_name() -> None:
+    whole = flown(speeds=False)
+    (topic,) = whole.topics
+    rows = [row for row, channel in enumerate(topic.channels) if channel.name != "p"]
+    without = replace(topic, channels=tuple(topic.channels[row] for row in rows), values=topic.values[rows])
+    _, untold = noise(replace(whole, topics=(without,), source=replace(whole.source, format="PX4 ULog")))
+    (said,) = [one for one in untold if one.what == "noise.filter_delay_configured_s"]
+    assert said.why == "The log does not say which filters the gyro passes."
+
+
 def test_noise_through_p_and_d_is_what_the_set_point_does_not_explain(found: NoiseReview) -> None:
     numbers = found.numbers
     lines = 0.3**2 / 2.0 + 4.0 * (0.2**2 + 0.3**2) / 2.0

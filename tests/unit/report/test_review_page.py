@@ -12,6 +12,7 @@ import pytest
 from tests.unit.pipeline.test_joined import result
 from tests.unit.report.made_reviews import made_review, noise_map, untold_review
 
+from rotorid.data.findings import remark
 from rotorid.data.quantity import Quantity
 from rotorid.documents.base import to_json
 from rotorid.documents.review import ReviewDocument, review_arrays, review_document
@@ -242,6 +243,29 @@ def test_full_thrust_is_that_of_the_model_where_one_tells_it() -> None:
     assert told.thrust_to_weight == Quantity.normal(2.018, 0.021, "1")
     assert [one.what for one in left] == ["flight.wind"]
     assert _with_thrust_of({"rate.roll": model}, summary, untold) == (summary, untold)
+
+
+def test_no_internal_names_stand_on_the_page() -> None:
+    seen = made_review()
+    share = Quantity(value=0.012, std=0.004, lower=0.004, upper=0.02, unit="1")
+    motors = replace(seen.motors, numbers={**seen.motors.numbers, "saturated_by_roll_share": share})
+    names = ("noise.roll_p_noise_share", "loops.p.step", "models.physical.motors", "margins.yaw", "vehicle.kind")
+    skew = remark("clock_skew", "p", "p is 5 ms late.", known_low_s=0.0, known_high_s=0.0)
+    page = render_reviews(
+        [
+            replace(
+                seen,
+                motors=motors,
+                findings=(skew,),
+                cannot_tell=tuple(Untold(what=name, why=f"{name} came.".replace(name, "Nothing")) for name in names),
+            )
+        ]
+    )
+    for name in (*names, "models.physical: motors", "saturated by", "known_low_s"):
+        assert name not in page
+    for words in ("time with a motor at a limit while roll asked for most [%]", "model physical.motors", "1.2"):
+        assert words in page
+    assert "noise through P of roll" in page
 
 
 def test_a_map_is_drawn_with_the_strongest_noise_brightest_and_grey_where_nothing_flew() -> None:

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
+from rotorid.data.display import listed
 from rotorid.data.quantity import Quantity
 from rotorid.data.trust import RICH_KINDS
 from rotorid.pipeline.results import IdentifiedModel
@@ -223,18 +224,18 @@ def _margins(review: Review) -> Card:
         sentence = _unsure(f"the {worst.axis} loop keeps a safe distance from instability", limit, remedy)
         return Card(key="margins", title=title, state="cannot", number=_number(worst), sentence=sentence)
     least = max(phases, key=lambda one: one.bad_end)
-    names = _listed([one.axis for one in phases])
+    names = listed([one.axis for one in phases])
     which = "loops keep" if len(phases) > 1 else "loop keeps"
     unseen = [one.axis for one in phases if one.axis not in {peak.axis for peak in judged}]
     sentence = f"The {names} {which} a safe distance from instability."
     if unseen:
         sentence = (
             f"The {names} {which} a phase margin of more than {LEAST_PHASE_MARGIN_DEG:.0f}°; how much disturbances "
-            f"grow in {_listed(unseen)} (M_s) cannot be told."
+            f"grow in {listed(unseen)} (M_s) cannot be told."
         )
     missing = [axis for axis in ("roll", "pitch") if axis not in {one.axis for one in phases}]
     if missing:
-        sentence += f" Of {_listed(missing)} it cannot be told."
+        sentence += f" Of {listed(missing)} it cannot be told."
     return Card(key="margins", title=title, state="good", number=_number(least), sentence=sentence)
 
 
@@ -435,11 +436,6 @@ def _lower_first(sentence: str) -> str:
     """A sentence as it goes on behind a colon."""
     ended = sentence if sentence.endswith(".") else f"{sentence}."
     return ended if ended[1:2].isupper() else f"{ended[:1].lower()}{ended[1:]}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    *first, last = names
-    return f"{', '.join(first)} and {last}" if first else last
 
 
 _EVEN = 0.25

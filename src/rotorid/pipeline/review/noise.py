@@ -16,6 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from rotorid.data.axes import RATE_OF, RATES
+from rotorid.data.display import capital
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
@@ -489,14 +490,15 @@ def _delays(record: FlightRecord, sensors: Sequence[_Sensor], _: Intervals) -> T
     if source.startswith(("ISBD", "GYR")):
         source = "RATE.R"
     filters = known_filters(record, source) if source else ()
-    doubts = [finding.message for finding in filter_findings(record, source) if finding.kind == "unknown_filter"]
+    findings = filter_findings(record, source) if source else ()
+    doubts = [finding.message for finding in findings if finding.kind == "unknown_filter"]
     at = np.array([2.0 * math.pi * _DELAY_AT_HZ])
     if filters:
         delay = float(-np.angle(combined_response(filters, at))[0] / at[0])
         upper = math.inf if doubts else delay
         numbers["filter_delay_configured_s"] = Quantity(value=delay, std=0.0, lower=delay, upper=upper, unit="s")
     else:
-        why = doubts[0] if doubts else "The log does not say which filters the gyro passes."
+        why = f"{capital(doubts[0])}." if doubts else "The log does not say which filters the gyro passes."
         untold.append(Untold(what="noise.filter_delay_configured_s", why=why))
     before, after = (
         next((sensor for sensor in sensors if sensor.channel == "p" and sensor.stage == stage), None)

@@ -5,9 +5,8 @@ A number that a flight cannot tell is absent, and a :class:`Untold` says what, w
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -42,42 +41,6 @@ class Untold(Immutable):
     what: str
     why: str
     remedy: str = ""
-
-
-_AXIS_WORDS = re.compile(r"\b(roll|pitch|yaw|p|q|r|phi|theta|psi)(_setpoint|_stick|_command)?\b")
-"""What is said of one axis in the words of another: one row for both, in the words of the first."""
-
-
-def gathered(untold: Iterable[Untold]) -> tuple[Untold, ...]:
-    """What cannot be told for one reason in one row: the numbers of a loop that a slow log hides, for instance.
-
-    Examples
-    --------
-    >>> slow = [Untold(what=f"loops.p.{name}", why="It is too slow.") for name in ("rise_time_s", "peak_db")]
-    >>> [one.what for one in gathered(slow)]
-    ['loops.p: rise time, peak']
-    """
-    rows: dict[tuple[str, str, str], list[str]] = {}
-    for one in untold:
-        head, _, name = one.what.rpartition(".")
-        deep = one.what.count(".") > 1
-        rows.setdefault((head if deep else one.what, one.why, one.remedy), []).append(name if deep else "")
-    numbers = [
-        Untold(what=f"{head}: {', '.join(map(_plain, names))}" if any(names) else head, why=why, remedy=remedy)
-        for (head, why, remedy), names in rows.items()
-    ]
-    alike: dict[tuple[str, str], list[Untold]] = {}
-    for row in numbers:
-        alike.setdefault((_AXIS_WORDS.sub("…", row.why), _AXIS_WORDS.sub("…", row.remedy)), []).append(row)
-    return tuple(replace(same[0], what=", ".join(row.what for row in same)) for same in alike.values())
-
-
-_UNITS = ("_rad_s", "_deg", "_db", "_percent", "_s")
-
-
-def _plain(name: str) -> str:
-    unit = next((unit for unit in _UNITS if name.endswith(unit)), "")
-    return name.removesuffix(unit).replace("_", " ")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
