@@ -24,6 +24,7 @@ from rotorid.pipeline.review.values import (
 )
 from rotorid.pipeline.review.words import gathered
 from rotorid.pipeline.summary import ParameterEstimate
+from rotorid.plot.curves import Frequency, Magnitude
 from rotorid.plot.figure import Figure
 from rotorid.plot.frequency import bode
 from rotorid.plot.loops import Crossing, broken_loop
@@ -334,14 +335,34 @@ def _broken(margin: MarginReview, key: str) -> Picture:
                 value_std=float(np.deg2rad(value.std)),
             )
         )
-    draw = partial(
-        broken_loop,
+    draw = partial(_broken_loop, margin, marked)
+    return in_all_units(draw, key=key, description=f"Broken {margin.axis} rate loop with its phase margin")
+
+
+def _broken_loop(
+    margin: MarginReview, marked: Sequence[Crossing], *, frequency: Frequency = "rad/s", magnitude: Magnitude = "dB"
+) -> Figure:
+    """The picture of a broken loop with the name of its axis, and 95 % intervals in its legend as all over the page."""
+    figure = broken_loop(
         margin.loop.omega_rad_s,
         margin.loop.values[0, 0],
         random_error=margin.loop.random_error[0, 0],
         gain_crossovers=marked,
+        frequency=frequency,
+        magnitude=magnitude,
     )
-    return in_all_units(draw, key=key, description=f"Broken {margin.axis} rate loop with its phase margin")
+    for label in figure["layout"]["annotations"]:
+        label["text"] = f"{margin.axis.capitalize()}: {label['text'][:1].lower()}{label['text'][1:]}"
+    if marked:
+        factor = 1.0 if frequency == "rad/s" else 0.5 / np.pi
+        (degrees, reach), (at, along) = (
+            _cell(margin.numbers["phase_margin_deg"], 1.0),
+            _cell(margin.numbers["crossover_rad_s"], factor),
+        )
+        words = f"phase margin {degrees}°{f' ({reach})' if reach else ''} at {at} {frequency}"
+        words += f" ({along})" if along else ""
+        figure["data"][-1].update(name=words, legendgroup=words, hovertemplate=f"{words}<extra></extra>")
+    return figure
 
 
 def _noise(review: Review, anchor: str) -> list[Picture]:

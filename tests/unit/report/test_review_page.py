@@ -24,7 +24,7 @@ from rotorid.pipeline.review.review import _with_thrust_of, next_commands, told_
 from rotorid.pipeline.review.values import MotorReview, Review, Untold
 from rotorid.pipeline.summary import Derived, MotorPhysics
 from rotorid.plot.review import motor_bars, noise_maps, png, step_answers
-from rotorid.report.review import render_reviews
+from rotorid.report.review import pictures_of, render_reviews
 
 
 def test_every_part_stands_on_the_page_with_its_interval() -> None:
@@ -243,6 +243,18 @@ def test_full_thrust_is_that_of_the_model_where_one_tells_it() -> None:
     assert told.thrust_to_weight == Quantity.normal(2.018, 0.021, "1")
     assert [one.what for one in left] == ["flight.wind"]
     assert _with_thrust_of({"rate.roll": model}, summary, untold) == (summary, untold)
+
+
+def test_pictures_of_broken_loops_name_their_axis_and_state_95_percent() -> None:
+    figures = pictures_of([made_review()])
+    for axis, margin, at in (("roll", "75.6", "21.0"), ("pitch", "78.3", "17.0")):
+        figure = figures[f"broken-{axis}"]
+        labels = [label["text"] for label in figure["layout"]["annotations"]]
+        assert all(label.startswith(f"{axis.capitalize()}: ") for label in labels)
+        (name,) = [trace["name"] for trace in figure["data"] if "phase margin" in trace.get("name", "")]
+        assert name.startswith(f"phase margin {margin}° (")
+        # Half a rad/s of standard deviation is one of half an interval.
+        assert f"at {at} rad/s ({float(at) - 1.0:.1f} to {float(at) + 1.0:.1f})" in name
 
 
 def test_no_internal_names_stand_on_the_page() -> None:
