@@ -65,8 +65,8 @@ class Found:
             try:
                 record = read(log, mapping=mapping)
             except (LogError, UsageError) as error:
-                # A foreign table is wrong use where it was named, or where a mapping was made for it.
-                if log in self.named or (mapping is not None and isinstance(error, UsageError)):
+                # A foreign table is wrong use where it was named, is all that came, or where a mapping was made for it.
+                if log in self.named or len(self.files) == 1 or (mapping is not None and isinstance(error, UsageError)):
                     raise
                 self.skipped.append(log)
                 continue

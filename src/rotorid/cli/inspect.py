@@ -7,7 +7,7 @@ import shlex
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby
+from itertools import groupby, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
@@ -56,19 +56,13 @@ def inspect_command(
     if paper.pdf and out is None:
         raise UsageError("--pdf came without --out", needed="a folder for the page that is printed")
     found = Found.behind(logs)
-    files = found.files
-    if len(files) > 1:
-        if plot is not None or out is not None:
-            raise UsageError(
-                f"--plot or --out came with {len(files)} logs",
-                needed="them with a single log",
-                remedy="rotorid review makes a page of several",
-            )
+    alone = plot is not None or out is not None
+    if alone and len(found.named) > 1:
+        raise _too_many(f"{len(found.files)} logs")
+    if len(found.files) > 1 and not alone:
         _inspect_several(found, map, output)
         return
-    (log,) = files
     from rotorid.io.folders import making
-    from rotorid.io.registry import read
     from rotorid.pipeline.inspection import inspect
 
     if plot is not None:
@@ -80,7 +74,10 @@ def inspect_command(
     if out is not None:
         target = target_of(replace(output, out=out), out, FILE, paper)
     with progress(quiet=output.quiet):
-        record = read(log, mapping=map)
+        # Of a folder what is no log is no second one.
+        record, *others = islice(found.records(map), 2)
+        if others:
+            raise _too_many("a folder of several logs")
         tell("inspecting")
         inspection = inspect(record)
     if plot is not None:
@@ -89,6 +86,7 @@ def inspect_command(
         with making(target) as made:
             _write(made.place, record, inspection)
             print_if_asked(made.place, paper)
+    found.say_skipped()
     if output.json:
         from rotorid.documents.base import to_json
         from rotorid.documents.inspection import inspect_document
@@ -96,6 +94,14 @@ def inspect_command(
         sys.stdout.write(to_json(inspect_document(inspection)))
     elif not output.quiet:
         _print(inspection, plot, out)
+
+
+def _too_many(came: str) -> UsageError:
+    return UsageError(
+        f"--plot or --out came with {came}",
+        needed="them with a single log",
+        remedy="rotorid review makes a page of several",
+    )
 
 
 def _inspect_several(found: Found, map: Path | None, output: Output) -> None:
@@ -113,7 +119,7 @@ def _inspect_several(found: Found, map: Path | None, output: Output) -> None:
     found.say_skipped()
     if output.json:
         documents = [inspect_document(inspection) for inspection in inspections]
-        sys.stdout.write(to_json(InspectionsDocument(inspections=documents)))
+        sys.stdout.write(to_json(documents[0] if len(documents) == 1 else InspectionsDocument(inspections=documents)))
 
 
 def _write(folder: Path, record: FlightRecord, inspection: Inspection) -> None:

@@ -97,6 +97,18 @@ def test_what_is_no_log_in_a_folder_is_skipped_and_named_once(
         assert [folder.name for folder in (tmp_path / "rotorid-out").iterdir()] == ["flight-review"]
 
 
+def test_a_folder_of_one_log_is_inspected_as_that_log(untidy: Path, tmp_path: Path) -> None:
+    ran = rotorid("inspect", untidy, "--out", tmp_path / "seen", "--json")
+    assert ran.code == 0
+    assert json.loads(ran.out)["name"] == "flight.csv"
+    assert json.loads(rotorid("inspect", untidy, "--json").out)["name"] == "flight.csv"
+    assert (tmp_path / "seen" / "inspect.json").is_file()
+    (untidy / "second.csv").write_bytes((untidy / "flight.csv").read_bytes())
+    several = rotorid("inspect", untidy, "--out", tmp_path / "both")
+    assert several.code == 2
+    assert "a folder of several logs" in several.err
+
+
 @pytest.mark.parametrize("command", ["review", "inspect"])
 def test_a_file_named_by_itself_that_is_no_log_is_an_error(command: str, untidy: Path, tmp_path: Path) -> None:
     log, notes = untidy / "flight.csv", untidy / "notes.txt"
