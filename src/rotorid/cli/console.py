@@ -15,6 +15,7 @@ import io
 import logging
 import os
 import re
+import shlex
 import signal
 import sys
 import threading
@@ -288,3 +289,16 @@ def _file_name(text: str) -> str:
 def _stem(log: Path) -> str:
     """Name of a log without the extensions of its compression and its format."""
     return Path(log.stem if log.suffix.lower() in _PACKED else log.name).stem
+
+
+def as_given(command: str, file: Path) -> str:
+    """A command for a log with the path by which it was named, so that it runs as it is printed.
+
+    Results and pages name logs without their folders, which are nobody's concern; a terminal knows where one is.
+
+    Examples
+    --------
+    >>> as_given("rotorid identify 'my log.ulg' --model rate.roll", Path("logs/my log.ulg"))
+    "rotorid identify 'logs/my log.ulg' --model rate.roll"
+    """
+    return command.replace(shlex.quote(file.name), shlex.quote(str(file)))

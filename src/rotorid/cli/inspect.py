@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from rotorid.cli.command import print_if_asked, target_of
-from rotorid.cli.console import progress, tell
+from rotorid.cli.console import as_given, progress, tell
 from rotorid.cli.folders import Found
 from rotorid.cli.options import ForPaper, Logs, Map, Only, Output
 from rotorid.errors import UsageError
@@ -93,7 +93,7 @@ def inspect_command(
 
         sys.stdout.write(to_json(inspect_document(inspection)))
     elif not output.quiet:
-        _print(inspection, plot, out)
+        _print(inspection, found.read[-1], plot, out)
 
 
 def _too_many(came: str) -> UsageError:
@@ -114,7 +114,7 @@ def _inspect_several(found: Found, map: Path | None, output: Output) -> None:
     for record in found.records(map):
         inspections.append(inspect(record))
         if not output.json and not output.quiet:
-            _print(inspections[-1], None, None)
+            _print(inspections[-1], found.read[-1], None, None)
             sys.stdout.write("\n")
     found.say_skipped()
     if output.json:
@@ -134,7 +134,7 @@ def _write(folder: Path, record: FlightRecord, inspection: Inspection) -> None:
     )
 
 
-def _print(inspection: Inspection, plot: Path | None, out: Path | None) -> None:
+def _print(inspection: Inspection, file: Path, plot: Path | None, out: Path | None) -> None:
     """One screen: the log, its topics, what was flown, whether it agrees with itself, what it supports, remarks."""
     from rotorid.cli.console import output_console
 
@@ -163,7 +163,7 @@ def _print(inspection: Inspection, plot: Path | None, out: Path | None) -> None:
     findings = [f for f in inspection.findings if f.severity != "info" or f.kind not in _TOLD_ELSEWHERE]
     if findings:
         say(_findings(findings), "findings")
-    say(_next(inspection), "next")
+    say((as_given(command, file) for command in _next(inspection)), "next")
     if plot is not None:
         say([f"\npicture: {plot}"])
     if out is not None:

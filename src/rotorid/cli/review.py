@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorid.cli.command import print_if_asked, target_of
-from rotorid.cli.console import default_folder, output_console, progress, say, tell
+from rotorid.cli.console import as_given, default_folder, output_console, progress, say, tell
 from rotorid.cli.folders import Found
 from rotorid.cli.options import ForPaper, Logs, Map, Only, Output
 from rotorid.data.findings import worst_first
@@ -65,8 +65,8 @@ def review_command(
     if output.json:
         sys.stdout.write(text)
     elif not output.quiet:
-        for one in seen:
-            _print(one)
+        for one, file in zip(seen, found.read, strict=True):
+            _print(one, file)
         output_console().print(f"page: {made.folder / PAGE}", soft_wrap=True, markup=False)
     if show:
         typer.launch(str(made.folder / PAGE))
@@ -105,7 +105,7 @@ def _write_figures(folder: Path, seen: Sequence[Review], kind: PrintedAs) -> Non
         write_atomically(folder / f"{name}.{kind}", printed(figure, kind))
 
 
-def _print(seen: Review) -> None:
+def _print(seen: Review, file: Path) -> None:
     """One screen: what flew, a line for each card, warnings, what cannot be told, what comes next."""
     from rotorid.pipeline.review.cards import cards
     from rotorid.pipeline.review.words import gathered
@@ -138,7 +138,7 @@ def _print(seen: Review) -> None:
     if seen.next_commands:
         plain("\nnext")
         for command in seen.next_commands:
-            plain(f"  {command}")
+            plain(f"  {as_given(command, file)}")
     plain("")
 
 

@@ -228,7 +228,7 @@ def track(
 def _told(reference: IdentifiedModel) -> Iterator[Finding]:
     """Remarks on a model that was made on the way, without advice on options that only identify has."""
     for finding in reference.findings:
-        words = re.sub(r"\s*\([^()]*--[^()]*\)", "", finding.message)
+        words = re.sub(r" ?\([^()]{1,80}\)", lambda aside: "" if "--" in aside[0] else aside[0], finding.message)
         kept = [sentence for sentence in re.split(r"(?<=[.;]) ", words) if "--" not in sentence]
         if kept:
             yield replace(finding, message=re.sub(r";$", ".", " ".join(kept)))

@@ -286,6 +286,20 @@ def checked_past(before: FloatArray | None, size: int) -> FloatArray:
     return past
 
 
+def earlier(past: FloatArray, samples: int) -> FloatArray:
+    """The last inputs before a record, shape ``(u, samples)``; before the first that is known it stood.
+
+    Parameters
+    ----------
+    past
+        Shape ``(u, k)``, the latest last.
+    samples
+        How many are wanted.
+    """
+    taken: FloatArray = past[:, np.maximum(np.arange(-samples, 0), -past.shape[1])]
+    return taken
+
+
 def _vector(values: FloatArray | None, size: int, name: str) -> FloatArray:
     vector = np.zeros(size) if values is None else np.asarray(values, dtype=np.float64)
     if vector.shape != (size,):

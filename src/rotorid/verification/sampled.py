@@ -16,7 +16,7 @@ import numpy as np
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import UsageError
 from rotorid.models.state_space import StateSpace
-from rotorid.simulation.linear import WHOLE_SAMPLE, discretize
+from rotorid.simulation.linear import WHOLE_SAMPLE, checked_past, discretize, earlier
 from rotorid.typing import BoolArray, FloatArray
 
 _AGES = np.array([3.0, 2.0, 1.0, 0.0])
@@ -96,9 +96,10 @@ def sampled(system: StateSpace, u: FloatArray, *, sample_rate_hz: float, before:
     sample_rate_hz
         Their rate.
     before
-        Inputs before the first sample, shape ``(u,)``.
+        Inputs before the first sample, shape ``(u,)`` or ``(u, k)`` with the latest last.
     """
     inputs, equations = system.G.shape[1], system.F.shape[0]
+    past = checked_past(before, inputs)
     common = float(system.output_delays_s.min())
     lags = (system.output_delays_s - common) * sample_rate_hz
     lead = max((_weights(float(lag))[0] for lag in lags), default=0)
@@ -115,12 +116,12 @@ def sampled(system: StateSpace, u: FloatArray, *, sample_rate_hz: float, before:
         A, B[:, :inputs], delays_s=wide.input_delays_s[:inputs], step_s=1.0 / sample_rate_hz, hold="first"
     )
     constant = discretize(A, B[:, inputs:], delays_s=np.zeros(equations), step_s=1.0 / sample_rate_hz, hold="zero")
-    padded = np.hstack([np.repeat(before[:, None], lead, axis=1), u])
+    padded = np.hstack([earlier(past, lead), u])
     return Sampled(
         transition=step.transition,
-        forcing=step.forcing(padded, before),
+        forcing=step.forcing(padded, past[:, : max(past.shape[1] - lead, 1)]),
         measured=C,
-        direct=_direct(wide, D[:, :inputs], u, before, 1.0 / sample_rate_hz),
+        direct=_direct(wide, D[:, :inputs], u, past, 1.0 / sample_rate_hz),
         biases=constant.taps.sum(axis=0),
         direct_biases=D[:, inputs:].T,
         lags=lags,
@@ -128,14 +129,14 @@ def sampled(system: StateSpace, u: FloatArray, *, sample_rate_hz: float, before:
     )
 
 
-def _direct(system: StateSpace, D: FloatArray, u: FloatArray, before: FloatArray, step_s: float) -> FloatArray:
+def _direct(system: StateSpace, D: FloatArray, u: FloatArray, past: FloatArray, step_s: float) -> FloatArray:
     """Feedthrough of the delayed inputs to each output, shape ``(samples, y)``."""
-    knots_s = np.arange(-1, u.shape[1]) * step_s
-    known = np.column_stack([before, u])
+    knots_s = np.arange(-past.shape[1], u.shape[1]) * step_s
+    known = np.hstack([past, u])
     direct = np.zeros((u.shape[1], D.shape[0]))
     for y, i in zip(*np.nonzero(D), strict=True):
         late_s = system.input_delays_s[i] + system.output_delays_s[y]
-        direct[:, y] += D[y, i] * np.interp(knots_s[1:] - late_s, knots_s, known[i])
+        direct[:, y] += D[y, i] * np.interp(knots_s[past.shape[1] :] - late_s, knots_s, known[i])
     return direct
 
 

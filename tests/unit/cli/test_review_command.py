@@ -47,7 +47,9 @@ def test_a_screen_shows_warnings_folded_and_the_worst_first(capsys: pytest.Captu
     stamps = [warn("clock_disorder", f"flight {n}", f"{n}00 stamps step back.") for n in range(1, 4)]
     others = [warn(f"kind_{n}", "flight", f"Number {n}.") for n in range(9)]
     gone = refusal("corrupt_log", "flight", "318 places are damaged.")
-    _print(replace(made_review(), findings=(remark("trim", "p", "Nothing."), *stamps, *others, gone)))
+    _print(
+        replace(made_review(), findings=(remark("trim", "p", "Nothing."), *stamps, *others, gone)), Path("flight.ulg")
+    )
     lines = capsys.readouterr().out.partition("findings\n")[2].splitlines()
     assert lines[0] == "  error corrupt_log: 318 places are damaged."
     assert lines[1] == (
@@ -157,6 +159,6 @@ def test_inspect_takes_several_and_says_what_comes_next(flight: Path, tmp_path: 
     assert told["schema"] == "rotorid.inspections/1"
     assert [one["name"] for one in told["inspections"]] == [flight.name, "other.csv"]
     said = rotorid("inspect", flight).out
-    assert f"rotorid review {flight.name}" in said
-    assert f"rotorid identify {flight.name} --model rate.roll" in said
+    assert f"rotorid review {flight}" in said
+    assert f"rotorid identify {flight} --model rate.roll" in said
     assert rotorid("inspect", flight, other, "--plot", tmp_path / "a.html").code == 2

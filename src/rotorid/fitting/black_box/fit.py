@@ -29,7 +29,7 @@ from rotorid.fitting.time.output_error import (
 from rotorid.models.black_box import best_references, black_box, black_box_pairs, from_state_space
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.simulation.linear import Hold, discretize
+from rotorid.simulation.linear import Hold, discretize, earlier
 from rotorid.typing import FloatArray
 
 _FASTEST = float(np.exp(-np.pi))
@@ -291,8 +291,7 @@ def _earlier(record: TimeData, samples: int) -> TimeData:
     """The record with inputs that were given earlier, so that a system that is late by as much is so no more."""
     inputs = record.inputs
     if samples:
-        late = np.arange(-samples, 0)
-        inputs = np.hstack([record.before[:, np.maximum(late, -record.before.shape[1])], inputs])[:, : record.samples]
+        inputs = np.hstack([earlier(record.before, samples), inputs])[:, : record.samples]
     return TimeData(name=record.name, inputs=inputs, outputs=record.outputs, sample_rate_hz=record.sample_rate_hz)
 
 

@@ -93,7 +93,6 @@ def scoped(
     require_known(structure, settings)
     axes = {flight.axis for flight in selection.fitted}
     excited = [name for name in structure.inputs if not is_command(name) or axis_of(name) in axes]
-    _refuse_led_inputs(structure, [name for name in structure.inputs if name not in excited], selection)
     moved = connected(structure.select(inputs=excited))
     outputs = settings.outputs or (_outputs_of_any if joined else _outputs_there)(moved, records)
     if joined:
@@ -106,6 +105,7 @@ def scoped(
     smaller = connected(structure.select(outputs=outputs, inputs=excited))
     lost = [name for name in structure.parameters.names if name not in smaller.parameters.names]
     _require_left(lost, smaller, structure, settings)
+    _refuse_led_inputs(structure, [name for name in structure.inputs if name not in excited], selection)
     gone = [name for name in lost if name not in moved.parameters.names]
     passed = [name for name in moved.outputs if name not in smaller.outputs]
     return Scoped(

@@ -207,7 +207,8 @@ def next_commands(seen: Review) -> Iterator[str]:
     axes = [axis for name, axis in AXIS_OF.items() if name not in stands]
     if seen.models_sought and axes and seen.flight.flights and seen.vehicle.kind in ("", "multirotor"):
         craft = _craft(seen.vehicle.autopilot)
-        gains = f" --gains {log}" if seen.margins else ""
+        # A design takes gains of logs of these two.
+        gains = f" --gains {log}" if seen.margins and craft in ("px4_quad", "ardupilot_quad") else ""
         yield f"rotorid design sweep --vehicle {craft} --axis {','.join(axes)}{gains}"
 
 

@@ -1,0 +1,22 @@
+"""Commands that lead on run as they are printed, wherever the log lies."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+from tests.unit.cli.commands import fly_roll_sweeps, rotorid
+
+
+def test_the_next_commands_name_the_log_as_it_was_given(tmp_path: Path) -> None:
+    log = tmp_path / "my flights" / "roll sweeps.csv"
+    log.parent.mkdir()
+    fly_roll_sweeps(log)
+    told = rotorid("inspect", log).out
+    commands = [
+        line.strip() for line in told.partition("next\n")[2].splitlines() if line.strip().startswith("rotorid ")
+    ]
+    assert commands
+    assert all(str(log) in shlex.split(command) for command in commands)
+    # Nobody but the terminal learns where it lies.
+    assert str(tmp_path) not in rotorid("inspect", log, "--json").out
