@@ -114,7 +114,7 @@ def _inspect_several(found: Found, map: Path | None, output: Output) -> None:
     for record in found.records(map):
         inspections.append(inspect(record))
         if not output.json and not output.quiet:
-            _print(inspections[-1], found.read[-1], None, None)
+            _print(inspections[-1], found.read[len(inspections) - 1], None, None)
             sys.stdout.write("\n")
     found.say_skipped()
     if output.json:

@@ -20,3 +20,13 @@ def test_the_next_commands_name_the_log_as_it_was_given(tmp_path: Path) -> None:
     assert all(str(log) in shlex.split(command) for command in commands)
     # Nobody but the terminal learns where it lies.
     assert str(tmp_path) not in rotorid("inspect", log, "--json").out
+
+
+def test_of_several_logs_each_has_its_own_path(tmp_path: Path) -> None:
+    logs = [tmp_path / folder / "flight.csv" for folder in ("monday", "tuesday")]
+    for log in logs:
+        log.parent.mkdir()
+    fly_roll_sweeps(logs[0])
+    logs[1].write_text(logs[0].read_text() + "\n")
+    lines = [line.strip() for line in rotorid("inspect", *logs).out.splitlines()]
+    assert [line.split()[-1] for line in lines if line.startswith("rotorid review")] == [str(log) for log in logs]
