@@ -235,6 +235,7 @@ def too_few_hold(rows: Sequence[Judged], *, promised: float = 0.9, risk: float =
 
 def study(folder: Path, seeds: Iterable[int], *, vehicles: Sequence[str] = VEHICLES, workers: int = 2) -> Study:
     """Fly what the folder does not hold yet, and read all of it."""
+    folder.mkdir(parents=True, exist_ok=True)
     flights = [(vehicle, weather, seed) for seed in seeds for vehicle in vehicles for weather in WEATHERS]
     files = {flight: folder / "-".join(map(str, (*flight, "rows.json"))) for flight in flights}
     missing = [flight for flight, file in files.items() if not file.exists()]
@@ -290,7 +291,6 @@ def table(found: Study) -> Iterator[str]:
 
 def main() -> None:
     folder = Path(sys.argv[1])
-    folder.mkdir(parents=True, exist_ok=True)
     seeds = range(1, 1 + int(sys.argv[2])) if len(sys.argv) > 2 else range(1, 16)
     vehicles = tuple(sys.argv[3].split(",")) if len(sys.argv) > 3 else VEHICLES
     found = study(folder, seeds, vehicles=vehicles)

@@ -29,11 +29,14 @@ class Found:
         Those that were named themselves: one that is no log is an error.
     skipped
         Files of folders that were tried and are no logs.
+    failed
+        Files that were named themselves and cannot be read, where this ends no other.
     """
 
     files: Sequence[Path]
     named: frozenset[Path]
     skipped: list[Path] = field(default_factory=list)
+    failed: list[Path] = field(default_factory=list)
 
     @classmethod
     def behind(cls, paths: Sequence[Path]) -> Found:
@@ -47,13 +50,21 @@ class Found:
         files = logs_in(paths)
         return cls(files=files, named=frozenset(paths).intersection(files))
 
-    def records(self, mapping: Path | None) -> Iterator[FlightRecord]:
+    def records(self, mapping: Path | None, *, each_alone: bool = False) -> Iterator[FlightRecord]:
         """Read one file after the other; those of folders that are no logs are left out, and remembered.
+
+        Parameters
+        ----------
+        mapping
+            What the columns of a foreign table are.
+        each_alone
+            Nothing is made of all of them together: of a file that was named and cannot be read the error is said at
+            once, and the next one read.
 
         Raises
         ------
         LogError
-            A file that was named itself cannot be read, or none of a folder can.
+            A file that was named itself cannot be read and ends the others, or none of all can.
         UsageError
             The mapping is wrong.
         """
@@ -66,21 +77,29 @@ class Found:
                 record = read(log, mapping=mapping)
             except (LogError, UsageError) as error:
                 # A foreign table is wrong use where it was named, is all that came, or where a mapping was made for it.
-                if log in self.named or len(self.files) == 1 or (mapping is not None and isinstance(error, UsageError)):
+                if len(self.files) == 1 or (mapping is not None and isinstance(error, UsageError)):
                     raise
-                self.skipped.append(log)
+                if log not in self.named:
+                    self.skipped.append(log)
+                    continue
+                if not each_alone:
+                    raise
+                say(f"rotorid: {error}")
+                self.failed.append(log)
                 continue
             yield record
-        if len(self.skipped) == len(self.files):
-            came = f"{counted(len(self.files), 'file')} of the folder came"
+        if len(self.failed) == len(self.files):
+            raise LogError(f"none of {len(self.files)} files could be read", needed="at least one flight log")
+        if len(self.failed) + len(self.skipped) == len(self.files):
+            came = f"{counted(len(self.files), 'file')} came"
             raise LogError(
                 f"{came}, and no flight log is among them: {self._names()}", needed="at least one flight log"
             )
 
     @property
     def read(self) -> list[Path]:
-        """Files that were not skipped."""
-        return [file for file in self.files if file not in self.skipped]
+        """Files that could be read."""
+        return [file for file in self.files if file not in self.skipped and file not in self.failed]
 
     def say_skipped(self) -> None:
         """Name what was left out, in one remark."""

@@ -105,13 +105,13 @@ def _too_many(came: str) -> UsageError:
 
 
 def _inspect_several(found: Found, map: Path | None, output: Output) -> None:
-    """One after the other; a file of a folder that is no log ends no other."""
+    """One after the other; a file that cannot be read ends no other, and the exit code is 2 where it was named."""
     from rotorid.documents.base import to_json
     from rotorid.documents.inspection import InspectionsDocument, inspect_document
     from rotorid.pipeline.inspection import inspect
 
     inspections = []
-    for record in found.records(map):
+    for record in found.records(map, each_alone=True):
         inspections.append(inspect(record))
         if not output.json and not output.quiet:
             _print(inspections[-1], found.read[len(inspections) - 1], None, None)
@@ -119,7 +119,11 @@ def _inspect_several(found: Found, map: Path | None, output: Output) -> None:
     found.say_skipped()
     if output.json:
         documents = [inspect_document(inspection) for inspection in inspections]
-        sys.stdout.write(to_json(documents[0] if len(documents) == 1 else InspectionsDocument(inspections=documents)))
+        # Beside what is no log in a folder, one log is that log; beside a named file that failed, it is one of several.
+        alone = len(found.files) == len(found.skipped) + 1
+        sys.stdout.write(to_json(documents[0] if alone else InspectionsDocument(inspections=documents)))
+    if found.failed:
+        raise typer.Exit(2)
 
 
 def _write(folder: Path, record: FlightRecord, inspection: Inspection) -> None:

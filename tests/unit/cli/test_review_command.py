@@ -122,6 +122,25 @@ def test_a_file_named_by_itself_that_is_no_log_is_an_error(command: str, untidy:
     assert "no flight log is among them: LASTLOG.TXT, notes.txt" in ran.err
 
 
+@pytest.mark.parametrize("output", [(), ("--json",)])
+def test_inspect_goes_on_where_a_named_file_cannot_be_read_and_tells_by_its_code(
+    output: tuple[str, ...], untidy: Path
+) -> None:
+    ran = rotorid("inspect", untidy / "notes.txt", untidy / "flight.csv", *output)
+    assert ran.code == 2
+    assert "notes.txt" in ran.err
+    assert "flight.csv" in ran.out
+    if output:
+        (seen,) = json.loads(ran.out)["inspections"]
+        assert seen["schema"] == "rotorid.inspect/1"
+
+
+def test_inspect_of_files_that_are_all_none_is_one_error(untidy: Path) -> None:
+    ran = rotorid("inspect", untidy / "notes.txt", untidy / "LASTLOG.TXT")
+    assert (ran.code, ran.out) == (2, "")
+    assert "none of 2 files could be read" in ran.err
+
+
 def test_a_log_that_never_flew_tells_nothing_and_says_why(tmp_path: Path) -> None:
     time_s = np.arange(0.0, 20.0, 0.01)
     write_csv(tmp_path / "bench.csv", time_s, {"p": np.zeros(time_s.size), "thrust_command": np.zeros(time_s.size)})
