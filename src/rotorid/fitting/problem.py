@@ -47,11 +47,14 @@ class Part(NamedTuple):
         Its derivatives, shape ``(n, y, p)``.
     unknown
         Orthonormal basis of what the unknowns can explain, shape ``(n, y, k)``.
+    sample_rate_hz
+        Of its samples: errors that last as long in seconds last more samples at a higher rate.
     """
 
     residual: FloatArray
     slopes: FloatArray
     unknown: FloatArray
+    sample_rate_hz: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

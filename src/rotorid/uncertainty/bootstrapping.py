@@ -29,7 +29,7 @@ from rotorid.fitting.least_squares import LevenbergMarquardt, Outcome, Residuals
 from rotorid.fitting.problem import Problem
 from rotorid.fitting.time.output_error import TimeProblem
 from rotorid.typing import FloatArray, IntArray
-from rotorid.uncertainty.colored import ColoredApart, ColoredNoise, OutputNoise
+from rotorid.uncertainty.colored import ColoredNoise, OutputNoise
 from rotorid.uncertainty.cramer_rao import Weights, bounds
 from rotorid.uncertainty.resampling import (
     LeftOut,
@@ -113,7 +113,7 @@ def bootstrap(
     clean = problem.noiseless(solution.theta)
     if noise is None:
         parts = problem.parts(solution.theta)
-        noise = ColoredNoise.of(parts) if problem.alike else ColoredApart.of(parts)
+        noise = ColoredNoise.of(parts) if problem.alike else ColoredNoise.apart(parts)
     gain = gauss_newton(problem.residuals(solution.theta)[1])
     return resample(
         _Refit(clean, solution.theta, noise, gain),

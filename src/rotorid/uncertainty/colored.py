@@ -8,7 +8,7 @@ themselves, a bootstrap draws new errors.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -22,6 +22,8 @@ _LONGEST_MEMORY = 40
 _SAMPLES_PER_LAG = 10
 _ROUNDS = 4
 _NEGLIGIBLE = 0.02
+_ONE_RATE = 1.1
+"""Records whose sample rates are no further apart share an autoregression."""
 
 
 class ColoredCovariance(NamedTuple):
@@ -34,7 +36,7 @@ class ColoredCovariance(NamedTuple):
     white
         As it would be, were the residuals white: what textbooks print, and several times too small in flight.
     ar_order
-        Order of the autoregression that describes the color.
+        Order of the autoregression that describes the color; of several, the highest.
     """
 
     corrected: FloatArray
@@ -57,6 +59,8 @@ def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
     projection on parameters and unknowns, :math:`E[r r^T] = (I - P) \Sigma (I - P)`: what is missing is computed for
     the autoregression found so far and given back, until it rests.
 
+    Records of one sample rate share an autoregression; errors that last as long are another one at another rate.
+
     Parameters
     ----------
     parts
@@ -78,14 +82,25 @@ def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
     Control, and Dynamics 20(1), 1997, for the sum.
     """
     D, residual_dof = _inverse_information(parts)
-    process = residual_process(parts)
-    middle = sum((_middle(part.slopes, process) for part in parts), start=np.zeros_like(D))
+    return _corrected(parts, residual_processes(parts), D, residual_dof)
+
+
+def _corrected(
+    parts: Sequence[Part], processes: Sequence[Process], D: FloatArray, residual_dof: int
+) -> ColoredCovariance:
+    middle = sum(
+        (_middle(part.slopes, process) for part, process in zip(parts, processes, strict=True)),
+        start=np.zeros_like(D),
+    )
     white = D * float(sum(np.sum(part.residual**2) for part in parts)) / residual_dof
-    return ColoredCovariance(corrected=D @ middle @ D, white=white, ar_order=len(process.coefficients))
+    ar_order = max(len(process.coefficients) for process in processes)
+    return ColoredCovariance(corrected=D @ middle @ D, white=white, ar_order=ar_order)
 
 
-def residual_process(parts: Sequence[Part]) -> Process:
-    """The autoregression of the errors of a fit, with what the fit took from its residuals given back.
+def residual_processes(parts: Sequence[Part]) -> tuple[Process, ...]:
+    """For each part the autoregression of its errors, with what the fit took from the residuals given back.
+
+    Parts of one sample rate have one in common.
 
     Parameters
     ----------
@@ -101,11 +116,30 @@ def residual_process(parts: Sequence[Part]) -> Process:
     D, _ = _inverse_information(parts)
     root = np.linalg.cholesky((D + D.T) / 2.0)
     taken = [np.concatenate([part.unknown, part.slopes @ root], axis=2) for part in parts]
-    residuals = [part.residual for part in parts]
-    process = autoregression(residuals)
+    processes = _of_each(parts, None)
     for _ in range(_ROUNDS if _matters(taken, parameters) else 0):
-        process = autoregression(residuals, missing=_Missing(taken, process, parameters))
-    return process
+        processes = _of_each(parts, _missing(taken, processes, parameters))
+    return processes
+
+
+def _of_each(parts: Sequence[Part], missing: Sequence[FloatArray] | None) -> tuple[Process, ...]:
+    """The autoregression of each part, of which all parts of about one sample rate are draws."""
+    found: dict[int, Process] = {}
+    for places in _of_one_rate([part.sample_rate_hz for part in parts]):
+        lacks = None if missing is None else np.sum([missing[place] for place in places], axis=0)
+        found |= dict.fromkeys(places, autoregression([parts[place].residual for place in places], missing=lacks))
+    return tuple(found[place] for place in range(len(parts)))
+
+
+def _of_one_rate(rates_hz: Sequence[float]) -> list[list[int]]:
+    """Places of records whose sample rates are about the same, those of the lowest rate first."""
+    groups: list[list[int]] = []
+    for place in sorted(range(len(rates_hz)), key=lambda place: rates_hz[place]):
+        if groups and rates_hz[place] <= _ONE_RATE * rates_hz[groups[-1][0]]:
+            groups[-1].append(place)
+        else:
+            groups.append([place])
+    return groups
 
 
 def _inverse_information(parts: Sequence[Part]) -> tuple[FloatArray, int]:
@@ -131,14 +165,7 @@ def colored_apart(parts: Sequence[Part]) -> ColoredCovariance:
         The data do not determine all parameters.
     """
     D, residual_dof = _inverse_information(parts)
-    processes = [_alone(part.residual) for part in parts]
-    middle = sum(
-        (_middle(part.slopes, process) for part, process in zip(parts, processes, strict=True)),
-        start=np.zeros_like(D),
-    )
-    white = D * float(sum(np.sum(part.residual**2) for part in parts)) / residual_dof
-    ar_order = max(len(process.coefficients) for process in processes)
-    return ColoredCovariance(corrected=D @ middle @ D, white=white, ar_order=ar_order)
+    return _corrected(parts, [_alone(part.residual) for part in parts], D, residual_dof)
 
 
 def _alone(residual: FloatArray) -> Process:
@@ -171,23 +198,18 @@ def _matters(taken: Sequence[FloatArray], parameters: int) -> bool:
 _MOST_NUMBERS = 4_000_000
 
 
-class _Missing:
-    """What a fit took from the sums of products of its residuals, lag by lag."""
-
-    def __init__(self, taken: Sequence[FloatArray], process: Process, parameters: int) -> None:
-        late = [_colored(basis, process) for basis in taken]
-        inner = [np.einsum("nya,nyb->ab", basis, seen) for basis, seen in zip(taken, late, strict=True)]
-        # Parameters are shared by all records, unknowns are not.
-        shared = sum((one[-parameters:, -parameters:] for one in inner), start=np.zeros((parameters, parameters)))
-        for one in inner:
-            one[-parameters:, -parameters:] = shared
-        outputs = taken[0].shape[1]
-        self._sums = np.zeros((_LONGEST_MEMORY + 1, outputs, outputs))
-        for basis, seen, one in zip(taken, late, inner, strict=True):
-            self._sums += _lagged_products(basis, seen - 0.5 * basis @ one.T, _LONGEST_MEMORY)
-
-    def __call__(self, lag: int) -> FloatArray:
-        return np.asarray(self._sums[lag])
+def _missing(taken: Sequence[FloatArray], processes: Sequence[Process], parameters: int) -> list[FloatArray]:
+    """What a fit took from the sums of products of its residuals: for each record all lags, shape ``(lags, y, y)``."""
+    late = [_colored(basis, process) for basis, process in zip(taken, processes, strict=True)]
+    inner = [np.einsum("nya,nyb->ab", basis, seen) for basis, seen in zip(taken, late, strict=True)]
+    # Parameters are shared by all records, unknowns are not.
+    shared = sum((one[-parameters:, -parameters:] for one in inner), start=np.zeros((parameters, parameters)))
+    for one in inner:
+        one[-parameters:, -parameters:] = shared
+    return [
+        _lagged_products(basis, seen - 0.5 * basis @ one.T, _LONGEST_MEMORY)
+        for basis, seen, one in zip(taken, late, inner, strict=True)
+    ]
 
 
 def _lagged_products(one: FloatArray, other: FloatArray, longest: int) -> FloatArray:
@@ -221,7 +243,7 @@ def _lagged_products(one: FloatArray, other: FloatArray, longest: int) -> FloatA
     return np.asarray(found)
 
 
-def autoregression(residuals: Sequence[FloatArray], *, missing: Callable[[int], FloatArray] | None = None) -> Process:
+def autoregression(residuals: Sequence[FloatArray], *, missing: FloatArray | None = None) -> Process:
     """Vector autoregression of residuals by Yule and Walker's equations, its order by information criterion.
 
     Parameters
@@ -229,7 +251,7 @@ def autoregression(residuals: Sequence[FloatArray], *, missing: Callable[[int], 
     residuals
         One array ``(n, y)`` for each record; means are taken as they are.
     missing
-        What the sum of products at a lag lacks of its expectation, shape ``(y, y)``; nothing by default.
+        What the sums of products lack of their expectation, lag by lag, shape ``(lags, y, y)``; nothing by default.
 
     Examples
     --------
@@ -246,7 +268,7 @@ def autoregression(residuals: Sequence[FloatArray], *, missing: Callable[[int], 
     for lag in range(limit + 1):
         total = sum((one[lag:].T @ one[: len(one) - lag] for one in residuals), start=np.zeros((outputs, outputs)))
         if missing is not None:
-            total = total + missing(lag)
+            total = total + missing[lag]
         lags.append(total / (count - lag * len(residuals)))
     sums = np.stack(lags)
     together = _fitted(sums, count)
@@ -347,69 +369,56 @@ class ColoredNoise:
 
     Parameters
     ----------
-    process
-        Stable coefficients and covariance of the noise.
+    processes
+        Of each record stable coefficients and the covariance of the noise.
     samples
         Of each record.
 
     Examples
     --------
     >>> process = Process(np.array([[[0.8]]]), np.array([[1.0]]))
-    >>> (e,) = ColoredNoise(process, (20000,)).draw(np.random.default_rng(0))
+    >>> (e,) = ColoredNoise((process,), (20000,)).draw(np.random.default_rng(0))
     >>> round(float(np.mean(e[1:] * e[:-1]) / np.mean(e**2)), 1)
     0.8
     """
 
-    process: Process
+    processes: tuple[Process, ...]
     samples: tuple[int, ...]
 
     @classmethod
     def of(cls, parts: Sequence[Part]) -> ColoredNoise:
-        """The process of the errors of a fit, with what the fit took from its residuals given back."""
-        return cls(residual_process(parts), tuple(len(part.residual) for part in parts))
+        """The processes of the errors of a fit, with what the fit took from its residuals given back."""
+        return cls(residual_processes(parts), tuple(len(part.residual) for part in parts))
+
+    @classmethod
+    def apart(cls, parts: Sequence[Part]) -> ColoredNoise:
+        """A process for each part, as of equations of different kind; what the fit took is not given back."""
+        return cls(tuple(_alone(part.residual) for part in parts), tuple(len(part.residual) for part in parts))
 
     def draw(self, rng: np.random.Generator) -> tuple[FloatArray, ...]:
         """One draw of all records, shape ``(n, y)`` each."""
-        return tuple(self._record(samples, rng) for samples in self.samples)
-
-    def _record(self, samples: int, rng: np.random.Generator) -> FloatArray:
-        from scipy.fft import irfft, next_fast_len, rfft
-
-        length = int(next_fast_len(2 * samples, real=True))
-        white = rng.standard_normal((length, len(self.process.noise)))
-        color = rfft(white, axis=0)[:, :, None]
-        drawn = irfft((self._filter(length) @ color)[:, :, 0], n=length, axis=0)
-        return np.asarray(drawn[:samples], dtype=np.float64)
-
-    def _filter(self, length: int) -> ComplexArray:
-        """From white noise to the process, shape ``(length // 2 + 1, y, y)``."""
-        from scipy.fft import rfft
-
-        polynomial = np.concatenate([np.eye(len(self.process.noise))[None], -self.process.coefficients])
-        root = np.linalg.cholesky(self.process.noise)
-        return np.asarray(np.linalg.solve(rfft(polynomial, n=length, axis=0), root.astype(np.complex128)))
+        return tuple(
+            _drawn(process, samples, rng) for process, samples in zip(self.processes, self.samples, strict=True)
+        )
 
 
-@dataclass(frozen=True, eq=False)
-class ColoredApart:
-    """Draws of a process of its own for each part: equations of different kind, fitted together.
+def _drawn(process: Process, samples: int, rng: np.random.Generator) -> FloatArray:
+    from scipy.fft import irfft, next_fast_len, rfft
 
-    Parameters
-    ----------
-    sources
-        One for each part.
-    """
+    length = int(next_fast_len(2 * samples, real=True))
+    white = rng.standard_normal((length, len(process.noise)))
+    color = rfft(white, axis=0)[:, :, None]
+    drawn = irfft((_filter(process, length) @ color)[:, :, 0], n=length, axis=0)
+    return np.asarray(drawn[:samples], dtype=np.float64)
 
-    sources: tuple[ColoredNoise, ...]
 
-    @classmethod
-    def of(cls, parts: Sequence[Part]) -> ColoredApart:
-        """The processes of what a fit has left; what it took from the residuals is not given back."""
-        return cls(tuple(ColoredNoise(_alone(part.residual), (len(part.residual),)) for part in parts))
+def _filter(process: Process, length: int) -> ComplexArray:
+    """From white noise to the process, shape ``(length // 2 + 1, y, y)``."""
+    from scipy.fft import rfft
 
-    def draw(self, rng: np.random.Generator) -> tuple[FloatArray, ...]:
-        """One draw of all parts, shape ``(n, 1)`` each."""
-        return tuple(drawn for source in self.sources for drawn in source.draw(rng))
+    polynomial = np.concatenate([np.eye(len(process.noise))[None], -process.coefficients])
+    root = np.linalg.cholesky(process.noise)
+    return np.asarray(np.linalg.solve(rfft(polynomial, n=length, axis=0), root.astype(np.complex128)))
 
 
 @dataclass(frozen=True, eq=False)

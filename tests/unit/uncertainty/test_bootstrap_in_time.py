@@ -93,7 +93,7 @@ def test_a_drawn_process_has_its_covariance_from_the_first_sample_on() -> None:
     A, stationary = process.coefficients[0], np.zeros((2, 2))
     for _ in range(100):
         stationary = A @ stationary @ A.T + process.noise
-    source = ColoredNoise(process, (50, 30))
+    source = ColoredNoise((process, process), (50, 30))
     draws = [source.draw(np.random.default_rng(seed)) for seed in range(4000)]
     assert [one.shape for one in draws[0]] == [(50, 2), (30, 2)]
     first, last = np.array([one[0][0] for one in draws]), np.array([one[0][-1] for one in draws])

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import matmul_toeplitz
 from scipy.signal import lfilter
 
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.problem import Part
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.colored import autoregression, colored_covariance
+from rotorid.uncertainty.colored import ColoredNoise, autoregression, colored_covariance, residual_processes
 
 SAMPLES, MEMORY, SEEDS = 1500, 0.9, 40
 
@@ -64,6 +65,54 @@ def test_records_add_up() -> None:
     part, _ = regression(0, slopes)
     one, two = colored_covariance([part]), colored_covariance([part, part])
     assert two.corrected[0, 0] == pytest.approx(one.corrected[0, 0] / 2.0, rel=0.05)
+
+
+LASTING_S = 0.1
+RECORDS = ((50.0, 300.0, 0.1), (200.0, 60.0, 1.0))
+"""Sample rate in Hz, seconds, and how far the parameter moves the output: most is told by the faster record."""
+
+
+def at_two_rates(seed: int) -> tuple[list[Part], float]:
+    """What one error that lasts 0.1 s leaves of two records of different rate, and the true variance of the estimate.
+
+    The parameter turns the sign of the output every two seconds, which takes nothing noticeable from the residuals.
+    """
+    rng, parts, middle, information = np.random.default_rng(seed), [], 0.0, 0.0
+    for rate_hz, long_s, size in RECORDS:
+        memory, samples = np.exp(-1.0 / (LASTING_S * rate_hz)), round(long_s * rate_hz)
+        white = np.sqrt(1.0 - memory**2) * rng.standard_normal(samples + 1000)
+        noise = lfilter([1.0], [1.0, -memory], white)[1000:]
+        slopes = size * np.repeat((-1.0) ** np.arange(long_s / 2.0), 2 * round(rate_hz))
+        unknown = np.zeros((samples, 1, 0))
+        parts.append(Part(noise[:, None], slopes[:, None, None], unknown, rate_hz))
+        middle += slopes @ matmul_toeplitz(memory ** np.arange(samples), slopes)
+        information += slopes @ slopes
+    return parts, middle / information**2
+
+
+def test_an_error_that_lasts_as_long_lasts_more_samples_of_a_faster_record() -> None:
+    found = [at_two_rates(seed) for seed in range(6)]
+    true = found[0][1]
+    stated = np.mean([colored_covariance(parts).corrected[0, 0] for parts, _ in found])
+    # An autoregression in common states little more than half of the variance.
+    assert stated == pytest.approx(true, rel=0.1)
+    slopes = [part.slopes[:, 0, 0] for part in found[0][0]]
+    noise = ColoredNoise.of(found[0][0])
+    drawn = [noise.draw(np.random.default_rng(seed)) for seed in range(400)]
+    information = sum(s @ s for s in slopes)
+    estimates = [sum(s @ e[:, 0] for s, e in zip(slopes, one, strict=True)) / information for one in drawn]
+    stated_here = colored_covariance(found[0][0]).corrected[0, 0]
+    # Four deviations of a variance of so many draws.
+    assert np.var(estimates) == pytest.approx(stated_here, rel=4.0 * np.sqrt(2.0 / len(drawn)))
+
+
+def test_records_of_about_one_rate_share_what_is_known_of_their_errors() -> None:
+    """Clocks that differ by a thousandth make no two kinds of errors of one."""
+    parts = [regression(seed, np.ones((SAMPLES, 1)) * np.sin(np.arange(SAMPLES))[:, None])[0] for seed in range(3)]
+    alike = [part._replace(sample_rate_hz=rate) for part, rate in zip(parts, (249.9, 100.0, 250.1), strict=True)]
+    first, slower, last = residual_processes(alike)
+    assert first is last
+    assert slower is not first
 
 
 def test_a_vector_process_is_found() -> None:

@@ -192,6 +192,7 @@ class NonlinearProblem(OutputErrorProblem):
                     residual=residual[rows].reshape(shape),
                     slopes=(slopes - basis @ (basis.T @ slopes)).reshape(*shape, -1),
                     unknown=basis.reshape(*shape, -1),
+                    sample_rate_hz=record.sample_rate_hz,
                 )
             )
         return found

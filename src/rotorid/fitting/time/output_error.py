@@ -414,6 +414,7 @@ class TimeProblem(OutputErrorProblem):
             residual=error @ self.whitening.T,
             slopes=slopes.reshape(*shape, slopes.shape[1]),
             unknown=basis.reshape(*shape, basis.shape[1]),
+            sample_rate_hz=record.sample_rate_hz,
         )
 
 

@@ -531,11 +531,11 @@ class InnovationsProblem(RecordsProblem):
         """Each record with whitened innovations beside all unknowns and their slopes, in full."""
         settled = self.settled(theta)
         W, found = settled.whitening, []
-        for record, (run, unknown) in enumerate(zip(settled.runs, settled.unknown, strict=True)):
-            slopes = np.concatenate(list(settled.slopes(record)))
+        for place, (record, run, unknown) in enumerate(zip(self.records, settled.runs, settled.unknown, strict=True)):
+            slopes = np.concatenate(list(settled.slopes(place)))
             basis = _basis(np.matmul(W, unknown))
-            residual = run.values @ W.T
-            found.append(Part(_without(residual[..., None], basis)[..., 0], _without(slopes, basis), basis))
+            residual = _without((run.values @ W.T)[..., None], basis)[..., 0]
+            found.append(Part(residual, _without(slopes, basis), basis, record.sample_rate_hz))
         return found
 
 
