@@ -385,6 +385,37 @@ def test_flights_of_other_gains_are_told(tmp_path: Path) -> None:
     assert "parameters_changed" not in {finding.kind for finding in same.findings}
 
 
+def adjusted(*events: tuple[int, int]) -> bytes:
+    """A flight in which the pilot turned functions to values, after its second block."""
+    told = b"".join(b"E\x0d" + bytes([function]) + signed(value) for function, value in events)
+    flight = described(40).replace(b"H rollPID:45,80,40", b"H rollPID:45,80,40\nH pitchPID:47,84,46")
+    first, *rest = flight.partition(b"I\x08")
+    return first + told + b"".join(rest)
+
+
+@pytest.mark.parametrize(
+    ("events", "told"),
+    [
+        (((18, 48), (18, 52)), "rollPID_P 45 to 52."),
+        (((15, 60), (19, 70)), "pitchPID_P 47 to 60, rollPID_I 80 to 70."),
+        (((8, 33),), "pitchPID_D 46 to 33, rollPID_D 40 to 33."),
+        (((18, 50), (18, 45)), ""),
+        (((1, 120), (29, 3), (63, 9)), ""),
+    ],
+    ids=["the last value", "axes", "both axes", "turned back", "rates of the sticks"],
+)
+def test_gains_that_a_pilot_turns_in_flight_are_told(
+    events: tuple[tuple[int, int], ...], told: str, tmp_path: Path
+) -> None:
+    record = record_of(adjusted(*events), tmp_path)
+
+    found = [finding.message for finding in record.findings if finding.kind == "parameters_changed"]
+    start = "The pilot adjusted gains in flight 1: "
+    assert [message.partition(" Taken")[0] for message in found] == ([start + told] if told else [])
+    assert all("Taken for the whole log are those of its beginning, and no loop is computed" in one for one in found)
+    assert not [finding for finding in record.findings if finding.kind == "corrupt_log"]
+
+
 def test_sniffs_by_content() -> None:
     assert sniff(START)
     assert sniff(b"\xff\xff" + START)

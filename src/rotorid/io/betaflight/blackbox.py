@@ -77,6 +77,8 @@ class Flight:
         What was lost.
     slow_time_s, slow
         The same for what is logged when it changes, such as flight modes; the columns are those of the S layout.
+    adjusted
+        Gains that the pilot turned in flight, by the names of :func:`parameters_of`, with their last values.
     """
 
     number: int
@@ -88,6 +90,7 @@ class Flight:
     damage: Damage
     slow_time_s: FloatArray = field(default_factory=lambda: np.zeros(0))
     slow: IntArray = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
+    adjusted: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def duration_s(self) -> float:
@@ -270,6 +273,7 @@ def decode(section: bytes, number: int = 1) -> Flight:
         fixes=fixes[:, :-1],
         slow_time_s=time_s[np.maximum(slows[:, -1] - 1, 0)] if time_s.size else np.zeros(len(slows)),
         slow=slows[:, :-1],
+        adjusted=_adjusted(state[kernels.ADJUSTED :].reshape(-1, 2)),
         damage=Damage(
             skipped_bytes=int(state[kernels.SKIPPED]),
             places=int(state[kernels.PLACES]),
@@ -278,6 +282,29 @@ def decode(section: bytes, number: int = 1) -> Flight:
             cut_bytes=int(state[kernels.CUT]),
             ended=bool(state[kernels.ENDED]),
         ),
+    )
+
+
+_ADJUSTABLE = MappingProxyType(
+    {
+        **{6 + part: ("pitchPID", "rollPID") for part in range(3)},
+        **{9 + part: ("yawPID",) for part in range(3)},
+        **{15 + part: ("pitchPID",) for part in range(3)},
+        **{18 + part: ("rollPID",) for part in range(3)},
+    }
+)
+"""Gains among what firmwares of this family let a pilot adjust, by its number: P, I and D of each follow each other."""
+
+
+def _adjusted(functions: IntArray) -> Mapping[str, float]:
+    """Last values of the gains among adjusted functions ``(functions, 2)``: whether, and its value."""
+    return MappingProxyType(
+        {
+            f"{owner}_{'PID'[function % 3]}": float(functions[function, 1])
+            for function, owners in _ADJUSTABLE.items()
+            if functions[function, 0]
+            for owner in owners
+        }
     )
 
 

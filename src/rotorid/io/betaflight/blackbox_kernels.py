@@ -171,7 +171,9 @@ for _kind, _letter in enumerate(b"IPSGHE"):
 ROWS, FIXES, SEARCHING, ANCHORED, ITERATION, TIME, PERIOD_NS, INTRA_ITERATION, INTRA_TIME = range(9)
 SEEN_ITERATION, SEEN_TIME, SEEN, RESUMED, ENDED, SKIPPED, PLACES, FIRST_BYTE, LAST_BYTE, CUT = range(9, 19)
 SLOWS = 19
-SLOTS = 20
+ADJUSTED, FUNCTIONS = 20, 64
+"""From here on two numbers for each function that a pilot can adjust in flight: whether, and its last value."""
+SLOTS = ADJUSTED + 2 * FUNCTIONS
 
 FAREWELL = np.frombuffer(b"End of log", dtype=np.uint8)
 
@@ -279,6 +281,14 @@ def event_stop(data: AnyArray, at: int, state: IntArray) -> int:
     if 10 <= code <= 12:
         return place + (5, 4, 8)[code - 10]
     return -1
+
+
+@njit(cache=True)
+def note_adjustment(data: AnyArray, at: int, state: IntArray) -> None:
+    """Remember what was adjusted in flight, if this event says so in whole numbers, as it does for gains."""
+    function = int(data[at + 2])
+    if data[at + 1] == 13 and function < FUNCTIONS:
+        state[ADJUSTED + 2 * function], state[ADJUSTED + 2 * function + 1] = 1, signed(data, at + 3)[0]
 
 
 @njit(cache=True)
@@ -390,4 +400,6 @@ def walk(
             skip(at, state)
             at += 1
             continue
+        if kind == EVENT:
+            note_adjustment(data, at, state)
         at = stop

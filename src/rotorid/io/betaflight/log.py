@@ -520,6 +520,7 @@ def findings_of(
     return (
         *_others(flights, later_s),
         *_other_settings(flights),
+        *_turned_in_flight(flights),
         *(_unread(number, error) for number, error in unread),
         *(finding for flight in flights for finding in _damage(flight)),
         *_missing(topics[0]),
@@ -564,6 +565,17 @@ def _other_settings(flights: Sequence[Flight]) -> Iterator[Finding]:
         if changes:
             why = f"Flight {flight.number} was flown with other settings than flight {first.number}"
             yield parameters_changed(changes, why, taken=f"those of flight {first.number}")
+
+
+def _turned_in_flight(flights: Sequence[Flight]) -> Iterator[Finding]:
+    """Flights in which the pilot turned gains away from those that their headers state."""
+    for flight in flights:
+        known = parameters_of(flight.header)
+        turned = {name: value for name, value in flight.adjusted.items() if known.get(name, value) != value}
+        if turned:
+            why = f"The pilot adjusted gains in flight {flight.number}"
+            changes = {name: (known[name], value) for name, value in turned.items()}
+            yield parameters_changed(changes, why, taken="those of its beginning")
 
 
 def _span(flight: Flight) -> str:
