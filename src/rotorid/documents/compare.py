@@ -11,7 +11,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
-from rotorid.documents.result import MODEL, RESULT, model_of, read_result, read_text
+from rotorid.documents.result import MODEL, model_of, read_result, read_text
+from rotorid.documents.results import result_files
 from rotorid.errors import UsageError
 from rotorid.models.parameter import Status
 from rotorid.models.toml import structure_from_toml
@@ -225,7 +226,8 @@ def read_results(paths: Sequence[Path]) -> tuple[Entry, ...]:
     Parameters
     ----------
     paths
-        Folders, or ``result.json`` files; at least two different ones. The ``model.toml`` beside gives the model.
+        Folders, of one model or of several, or ``result.json`` files; at least two different models. The ``model.toml``
+        beside gives the model.
 
     Raises
     ------
@@ -234,7 +236,7 @@ def read_results(paths: Sequence[Path]) -> tuple[Entry, ...]:
     ModelError
         A ``model.toml`` is wrong.
     """
-    files = [path / RESULT if path.is_dir() else path for path in paths]
+    files = [file for path in paths for file in result_files(path)]
     if len(files) < 2:
         raise UsageError(f"{len(files)} result came to compare", needed="at least two", remedy="give another folder")
     for number, file in enumerate(files):

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from rotorid.data.display import cut
+from rotorid.data.display import counted, cut
 from rotorid.data.findings import Finding
 from rotorid.data.response import FrequencyResponse
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument, checked, to_json
@@ -228,11 +228,18 @@ def load(path: str | Path) -> IdentifiedModel:
     Raises
     ------
     UsageError
-        The path leads to no result.
+        The path leads to no result, or to several.
     ModelError
         The ``model.toml`` is wrong.
     """
     file = Path(path) / RESULT if Path(path).is_dir() else Path(path)
+    inside = sorted(held.parent.name for held in Path(path).glob(f"*/{RESULT}")) if not file.exists() else []
+    if inside:
+        raise UsageError(
+            f"{path} came, which holds {counted(len(inside), 'model')}: {', '.join(inside)}",
+            needed="one of them",
+            remedy=f"give {Path(path) / inside[0]}",
+        )
     document = read_result(file, read_text(file))
     structure = structure_from_toml(read_text(file.parent / MODEL), where=MODEL)
     if structure.name != document.model:

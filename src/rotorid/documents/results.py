@@ -9,7 +9,15 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
-from rotorid.documents.result import RESULT, ResultDocument, load, refused_document, result_document
+from rotorid.documents.result import (
+    RESULT,
+    ResultDocument,
+    load,
+    read_result,
+    read_text,
+    refused_document,
+    result_document,
+)
 from rotorid.errors import UsageError
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.several import SeveralModels
@@ -61,19 +69,31 @@ def load_results(paths: Sequence[str | Path]) -> list[IdentifiedModel]:
     UsageError
         A path leads to no result, or to none with a model.
     """
-    return [model for path in paths for model in _loaded(Path(path))]
+    return [load(file) for path in paths for file in result_files(Path(path))]
 
 
-def _loaded(path: Path) -> list[IdentifiedModel]:
+def result_files(path: Path) -> list[Path]:
+    """The ``result.json`` of each model behind a path: of several models those that stand, in their order.
+
+    Parameters
+    ----------
+    path
+        As in :func:`load_results`.
+
+    Raises
+    ------
+    UsageError
+        Of several models none stands, or the folder of one is missing.
+    """
     folder = path if path.is_dir() else path.parent
     several = path.name == RESULTS if path.is_file() else (folder / RESULTS).is_file()
     if not several:
-        return [load(path)]
+        return [path / RESULT if path.is_dir() else path]
     table = _table(folder / RESULTS)
     standing = [str(one.get("model")) for one in table if isinstance(one, dict) and one.get("parameters")]
     if not standing:
         raise UsageError(f"{path} holds no model: the data did not support one", needed="results with parameters")
-    held = {model.name: model for model in map(load, sorted(place.parent for place in folder.glob(f"*/{RESULT}")))}
+    held = {read_result(file, read_text(file)).model: file for file in sorted(folder.glob(f"*/{RESULT}"))}
     missing = [name for name in standing if name not in held]
     if missing:
         raise UsageError(f"the folder of {missing[0]} is not in {path}", needed="all folders that identify wrote")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 from tests.unit.cli.commands import ROLL, Ran, rotorid
@@ -11,6 +12,8 @@ from tests.unit.pipeline.response_twins import flight as response_flight
 from tests.unit.pipeline.response_twins import written
 
 from rotorid.documents.compare import CompareDocument
+from rotorid.documents.result import load
+from rotorid.errors import UsageError
 from rotorid.io.tables.csv import write_csv
 
 
@@ -89,6 +92,33 @@ def test_wrong_use_ends_with_two(options: tuple[str, str], results: list[Path], 
     assert ran.code == 2
     assert ran.out == ""
     assert ran.err.startswith("rotorid: ")
+
+
+@pytest.fixture
+def both(results: list[Path], tmp_path: Path) -> Path:
+    """The same results as identify writes several models."""
+    folder = tmp_path / "both"
+    told = []
+    for result in results:
+        told.append(json.loads((result / "result.json").read_text(encoding="utf-8")))
+        copytree(result, folder / told[-1]["model"])
+    text = json.dumps({"schema": "rotorid.results/1", "results": told})
+    (folder / "results.json").write_text(text, encoding="utf-8")
+    return folder
+
+
+def test_a_folder_of_several_models_is_its_models(both: Path, results: list[Path], tmp_path: Path) -> None:
+    ran = rotorid("compare", both, "--out", tmp_path / "out", "--json")
+    assert ran.code == 0
+    names = ["response.first_order", "response.second_order"]
+    assert [one.label for one in CompareDocument.model_validate_json(ran.out).models] == names
+    ran = rotorid("compare", both, results[0], "--out", tmp_path / "three", "--json")
+    assert len(json.loads(ran.out)["models"]) == 3
+
+
+def test_a_folder_of_several_models_is_named_where_one_is_wanted(both: Path) -> None:
+    with pytest.raises(UsageError, match=r"both came, which holds 2 models: response.first_order, response.second"):
+        load(both)
 
 
 def test_one_result_or_none_ends_with_two(results: list[Path], tmp_path: Path) -> None:
