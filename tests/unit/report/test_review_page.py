@@ -214,6 +214,16 @@ def test_next_commands_can_be_pasted() -> None:
     assert any(command.startswith("rotorid design sweep --vehicle px4_quad --axis") for command in commands)
 
 
+@pytest.mark.parametrize(
+    ("autopilot", "craft"),
+    [("ArduPilot", "ardupilot_quad"), ("Betaflight", "betaflight_quad"), ("Crazyflie", "crazyflie")],
+)
+def test_a_flight_is_planned_for_the_autopilot_of_the_log(autopilot: str, craft: str) -> None:
+    seen = made_review()
+    seen = replace(seen, models={}, vehicle=replace(seen.vehicle, autopilot=autopilot))
+    assert [one for one in next_commands(seen) if one.startswith(f"rotorid design sweep --vehicle {craft} --axis")]
+
+
 def test_models_that_were_not_looked_for_are_not_said_to_be_impossible() -> None:
     seen = replace(made_review(), models_sought=False)
     assert card_of(seen, "models").sentence == "Models were not looked for (--no-models)."

@@ -43,6 +43,7 @@ _VEHICLES = {
     "ArduPilot": "ardupilot_quad",
     "ArduCopter": "ardupilot_quad",
     "Betaflight": "betaflight_quad",
+    "Crazyflie": "crazyflie",
 }
 """Whose files and loops a plan for this autopilot is made with, unless the user has a vehicle of his own."""
 
