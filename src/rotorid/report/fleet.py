@@ -29,6 +29,7 @@ class PopulationRow:
     parameter: str
     unit: str
     mean: str
+    shared: str
     between: str
     within: str
     normal: str
@@ -82,7 +83,7 @@ def _sentences(document: FleetDocument) -> list[str]:
     if odd_flights := {(one.vehicle, one.flight) for one in document.outliers.flights}:
         are = "is" if len(odd_flights) == 1 else "are"
         said.append(f"{counted(len(odd_flights), 'flight')} {are} unlike those before and after.")
-    whole = {one.log for one in document.failed if not one.model}
+    whole = [one for one in document.failed if not one.flight and not one.model]
     said.append(
         f"{counted(document.rows, 'number')} of {counted(document.done, 'log')}"
         + (f"; {counted(len(whole), 'log')} could not be used" if whole else "")
@@ -108,6 +109,7 @@ def _row(model: str, name: str, one: PopulationDocument) -> PopulationRow:
         parameter=name,
         unit=unit(one.unit),
         mean=with_error(one.mean.value, one.mean.std),
+        shared=significant(one.model_std, digits=2),
         between=_deviation(one.between_std),
         within=_deviation(one.within_std),
         normal=f"{significant(low)} to {significant(high)}",
