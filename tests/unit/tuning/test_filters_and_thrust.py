@@ -256,9 +256,17 @@ def test_whole_numbers_have_their_own_type() -> None:
     assert parsed(text)["IMU_GYRO_RATEMAX"] == 800.0
 
 
-@pytest.mark.parametrize(("least", "file"), [(0.18, True), (0.11, False)])
-def test_a_curve_whose_gains_leave_their_range_is_left_out(least: float, file: bool) -> None:
-    """The rest of the proposal stands."""
+@pytest.mark.parametrize(
+    ("least", "others", "why"),
+    [
+        (0.18, ("RLL", "PIT"), ""),
+        (0.11, ("RLL", "PIT"), "the flown gains, made to 0.65, leave their range: ATC_RAT_YAW_P = 0.088"),
+        (0.18, ("RLL",), "the gains of pitch, which it moves too, are not known"),
+    ],
+    ids=["every axis", "a gain leaves its range", "an axis without gains"],
+)
+def test_a_curve_of_thrust_moves_every_axis_or_stays(least: float, others: tuple[str, ...], why: str) -> None:
+    """Yaw alone was tuned; where the curve stays, the rest of the proposal stands."""
     yaw = {"ATC_RAT_YAW_P": least, "ATC_RAT_YAW_I": 0.1, "ATC_RAT_YAW_D": 0.0, "ATC_RAT_YAW_FF": 0.02}
     controller = axis_controller({**yaw, "ATC_ANG_YAW_P": 4.5}, "yaw", firmware="ArduCopter V4.6.0")
     assert controller is not None
@@ -277,17 +285,22 @@ def test_a_curve_whose_gains_leave_their_range_is_left_out(least: float, file: b
         flown_hover_demand=0.25,
     )
     source = Source(name="flight.BIN", format="ArduPilot DataFlash", sha256="", firmware="ArduCopter V4.6.0")
-    record = FlightRecord(source=source, topics=(), parameters={})
+    parameters = {
+        name.replace("YAW", axis): value for axis in others for name, value in (yaw | {"ATC_RAT_YAW_P": 0.135}).items()
+    }
+    record = FlightRecord(source=source, topics=(), parameters=parameters)
     found = _together(axes, [], [record], [], TuneSettings(), thrust)  # type: ignore[arg-type]
-    assert ("thrust.param" in found.files) == file
+    assert ("thrust.param" in found.files) == (not why)
     assert found.thrust is not None
-    assert found.thrust.changed == file
-    assert [one.kind for one in found.findings] == ([] if file else ["thrust_stays"])
+    assert found.thrust.changed == (not why)
+    assert [one.message for one in found.findings] == ([f"MOT_THST_EXPO stays: {why}."] if why else [])
     back = parsed(found.rollback_files["rollback.param"])
     assert back["ATC_RAT_YAW_P"] == pytest.approx(least)
-    if file:
+    if not why:
         new = parsed(found.files["thrust.param"])
         assert new["ATC_RAT_YAW_FF"] == pytest.approx(0.8 * 0.02)
+        assert [new[f"ATC_RAT_{axis}_P"] for axis in others] == pytest.approx([0.8 * 0.135, 0.8 * 0.135])
+        assert [back[f"ATC_RAT_{axis}_P"] for axis in others] == pytest.approx([0.135, 0.135])
         assert (back["ATC_RAT_YAW_FF"], back["MOT_THST_EXPO"]) == (pytest.approx(0.02), 0.0)
     else:
         assert found.thrust.hover_demand == 0.25

@@ -12,7 +12,9 @@ with the controller :math:`C` and :math:`D_e` the way of the excitation into the
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -28,6 +30,7 @@ from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.segments import cut
 from rotorid.pipeline.responses import response
 from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.summary import ControllerSettings
 from rotorid.signal.autopilot_filters import controller_filters
 from rotorid.signal.filters import combined_response
 from rotorid.signal.motors import in_flight, linearization_of, logged_outputs, or_none
@@ -183,9 +186,7 @@ def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) 
     if record is not None:
         found = logged_axis(record, command, source=source)
     elif (known := model.controller) is not None:
-        found = axis_controller(
-            {**known.gains, **known.filters}, axis, firmware=known.firmware, loop_rate_hz=known.loop_rate_hz
-        )
+        found = _told(known, axis)
     if found is None:
         raise _no_gains(axis)
     if record is None and not source.startswith(_BEHIND_FILTERS):
@@ -195,6 +196,34 @@ def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) 
             remedy="give the log beside the result",
         )
     return FlownAxis(axis=axis, controller=found, record=record, source=source)
+
+
+def flown_controllers(
+    axes: Iterable[Axis], given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]
+) -> dict[Axis, AxisController]:
+    """Controllers of axes that need no plant, by the parameters of the first log or result that holds them.
+
+    Parameters
+    ----------
+    axes
+        Which; those whose gains nothing holds are left out.
+    given, logs
+        As for :func:`rotorid.pipeline.tuning.proposal.tune`.
+    """
+    found: dict[Axis, AxisController] = {}
+    for axis in axes:
+        held = (logged_axis(record, f"{axis}_command", source="") for record in logs)
+        told = (_told(known, axis) for model in given if (known := model.controller) is not None)
+        if (one := next(filter(None, chain(held, told)), None)) is not None:
+            found[axis] = one
+    return found
+
+
+def _told(known: ControllerSettings, axis: Axis) -> AxisController | None:
+    """The controller of an axis by what a result says of it."""
+    return axis_controller(
+        {**known.gains, **known.filters}, axis, firmware=known.firmware, loop_rate_hz=known.loop_rate_hz
+    )
 
 
 def require_gains(axis: Axis, record: FlightRecord) -> None:

@@ -27,7 +27,7 @@ from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import Setting, as_records, require_seed
 from rotorid.pipeline.tuning.axis import KnownAxis, known_axis
 from rotorid.pipeline.tuning.filters import FilterPrice, changed_filters, prices
-from rotorid.pipeline.tuning.flown import FlownAxis, at_ends
+from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, flown_controllers
 from rotorid.pipeline.tuning.shared import require_filters_hold
 from rotorid.pipeline.tuning.thrust import ThrustLinearization, linearization
 from rotorid.tuning.files import parameter_files
@@ -508,9 +508,9 @@ def _together(
     findings = list(findings)
     if thrust is not None and thrust.changed:
         try:
-            straightened = _straightened(axes, thrust)
+            straightened = _straightened(axes, thrust, given, logs)
         except UsageError as error:
-            thrust = thrust.kept(error.came.removesuffix(" came"))
+            thrust = thrust.kept(error.came)
             findings += thrust.findings
         else:
             files |= make({name: after for name, (_, after) in straightened.items()}, role="thrust")
@@ -534,18 +534,35 @@ def _scale(models: Sequence[IdentifiedModel]) -> float | None:
     return FULL_SCALE_M / (2.0 * arms[0]) if arms else None
 
 
-def _straightened(axes: Mapping[Axis, AxisTuning], thrust: ThrustLinearization) -> dict[str, tuple[float, float]]:
+def _straightened(
+    axes: Mapping[Axis, AxisTuning],
+    thrust: ThrustLinearization,
+    given: Sequence[IdentifiedModel],
+    logs: Sequence[FlightRecord],
+) -> dict[str, tuple[float, float]]:
     """The parameter that straightens thrust, with gains that make the loops in hover what they were: flown and new.
+
+    Thrust is under every axis, so that the gains of those that are not tuned go with it.
 
     Raises
     ------
     UsageError
-        One of them leaves its range.
+        One of them leaves its range, or is not known.
     """
+    controllers = {axis: one.controller for axis, one in axes.items()}
+    controllers |= flown_controllers((axis for axis in TUNED_AXES if axis not in axes), given, logs)
+    if unknown := [axis for axis in TUNED_AXES if axis not in controllers]:
+        named = " and ".join(unknown)
+        raise UsageError(f"the gains of {named}, which it moves too, are not known", needed="a log that holds them")
     values = {thrust.parameter: (thrust.flown, thrust.proposed)}
-    for one in axes.values():
-        new = scaled(one.controller, 1.0 / thrust.hover_gain)
-        values |= {name: (one.controller.gains[name], value) for name, value in new.items()}
+    for controller in controllers.values():
+        try:
+            new = scaled(controller, 1.0 / thrust.hover_gain)
+        except UsageError as error:
+            came = error.came.removesuffix(" came")
+            why = f"the flown gains, made to {thrust.proposed:g}, leave their range: {came}"
+            raise UsageError(why, needed=error.needed) from error
+        values |= {name: (controller.gains[name], value) for name, value in new.items()}
     return values
 
 

@@ -119,7 +119,7 @@ class ThrustLinearization(Immutable):
 
     def kept(self, why: str) -> ThrustLinearization:
         """The same, with the flown value proposed, since gains cannot be made to another."""
-        message = f"{self.parameter} stays: the flown gains, made to {self.proposed:g}, leave their range: {why}."
+        message = f"{self.parameter} stays: {why}."
         return replace(
             self,
             proposed=self.flown,
