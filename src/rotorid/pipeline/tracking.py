@@ -19,8 +19,8 @@ import numpy as np
 
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, worst_first
-from rotorid.data.record import AXES, FlightRecord, Maneuver
+from rotorid.data.findings import Finding, warn, worst_first
+from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.parameter import no_such
 from rotorid.pipeline.identification import identify
@@ -52,6 +52,9 @@ _TRIM_LEAST = 0.004
 
 _TRIM_LASTS = 2
 """Means in a row that have to be off, and to the same side."""
+
+_LEAST_LOST_S = 2.0
+"""Less than that of a flight is lost at its ends."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,9 +198,12 @@ def track(
             needed="a stick, or a set-point that follows it, beside command and rate",
             remedy="log the sticks or the set-points of the outer loops",
         )
+    piece = _longest_piece(log, axis, instrument, start_s, stop_s)
+    signals, left_out = _signals(log, piece, axis, instrument), tuple(_left_out(piece, start_s, stop_s))
+    start_s, stop_s = piece.start_s, piece.start_s + piece.duration_s
+    require_length(piece.duration_s, first_s, what="flight without a gap")
     fitted = model if isinstance(model, IdentifiedModel) else _reference(log, name, start_s, start_s + first_s)
     _PROGRESS.info(f"following {name}")
-    signals = _signals(log, axis, instrument, start_s, stop_s)
     tracking = track_gain(
         signals["command"],
         signals["rate"],
@@ -220,7 +226,9 @@ def track(
         tracking=tracking,
         trims=tuple(_trims(log, start_s, stop_s, first_s)),
         # What was remarked on a model that was given is of other logs.
-        findings=worst_first([*log.findings, *(beside if isinstance(model, IdentifiedModel) else _told(fitted))]),
+        findings=worst_first(
+            [*log.findings, *left_out, *(beside if isinstance(model, IdentifiedModel) else _told(fitted))]
+        ),
         provenance=provenance([log], choices),
     )
 
@@ -248,25 +256,55 @@ def _reference(record: FlightRecord, name: str, start_s: float, stop_s: float) -
     return identify(part, name, settings=settings_of(name, [part], IdentifySettings(band_rad_s=(low, high))))
 
 
-def _signals(record: FlightRecord, axis: Axis, instrument: str, start_s: float, stop_s: float) -> dict[str, FloatArray]:
-    """Command, rate, stick and thrust on one clock; the longest stretch without a gap from the beginning."""
+def _names(record: FlightRecord, axis: Axis, instrument: str) -> dict[str, str]:
     names = {"command": f"{axis}_command", "rate": RATE_OF[axis], "stick": instrument}
-    if "thrust_command" in record.channel_names:
-        names["thrust"] = "thrust_command"
-    auxiliary = [names[key] for key in ("stick", "thrust") if key in names]
-    found = resample(
+    return names | ({"thrust": "thrust_command"} if "thrust_command" in record.channel_names else {})
+
+
+def _longest_piece(record: FlightRecord, axis: Axis, instrument: str, start_s: float, stop_s: float) -> TimeHistory:
+    """Command, rate, stick and thrust on one clock over the longest piece of a flight without a gap.
+
+    Raises
+    ------
+    InsufficientDataError
+        There is none.
+    """
+    names = _names(record, axis, instrument)
+    pieces = resample(
         record,
         channels=(names["command"], names["rate"]),
-        auxiliary=auxiliary,
+        auxiliary=[names[key] for key in ("stick", "thrust") if key in names],
         start_s=start_s,
         stop_s=stop_s,
         sample_rate_hz=RATE_HZ,
     ).histories
-    history = max(found, key=lambda one: one.duration_s)
-    full = _FULL.get(record[instrument].unit, 1.0)
-    signals = {key: np.array(history[name]) for key, name in names.items()}
-    signals["stick"] = signals["stick"] / full
+    if not pieces:
+        raise InsufficientDataError(
+            f"{record.source.name} holds gaps all over its flight",
+            needed="a piece of it without one",
+            remedy="log at a lower rate, or on a faster card",
+        )
+    return max(pieces, key=lambda one: one.duration_s)
+
+
+def _signals(record: FlightRecord, piece: TimeHistory, axis: Axis, instrument: str) -> dict[str, FloatArray]:
+    signals = {key: np.array(piece[name]) for key, name in _names(record, axis, instrument).items()}
+    signals["stick"] = signals["stick"] / _FULL.get(record[instrument].unit, 1.0)
     return signals
+
+
+def _left_out(piece: TimeHistory, start_s: float, stop_s: float) -> Iterator[Finding]:
+    """What gaps took of a flight that is followed in one piece."""
+    end_s = piece.start_s + piece.duration_s
+    lost_s = (stop_s - start_s) - piece.duration_s
+    if lost_s > _LEAST_LOST_S:
+        yield warn(
+            "gap",
+            "flight",
+            f"Followed are {piece.start_s:.1f} to {end_s:.1f} s of the flight from {start_s:.1f} to {stop_s:.1f} s: "
+            f"gaps in the log part off the other {lost_s:.0f} s, of which nothing is told.",
+            lost_s=lost_s,
+        )
 
 
 def predicted(model: IdentifiedModel, command: FloatArray) -> FloatArray:
@@ -289,17 +327,20 @@ def _trims(record: FlightRecord, start_s: float, stop_s: float, first_s: float) 
         if not number.size:
             continue
         counts = np.bincount(number)
+        # A gap has no mean, and the mean of a few samples beside one is no mean of eight seconds.
+        whole = counts >= 0.5 * np.median(counts[counts > 0])
         means = np.bincount(number, track_.values[kept]) / np.maximum(counts, 1)
         first = max(int(first_s // TRIM_S), 3)
-        if means.size < first + _TRIM_LASTS:
+        reference = means[:first][whole[:first]]
+        if means.size < first + _TRIM_LASTS or reference.size < 3:
             continue
-        before = float(np.mean(means[:first]))
-        std = max(float(np.std(means[:first], ddof=1)), _TRIM_LEAST)
-        off = np.abs(means - before) > _TRIM_SIGMAS * std * math.sqrt(1.0 + 1.0 / first)
+        before = float(np.mean(reference))
+        std = max(float(np.std(reference, ddof=1)), _TRIM_LEAST)
+        off = whole & (np.abs(means - before) > _TRIM_SIGMAS * std * math.sqrt(1.0 + 1.0 / reference.size))
         for k in range(first, means.size - _TRIM_LASTS + 1):
             part = slice(k, k + _TRIM_LASTS)
             if off[part].all() and (np.sign(means[part] - before) == np.sign(means[k] - before)).all():
-                after = float(np.mean(means[k:]))
+                after = float(np.mean(means[k:][whole[k:]]))
                 yield TrimStep(
                     channel=name, at_s=start_s + (k + _TRIM_LASTS) * TRIM_S, before=before, after=after, std=std
                 )

@@ -242,7 +242,7 @@ def _banded(values: FloatArray) -> FloatArray:
     return np.asarray(signal.sosfilt(sections, values - values[0]))
 
 
-def require_length(flight_s: float, reference_s: float) -> None:
+def require_length(flight_s: float, reference_s: float, *, what: str = "flight") -> None:
     """Refuse a reference that is too short, or a flight that ends with it.
 
     Raises
@@ -252,7 +252,7 @@ def require_length(flight_s: float, reference_s: float) -> None:
     """
     if not reference_s >= _LEAST_REFERENCE_S or flight_s < reference_s + _LEAST_AFTER_S:
         raise InsufficientDataError(
-            f"{flight_s:.0f} s of flight came with a reference of {reference_s:g} s",
+            f"{flight_s:.0f} s of {what} came with a reference of {reference_s:g} s",
             needed=f"a reference of {_LEAST_REFERENCE_S:g} s and more, and {_LEAST_AFTER_S:g} s of flight after it",
             remedy="name another length of it with --first",
         )

@@ -40,6 +40,31 @@ def test_a_payload_is_found_and_written(log: Path, tmp_path: Path) -> None:
     assert set(np.load(tmp_path / "out" / "track.npz")) == {"time_s", "ratio", "std", "level", "rougher"}
 
 
+def with_gap(log: Path, folder: Path, start_s: float, stop_s: float) -> Path:
+    head, *lines = log.read_text(encoding="utf-8").splitlines()
+    kept = [line for line in lines if not start_s < float(line.partition(",")[0]) < stop_s]
+    path = folder / "gap.csv"
+    path.write_text("\n".join([head, *kept]), encoding="utf-8")
+    return path
+
+
+def test_times_are_those_of_the_log_behind_a_gap(log: Path, tmp_path: Path) -> None:
+    """What lies before the gap is not followed, which is said; the payload comes when it comes."""
+    ran = rotorid("track", with_gap(log, tmp_path, 12.0, 18.0), "--first", "60", "--out", tmp_path / "out", "--json")
+    assert ran.code == 0, ran.err
+    document = json.loads(ran.out)
+    assert document["reference_s"][0] == pytest.approx(18.0, abs=0.1)
+    assert 100.0 < document["steps"][0]["at_s"] < 110.0
+    (told,) = [one["message"] for one in document["findings"] if one["kind"] == "gap" and "Followed" in one["message"]]
+    assert told.startswith("Followed are 18.0 to 140.0 s of the flight from 0.0 to 140.0 s")
+
+
+def test_a_flight_whose_pieces_are_all_too_short_is_exit_1(log: Path, tmp_path: Path) -> None:
+    ran = rotorid("track", with_gap(log, tmp_path, 57.0, 83.0), "--first", "60", "--out", tmp_path / "out", "--json")
+    assert ran.code == 1
+    assert "57 s of flight without a gap came with a reference of 60 s" in ran.err
+
+
 def test_too_short_a_rest_is_exit_1(log: Path, tmp_path: Path) -> None:
     ran = rotorid("track", log, "--first", "139", "--out", tmp_path / "out", "--json")
     assert ran.code == 1

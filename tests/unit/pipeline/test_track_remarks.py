@@ -1,13 +1,15 @@
-"""What is said beside a followed gain: advice that the command can take."""
+"""What is said beside a followed gain: advice that the command can take, and trims that moved."""
 
 from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from rotorid.data.findings import warn
-from rotorid.pipeline.tracking import _told
+from rotorid.data.record import Channel, FlightRecord, Source, Topic
+from rotorid.pipeline.tracking import _told, _trims
 
 
 @pytest.mark.parametrize(
@@ -27,3 +29,22 @@ def test_no_option_of_identify_is_advised(message: str, told: str | None) -> Non
     model = SimpleNamespace(findings=[warn("gap", "p", message)])
     found = [finding.message for finding in _told(model)]  # type: ignore[arg-type]
     assert found == ([told] if told else [])
+
+
+def trimmed(moves_at_s: float, gap_s: tuple[float, float]) -> FlightRecord:
+    """A roll command about a trim of 0.1, which moves by 0.05, in a log with a gap."""
+    time_s = np.arange(0.0, 200.0, 0.02)
+    values = 0.1 + 0.05 * (time_s > moves_at_s) + 0.01 * np.random.default_rng(1).standard_normal(time_s.size)
+    kept = (time_s < gap_s[0]) | (time_s > gap_s[1])
+    channels = (Channel(name="roll_command", unit="1"),)
+    topic = Topic(name="command", time_s=time_s[kept], values=values[None, kept], channels=channels)
+    return FlightRecord(source=Source(name="flight.csv", format="", sha256=""), topics=(topic,))
+
+
+@pytest.mark.parametrize("gap_s", [(80.0, 80.0), (90.0, 121.9), (20.0, 43.0)], ids=["none", "a gap", "early"])
+def test_a_gap_moves_no_trim(gap_s: tuple[float, float]) -> None:
+    assert not list(_trims(trimmed(1000.0, gap_s), 0.0, 200.0, 60.0))
+    (step,) = _trims(trimmed(140.0, gap_s), 0.0, 200.0, 60.0)
+    assert step.before == pytest.approx(0.1, abs=0.002)
+    assert step.after == pytest.approx(0.15, abs=0.005)
+    assert 140.0 < step.at_s < 170.0
