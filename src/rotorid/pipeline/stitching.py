@@ -579,5 +579,4 @@ def _history(record: FlightRecord, flying: Controllers) -> TimeHistory:
     wanted = (*STATES, *(f"{axis}_command" for axis in AXES), *flying.channels(_FLOWN))
     channels = with_ingredients(record, wanted)
     conditioned = resample(record, channels=channels, start_s=start_s, stop_s=stop_s, sample_rate_hz=SAMPLE_RATE_HZ)
-    longest = max(conditioned.histories, key=lambda history: history.values.shape[1])
-    return built(longest, tuple(dict.fromkeys(wanted)))
+    return built(conditioned.longest, tuple(dict.fromkeys(wanted)))

@@ -270,21 +270,14 @@ def _longest_piece(record: FlightRecord, axis: Axis, instrument: str, start_s: f
         There is none.
     """
     names = _names(record, axis, instrument)
-    pieces = resample(
+    return resample(
         record,
         channels=(names["command"], names["rate"]),
         auxiliary=[names[key] for key in ("stick", "thrust") if key in names],
         start_s=start_s,
         stop_s=stop_s,
         sample_rate_hz=RATE_HZ,
-    ).histories
-    if not pieces:
-        raise InsufficientDataError(
-            f"{record.source.name} holds gaps all over its flight",
-            needed="a piece of it without one",
-            remedy="log at a lower rate, or on a faster card",
-        )
-    return max(pieces, key=lambda one: one.duration_s)
+    ).longest
 
 
 def _signals(record: FlightRecord, piece: TimeHistory, axis: Axis, instrument: str) -> dict[str, FloatArray]:

@@ -47,6 +47,23 @@ class Conditioned:
     histories: tuple[TimeHistory, ...]
     findings: tuple[Finding, ...]
 
+    @property
+    def longest(self) -> TimeHistory:
+        """The longest stretch without a gap.
+
+        Raises
+        ------
+        InsufficientDataError
+            Gaps leave none.
+        """
+        if not self.histories:
+            raise InsufficientDataError(
+                "gaps leave nothing of what was asked for",
+                needed="a stretch without a gap",
+                remedy="log at a lower rate, or on a faster card",
+            )
+        return max(self.histories, key=lambda history: history.duration_s)
+
 
 def resample(
     record: FlightRecord,

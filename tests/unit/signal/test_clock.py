@@ -161,6 +161,16 @@ def test_gaps_of_several_channels_may_overlap(inner: tuple[float, float]) -> Non
     np.testing.assert_allclose(spans, [(100.0, low), (high, 119.995)], atol=1e-6)
 
 
+def test_the_longest_piece_is_taken_and_none_is_an_error() -> None:
+    time_s = without(without(stamps(200.0), (100.6, 102.0)), (106.0, 108.0))
+    flight = record(topic("t", time_s, p=smooth(time_s)))
+    made = resample(flight, channels=("p",), start_s=100.0, stop_s=120.0)
+    assert made.longest.start_s == pytest.approx(108.0)
+    made = resample(flight, channels=("p",), start_s=100.0, stop_s=102.5)
+    with pytest.raises(InsufficientDataError, match="gaps leave nothing"):
+        _ = made.longest
+
+
 def test_repeated_and_reversed_stamps_are_left_out_and_counted() -> None:
     time_s = stamps(200.0).copy()
     values = smooth(time_s)

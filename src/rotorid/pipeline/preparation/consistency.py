@@ -361,10 +361,7 @@ def _mixed(history: TimeHistory, motors: Sequence[str], output: str) -> TimeHist
 
 
 def _longest(record: FlightRecord, names: Sequence[str], stretch: Stretch) -> TimeHistory:
-    parts = resample(record, channels=names, start_s=stretch.start_s, stop_s=stretch.stop_s).histories
-    if not parts:
-        raise InsufficientDataError(f"gaps leave nothing of {', '.join(names)}", needed="a stretch without gaps")
-    return max(parts, key=lambda history: history.duration_s)
+    return resample(record, channels=names, start_s=stretch.start_s, stop_s=stretch.stop_s).longest
 
 
 def _kinematic_lag(record: FlightRecord, history: TimeHistory, name: str) -> tuple[float, float]:

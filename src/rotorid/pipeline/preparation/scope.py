@@ -155,10 +155,9 @@ def _led_share(flight: Flight, other: str) -> float:
         return 0.0
     start_s, stop_s = flight.maneuver.start_s, flight.maneuver.stop_s
     try:
-        histories = resample(flight.record, channels=(own, other), start_s=start_s, stop_s=stop_s).histories
+        longest = resample(flight.record, channels=(own, other), start_s=start_s, stop_s=stop_s).longest
     except InsufficientDataError:
         return 0.0
-    longest = max(histories, key=lambda one: one.values.shape[1])
     return led_share(longest, own, other)
 
 
