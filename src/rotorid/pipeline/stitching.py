@@ -5,10 +5,11 @@ A derivative goes straight from one speed to the next,
 .. math::
 
     \theta(V) = (1 - \lambda) \theta_i + \lambda \theta_{i+1}, \qquad
-    \sigma^2(V) = (1 - \lambda)^2 \sigma_i^2 + \lambda^2 \sigma_{i+1}^2, \qquad
+    \sigma^2(V) = (1 - \lambda)^2 s_i^2 + \lambda^2 s_{i+1}^2 + ((1 - \lambda) m_i + \lambda m_{i+1})^2, \qquad
     \lambda = \frac{V - V_i}{V_{i+1} - V_i}
 
-because results of different flights err independently. What the straight line misses in between is no part of the
+with the random errors :math:`s`, which are independent in different flights, and the model errors :math:`m`, which are
+not: the same sensors, clocks and structure made all of them. What the straight line misses in between is no part of the
 band: of a curvature :math:`\theta''` it is up to :math:`\theta'' (V_{i+1} - V_i)^2 / 8`. Beyond the speeds that were
 flown the last values hold.
 """
@@ -45,6 +46,7 @@ from rotorid.simulation.stitched import (
     steps_of,
 )
 from rotorid.typing import Axis, FloatArray
+from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.verification.closed_loop import LoopScores, scored
 from rotorid.verification.sampled import low_pass
 from rotorid.verification.scores import GOOD_TIC
@@ -115,31 +117,34 @@ class SpeedCurve(Immutable):
         Where it was identified, shape ``(k,)``.
     std
         One standard deviation, shape ``(k,)``; not a number where the parameter was dropped and stands at zero.
+    std_model
+        Its part that all results have alike, shape ``(k,)``.
     """
 
     unit: str
     speed_m_s: FloatArray
     value: FloatArray
     std: FloatArray
+    std_model: FloatArray
 
     def __post_init__(self) -> None:
-        self._set(
-            **{name: read_only(getattr(self, name), np.float64, ndim=1) for name in ("speed_m_s", "value", "std")}
-        )
+        for name in ("speed_m_s", "value", "std", "std_model"):
+            self._set(**{name: read_only(getattr(self, name), np.float64, ndim=1)})
 
     def at(self, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values and standard deviations at some speeds, each of their shape.
 
         Examples
         --------
-        >>> curve = SpeedCurve(unit="1/s", speed_m_s=[0.0, 4.0], value=[-0.2, -0.4], std=[0.03, 0.04])
+        >>> curve = SpeedCurve(unit="1/s", speed_m_s=[0.0, 4.0], value=[-0.2, -0.4], std=[0.03, 0.04], std_model=[0, 0])
         >>> [numbers.round(4).tolist() for numbers in curve.at(np.array([0.0, 2.0, 9.0]))]
         [[-0.2, -0.3, -0.4], [0.03, 0.025, 0.04]]
         """
         weights = np.array([np.interp(speed_m_s, self.speed_m_s, row) for row in np.eye(self.speed_m_s.size)])
-        known = np.where(np.isfinite(self.std), self.std, 0.0)
-        unknown = (weights * ~np.isfinite(self.std)[:, None]).any(axis=0)
-        return self.value @ weights, np.where(unknown, np.nan, np.sqrt(known**2 @ weights**2))
+        known = np.isfinite(self.std)
+        random, alike = np.where(known, [self.std**2 - self.std_model**2, self.std_model], 0.0)
+        variance = np.maximum(random, 0.0) @ weights**2 + (alike @ weights) ** 2
+        return self.value @ weights, np.where((weights * ~known[:, None]).any(axis=0), np.nan, np.sqrt(variance))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -247,8 +252,8 @@ class Stitched(Immutable):
         for model in self.models:
             points = self.of(model)
             own = [point.speed_m_s for point in points]
-            values = [_values(point, draw) for point in points]
-
+            drawn = None if draw is None else _Draw.of(points, draw)
+            values = [_values(point, drawn) for point in points]
             table = {
                 name: np.interp(speeds, own, [one.get(name, 0.0) for one in values])
                 for name in {name for one in values for name in one}
@@ -281,13 +286,33 @@ def _trim(point: StitchedPoint, name: str) -> float:
     return point.trim[name]
 
 
-def _values(point: StitchedPoint, draw: np.random.Generator | None) -> dict[str, float]:
+@dataclass(frozen=True, kw_only=True)
+class _Draw:
+    """What draws the results of one model: chance for each by itself, and the model errors that all have alike."""
+
+    rng: np.random.Generator
+    alike: Mapping[str, float]
+
+    @classmethod
+    def of(cls, points: Sequence[StitchedPoint], rng: np.random.Generator) -> _Draw:
+        names = dict.fromkeys(name for point in points for name in point.model.structure.parameters.free)
+        return cls(rng=rng, alike=dict(zip(names, rng.standard_normal(len(names)), strict=True)))
+
+    def errors(self, bounds: Bounds) -> FloatArray:
+        """Errors of the parameters of one result, shape ``(p,)``."""
+        size, vectors = np.linalg.eigh(bounds.covariance - bounds.random)
+        root = (vectors * np.sqrt(np.maximum(size, 0.0))) @ vectors.T
+        chance = self.rng.multivariate_normal(np.zeros(len(bounds.names)), bounds.random, method="eigh")
+        return np.asarray(chance + root @ np.array([self.alike[name] for name in bounds.names]))
+
+
+def _values(point: StitchedPoint, draw: _Draw | None) -> dict[str, float]:
     """Parameters of a result, dropped ones at zero; drawn from their covariance where that is wanted."""
     structure = point.model.structure
     parameters = structure.parameters
     if draw is not None:
         bounds = bounds_of(point.model.bounds, parameters.free)
-        changed = draw.multivariate_normal(np.zeros(len(bounds.names)), bounds.covariance, method="eigh")
+        changed = draw.errors(bounds)
         drawn = {
             name: float(np.clip(parameters[name].value + by, parameters[name].lower, parameters[name].upper))
             for name, by in zip(bounds.names, changed, strict=True)
@@ -309,6 +334,7 @@ def _curves(points: Sequence[StitchedPoint]) -> dict[str, SpeedCurve]:
             speed_m_s=np.array([point.speed_m_s for point in points]),
             value=np.array([0.0 if one is None or one.status == "dropped" else one.value for one in found]),
             std=np.array([_std(one) for one in found]),
+            std_model=np.array([getattr(one, "std_model", None) or 0.0 for one in found]),
         )
     return curves
 

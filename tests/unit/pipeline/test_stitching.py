@@ -28,8 +28,10 @@ SPEEDS = (0.0, 4.0, 8.0)
 LONGITUDINAL, LATERAL = "hover.longitudinal", "hover.lateral"
 
 
-def identified(name: str, speed_m_s: float, *, dropped: tuple[str, ...] = (), std: float = 0.01) -> IdentifiedModel:
-    """A result whose values are exact, each with a standard deviation of a share of its value."""
+def identified(
+    name: str, speed_m_s: float, *, dropped: tuple[str, ...] = (), std: float = 0.01, chance: float = 1.0
+) -> IdentifiedModel:
+    """A result whose values are exact, each with a deviation of a share of its value, and part of that by chance."""
     vehicle, autopilot = CRAFT.vehicle, CRAFT.autopilot
     truth = hover_derivatives_of(vehicle, autopilot, airspeed_m_s=speed_m_s)
     truth |= {"T_motor": vehicle.rotors.lag_up_s} | dict.fromkeys(
@@ -56,7 +58,7 @@ def identified(name: str, speed_m_s: float, *, dropped: tuple[str, ...] = (), st
         cramer_rao=spread,
         insensitivity=spread,
         covariance=np.diag(spread**2),
-        random=np.diag(spread**2),
+        random=np.diag((chance * spread) ** 2),
         inflation=1.0,
     )
     covered = {
@@ -90,6 +92,22 @@ def test_values_and_deviations_are_those_of_the_results_and_straight_between(sti
     middle, spread = curve.at(np.array([curve.speed_m_s[:2].mean()]))
     assert middle[0] == pytest.approx(value[:2].mean())
     assert spread[0] == pytest.approx(0.5 * np.hypot(*std[:2]))
+
+
+def test_what_no_chance_made_is_as_wide_between_two_results() -> None:
+    """Half of the variance is that of model errors, which every result has alike."""
+    models = {f"{speed:g}": identified(LONGITUDINAL, speed, chance=np.sqrt(0.5)) for speed in SPEEDS[:2]}
+    found = stitch(models)
+    curve = found.curves[LONGITUDINAL]["M_pitch"]
+    _, (first, middle, last) = curve.at(np.linspace(*curve.speed_m_s, 3))
+    expected = np.sqrt(0.5 * (first**2 + last**2) / 4.0 + 0.5 * ((first + last) / 2.0) ** 2)
+    assert middle == pytest.approx(expected)
+    # Draws have the same band, at each result and between.
+    rng = np.random.default_rng(2)
+    drawn = np.array([found.stitched_model(rng).derivatives[:, 4, 7] for _ in range(800)])
+    spread = [drawn[:, 0].std(), drawn.mean(axis=1).std(), drawn[:, 1].std()]
+    # Four deviations of a standard deviation over so many draws.
+    np.testing.assert_allclose(spread, [first, middle, last], rtol=4.0 / np.sqrt(2.0 * 800))
 
 
 def test_draws_have_the_covariance(stitched: Stitched) -> None:
