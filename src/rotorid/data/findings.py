@@ -268,6 +268,9 @@ KINDS: Mapping[str, Kind] = {
     "flown_in_pieces": Kind(
         "info", "Flown in pieces", "A simulation begins anew after some seconds, since errors would add up beyond use."
     ),
+    "gains_differ": Kind(
+        "warning", "Logs of different gains", "Logs that are tuned together were flown with different gains."
+    ),
     "gap": Kind("warning", "A gap in the data", "Samples are missing."),
     "held_out": Kind(
         "info",

@@ -14,6 +14,7 @@ from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import UsageError
 from rotorid.models.autopilots import axis_controller
 from rotorid.models.controller import RateController
+from rotorid.pipeline.tuning.axis import gains_apart
 from rotorid.pipeline.tuning.check import Foretold, _which
 from rotorid.pipeline.tuning.filters import changed_filters, numbered, prices, with_filters
 from rotorid.pipeline.tuning.proposal import TuneSettings, _together
@@ -35,6 +36,24 @@ PARAMETERS = {
 def log(**changed: float) -> FlightRecord:
     source = Source(name="flight.ulg", format="PX4 ULog", sha256="", firmware="PX4 1.16.0")
     return FlightRecord(source=source, topics=(), parameters={**PARAMETERS, **changed})
+
+
+def test_logs_of_different_gains_say_which_count() -> None:
+    first, same, other = (
+        log(),
+        log(),
+        replace(
+            log(MC_ROLLRATE_P=0.22, MC_ROLL_P=7.0),
+            source=Source(name="after.ulg", format="PX4 ULog", sha256="1", firmware="PX4 1.16.0"),
+        ),
+    )
+    assert gains_apart(("roll", "pitch"), [first, same]) == []
+    (told,) = gains_apart(("roll", "pitch"), [first, same, other])
+    assert (told.kind, told.where) == ("gains_differ", "after.ulg")
+    assert (
+        "after.ulg was flown with other gains than flight.ulg: MC_ROLLRATE_P 0.22 for 0.15, MC_ROLL_P 7 for 6.5."
+        in told.message
+    )
 
 
 def test_other_filters_are_parameters_of_the_log() -> None:

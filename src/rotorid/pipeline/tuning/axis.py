@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding
+from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import UsageError
 from rotorid.models.autopilots.settings import AxisController
+from rotorid.pipeline.preparation.controllers import logged_axis
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.tuning.filters import with_filters
 from rotorid.pipeline.tuning.flown import FlownAxis, explained, flown_axis, require_gains, require_room
@@ -17,6 +18,9 @@ from rotorid.pipeline.tuning.plants import plant_of, rate_model, require_known
 from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid, loop_figures
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.typing import Axis, ComplexArray, FloatArray
+
+_NAMED = 6
+"""Gains that are listed where logs differ."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,6 +64,42 @@ class KnownAxis(Immutable):
 def log_of(axis: Axis, logs: Sequence[FlightRecord]) -> FlightRecord | None:
     """The log that shows an axis: the first with its command, else the first."""
     return next((one for one in logs if f"{axis}_command" in one.channel_names), logs[0] if logs else None)
+
+
+def gains_apart(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[Finding]:
+    """A warning for each log that was flown with other gains than the log that is taken for the one that flew.
+
+    Parameters
+    ----------
+    axes, logs
+        As for :func:`rotorid.pipeline.tuning.proposal.tune`.
+    """
+    apart: dict[tuple[str, str], dict[str, str]] = {}
+    for axis in axes:
+        taken = log_of(axis, logs)
+        if taken is None:
+            continue
+        for record in logs:
+            here, there = _gains(axis, taken), _gains(axis, record)
+            changed = {name: f"{name} {there[name]:g} for {here[name]:g}" for name in here.keys() & there}
+            changed = {name: words for name, words in changed.items() if here[name] != there[name]}
+            if changed:
+                apart.setdefault((record.source.name, taken.source.name), {}).update(changed)
+    found = []
+    for (name, taken_name), changed in apart.items():
+        listed = ", ".join(changed[one] for one in sorted(changed)[:_NAMED])
+        more = f" and {len(changed) - _NAMED} more" if len(changed) > _NAMED else ""
+        message = (
+            f"{name} was flown with other gains than {taken_name}: {listed}{more}. Those of {taken_name} are taken for "
+            "flown; name the log first whose gains are to be changed."
+        )
+        found.append(warn("gains_differ", name, message, parameters=len(changed)))
+    return found
+
+
+def _gains(axis: Axis, record: FlightRecord) -> Mapping[str, float]:
+    held = logged_axis(record, f"{axis}_command", source="")
+    return held.gains if held is not None else {}
 
 
 def known_axis(

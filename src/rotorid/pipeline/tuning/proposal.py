@@ -25,7 +25,7 @@ from rotorid.models.autopilots.settings import AxisController
 from rotorid.pipeline.provenance import Provenance, autopilot_of, provenance, require_one_autopilot
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import Setting, as_records, require_seed
-from rotorid.pipeline.tuning.axis import KnownAxis, known_axis
+from rotorid.pipeline.tuning.axis import KnownAxis, gains_apart, known_axis
 from rotorid.pipeline.tuning.filters import FilterPrice, changed_filters, prices
 from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, flown_controllers
 from rotorid.pipeline.tuning.shared import require_filters_hold
@@ -281,7 +281,7 @@ def tune(
     if not given and not logs:
         raise UsageError("nothing came to tune", needed="results of identify, logs, or both")
     findings: list[Finding] = [finding for record in logs for finding in record.findings]
-    findings += require_one_autopilot(given, logs)
+    findings += [*require_one_autopilot(given, logs), *gains_apart(chosen.axes, logs)]
     autopilot = next((name for one in logs if (name := autopilot_of(one))), "")
     thrust = linearization(given, logs[0] if logs else None, autopilot=autopilot, seed=chosen.seed)
     findings += thrust.findings if thrust is not None else ()
