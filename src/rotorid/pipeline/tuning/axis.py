@@ -77,10 +77,12 @@ def gains_apart(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[Find
     apart: dict[tuple[str, str], dict[str, str]] = {}
     for axis in axes:
         taken = log_of(axis, logs)
-        if taken is None:
+        others = [record for record in logs if record is not taken]
+        if taken is None or not others:
             continue
-        for record in logs:
-            here, there = _gains(axis, taken), _gains(axis, record)
+        here = _gains(axis, taken)
+        for record in others:
+            there = _gains(axis, record)
             changed = {name: f"{name} {there[name]:g} for {here[name]:g}" for name in here.keys() & there}
             changed = {name: words for name, words in changed.items() if here[name] != there[name]}
             if changed:
