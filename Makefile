@@ -3,13 +3,14 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 DEMO   ?= rotorid-out/demo
-# Python compiles what it imports, which is a small part of what is installed.
-INSTALL := $(BIN)/python -m pip install --quiet --no-compile
+# Everything that is installed has the version and the hash of uv.lock; uv itself, which reads that file, has this one.
+UV     := 0.13.9
+SYNC   := UV_PROJECT_ENVIRONMENT=$(VENV) $(BIN)/uv sync --quiet --inexact --extra figures
 
 # Hundreds of tests start the program: what Python compiled once is kept.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test checks compiled quick study bench peers pictures docs clean
+.PHONY: demo test checks compiled quick newest study bench peers pictures docs clean
 
 demo: $(VENV)/.installed
 	$(BIN)/rotorid demo --out $(DEMO)
@@ -57,17 +58,21 @@ docs: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto -m "slow or not slow" tests/docs/test_tutorials.py
 	$(BIN)/python docs/site/build.py build/site
 
-$(VENV)/bin/python:
+$(BIN)/uv:
 	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet uv==$(UV)
 
-$(VENV)/.installed: $(VENV)/bin/python pyproject.toml
-	$(INSTALL) --editable '.[figures]'
+$(VENV)/.installed: $(BIN)/uv pyproject.toml uv.lock
+	$(SYNC) --locked --no-dev
 	touch $@
 
-$(VENV)/.installed-dev: $(VENV)/.installed pyproject.toml
-	$(INSTALL) 'pip>=25.1'
-	$(INSTALL) --group dev
+$(VENV)/.installed-dev: $(VENV)/.installed
+	$(SYNC) --locked
 	touch $@
+
+# What every index has newest today, in the same environment, to see what is coming; the lock file stays.
+newest: $(VENV)/.installed-dev
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --upgrade --resolution highest --editable '.[figures]' --group dev
 
 clean:
 	rm -rf $(VENV) rotorid-out
