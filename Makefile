@@ -70,7 +70,7 @@ $(VENV)/.installed-dev: $(VENV)/.installed
 	$(SYNC) --locked
 	touch $@
 
-# What every index has newest today, in the same environment, to see what is coming; the lock file stays.
+# The newest versions that the registry has, in the same environment, to see what is coming; the lock file stays.
 newest: $(VENV)/.installed-dev
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --upgrade --resolution highest --editable '.[figures]' --group dev
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -129,10 +128,12 @@ def target_of(output: Output, default: Path, file: str, paper: ForPaper | None =
     from rotorid.report.files import result_kind
 
     kind = result_kind(file)
-    printed = ["*.pdf"]
+    pages = [f"{name.removesuffix('.html')}.pdf" for name in kind.files if name.endswith(".html")]
+    printed = ["*.pdf", *(name for name in pages if "*" in name)]
     require_printing(paper)
     if paper is not None and paper.pdf:
-        printed += [f"{name.removesuffix('.html')}.pdf" for name in kind.files if re.fullmatch(r"[^*/]+\.html", name)]
+        # Only now is a PDF that somebody else wrote under one of these names in the way.
+        printed += [name for name in pages if "*" not in name]
     return target_folder(output.out, default, replace(kind, files=(*kind.files, *printed)), force=output.force)
 
 

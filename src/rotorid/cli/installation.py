@@ -33,7 +33,6 @@ EXTRAS: Mapping[str, tuple[str, ...]] = {
     "figures": ("matplotlib",),
     "parquet": ("pyarrow",),
     "hdf5": ("h5py",),
-    "pdf": ("weasyprint",),
     "search": ("cmaes",),
     "control": ("control",),
     "export": ("control", "mujoco", "fmpy"),
@@ -212,7 +211,19 @@ def _machine() -> list[Check]:
     checks.append(
         Check(group="machine", name="temporary", state="ok" if enough else "missing", said=said, remedy=remedy)
     )
-    return checks
+    return [*checks, _browser()]
+
+
+def _browser() -> Check:
+    """What prints pages for ``--pdf``."""
+    from rotorid.errors import UsageError
+    from rotorid.report.printing import require_browser
+
+    try:
+        return Check(group="machine", name="browser", state="ok", said=require_browser())
+    except UsageError:
+        remedy = "install Chromium, Chrome or Edge for --pdf, or print the pages from your own browser"
+        return Check(group="machine", name="browser", state="missing", said="none that prints", remedy=remedy)
 
 
 def _memory_b() -> int | None:

@@ -6,11 +6,10 @@ import logging
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.findings import Finding, warn
 from rotorid.documents.base import to_json as to_json
 from rotorid.errors import UsageError
 from rotorid.io.files import write_atomically, write_npz
@@ -163,7 +162,7 @@ _KINDS: Mapping[str, ResultKind] = {
     "check.json": ResultKind(mains=("check.json",), schema="rotorid.tune_check/", files=_BESIDE),
     "delay.json": ResultKind(mains=("delay.json",), schema="rotorid.delay/", files=("figures/*", "tables/*")),
     "design.json": ResultKind(
-        mains=("design.json",), schema="rotorid.design/", files=("design.html",), listed=_of_plans
+        mains=("design.json",), schema="rotorid.design/", files=("design.html", "*/flight-card.html"), listed=_of_plans
     ),
     "export.json": ResultKind(mains=("export.json",), schema="rotorid.export/", listed=_of_export),
     "simulation.json": ResultKind(
@@ -305,20 +304,15 @@ def _files(
     from rotorid.documents.design import plan_document
     from rotorid.pipeline.designs import beyond_limits
     from rotorid.plans.csv import plan_csv
-    from rotorid.report.flight_card import flight_card, flight_card_pdf
+    from rotorid.report.flight_card import flight_card
 
     plan, facts = one.planned.plan, _facts(one, choices, autopilot)
-    card = flight_card(plan, facts)
-    files: dict[str, str | bytes] = {"plan.json": to_json(plan_document(plan)), **plan_csv(plan), **card}
+    files: dict[str, str | bytes] = {
+        "plan.json": to_json(plan_document(plan)),
+        **plan_csv(plan),
+        **flight_card(plan, facts),
+    }
     findings = beyond_limits(one, choices.plan.limits)
-    if find_spec("weasyprint") is None:
-        message = "The flight card was not written as PDF, for weasyprint is not installed: pip install 'rotorid[pdf]'."
-        findings.append(remark("not_written", one.kind, message))
-    else:
-        try:
-            files |= {f"{Path(name).stem}.pdf": flight_card_pdf(html) for name, html in card.items()}
-        except UsageError as error:
-            findings.append(_unwritten(one.kind, "The flight card was not written as PDF", error))
     try:
         files |= _autopilot_files(autopilot, plan, facts)
     except UsageError as error:

@@ -394,37 +394,6 @@ def flight_card_html(plan: FlightPlan, facts: FlightFacts) -> str:
     )
 
 
-def flight_card_pdf(html: str) -> bytes:
-    """The card as PDF.
-
-    Parameters
-    ----------
-    html
-        From :func:`flight_card_html`.
-
-    Raises
-    ------
-    UsageError
-        The library that makes PDF is not installed.
-    """
-    try:
-        from weasyprint import HTML
-    except (ImportError, OSError) as error:
-        # It is an OSError when the library is there and Pango, which it draws with, is not.
-        raise UsageError(
-            "a flight card as PDF needs weasyprint, which cannot be loaded",
-            needed="the extra pdf",
-            remedy="pip install 'rotorid[pdf]', or print the HTML card from a browser",
-        ) from error
-    written: bytes = HTML(string=html, url_fetcher=_refuse).write_pdf()
-    return written
-
-
-def _refuse(url: str) -> dict[str, object]:
-    """The card holds everything it shows: nothing is ever fetched, whatever a name in it says."""
-    raise ValueError(f"the card asks for {url}")
-
-
 def _runs(plan: FlightPlan, facts: FlightFacts) -> tuple[Run, ...]:
     groups: list[list[PlannedInput]] = []
     for planned in sorted(plan.inputs, key=lambda one: excited_s(one)[0]):

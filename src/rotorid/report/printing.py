@@ -43,14 +43,15 @@ def require_browser() -> str:
     found = found or next((path for path in _PLACES.get(sys.platform, ()) if Path(path).is_file()), None)
     if found is None:
         raise UsageError(
-            "--pdf came, and no browser that prints was found",
-            needed="Chromium, Chrome or Edge; or open the report in any browser and print it there",
+            "no browser was found that can print for --pdf",
+            needed="Chromium, Chrome or Edge",
+            remedy="install one, or leave --pdf out and print the page from your own browser",
         )
     return found
 
 
 def print_pages(folder: Path) -> list[Path]:
-    """Print every page of a folder into a PDF beside it; their paths.
+    """Print every page in a folder and below it as a PDF of the same name, and return the paths.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def print_pages(folder: Path) -> list[Path]:
         There is no browser, or it did not print.
     """
     browser = require_browser()
-    return [_printed(browser, page) for page in sorted(folder.glob("*.html"))]
+    return [_printed(browser, page) for page in sorted(folder.rglob("*.html"))]
 
 
 def _printed(browser: str, page: Path) -> Path:

@@ -94,5 +94,5 @@ def test_without_a_browser_it_is_refused_before_any_work(
     for words in (("review", flight), ("identify", flight, *ROLL), ("fleet", flight)):
         ran = rotorid(*words, "--pdf", "--out", tmp_path / "out")
         assert ran.code == 2
-        assert "no browser that prints was found" in ran.err
+        assert "no browser was found that can print" in ran.err
         assert not (tmp_path / "out").exists()

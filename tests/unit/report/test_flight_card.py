@@ -1,16 +1,13 @@
 from __future__ import annotations
 
-import ctypes.util
-import importlib.util
 import math
-import os
 import re
-import sys
-import zlib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.browser.chromium import browser
 from tests.unit.report.page_parser import Page
 from tests.unit.report.plan_sample import (
     by_hand,
@@ -25,7 +22,8 @@ from tests.unit.report.plan_sample import (
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
 from rotorid.plans.facts import HOLD, FlightFacts, PredictedBound, excited_s
-from rotorid.report.flight_card import MOST_BOUNDS, flight_card, flight_card_html, flight_card_pdf, least_rate_hz
+from rotorid.report.flight_card import MOST_BOUNDS, flight_card, flight_card_html, least_rate_hz
+from rotorid.report.printing import print_pages
 from rotorid.typing import Axis
 
 AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw", "thrust")
@@ -299,26 +297,14 @@ def test_an_input_of_zeros_is_refused() -> None:
         flight_card_html(FlightPlan(name="still", inputs=(still,)), facts())
 
 
-def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "weasyprint", None)
-    with pytest.raises(UsageError, match=r"rotorid\[pdf\]"):
-        flight_card_pdf(flight_card_html(four_chirps(), facts()))
-
-
-NO_PDF = not (importlib.util.find_spec("weasyprint") and ctypes.util.find_library("pango-1.0"))
-
-
-# In CI, which installs both, a missing one is a failure.
-@pytest.mark.skipif(
-    NO_PDF and not os.environ.get("CI"), reason="weasyprint or Pango, which make PDF, are not installed"
-)
 @pytest.mark.parametrize("name", list(CARDS))
-def test_the_pdf_is_one_page(name: str) -> None:
-    document = flight_card_pdf(flight_card_html(*CARDS[name]))
+def test_the_card_is_one_page_on_paper(name: str, tmp_path: Path) -> None:
+    browser()
+    (tmp_path / "flight-card.html").write_text(flight_card_html(*CARDS[name]), encoding="utf-8")
+    (printed,) = print_pages(tmp_path)
+    document = printed.read_bytes()
     assert document.startswith(b"%PDF")
-    streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", document, re.DOTALL)
-    objects = b"".join(zlib.decompressobj().decompress(stream) for stream in streams)
-    assert len(re.findall(rb"/Type\s*/Page\b", document + objects)) == 1
+    assert len(re.findall(rb"/Type\s*/Page\b", document)) == 1
 
 
 def test_a_parameter_that_will_come_out_elsewhere_is_marked_and_its_percent_is_of_the_value_given() -> None:
