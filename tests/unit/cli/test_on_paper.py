@@ -96,3 +96,12 @@ def test_without_a_browser_it_is_refused_before_any_work(
         assert ran.code == 2
         assert "no browser was found that can print" in ran.err
         assert not (tmp_path / "out").exists()
+
+
+def test_cards_of_several_plans_are_printed_and_leave_with_the_next_run(browser: Path, tmp_path: Path) -> None:
+    words = ("design", "doublet", "2-1-1", "--vehicle", "px4_quad", "--axis", "roll", "--quiet", "--out", tmp_path)
+    assert rotorid(*words, "--pdf").code == 0
+    printed = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.pdf")}
+    assert printed == {"design.pdf", "doublet/flight-card.pdf", "two_one_one/flight-card.pdf"}
+    assert rotorid(*words).code == 0
+    assert not list(tmp_path.rglob("*.pdf"))
