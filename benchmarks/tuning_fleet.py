@@ -189,7 +189,7 @@ def judge(row: Row, first: object, second: object) -> None:
     )
     true = exact.response(omega)
     old, new = first.proposal.flown.gains, first.proposal.proposed.gains
-    before, after = (judged(parts, true[None], gains) for gains in (old, new))
+    before, after = (judged(parts, true[None], gains, from_rad_s=exact.known_from_rad_s) for gains in (old, new))
     row.better = float(after.attitude_rms[0] / before.attitude_rms[0])
     start = old.on(parts.controller)
     best = propose(
@@ -224,7 +224,7 @@ def judge(row: Row, first: object, second: object) -> None:
             row.peers[name] = (np.inf, 0.0)
             continue
         rate, whole = true * parts.rate(gains), true * parts.whole(gains)
-        figures = [loop_figures(omega, loop[None]) for loop in (rate, whole)]
+        figures = [loop_figures(omega, loop[None], from_rad_s=exact.known_from_rad_s) for loop in (rate, whole)]
         stable = all(bool(one.stable[0]) for one in figures)
         peak = max(float(one.sensitivity_peak[0]) for one in figures) if stable else np.inf
         rms = float(attitude_rms(omega, true[None], whole[None])[0])

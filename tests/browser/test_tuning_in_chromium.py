@@ -26,11 +26,21 @@ PROBE = (
   const before = told();
   const slider = place.querySelector("input[name=P]");
   slider.value = 1.5 * Number(slider.value);
+  const pValue = Number(slider.value);
   slider.dispatchEvent(new Event("input"));
   await settled();
   const after = told();
   const steps = place.querySelector("[data-picture]").data.map((line) => Array.from(line.y));
-  return { before, after, steps, p: Number(slider.value) };
+  const integral = place.querySelector("input[name=I]");
+  place.querySelector("input[name=P]").value = place.querySelector("input[name=P]").min;
+  place.querySelector("input[name=A]").value = place.querySelector("input[name=A]").max;
+  integral.value = integral.max;
+  integral.dispatchEvent(new Event("input"));
+  await settled();
+  const swinging = told();
+  const inputs = Array.from(place.querySelectorAll("input"));
+  const chosen = Object.fromEntries(inputs.map((input) => [input.name, Number(input.value)]));
+  return { before, after, steps, p: pValue, swinging, chosen };
 }
 """
 )
@@ -110,3 +120,15 @@ def test_sliders_show_what_python_says(chromium: str, tmp_path: Path) -> None:
     for line in seen["steps"]:
         assert line[0] == pytest.approx(0.0, abs=0.01)
         assert line[-1] == pytest.approx(1.0, abs=0.1)
+
+
+def test_sliders_call_a_loop_unstable_that_python_calls_unstable(chromium: str, tmp_path: Path) -> None:
+    """Nearly no P, much I and A: a phase that never rises above -180 degrees."""
+    proposal = proposed()
+    seen, _ = asked(chromium, render_tune(proposal, title="t"), tmp_path, PROBE, ready=READY)
+    one, chosen = proposal.axes["roll"], seen["chosen"]
+    gains = Gains(P=chosen["P"], I=chosen["I"], D=chosen["D"], A=chosen["A"])
+    loop = (one.plant.response(one.omega_rad_s) * one.parts.whole(gains))[None]
+    assert not loop_figures(one.omega_rad_s, loop, from_rad_s=one.plant.known_from_rad_s).stable[0]
+    assert "with the angle loop unstable" in seen["swinging"]["peak"]
+    assert seen["swinging"]["worst"].startswith("unstable")

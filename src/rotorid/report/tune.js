@@ -82,15 +82,32 @@
     while (k + 2 < at.length && at[k + 1] < place) k += 1;
     return values[k] + ((place - at[k]) / (at[k + 1] - at[k])) * (values[k + 1] - values[k]);
   };
-  const figures = (omega, loop) => {
+  // Whether 1 + L does not wind around zero, by its crossings of the negative real axis beyond -1.
+  const stable = (gain, phase) => {
+    const below = phase.map((value) => Math.floor((value + Math.PI) / TURN));
+    let rises = 0;
+    for (let k = 0; k + 1 < below.length; k += 1) {
+      if (below[k] === below[k + 1]) continue;
+      const level = TURN * Math.max(below[k], below[k + 1]) - Math.PI;
+      const share = (level - phase[k]) / (phase[k + 1] - phase[k]);
+      if (gain[k] + share * (gain[k + 1] - gain[k]) > 0) rises += below[k + 1] - below[k];
+    }
+    return rises === (gain[0] > 0 ? -below[0] : 0);
+  };
+  const MOST_LEAD = Math.PI / 6;
+  const TURN = 2 * Math.PI;
+  // Phases lie in (-330, 30] degrees where the plant begins to be known; the highest phase says nothing of the branch.
+  const figures = ({ omega, from_rad_s: from }, loop) => {
     const ln = omega.map(Math.log);
     const gain = Array.from(loop.re, (value, k) => 0.5 * Math.log(value ** 2 + loop.im[k] ** 2));
     const phase = Array.from(loop.re, (value, k) => Math.atan2(loop.im[k], value));
     for (let k = 1; k < phase.length; k += 1) {
       phase[k] -= 2 * Math.PI * Math.round((phase[k] - phase[k - 1]) / (2 * Math.PI));
     }
-    const turns = 2 * Math.PI * Math.round(Math.max(...phase) / (2 * Math.PI));
-    const turned = phase.map((value) => value - turns);
+    const found = omega.findIndex((value) => value >= from);
+    const start = Math.min(found < 0 ? omega.length : found, omega.length - 2);
+    const shift = TURN * Math.ceil((phase[start] - MOST_LEAD) / TURN);
+    const turned = phase.map((value) => value - shift);
     const over = crossings(ln, gain, 0);
     const margins = over.map((place) => Math.PI + between(ln, turned, place));
     const half = crossings(ln, turned, -Math.PI).map((place) => between(ln, gain, place)).filter((one) => one < 0);
@@ -98,6 +115,7 @@
     return {
       crossover: over.length ? Math.exp(over[over.length - 1]) : NaN,
       phase: margins.length ? (Math.min(...margins) * 180) / Math.PI : NaN,
+      stable: stable(gain.slice(start), turned.slice(start)),
       gain: half.length ? (-20 / Math.LN10) * Math.max(...half) : Infinity,
       peak,
     };
@@ -150,19 +168,22 @@
     const show = () => {
       const { gains, cutoff } = chosen();
       const found = controllers(axis, gains, cutoff);
-      const rate = figures(axis.omega, times(plain(axis.plant), found.rate));
-      const whole = figures(axis.omega, times(plain(axis.plant), found.whole));
+      const rate = figures(axis, times(plain(axis.plant), found.rate));
+      const whole = figures(axis, times(plain(axis.plant), found.whole));
+      // An unstable loop has no peak.
+      const peak = (one) => (one.stable ? one.peak : Infinity);
+      const shown = (value) => (Number.isFinite(value) ? told(value) : "unstable");
       const peaks = axis.draws.map((plant) => Math.max(
-        figures(axis.omega, times(plain(plant), found.rate)).peak,
-        figures(axis.omega, times(plain(plant), found.whole)).peak,
+        peak(figures(axis, times(plain(plant), found.rate))),
+        peak(figures(axis, times(plain(plant), found.whole))),
       ));
       const say = (name, text) => { place.querySelector(`[data-told="${name}"]`).textContent = text; };
       say("crossover", `${told(rate.crossover)} rad/s`);
       say("phase", `${told(rate.phase)}°`);
       say("gain", `${told(rate.gain)} dB`);
-      say("peak", `${told(rate.peak)}, with the angle loop ${told(whole.peak)}`);
+      say("peak", `${shown(peak(rate))}, with the angle loop ${shown(peak(whole))}`);
       const worst = Math.max(...peaks);
-      say("worst", `${told(worst)} on the worst of ${peaks.length} likely plants`);
+      say("worst", `${shown(worst)} on the worst of ${peaks.length} likely plants`);
       place.querySelector('[data-told="worst"]').classList.toggle("poor", worst > axis.limit);
       say("noise", `${told((100 * noise(axis, found.rate)) / quiet, 3)} % of what was flown`);
       for (const [name, input] of Object.entries(inputs)) {

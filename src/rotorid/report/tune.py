@@ -234,6 +234,7 @@ def loops_for_page(one: AxisTuning, *, limit: float) -> dict[str, Any]:
     first_order = controller.derivative_cutoff_hz
     return {
         "omega": _short(omega),
+        "from_rad_s": one.plant.known_from_rad_s,
         "plant": _complex(one.plant.response(omega)),
         "draws": [_complex(row) for row in drawn[:_DRAWS_ON_PAGE]],
         "rate": {name: _complex(row) for name, row in parts.by_rate.items()},

@@ -29,6 +29,9 @@ DISTURBANCE_RAD_S = 1.5
 
 _MINUS_3_DB = 10.0 ** (-3.0 / 20.0)
 
+_MOST_LEAD_RAD = float(np.radians(30.0))
+"""Phase by which a loop of a vehicle may lead at the lowest frequency that counts; it lags by less than 330 degrees."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Gains(Immutable):
@@ -155,7 +158,7 @@ class LoopFigures(Immutable):
     crossover_rad_s
         Highest frequency at which the loop has the gain one.
     phase_margin_rad
-        Least phase above -180 degrees at any crossover.
+        Least phase above -180 degrees at any crossover, on the branch of :func:`loop_phases`.
     gain_margin
         Factor by which the gain may grow; infinite where the phase never falls so far.
     lower_gain_margin
@@ -166,6 +169,8 @@ class LoopFigures(Immutable):
         Largest of the sensitivity, M_s.
     rejection_bandwidth_rad_s
         Frequency up to which the sensitivity stays below -3 dB.
+    stable
+        One where the closed loop is stable, else zero. The other figures of an unstable loop are no margins.
     """
 
     crossover_rad_s: FloatArray
@@ -184,8 +189,16 @@ class LoopFigures(Immutable):
         return float(np.median(found)) if found.size else 0.0
 
 
-def loop_figures(omega_rad_s: FloatArray, loops: ComplexArray) -> LoopFigures:
-    """Figures of broken loops.
+def loop_figures(omega_rad_s: FloatArray, loops: ComplexArray, *, from_rad_s: float = 0.0) -> LoopFigures:
+    r"""Figures of broken loops.
+
+    A closed loop is stable where 1 + L does not wind around zero. From :math:`\omega_0` to the highest frequency its
+    phase turns by :math:`-\angle L(\omega_0)`, within half a turn: the rest is what the integrals of the loop make
+    below. Crossings of the negative real axis beyond -1 are counted, which is the same.
+
+    Assumes a plant and a controller whose own poles are stable or at zero, and a loop that is known from
+    :math:`\omega_0` on and falls below one at the highest frequency. Poles of slow speed modes above :math:`\omega_0`
+    break it: a good loop is called unstable then.
 
     Parameters
     ----------
@@ -193,6 +206,9 @@ def loop_figures(omega_rad_s: FloatArray, loops: ComplexArray) -> LoopFigures:
         Shape ``(f,)``, rising.
     loops
         Shape ``(draws, f)``.
+    from_rad_s
+        :math:`\omega_0`, from which crossings count; the lowest frequency of an exact loop. Of an identified one
+        :attr:`rotorid.tuning.plant.UncertainPlant.known_from_rad_s`.
 
     Examples
     --------
@@ -202,9 +218,41 @@ def loop_figures(omega_rad_s: FloatArray, loops: ComplexArray) -> LoopFigures:
     (10.0, 78.5)
     >>> round(float(found.gain_margin[0]), 2), round(float(found.sensitivity_peak[0]), 2)
     (7.85, 1.19)
+
+    A loop whose phase never rises above -180 degrees is unstable, however small its peak:
+
+    >>> triple = loop_figures(w, (20.0 / (1j * w) ** 2 / (1.0 + 0.05j * w))[None])
+    >>> float(triple.stable[0]), round(float(np.degrees(triple.phase_margin_rad[0])))
+    (0.0, -12)
     """
-    rows = [_one(omega_rad_s, loop) for loop in np.atleast_2d(loops)]
+    loops = np.atleast_2d(loops)
+    start = first_counted(omega_rad_s, from_rad_s)
+    rows = [_one(omega_rad_s, loop, phase, start) for loop, phase in zip(loops, loop_phases(loops, start), strict=True)]
     return LoopFigures(**{name: np.array([row[name] for row in rows]) for name in rows[0]})
+
+
+def first_counted(omega_rad_s: FloatArray, from_rad_s: float) -> int:
+    """Index of the first frequency from which stability counts; the last but one at most."""
+    return min(int(np.searchsorted(omega_rad_s, from_rad_s)), omega_rad_s.size - 2)
+
+
+def loop_phases(loops: ComplexArray, start: int) -> FloatArray:
+    """Continuous phases of loops, shape ``(draws, f)``, that lie in (-330, 30] degrees at one frequency.
+
+    A loop of a vehicle has at most three integrals there (of the rate, of the controller, of the angle), so it lags by
+    270 degrees at most, and delays add a little. The highest phase says nothing of the branch: a loop that never rises
+    above -180 degrees would be shifted by a whole turn, and an unstable one would be called stable.
+
+    Parameters
+    ----------
+    loops
+        Shape ``(draws, f)``.
+    start
+        Index of that frequency.
+    """
+    phases = np.unwrap(np.angle(loops), axis=1)
+    turns = np.ceil((phases[:, start] - _MOST_LEAD_RAD) / (2.0 * np.pi))
+    return np.asarray(phases - 2.0 * np.pi * turns[:, None])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -291,10 +339,8 @@ def over_draws(values: FloatArray, unit: str) -> Quantity:
     return Quantity(value=float(middle), std=float(np.std(values)), lower=float(low), upper=float(high), unit=unit)
 
 
-def _one(omega: FloatArray, loop: ComplexArray) -> dict[str, float]:
-    ln, gain, phase = np.log(omega), np.log(np.abs(loop)), np.unwrap(np.angle(loop))
-    # Seen from the corner of its highest phase a loop of a vehicle lies between -180 and 180 degrees.
-    phase = phase - 2.0 * np.pi * np.round(phase[np.argmax(phase)] / (2.0 * np.pi))
+def _one(omega: FloatArray, loop: ComplexArray, phase: FloatArray, start: int) -> dict[str, float]:
+    ln, gain = np.log(omega), np.log(np.abs(loop))
     crossings = _crossings(ln, gain, 0.0)
     phases = np.array([np.interp(place, ln, phase) for place in crossings])
     margins = np.pi + phases
@@ -310,7 +356,7 @@ def _one(omega: FloatArray, loop: ComplexArray) -> dict[str, float]:
         "delay_margin_s": float(np.min(margins / np.exp(crossings))) if crossings.size else np.nan,
         "sensitivity_peak": float(sensitivity.max()),
         "rejection_bandwidth_rad_s": _bandwidth(omega, sensitivity),
-        "stable": float(_stable(loop, phase)),
+        "stable": float(_stable(gain[start:], phase[start:])),
     }
 
 
@@ -330,17 +376,17 @@ def _bandwidth(omega: FloatArray, sensitivity: FloatArray) -> float:
     return float(np.interp(_MINUS_3_DB, sensitivity[last - 1 : last + 1], omega[last - 1 : last + 1]))
 
 
-def _stable(loop: ComplexArray, phase: FloatArray) -> bool:
-    """Whether the loop does not turn around -1, by its crossings of the negative real axis beyond it."""
-    beyond = np.abs(loop) > 1.0
-    level = -np.pi
-    over = phase - level
-    signs = np.sign(over)
-    falls = (signs[:-1] > 0.0) & (signs[1:] <= 0.0) & beyond[:-1]
-    rises = (signs[:-1] <= 0.0) & (signs[1:] > 0.0) & beyond[:-1]
-    # A loop that begins below -180 degrees with much gain, as one with two integrals does, rises once and is stable.
-    begins = bool(signs[0] <= 0.0 and beyond[0])
-    return int(falls.sum()) == int(rises.sum()) - int(begins) if begins else int(falls.sum()) == int(rises.sum())
+def _stable(gain: FloatArray, phase: FloatArray) -> bool:
+    """Whether 1 + L does not wind around zero, by logarithm of the gain and phase from the first frequency on."""
+    # Whole turns below -180 degrees: each step of it is a crossing of the negative real axis.
+    turns = np.floor((phase + np.pi) / (2.0 * np.pi))
+    at = np.flatnonzero(np.diff(turns))
+    levels = 2.0 * np.pi * np.maximum(turns[at], turns[at + 1]) - np.pi
+    share = (levels - phase[at]) / (phase[at + 1] - phase[at])
+    beyond = gain[at] + share * (gain[at + 1] - gain[at]) > 0.0
+    rises = float(np.sum((turns[at + 1] - turns[at])[beyond]))
+    # A loop with three integrals begins below -180 degrees: with much gain there it has to rise above it once.
+    return rises == (-turns[0] if gain[0] > 0.0 else 0.0)
 
 
 def attitude_rms(omega_rad_s: FloatArray, plants: ComplexArray, loops: ComplexArray) -> FloatArray:

@@ -28,6 +28,10 @@ _LEAST_MISFIT, _LARGEST_MISFIT = 0.02, 0.5
 FLOOR = 0.02
 """Share of the plant that is not known anywhere: 2 % of gain and 1.2° of phase."""
 
+KNOWN_FROM = 1.5
+"""Stability is counted from this multiple of the lower end of the band: below it identified plants carry modes of the
+speed, with which good loops are unstable in every draw."""
+
 _OUTSIDE_PER_E_FOLD = 0.15
 _KNOTS = 61
 _LEAST_RAD_S, _MOST_RAD_S = 0.1, 3000.0
@@ -90,6 +94,11 @@ class UncertainPlant(Immutable):
             mean=read_only(self.mean, np.complex128, ndim=1),
             misfits=read_only(self.misfits, np.complex128, ndim=2),
         )
+
+    @property
+    def known_from_rad_s(self) -> float:
+        """Frequency from which its loops are counted, see :func:`rotorid.tuning.loops.loop_figures`."""
+        return KNOWN_FROM * self.band_rad_s[0]
 
     @property
     def draws(self) -> int:

@@ -34,8 +34,10 @@ from rotorid.tuning.loops import (
     LoopFigures,
     attitude_figures,
     attitude_rms,
+    first_counted,
     frequency_grid,
     loop_figures,
+    loop_phases,
 )
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.typing import Axis, ComplexArray, FloatArray
@@ -63,6 +65,9 @@ _PROPORTIONALS = 24
 """Values of P that are tried where I or D stays."""
 
 _EXACT = 1e-9
+
+_NEVER = 1e12
+"""Least factor on a loop that no factor brings inside its limits."""
 
 _ALIKE = 1.05
 """Sensitivity peaks of one loop over each other up to which neither is the worse."""
@@ -225,13 +230,14 @@ def propose(
         parts = ControllerParts(controller=controller, omega_rad_s=omega, seen=ones, logged=ones)
     omega = parts.omega_rad_s
     drawn = plant.drawn(omega)
-    flown = judged(flown_parts or parts, drawn, Gains.of(controller))
+    flown = judged(flown_parts or parts, drawn, Gains.of(controller), from_rad_s=plant.known_from_rad_s)
     reasons: list[str] = []
-    best = _searched(axis, parts, plant.response(omega), drawn, flown, wishes, reasons, ends)
+    plants = _Plants(nominal=plant.response(omega)[None], drawn=drawn, from_rad_s=plant.known_from_rad_s)
+    best = _searched(axis, parts, plants, flown, wishes, reasons, ends)
     if best is None and axis == "yaw" and _flown_broken(flown, plant, wishes):
         for down in _SOFT_ANGLES_DOWN:
             softer, why = replace(wishes, angle_down=down), [_SOFTER]
-            best = _searched(axis, parts, plant.response(omega), drawn, flown, softer, why, ends)
+            best = _searched(axis, parts, plants, flown, softer, why, ends)
             if best is not None:
                 wishes, reasons = softer, why
                 break
@@ -257,25 +263,32 @@ def propose(
     )
 
 
-def judged(parts: ControllerParts, plants: ComplexArray, gains: Gains) -> Judged:
-    """What gains do on all plants, shape ``(draws, f)``."""
+def judged(parts: ControllerParts, plants: ComplexArray, gains: Gains, *, from_rad_s: float = 0.0) -> Judged:
+    """What gains do on all plants, shape ``(draws, f)``; stability counts from a frequency on, as in loop_figures."""
     omega = parts.omega_rad_s
     rate, whole = plants * parts.rate(gains), plants * parts.whole(gains)
     return Judged(
         gains=gains,
-        rate=loop_figures(omega, rate),
-        whole=loop_figures(omega, whole),
+        rate=loop_figures(omega, rate, from_rad_s=from_rad_s),
+        whole=loop_figures(omega, whole, from_rad_s=from_rad_s),
         attitude=attitude_figures(omega, plants * parts.angle(gains) / (1.0 + whole)),
         attitude_rms=attitude_rms(omega, plants, whole),
         noise=parts.noise(gains),
     )
 
 
+class _Plants(NamedTuple):
+    """The most likely plant, ``(1, f)``, all draws, ``(draws, f)``, and from where their loops are counted."""
+
+    nominal: ComplexArray
+    drawn: ComplexArray
+    from_rad_s: float
+
+
 def _searched(
     axis: Axis,
     parts: ControllerParts,
-    nominal: ComplexArray,
-    drawn: ComplexArray,
+    plants: _Plants,
     flown: Judged,
     wishes: Wishes,
     reasons: list[str],
@@ -283,11 +296,12 @@ def _searched(
 ) -> Judged | None:
     """The best gains of the grid that hold on the draws; ``None``, with the reason, where none do."""
     ranked: list[tuple[float, _Shape]] = []
+    nominal, drawn, start = plants.nominal, plants.drawn, first_counted(parts.omega_rad_s, plants.from_rad_s)
     for shape in _shapes(axis, flown.gains, wishes):
-        gains = _best_of(shape, parts, nominal[None], flown, wishes)
+        gains = _best_of(shape, parts, nominal, start, flown, wishes)
         if gains is None:
             continue
-        rms = float(attitude_rms(parts.omega_rad_s, nominal[None], nominal[None] * parts.whole(gains))[0])
+        rms = float(attitude_rms(parts.omega_rad_s, nominal, nominal * parts.whole(gains))[0])
         ranked.append((rms, shape))
     if not ranked:
         reasons.append("no gains that were tried keep the limits on the identified plant")
@@ -295,7 +309,7 @@ def _searched(
     ranked.sort(key=lambda one: one[0])
     best: tuple[float, Gains] | None = None
     for _, shape in ranked[:_KEPT_SHAPES]:
-        gains = _best_of(shape, parts, drawn, flown, wishes)
+        gains = _best_of(shape, parts, drawn, start, flown, wishes)
         if gains is None:
             continue
         over = float(np.median(attitude_rms(parts.omega_rad_s, drawn, drawn * parts.whole(gains))))
@@ -304,7 +318,7 @@ def _searched(
     if best is None:
         reasons.append("no gains hold the limits on all likely plants: the plant is not known well enough")
         return None
-    return _inside(parts, drawn, best[1], flown, wishes, reasons, ends)
+    return _inside(parts, plants, best[1], flown, wishes, reasons, ends)
 
 
 class _Shape(NamedTuple):
@@ -367,10 +381,10 @@ def _proportionals(flown: Gains, kept: Mapping[str, float], wishes: Wishes) -> l
 
 
 def _best_of(
-    shape: _Shape, parts: ControllerParts, plants: ComplexArray, flown: Judged, wishes: Wishes
+    shape: _Shape, parts: ControllerParts, plants: ComplexArray, start: int, flown: Judged, wishes: Wishes
 ) -> Gains | None:
     """The gains of a shape with the largest P that holds on the plants, kept ones as they are; ``None`` where none."""
-    k = _gain(parts, plants, shape, flown, wishes)
+    k = _gain(parts, plants, start, shape, flown, wishes)
     if k is None:
         return None
     return Gains(**{"P": k, "I": shape.a * k, "D": shape.d * k, "A": shape.A, **_kept(flown.gains, wishes)})
@@ -392,6 +406,7 @@ def _limits(name: str, flown: float, wishes: Wishes) -> tuple[float, float]:
 def _gain(
     parts: ControllerParts,
     plants: ComplexArray,
+    start: int,
     shape: _Shape,
     flown: Judged,
     wishes: Wishes,
@@ -405,7 +420,7 @@ def _gain(
     low = np.zeros(len(plants))
     high = np.full(len(plants), np.inf)
     for loop, phase_margin in ((rate, wishes.phase_margin_rad), (whole, None)):
-        from_below, from_above = _bounds(loop, wishes, phase_margin)
+        from_below, from_above = _bounds(loop, wishes, phase_margin, start=start)
         low, high = np.maximum(low, from_below), np.minimum(high, from_above)
     apart = np.zeros(len(plants))
     if A > 0.0:
@@ -433,12 +448,17 @@ def _gain(
     return k_high if k_high >= k_low else None
 
 
-def _bounds(loops: ComplexArray, wishes: Wishes, phase_margin_rad: float | None) -> tuple[FloatArray, FloatArray]:
-    """Least and largest factor on loops for every limit, shapes ``(draws,)``."""
+def _bounds(
+    loops: ComplexArray, wishes: Wishes, phase_margin_rad: float | None, *, start: int = 0
+) -> tuple[FloatArray, FloatArray]:
+    """Least and largest factor on loops for every limit, shapes ``(draws,)``; none, where no factor keeps them.
+
+    The highest phase is looked for from the frequency of index ``start`` on.
+    """
     size, real = np.abs(loops), loops.real
-    phase = np.unwrap(np.angle(loops), axis=1)
-    top = np.argmax(phase, axis=1)
-    phase = phase - 2.0 * np.pi * np.round(np.take_along_axis(phase, top[:, None], axis=1) / (2.0 * np.pi))
+    phase = loop_phases(loops, start)
+    top = start + np.argmax(phase[:, start:], axis=1)
+    highest = np.take_along_axis(phase, top[:, None], axis=1)[:, 0]
     fast = np.arange(loops.shape[1])[None] >= top[:, None]
     inside = 1.0 - wishes.sensitivity_peak**-2
     under = real**2 - size**2 * inside
@@ -455,12 +475,14 @@ def _bounds(loops: ComplexArray, wishes: Wishes, phase_margin_rad: float | None)
         high = np.minimum(high, np.min(np.where(falls, 1.0 / (factor * size[:, :-1]), np.inf), axis=1))
         rises = ~fast[:, :-1] & (phase[:, :-1] <= level) & (phase[:, 1:] > level)
         low = np.maximum(low, np.max(np.where(rises, factor / size[:, 1:], 0.0), axis=1))
+        # A phase that never rises above a level falls through it nowhere, and no factor brings a margin.
+        low, high = np.where(highest <= level, _NEVER, low), np.where(highest <= level, 0.0, high)
     return low, high
 
 
 def _inside(
     parts: ControllerParts,
-    drawn: ComplexArray,
+    plants: _Plants,
     gains: Gains,
     flown: Judged,
     wishes: Wishes,
@@ -469,8 +491,11 @@ def _inside(
 ) -> Judged | None:
     """Gains that hold with everything exact, feed-forward included: a little smaller where they have to be."""
     for _ in range(_STEPS_DOWN):
-        found = judged(parts, drawn, gains)
-        moved = [judged(end, drawn, replace(gains, D=end.controller.derivative_s2)) for end in ends]
+        found = judged(parts, plants.drawn, gains, from_rad_s=plants.from_rad_s)
+        moved = [
+            judged(end, plants.drawn, replace(gains, D=end.controller.derivative_s2), from_rad_s=plants.from_rad_s)
+            for end in ends
+        ]
         broken = next((words for one in (found, *moved) if (words := _broken(one, wishes))), "")
         if not broken:
             return found

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from rotorid.models.controller import RateController
-from rotorid.tuning import ControllerParts, Gains, frequency_grid, loop_figures
+from rotorid.tuning import ControllerParts, Gains, frequency_grid, loop_figures, uncertain_plant
+from rotorid.typing import ComplexArray
 
 PX4 = RateController(
     proportional_s=0.15,
@@ -82,6 +85,58 @@ def test_stability_is_that_of_the_closed_loop(factor: float) -> None:
     s = 1j * np.geomspace(0.005, 3000.0, 6000)
     loop = np.polyval(numerator, s) / np.polyval(denominator, s)
     assert bool(loop_figures(s.imag, loop[None]).stable[0]) == bool((roots.real < 0.0).all())
+
+
+INTEGRAL_TOO_STRONG = [
+    lambda s: 100.0 / s * (0.002 + 1.0 / s) * (1.0 + 8.0 / s) * np.exp(-0.01 * s),
+    lambda s: 20.0 / (s**2 * (1.0 + 0.05 * s)),
+]
+
+
+@pytest.mark.parametrize("loop", INTEGRAL_TOO_STRONG)
+def test_a_loop_that_never_rises_above_a_half_turn_is_unstable(loop: Callable[[ComplexArray], ComplexArray]) -> None:
+    """Shifted by its highest phase it would be stable, with hundreds of degrees of phase margin."""
+    for grid in (np.geomspace(0.5, 600.0, 170), np.geomspace(0.05, 3000.0, 4000)):
+        found = loop_figures(grid, loop(1j * grid)[None])
+        assert not found.stable[0]
+        assert -60.0 < np.degrees(found.phase_margin_rad[0]) < 0.0
+
+
+def test_stability_is_the_winding_of_one_plus_the_loop() -> None:
+    """Random rational loops with up to three integrals: by their roots, and by the phase of 1 + L on a close grid."""
+    rng = np.random.default_rng(5)
+    s = 1j * np.geomspace(0.02, 600.0, 3000)
+    answers = []
+    for _ in range(300):
+        integrals = int(rng.integers(1, 4))
+        zeros, lags = -rng.uniform(0.5, 60.0, integrals - 1 + rng.integers(0, 2)), rng.uniform(0.003, 0.2, 3)
+        numerator = 10.0 ** rng.uniform(-1.0, 4.0) * np.atleast_1d(np.poly(zeros)) / np.abs(np.prod(zeros))
+        denominator = np.eye(integrals + 1)[0]
+        for lag in lags:
+            denominator = np.polymul(denominator, [lag, 1.0])
+        values = np.polyval(numerator, s) / np.polyval(denominator, s)
+        if np.abs(1.0 + values).min() < 0.05 or not abs(values[-1]) < 0.5 or abs(values[0]) < 2.0:
+            continue
+        stable = bool((np.roots(np.polyadd(denominator, numerator)).real < 0.0).all())
+        assert bool(loop_figures(s.imag, values[None]).stable[0]) == stable
+        turned = np.unwrap(np.angle(1.0 + values))
+        begins = np.angle(values[0]) - (2.0 * np.pi if np.angle(values[0]) > np.radians(30.0) else 0.0)
+        assert (abs(turned[-1] - turned[0] + begins) < np.pi) == stable
+        answers.append(stable)
+    assert 30 < sum(answers) < len(answers) - 30
+
+
+def test_stability_counts_from_where_the_plant_is_known() -> None:
+    """Speed modes below the band turn the phase of an identified plant once more; a good loop stays good."""
+    plant = uncertain_plant(lambda w: 100.0 / (1j * w), None, band_rad_s=(2.0, 100.0))
+    omega = np.geomspace(0.5, 600.0, 170)
+    s = 1j * omega
+    # Unstable slow poles with a weak static gain, as hover has them: below 2 rad/s the response is not an integrator's.
+    slow = s**2 / (s**2 - 0.8 * s + 2.4**2)
+    loop = (100.0 / s * slow * 0.1 * (1.0 + 3.0 / s) * (1.0 + 3.0 / s) * np.exp(-0.01 * s))[None]
+    assert not loop_figures(omega, loop).stable[0]
+    assert loop_figures(omega, loop, from_rad_s=plant.known_from_rad_s).stable[0]
+    assert not loop_figures(omega, loop, from_rad_s=plant.band_rad_s[0]).stable[0]
 
 
 def test_a_loop_that_never_reaches_one_has_no_crossover() -> None:

@@ -64,6 +64,30 @@ def test_bounds_in_closed_form_are_those_of_a_scan(shape: tuple[float, float, fl
     assert holds.min() == pytest.approx(max(low[0], holds.min()), rel=step - 1.0)
 
 
+def test_no_factor_is_offered_where_none_makes_the_loop_stable() -> None:
+    """The phase lies below -180 degrees everywhere, that of the last loop below -180 degrees plus the margin."""
+    s = 1j * np.geomspace(0.5, 600.0, 170)
+    unstable = np.stack(
+        [100.0 / s * (0.002 + 1.0 / s) * (1.0 + 8.0 / s) * np.exp(-0.01 * s), 20.0 / s**2 / (1.0 + 0.05 * s)]
+    )
+    low, high = _bounds(unstable, Wishes(), None)
+    assert (low > 1e3 * high).all()
+    little = (20.0 * (1.0 + s / 8.0) / s**2 / (1.0 + 0.05 * s))[None]
+    assert loop_figures(s.imag, little).stable[0]
+    low, high = _bounds(little, Wishes(sensitivity_peak=2.5, gain_margin=1.0), float(np.radians(45.0)))
+    assert (low > 1e3 * high).all()
+
+
+def test_flown_gains_with_too_much_integral_are_unstable_and_come_down() -> None:
+    """They swing slowly; shifted by its highest phase their loop had a peak inside the limits."""
+    swinging = Gains(P=0.002, I=0.5, D=0.0, A=8.0).on(replace(FLOWN, derivative_s2=0.0))
+    found = propose("roll", known(), swinging)
+    assert not found.flown.whole.stable.any()
+    assert np.median(found.flown.whole.phase_margin_rad) < 0.0
+    assert any("the flown gains do not keep stability" in reason for reason in found.reasons)
+    assert found.proposed.whole.stable.all() or not found.changed
+
+
 def test_soft_gains_are_raised_and_hold_on_other_draws() -> None:
     found = propose("roll", known(), FLOWN)
     assert found.changed

@@ -159,6 +159,6 @@ def known_axis(
         controller=flown.controller if then is None else flown.with_parameters(then),
         parts=flown.parts(omega, then=then, noise=noise),
     )
-    loops = loop_figures(omega, known.drawn() * known.flown_parts.rate(known.gains))
+    loops = loop_figures(omega, known.drawn() * known.flown_parts.rate(known.gains), from_rad_s=plant.known_from_rad_s)
     require_known(axis, plant, loops.usual_crossover_rad_s)
     return known

@@ -385,10 +385,10 @@ def _axis(
         wishes=replace(_wishes(controller, settings, thrust), angle_1_s=angle_1_s),
     )
     if found.changed:
-        found = replace(found, proposed=judged(parts, drawn, rounded(controller, found.proposed.gains)))
+        found = replace(found, proposed=_judged(known, parts, rounded(controller, found.proposed.gains)))
     elif then is not None:
         # Gains that stay fly the other filters too.
-        found = replace(found, proposed=judged(parts, drawn, found.flown.gains))
+        found = replace(found, proposed=_judged(known, parts, found.flown.gains))
         found = replace(found, better=float(np.median(found.proposed.attitude_rms / found.flown.attitude_rms)))
     sets = {"flown": (known.flown_parts, found.flown.gains), "proposed": (parts, found.proposed.gains)}
     return AxisTuning(
@@ -401,10 +401,14 @@ def _axis(
         responses=_responses(omega, drawn, sets),
         parts=parts,
         prices=prices(then or flown.record, controller, parts, plant.response(omega), found.proposed.gains),
-        ends={name: judged(end, drawn, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
+        ends={name: _judged(known, end, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
         noise_seen=parts.rate_noise is not None,
         **_steps(flown, then, plant, found),
     )
+
+
+def _judged(known: KnownAxis, parts: ControllerParts, gains: Gains) -> Judged:
+    return judged(parts, known.drawn(), gains, from_rad_s=known.plant.known_from_rad_s)
 
 
 def _wishes(controller: AxisController, settings: TuneSettings, thrust: ThrustLinearization | None) -> Wishes:

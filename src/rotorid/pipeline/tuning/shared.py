@@ -90,7 +90,9 @@ def _reached(axis: Axis, record: FlightRecord | None, filters: Mapping[str, floa
 def _broken(axis: Axis, one: KnownAxis, named: str, wishes: Wishes) -> Finding | None:
     """Which limit an axis would break with its flown gains."""
     drawn = one.drawn()
-    before, after = (judged(parts, drawn, one.gains) for parts in (one.flown_parts, one.parts))
+    before, after = (
+        judged(parts, drawn, one.gains, from_rad_s=one.plant.known_from_rad_s) for parts in (one.flown_parts, one.parts)
+    )
     limit = spoiled(before, after, one.plant, wishes)
     if not limit:
         return None
