@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from benchmarks.tuning_fleet import fly as fly_axis
+from benchmarks.tuning_fleet import made
 
 import rotorid
 from rotorid.data.record import AXES
@@ -199,3 +201,15 @@ def test_flown_loops_are_those_of_the_simulator(vehicle: str, tmp_path: Path) ->
         phase_deg = np.degrees(np.median(told.phase_margin_rad) - true.phase_margin_rad[0])
         assert abs(phase_deg) < 1.0
         assert np.median(told.sensitivity_peak) == pytest.approx(float(true.sensitivity_peak[0]), rel=0.03)
+
+
+def test_a_yaw_too_soft_for_the_check_is_unchecked_and_not_refused(tmp_path: Path) -> None:
+    """Its controller makes less than a third of the command: the right way of the sweep shows nowhere, a wrong one does.
+
+    That other gains are refused where it shows is tested on a flight of ArduPilot's own simulator.
+    """
+    craft, gains, air = made(7, hard=False)
+    soft = {name: 0.3 * value for name, value in gains["yaw"].items()}
+    log, _ = fly_axis(craft, soft, "yaw", {**air, "sweep_s": 30.0}, tmp_path, 3)
+    found = tune(records=log, axes=("yaw",))
+    assert "controller_unchecked" in {one.kind for one in found.findings}
