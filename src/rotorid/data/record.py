@@ -338,6 +338,8 @@ class Status:
         When the set-points of the body rates came straight from the sticks, so that no feedback was in them.
     modes
         Flight mode, as the autopilot calls it, with start and stop of each stay in it.
+    planned
+        When a program flew a plan through the set-points of the attitude, as the log says.
     """
 
     vehicle: Vehicle = ""
@@ -348,6 +350,7 @@ class Status:
     flagged_in: str = ""
     direct_rates: Intervals = ()
     modes: tuple[tuple[str, float, float], ...] = ()
+    planned: Intervals = ()
 
     @property
     def foreign(self) -> bool:

@@ -16,7 +16,6 @@ from rotorid.data.base import Immutable
 from rotorid.data.display import html_table, lines_of
 from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, Channel, FlightRecord, Maneuver, Topic
-from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
 from rotorid.io.advice import flying_advice, logging_advice
@@ -30,6 +29,7 @@ from rotorid.signal.excitations import (
     candidate_excitations,
     find_excitations,
     motor_excitations,
+    rich_excitations,
     still_declarations,
 )
 from rotorid.signal.kinematics import KinematicCheck
@@ -98,7 +98,7 @@ def supports(record: FlightRecord, found: _PerAxis, candidates: _PerAxis) -> dic
         because = f"the vehicle is a {record.status.vehicle}, as {record.status.named_in} says, and no multirotor"
         return {model: Support(possible=False, because=because) for model in RATE_AXES}
     rates = {model: _support(record, axis.input, axis.output, found, candidates) for model, axis in RATE_AXES.items()}
-    return rates | _rig_supports(record, found)
+    return rates | _rig_supports(record)
 
 
 _RIG_MODELS: Mapping[str, tuple[tuple[str, ...], tuple[Axis, ...], tuple[str, ...]]] = {
@@ -108,17 +108,15 @@ _RIG_MODELS: Mapping[str, tuple[tuple[str, ...], tuple[Axis, ...], tuple[str, ..
 """Inputs of each model of a vehicle on a pivot, the axes that have to be swept, and outputs of which one is enough."""
 
 
-def _rig_supports(record: FlightRecord, found: _PerAxis) -> dict[str, Support]:
+def _rig_supports(record: FlightRecord) -> dict[str, Support]:
     """Whether a record with test inputs of single motors supports the models of a vehicle on a pivot; else nothing."""
     if not motor_excitations(record):
         return {}
-    return {name: _rig_support(record, *needed, found) for name, needed in _RIG_MODELS.items()}
+    return {name: _rig_support(record, *needed) for name, needed in _RIG_MODELS.items()}
 
 
-def _rig_support(
-    record: FlightRecord, motors: Sequence[str], axes: Sequence[Axis], outputs: Sequence[str], found: _PerAxis
-) -> Support:
-    flights = [Flight(record, m) for axis in axes for m in found[axis] if m.kind in RICH_KINDS]
+def _rig_support(record: FlightRecord, motors: Sequence[str], axes: Sequence[Axis], outputs: Sequence[str]) -> Support:
+    flights = [Flight(record, m) for axis in axes for m in rich_excitations(record, axis)]
     missing = [name for name in motors if name not in record.channel_names]
     instruments = [name for motor in motors if (name := own_instrument(flights, motor))] if flights else []
     unswept = [axis for axis in axes if not any(flight.axis == axis for flight in flights)]
@@ -172,7 +170,7 @@ def segment_of(axis: str, start_s: float, stop_s: float) -> str:
 def _support(record: FlightRecord, input: str, output: str, found: _PerAxis, candidates: _PerAxis) -> Support:
     name = axis_of(input)
     rates = {channel: _best_rate_hz(record, channel) for channel in (input, output)}
-    rich = [maneuver for maneuver in found[name] if maneuver.kind in RICH_KINDS]
+    rich = rich_excitations(record, name)
     tried = max(candidates[name], key=lambda maneuver: maneuver.duration_s, default=None)
     moved = rich or ([tried] if tried else [])
     instrument = find_instrument([Flight(record, maneuver) for maneuver in moved], name) if moved else None

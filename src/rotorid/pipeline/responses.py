@@ -24,7 +24,6 @@ from rotorid.data.display import html_table, lines_of
 from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.data.response import Estimate, FrequencyResponse
-from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axes_of, axis_of, is_command, is_free
@@ -44,7 +43,7 @@ from rotorid.pipeline.preparation.sensors import corrected_record, sensor_correc
 from rotorid.pipeline.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
 from rotorid.pipeline.results import Records, Segment
 from rotorid.pipeline.settings import ResponseSettings, as_names, as_records, as_settings
-from rotorid.signal.excitations import find_excitations
+from rotorid.signal.excitations import rich_excitations
 from rotorid.typing import Axis, BoolArray, FloatArray
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -132,8 +131,7 @@ def _given(records: Sequence[FlightRecord], axes: Sequence[Axis], settings: Resp
 
 
 def _found(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight]:
-    found = [Flight(record, m) for record in records for axis in axes for m in find_excitations(record, axis)]
-    return [Flight(record, m) for record, m in found if m.kind in RICH_KINDS or m.origin == "given"]
+    return [Flight(record, m) for record in records for axis in axes for m in rich_excitations(record, axis)]
 
 
 def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs: Sequence[str]) -> Chosen:

@@ -10,7 +10,6 @@ from typing import Any
 
 from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord
-from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.derived import useful_known
 from rotorid.models.library import RATE_AXES
@@ -23,7 +22,7 @@ from rotorid.pipeline.preparation.resolve import finds_its_channels, resolve_mod
 from rotorid.pipeline.provenance import Provenance, provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import ALL, ALSO_OF_MOTORS, MODEL, OF_MOTORS, IdentifySettings, as_records, as_settings
-from rotorid.signal.excitations import find_excitations
+from rotorid.signal.excitations import rich_excitations
 from rotorid.typing import Axis
 
 AXIS_OF: Mapping[str, Axis] = {name: axis_of(model.input) for name, model in RATE_AXES.items()}
@@ -178,7 +177,7 @@ def settings_of(
 
 
 def _excited_on_purpose(records: Sequence[FlightRecord], axis: Axis) -> bool:
-    return any(one.kind in RICH_KINDS for record in records for one in find_excitations(record, axis))
+    return any(rich_excitations(record, axis) for record in records)
 
 
 def own_choices(structure: LinearStructure, settings: IdentifySettings) -> IdentifySettings:

@@ -7,6 +7,9 @@ of period :math:`T`, as a multisine is, is its own copy one period later,
     r(T) = 1
 
 over the time in which both are there. A command that contains feedback repeats only in part, a test input exactly.
+
+Evidence has a rank. What the log declares goes before what shapes suggest (:func:`rich_excitations`): a pilot who flies
+doublets, corrects a drift and lands makes shapes too.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ import numpy as np
 from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import remembered
 from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, FlightRecord, Intervals, Kind, Maneuver, Maneuvers
+from rotorid.data.trust import LEAST_WIDTH, RICH_KINDS
 from rotorid.errors import InsufficientDataError
 from rotorid.signal.airborne import airborne
 from rotorid.signal.clock import even_step_s
@@ -34,6 +38,18 @@ OUTER_SETPOINTS: dict[str, tuple[str, ...]] = {
 """Set-points of each axis from the outermost loop inward. Only the outermost that moves is free of feedback."""
 
 RATE_SETPOINTS: dict[str, str] = {"roll": "p_setpoint", "pitch": "q_setpoint", "yaw": "r_setpoint"}
+
+ATTITUDE_SETPOINTS: dict[str, str] = {"roll": "phi_setpoint", "pitch": "theta_setpoint"}
+"""Set-points that a program sends where it flies attitudes."""
+
+_SENT_MODES = ("guided", "guided without GPS", "offboard")
+"""Modes in which a program may send set-points of the attitude."""
+
+_OUTER_MODES = (
+    *("position", "position slow", "hold", "takeoff", "land", "precision land", "descend", "mission", "return"),
+    *("auto", "loiter", "circle", "position hold", "brake", "smart return", "flow hold", "follow", "zigzag"),
+)
+"""Modes in which loops of position and velocity move the set-points of the attitude."""
 
 LEAST_MOTION = {"1": 0.02, "rad": 0.02, "rad/s": 0.05, "m/s": 0.1, "m": 0.02}
 """Excitations smaller than this are taken for noise or for pilot corrections."""
@@ -64,6 +80,12 @@ _LEAST_VARIATION = 0.2
 
 _HELD_SHARE = 0.9
 """Share of the samples, without those on their way, that two levels must hold."""
+
+_MOST_BEYOND = 0.02
+"""Share of the samples of a signal of two levels that may lie beyond them by half: single peaks are doublets."""
+
+_LEAST_OF_EACH = 0.2
+"""Share of the samples at either level that lie at the rarer one."""
 
 _LEAST_AT_LEVEL = 0.25
 """Share of the samples at each of two levels."""
@@ -111,9 +133,12 @@ def excitation_signals(
     """
     added = (f"{axis}_excitation", f"{axis}_setpoint_excitation")
     free = record.instruments.get(axis, ()) or (*added, f"{axis}_stick", *OUTER_SETPOINTS[axis])
+    injected = [name for name in free if name.endswith("_excitation")]
+    others = [name for name in free if name not in injected]
     if sets_rates_directly(record, within):
-        injected = [name for name in free if name.endswith("_excitation")]
-        free = (*injected, RATE_SETPOINTS.get(axis, ""), *(name for name in free if name not in injected))
+        free = (*injected, RATE_SETPOINTS.get(axis, ""), *others)
+    elif within is not None and any(_share(within, ((a, b),)) > _MOSTLY for a, b in _sent_attitudes(record)):
+        free = (*injected, ATTITUDE_SETPOINTS.get(axis, ""), *others)
     names = (*free, f"{axis}_command")
     return tuple(name for name in dict.fromkeys(names) if name in record.channel_names)
 
@@ -141,6 +166,12 @@ def _share(interval: tuple[float, float], intervals: Intervals) -> float:
     start_s, stop_s = interval
     covered_s = sum(max(min(b, stop_s) - max(a, start_s), 0.0) for a, b in intervals)
     return covered_s / (stop_s - start_s)
+
+
+def _sent_attitudes(record: FlightRecord) -> Intervals:
+    """When a program sent set-points of the attitude: by the log's own word, or else the modes in which it may have."""
+    status = record.status
+    return status.planned or tuple((start_s, stop_s) for mode, start_s, stop_s in status.modes if mode in _SENT_MODES)
 
 
 def still_declarations(record: FlightRecord) -> tuple[Maneuver, ...]:
@@ -197,6 +228,46 @@ def find_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     # A controller answers an excitation of one axis on the others too: that is no excitation of theirs.
     elsewhere = [m for other in AXES if other != axis for m in _from_outside(record, other)]  # type: ignore[arg-type]
     return Maneuvers(m for m in shown if not any(_mostly_inside(m, e) for e in elsewhere))
+
+
+def rich_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
+    """Excitations of one axis that a response is measured from: of the highest rank that the log has any of.
+
+    Sweeps, random binary signals and multisines, and intervals that a mapping names. Where the log declares any of
+    them, by the messages of its autopilot, by a plan that a program flew or by a mapping, what signals show beyond
+    them is left to judge the model (:func:`verifying_excitations`): it was flown for something else.
+
+    Parameters
+    ----------
+    record
+        The log.
+    axis
+        The axis to look at.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Source
+    >>> sweep = Maneuver(axis="roll", kind="sweep", start_s=5.0, stop_s=60.0, origin="declared")
+    >>> source = Source(name="flight.BIN", format="dataflash", sha256="")
+    >>> rich_excitations(FlightRecord(source=source, topics=(), declared=(sweep,)), "roll") == (sweep,)
+    True
+    """
+    rich = [m for m in find_excitations(record, axis) if m.kind in RICH_KINDS or m.origin == "given"]
+    return Maneuvers([m for m in rich if m.origin != "found"] or rich)
+
+
+def verifying_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
+    """Excitations of one axis that no response is measured from: doublets, multisteps, and what ranks lower.
+
+    Parameters
+    ----------
+    record
+        The log.
+    axis
+        The axis to look at.
+    """
+    fitted = rich_excitations(record, axis)
+    return Maneuvers(m for m in find_excitations(record, axis) if m not in fitted)
 
 
 def candidate_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
@@ -280,12 +351,56 @@ def _middle_of_levels(values: FloatArray) -> float:
 def _from_outside(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     """Excitations of an axis that the log declares or that signals without feedback show."""
     declared = tuple(m for m in record.declared if m.axis == axis and not _stands_still(record, m))
+    declared += tuple(m for m in _sent_by_program(record, axis) if not _any_shared(m, declared))
     # What the log declares shows in the injected signal too; other maneuvers show elsewhere.
     known = {f"{axis}_command", f"{axis}_excitation"} if declared else {f"{axis}_command"}
     names = [name for name in excitation_signals(record, axis) if name not in known]
     found = _purposeful(record, axis, names)
     others = tuple(m for m in found if not _any_shared(m, declared))
     return tuple(sorted((*declared, *others), key=lambda maneuver: maneuver.start_s))
+
+
+def _sent_by_program(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
+    """Excitations that a program sent as set-points of the attitude, as they flew: the autopilot may smooth them.
+
+    Where the log says when a plan was flown, each counts as declared. Without that word only the shapes that no outer
+    loop makes are taken for a program's.
+    """
+    name, told = ATTITUDE_SETPOINTS.get(axis, ""), bool(record.status.planned)
+    if name in record.instruments.get(axis, (name,) if not told else ()):
+        # A set-point that is free of feedback throughout is looked at as a whole.
+        return ()
+    found: list[Maneuver] = []
+    for start_s, stop_s in _sent_attitudes(record):
+        for topic, row in record.holding(name):
+            inside = (topic.time_s >= start_s) & (topic.time_s <= stop_s) & np.isfinite(topic.values[row])
+            time_s, values = topic.time_s[inside], topic.values[row][inside]
+            moved = _in_signal(time_s, values, axis, name)
+            if told:
+                moved = [replace(_smoothed(m, time_s, values), origin="declared") for m in moved]
+            kinds = (*RICH_KINDS, "doublet", "multistep") if told else ("sweep", "multisine")
+            shown = _level_flight(record, [m for m in moved if m.kind in kinds])
+            if shown:
+                found += shown
+                break
+    return tuple(found)
+
+
+def _smoothed(maneuver: Maneuver, time_s: FloatArray, values: FloatArray) -> Maneuver:
+    """What a program is known to have sent, as a multisine where it repeats as well as smoothing leaves it.
+
+    The autopilot limits rates and accelerations of what it is asked for, and a loop that keeps the place adds its own:
+    two periods of a multisine are alike in part only. Of a plan that was flown that is enough.
+    """
+    if maneuver.kind != "other":
+        return maneuver
+    inside = (time_s >= maneuver.start_s) & (time_s <= maneuver.stop_s)
+    part_time, part = time_s[inside], values[inside]
+    period_s = period_of(part_time, part, shortest_s=_SHORTEST_PERIOD_S, alike=_ALIKE_IN_PLAN)
+    band = None if period_s is None else lines_in_noise(part_time, part, period_s)
+    if band is None or band[1] <= LEAST_WIDTH * band[0]:
+        return maneuver
+    return replace(maneuver, kind="multisine", band_rad_s=band)
 
 
 def motor_excitations(record: FlightRecord) -> tuple[str, ...]:
@@ -331,10 +446,19 @@ def _purposeful(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tuple
     for name in names:
         for topic, row in record.holding(name):
             found = _in_signal(topic.time_s, topic.values[row], axis, name)
-            purposeful = _level_flight(record, [maneuver for maneuver in found if maneuver.kind != "other"])
+            moved = [m for m in found if m.kind != "other" and not _by_outer_loop(record, m)]
+            purposeful = _level_flight(record, moved)
             if purposeful:
                 return purposeful
     return ()
+
+
+def _by_outer_loop(record: FlightRecord, maneuver: Maneuver) -> bool:
+    """Whether a short motion of an attitude's set-point is what loops of position and velocity ask for, by the mode."""
+    if maneuver.kind not in _SHORT_KINDS or maneuver.signal not in ATTITUDE_SETPOINTS.values():
+        return False
+    outer = tuple((start_s, stop_s) for mode, start_s, stop_s in record.status.modes if mode in _OUTER_MODES)
+    return _share((maneuver.start_s, maneuver.stop_s), outer) > _MOSTLY_FLOWN
 
 
 def _level_flight(record: FlightRecord, maneuvers: Sequence[Maneuver]) -> tuple[Maneuver, ...]:
@@ -480,8 +604,9 @@ def classify(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float,
     many = len(halves) >= _FEWEST_HALVES
     if many and duration > _SHORTEST_RICH_S:
         if _has_trend(halves):
-            return "sweep", band
-        if _has_two_levels(time_s, motion, switches, level):
+            return ("sweep" if band[1] > LEAST_WIDTH * band[0] else "other"), band
+        # One octave of half periods is a pilot who weaves: gain, damping and delay look alike over it.
+        if halves.max() > LEAST_WIDTH * halves.min() and _has_two_levels(time_s, motion, switches, level):
             return "random_binary", band
         return _repeated(time_s, motion) or ("other", band)
     return ("other", band) if many or duration >= 15.0 else ("multistep", None)
@@ -491,7 +616,7 @@ def _repeated(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float
     """A multisine with its band: a signal of several lines that repeats."""
     period_s = period_of(time_s, motion, shortest_s=_SHORTEST_PERIOD_S)
     band = None if period_s is None else lines_of(time_s, motion, period_s)
-    return None if band is None else ("multisine", band)
+    return None if band is None or band[1] <= LEAST_WIDTH * band[0] else ("multisine", band)
 
 
 def _fastest_rad_s(switches: FloatArray) -> float:
@@ -528,6 +653,10 @@ def _has_two_levels(time_s: FloatArray, motion: FloatArray, switches: FloatArray
     coarsely, too, nothing but the crests remains without them; but its half periods are all of one length.
     """
     held = np.abs(motion) > _TWO_LEVEL_SHARE * level
+    # A stick that landed rests at a single level, and doublets on a trim go far beyond it.
+    above = float(np.mean(motion[held] > 0.0))
+    if min(above, 1.0 - above) < _LEAST_OF_EACH or float(np.mean(np.abs(motion) > 1.5 * level)) > _MOST_BEYOND:
+        return False
     if float(np.mean(held)) > _TWO_LEVEL_SHARE:
         return True
     index = np.searchsorted(time_s, switches)
@@ -551,6 +680,9 @@ def _has_trend(halves: FloatArray) -> bool:
 _ALIKE = 0.95
 """Correlation with itself from which a signal repeats."""
 
+_ALIKE_IN_PLAN = 0.5
+"""The same of a signal that a program is known to have sent, and that the autopilot smoothed."""
+
 _UNLIKE = 0.5
 """Correlation below which a signal has left itself, before it can come back."""
 
@@ -564,7 +696,7 @@ _FEWEST_LINES = 3
 """Lines that a multisine has at least."""
 
 
-def period_of(time_s: FloatArray, motion: FloatArray, *, shortest_s: float) -> float | None:
+def period_of(time_s: FloatArray, motion: FloatArray, *, shortest_s: float, alike: float = _ALIKE) -> float | None:
     """Period of a signal that repeats at least once; ``None`` for one that does not.
 
     Parameters
@@ -573,6 +705,8 @@ def period_of(time_s: FloatArray, motion: FloatArray, *, shortest_s: float) -> f
         One active interval, shapes ``(samples,)``; the stamps may jitter.
     shortest_s
         Shorter periods are those of a sine and of steps.
+    alike
+        Correlation with itself from which it repeats.
 
     Examples
     --------
@@ -589,14 +723,14 @@ def period_of(time_s: FloatArray, motion: FloatArray, *, shortest_s: float) -> f
     first, last = int(shortest_s / step_s), int(grid.size / _LEAST_PERIODS)
     dips = np.flatnonzero(shift[:last] < _UNLIKE)
     begin = max(first, int(dips[0]) if dips.size else last)
-    alike = np.flatnonzero(shift[begin:last] > _ALIKE)
-    if not alike.size:
+    repeats = np.flatnonzero(shift[begin:last] > alike)
+    if not repeats.size:
         return None
     # The first stretch that is alike, at its best place.
-    stop = begin + int(alike[0])
-    while stop + 1 < last and shift[stop + 1] > _ALIKE:
+    stop = begin + int(repeats[0])
+    while stop + 1 < last and shift[stop + 1] > alike:
         stop += 1
-    best = begin + int(alike[0]) + int(np.argmax(shift[begin + int(alike[0]) : stop + 1]))
+    best = begin + int(repeats[0]) + int(np.argmax(shift[begin + int(repeats[0]) : stop + 1]))
     return round(best * step_s, 9)
 
 
@@ -613,6 +747,44 @@ def lines_of(time_s: FloatArray, motion: FloatArray, period_s: float) -> tuple[f
         return None
     line_rad_s = 2.0 * np.pi / period_s
     return float(lines[0] * line_rad_s), float(lines[-1] * line_rad_s)
+
+
+_LINE_OVER_NOISE = 9.0
+"""Power of a line over that between lines around it from which it counts; noise alone is as large once in 8000."""
+
+_NEIGHBORS = 8
+"""Lines around one whose gaps say how large the noise is there."""
+
+
+def lines_in_noise(time_s: FloatArray, motion: FloatArray, period_s: float) -> tuple[float, float] | None:
+    """Lowest and highest line of a signal that repeats but for noise, rad/s; ``None`` for fewer than three lines.
+
+    Of :math:`n` whole periods every :math:`n`-th frequency holds a line, and those between them noise alone.
+
+    Parameters
+    ----------
+    time_s, motion
+        One active interval of about two periods or more, shapes ``(samples,)``.
+    period_s
+        Of the signal.
+    """
+    step_s = even_step_s(time_s)
+    samples, periods = round(period_s / step_s), max(round((time_s[-1] - time_s[0]) / period_s - 0.4), 1)
+    if periods < 2:
+        return None
+    grid = time_s[0] + np.arange(samples * periods) * step_s
+    values = np.interp(grid, time_s, motion)
+    power = np.abs(np.fft.rfft(values - values.mean())) ** 2
+    count = power.size // periods
+    lines = power[: count * periods].reshape(count, periods)
+    between = lines[:, 1:].mean(axis=1)
+    kernel = np.ones(min(_NEIGHBORS, count))
+    noise = np.convolve(between, kernel, "same") / np.convolve(np.ones(count), kernel, "same")
+    seen = np.flatnonzero(lines[1:, 0] > _LINE_OVER_NOISE * noise[1:]) + 1
+    if seen.size < _FEWEST_LINES:
+        return None
+    line_rad_s = 2.0 * np.pi / period_s
+    return float(seen[0] * line_rad_s), float(seen[-1] * line_rad_s)
 
 
 def _normalized(values: FloatArray) -> FloatArray:

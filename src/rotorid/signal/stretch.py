@@ -39,6 +39,7 @@ def stretch(record: FlightRecord, start_s: float, stop_s: float) -> FlightRecord
             armed=_inside(status.armed, start_s, stop_s),
             in_air=_inside(status.in_air, start_s, stop_s),
             direct_rates=_clipped(status.direct_rates, start_s, stop_s),
+            planned=_clipped(status.planned, start_s, stop_s),
             modes=tuple(
                 (name, max(a, start_s), min(b, stop_s)) for name, a, b in status.modes if a < stop_s and b > start_s
             ),

@@ -9,7 +9,7 @@ import numpy as np
 
 from rotorid.data.record import Intervals, Status, Vehicle
 from rotorid.io.ardupilot.dataflash import Table
-from rotorid.io.flags import intervals_of, stays_of
+from rotorid.io.flags import intervals_of, shared, stays_of
 from rotorid.typing import AnyArray, FloatArray
 
 STATUS_MESSAGES = frozenset({"EV", "ARM", "MODE"})
@@ -23,7 +23,7 @@ _IN_AIR: Mapping[int, bool] = {
     _NOT_LANDED: True,
     **dict.fromkeys((_ARMED, _LANDED, _DISARMED, _STOPPED, _INTERLOCKED), False),
 }
-_ACRO = 1
+_ACRO, _GUIDED = 1, 4
 
 _FIRMWARES: Sequence[tuple[str, Vehicle]] = (
     ("Copter", "multirotor"),
@@ -73,6 +73,7 @@ def status_of(
         flagged_in="EV" if events is not None else "ARM" if states is not None else "",
         direct_rates=_acro(tables, parameters, span_s[1]),
         modes=_modes(tables, vehicle, span_s[1]),
+        planned=_planned(tables, span_s[1]),
     )
 
 
@@ -157,6 +158,23 @@ def _modes(tables: Mapping[str, Table], vehicle: str, until_s: float) -> tuple[t
     modes = _stamped(tables, "MODE", "ModeNum") or _stamped(tables, "MODE", "Mode")
     named = _MODES if vehicle in ("", "multirotor", "helicopter") else {}
     return stays_of(*modes, named, until_s=until_s) if modes else ()
+
+
+_SCRIPT, _BEGINS = "rotorid: ", "rotorid: plan begins"
+"""How the scripts of flight plans begin their messages, and what the one that flies attitudes says at its start."""
+
+
+def _planned(tables: Mapping[str, Table], until_s: float) -> Intervals:
+    """When a script flew a plan of attitudes in guided mode: from its first message to its next one."""
+    messages = tables.get("MSG")
+    modes = _stamped(tables, "MODE", "ModeNum") or _stamped(tables, "MODE", "Mode")
+    if messages is None or modes is None or messages.time_s is None or not messages.holds_text("Message"):
+        return ()
+    texts = messages.column("Message").tolist()
+    said = np.array([text.startswith(_SCRIPT) for text in texts], dtype=np.bool_)
+    begun = np.array([text.startswith(_BEGINS) for text in texts], dtype=np.bool_)
+    flown = intervals_of(messages.time_s[said], begun[said], until_s=until_s)
+    return shared(flown, intervals_of(modes[0], modes[1] == _GUIDED, until_s=until_s))
 
 
 def _stamped(tables: Mapping[str, Table], name: str, column: str) -> tuple[FloatArray, AnyArray] | None:

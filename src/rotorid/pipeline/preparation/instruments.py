@@ -1,7 +1,8 @@
 """Instruments: the channels that excite the inputs of a model and contain no feedback.
 
 An instrument is what a joint input–output estimate needs in closed loop: an injected test signal, a stick, or a
-set-point that no outer loop moves. Maneuvers count as far as the vehicle was in the air (:func:`while_flying`).
+set-point that no outer loop moves. It belongs to a maneuver (:func:`instrument_of`) and to the band in which it has
+power (:func:`band_of_instrument`). Maneuvers count as far as the vehicle was in the air (:func:`while_flying`).
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.signal.airborne import Airborne, airborne, told_by
-from rotorid.signal.clock import missing_channel
+from rotorid.signal.clock import even_step_s, missing_channel
 from rotorid.signal.excitations import LEAST_MOTION, RATE_SETPOINTS, excitation_signals, sets_rates_directly
-from rotorid.typing import Axis
+from rotorid.typing import Axis, FloatArray
 
 
 def axis_of(input: str) -> Axis:
@@ -69,14 +70,45 @@ def axes_of(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Axis, ...]:
     return tuple(dict.fromkeys(named or guessed))
 
 
+def instrument_of(flight: Flight, axis: Axis) -> str | None:
+    """The channel that excites ``axis`` in one maneuver and contains no feedback, or ``None``.
+
+    What the log declares as the excitation; else the best candidate with power all over the band of the maneuver, and
+    where none has that, the signal in which the maneuver was found. Candidates are what the reader knows to be free of
+    feedback, set-points of rates that are the stick, then set-points from the outermost loop inward: as soon as an
+    outer loop is excited, the set-points inside it contain its feedback. A pilot who corrects a drift during a sweep
+    moves the stick, and excites nothing where the sweep is fast.
+
+    Parameters
+    ----------
+    flight
+        A maneuver and its log.
+    axis
+        The axis that is excited.
+    """
+    record, maneuver = flight
+    within = (maneuver.start_s, maneuver.stop_s)
+    named = excitation_signals(record, axis, within=within)
+    moving = [name for name in named if not name.endswith("_command") and _moves(flight, name)]
+    signal = maneuver.signal if maneuver.axis == axis and maneuver.signal in moving else ""
+    if signal and maneuver.origin == "declared":
+        return signal
+    if maneuver.axis == axis and maneuver.band_rad_s is not None:
+        filling = (name for name in moving if name == signal or _fills(flight, name, maneuver.band_rad_s))
+        return next(filling, signal or (moving[0] if moving else None))
+    return moving[0] if moving else None
+
+
 def find_instrument(flights: Sequence[Flight], axis: Axis) -> str | None:
     """The channel that excites ``axis`` in every maneuver of it and contains no feedback, or ``None``.
 
-    The best candidate that moves. Candidates are what the reader knows to be free of feedback, set-points of rates that
-    are the stick, then set-points from the outermost loop inward: as soon as an outer loop is excited, the set-points
-    inside it contain its feedback.
+    The instrument of all of them (:func:`instrument_of`), or where they have several, the best candidate that moves in
+    each. Maneuvers of different instruments are better measured apart (:func:`by_instruments`).
     """
     own = [flight for flight in flights if flight.axis == axis] or list(flights)
+    each = {instrument_of(flight, axis) for flight in own}
+    if len(each) == 1:
+        return each.pop()
     candidates = [excitation_signals(record, axis, within=(m.start_s, m.stop_s)) for record, m in own]
     shared = set.intersection(*map(set, candidates)) if candidates else set()
     for name in candidates[0]:
@@ -85,6 +117,41 @@ def find_instrument(flights: Sequence[Flight], axis: Axis) -> str | None:
         # Where another axis was flown without it in the log it says nothing, as if it had been at rest.
         return name
     return None
+
+
+def by_instruments(
+    flights: Sequence[Flight], inputs: Sequence[str], settings: MeasureSettings
+) -> list[tuple[Flight, ...]]:
+    """Maneuvers in groups of which each has one instrument for each input; all in one where that cannot be.
+
+    Parameters
+    ----------
+    flights
+        Maneuvers and their logs.
+    inputs
+        Of the responses.
+    settings
+        Instruments that were given hold for all of them, and a direct estimate needs none.
+    """
+    whole = [tuple(flights)]
+    if settings.estimate == "direct" or settings.instruments:
+        return whole
+    axes = [axis_of(name) for name in inputs if is_command(name)]
+    own = {flight: instrument_of(flight, flight.axis) if flight.axis in axes else "" for flight in flights}
+    if None in own.values() or all(len({own[f] for f in flights if f.axis == axis}) < 2 for axis in axes):
+        return whole
+    if len(inputs) == 1:
+        keys: dict[Flight, object] = dict(own)
+    else:
+        # Of several inputs only whole logs: each shows what the others do at the same time.
+        logs = {id(f.record): frozenset((g.axis, own[g]) for g in flights if g.record is f.record) for f in flights}
+        if any(len({axis for axis, _ in pairs}) < len(pairs) for pairs in logs.values()):
+            return whole
+        keys = {flight: logs[id(flight.record)] for flight in flights}
+    groups: dict[object, list[Flight]] = {}
+    for flight in flights:
+        groups.setdefault(keys[flight], []).append(flight)
+    return [tuple(group) for group in groups.values()]
 
 
 def own_instrument(flights: Sequence[Flight], input: str) -> str | None:
@@ -121,11 +188,70 @@ def is_injection(name: str) -> bool:
     return name.endswith("_excitation")
 
 
+_FEWEST_SAMPLES = 10
+
+
 def _moves(flight: Flight, name: str) -> bool:
     for samples in flight.samples(name):
-        if samples.values.size > 10:
+        if samples.values.size > _FEWEST_SAMPLES:
             return float(np.ptp(samples.values)) > LEAST_MOTION.get(STANDARD_UNITS.get(name, "1"), 0.02)
     return False
+
+
+_LEAST_OF_MEAN = 0.01
+"""Share of its mean power in an octave that an instrument has in each octave of a maneuver."""
+
+_LEAST_OF_LARGEST = 1e-4
+"""Share of its largest power in an octave below which an instrument has none: the steps of a radio make as much."""
+
+_LOWEST_RAD_S = 0.1
+
+
+def _fills(flight: Flight, name: str, band_rad_s: tuple[float, float]) -> bool:
+    """Whether a channel has power in every octave of a band, as far as it was logged fast enough to show it."""
+    low, high = band_rad_s
+    # Whole octaves: the ends of a sweep fade.
+    edges = np.asarray(np.geomspace(low, high, max(int(np.log2(high / low)), 1) + 1), dtype=np.float64)
+    power = _octaves(flight, name, edges)
+    return bool(power.size and power.min() > _LEAST_OF_MEAN * power.mean())
+
+
+def band_of_instrument(flights: Sequence[Flight], name: str) -> tuple[float, float]:
+    """Lowest and highest frequency in rad/s between which an instrument has power, over all maneuvers together.
+
+    Octave by octave, down to a ten-thousandth of the largest; beyond that a joint estimate shows steps of the radio and
+    what a slow log makes of them. It ends at 80 % of the Nyquist frequency of its log.
+
+    Parameters
+    ----------
+    flights
+        Maneuvers and their logs.
+    name
+        The instrument. One that no log holds has no limits.
+    """
+    edges = _LOWEST_RAD_S * 2.0 ** np.arange(20)
+    powers = [found for flight in flights if (found := _octaves(flight, name, edges)).size]
+    if not powers:
+        return 0.0, np.inf
+    power = np.max(powers, axis=0)
+    seen = np.flatnonzero(power > _LEAST_OF_LARGEST * power.max())
+    fastest = max(0.8 * np.pi * topic.sample_rate_hz for record, _ in flights for topic, _ in record.holding(name))
+    low = 0.0 if seen[0] == 0 else float(edges[seen[0]])
+    return low, min(float(edges[seen[-1] + 1]), fastest)
+
+
+def _octaves(flight: Flight, name: str, edges_rad_s: FloatArray) -> FloatArray:
+    """Power of a channel between frequencies, shape ``(edges - 1,)``; empty where it has too few samples."""
+    for samples in flight.samples(name):
+        if samples.values.size > _FEWEST_SAMPLES:
+            step_s = even_step_s(samples.time_s)
+            grid = np.arange(samples.time_s[0], samples.time_s[-1], step_s)
+            values = np.interp(grid, samples.time_s, samples.values)
+            power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
+            omega = 2.0 * np.pi * np.fft.rfftfreq(values.size, step_s)
+            summed = np.concatenate([[0.0], np.cumsum(power)])
+            return np.diff(summed[np.searchsorted(omega, edges_rad_s)])
+    return np.zeros(0)
 
 
 def choose_instruments(

@@ -170,6 +170,8 @@ def _injected(
     excitation, response = f"{axis}_excitation", measured.response
     if excitation not in response.instruments:
         return None
+    # Maneuvers of another instrument were flown without it.
+    records = [record for record in records if excitation in record.names and np.ptp(record[excitation]) > 0.0]
     # What the system identification mode of ArduPilot logs enters the mixer one loop later.
     rates_hz = {_loop_rate_hz(record) for record, _ in flown}
     delay_s = 1.0 / rates_hz.pop() if len(rates_hz) == 1 and all(rates_hz) else 0.0

@@ -22,7 +22,15 @@ from rotorid.errors import UsageError
 from rotorid.fitting.frequency.problem import usable_points
 from rotorid.pipeline.preparation.consistency import data_quality, sensor_agreement, sensor_errors
 from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.instruments import choose_instruments, is_command, is_free, no_instrument, open_loop
+from rotorid.pipeline.preparation.instruments import (
+    band_of_instrument,
+    by_instruments,
+    choose_instruments,
+    is_command,
+    is_free,
+    no_instrument,
+    open_loop,
+)
 from rotorid.pipeline.preparation.lean import with_lean_errors
 from rotorid.pipeline.preparation.segments import cut, histories, holds, require_known, source_of, with_surroundings
 from rotorid.pipeline.preparation.thrust_slope import curvature, with_slope_changes
@@ -205,7 +213,7 @@ def _groups(
                 by_output.setdefault((sources, rows), []).append(name)
     nowhere = [name for name in (*inputs, *outputs) if not any(holds(record, name) for record, _ in flights)]
     if nowhere or len(by_output) == 1:
-        return [_Group(tuple(flights), inputs, outputs, choose_instruments(flights, inputs, outputs, settings))]
+        return _by_instruments(flights, inputs, outputs, settings)
     given = settings.instruments if len(settings.instruments) == len(inputs) else ()
     chosen = dict(zip(inputs, given, strict=False))
     groups = []
@@ -219,6 +227,19 @@ def _groups(
             instruments = choose_instruments(own, swept, answers, wanted)
             unheard = tuple(name for name in inputs if name not in swept)
             groups.append(_Group(tuple(own), swept, tuple(answers), instruments, unheard))
+    return groups
+
+
+def _by_instruments(
+    flights: Sequence[Flight], inputs: tuple[str, ...], outputs: tuple[str, ...], settings: MeasureSettings
+) -> list[_Group]:
+    """Maneuvers of logs that hold the same channels, those of each instrument by themselves."""
+    parts = by_instruments(flights, inputs, settings)
+    groups = []
+    for part in parts:
+        swept = inputs if len(parts) == 1 else tuple(name for name in inputs if _flown_for(part, name))
+        unheard = tuple(name for name in inputs if name not in swept)
+        groups.append(_Group(part, swept, outputs, choose_instruments(part, swept, outputs, settings), unheard))
     return groups
 
 
@@ -296,6 +317,7 @@ def _measured(
     free = open_loop(flights, *inputs) or all(is_free(flights, name) for name in inputs)
     unknown = settings.estimate == "auto" and not instruments and not free
     known = replace(joint or direct, sensor_errors=errors)
+    bands = _bands_of_sticks(flights, inputs, instruments)
     if any(is_command(name) for name in inputs):
         bent = curvature([record for record, _ in flights], [one for one in flights if one.maneuver.axis == "thrust"])
         known = with_lean_errors(with_slope_changes(known, records, bent), flights, segments, bent)
@@ -305,8 +327,14 @@ def _measured(
         diagnostics=diagnostics,
         segments=segments,
         asked_rad_s=band_rad_s,
-        excited_rad_s={name: excited_to_rad_s(_of_input(flights, name)) for name in inputs},
-        lowest_rad_s={name: windows[name].lowest_rad_s for name in inputs if name in settings.input_windows_s},
+        excited_rad_s={
+            name: min(excited_to_rad_s(_of_input(flights, name)), bands.get(name, _ANY)[1]) for name in inputs
+        },
+        lowest_rad_s={
+            name: max(windows[name].lowest_rad_s if name in settings.input_windows_s else 0.0, bands.get(name, _ANY)[0])
+            for name in inputs
+            if name in settings.input_windows_s or bands.get(name, _ANY)[0] > 0.0
+        },
         findings=(
             *prepared.findings,
             *data_quality(flights, segments, inputs, agreement),
@@ -316,6 +344,20 @@ def _measured(
         ),
     )
     return without_known_filters(measured, flights) if settings.correct_filters else measured
+
+
+_ANY = (0.0, np.inf)
+
+
+def _bands_of_sticks(
+    flights: Sequence[Flight], inputs: Sequence[str], instruments: Sequence[str]
+) -> dict[str, tuple[float, float]]:
+    """Inputs that a stick excites, to the band in which it has power; a program's signal has it all over its own."""
+    return {
+        name: band_of_instrument([flight for flight in flights if _of_axis_of(flight, (name,))] or flights, instrument)
+        for name, instrument in zip(inputs, instruments, strict=False)
+        if instrument.endswith("_stick")
+    }
 
 
 _LEAST_KEPT = 0.4

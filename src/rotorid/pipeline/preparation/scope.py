@@ -15,7 +15,6 @@ import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import FlightRecord
-from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.expression import Expression
 from rotorid.models.structure import LinearStructure, connected
@@ -27,7 +26,7 @@ from rotorid.pipeline.preparation.segments import holds, require_channels
 from rotorid.pipeline.preparation.selection import Selection
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.signal.clock import resample
-from rotorid.signal.excitations import find_excitations
+from rotorid.signal.excitations import rich_excitations
 from rotorid.signal.kinematics import VELOCITIES, ingredients
 from rotorid.signal.quality import led_share
 
@@ -230,7 +229,7 @@ def require_common_axes(structure: LinearStructure, records: Sequence[FlightReco
 def _tells_of_some(structure: LinearStructure, record: FlightRecord) -> bool:
     """Whether some input of a model was excited in a log that holds it beside an output."""
     commands = [name for name in structure.inputs if is_command(name) and name in record.channel_names]
-    excited = any(one.kind in RICH_KINDS for name in commands for one in find_excitations(record, axis_of(name)))
+    excited = any(rich_excitations(record, axis_of(name)) for name in commands)
     return excited and any(holds(record, name) for name in structure.outputs)
 
 

@@ -37,6 +37,8 @@ from rotorid.signal.excitations import (
     classify,
     excitation_signals,
     find_excitations,
+    rich_excitations,
+    verifying_excitations,
 )
 from rotorid.typing import Axis
 
@@ -50,7 +52,7 @@ class Selection:
     fitted
         Rich enough to fit: sweeps, random binary signals, or what the user gave.
     unseen
-        Doublets and multisteps of the same logs, kept for verification.
+        Doublets, multisteps and what ranks lower of the same logs, kept for verification.
     """
 
     fitted: tuple[Flight, ...]
@@ -66,6 +68,7 @@ def select_maneuvers(
 ) -> Selection:
     """Split the excitations of the axes into those to fit and those to keep unseen.
 
+    What the log declares is fitted alone: sweeps that are only seen in its signals are kept unseen then.
     Left out is what only looks like a maneuver: set-points that an outer loop moves while the signal rests in which the
     fitted excitations of the axis were seen, and what ends on the ground, where no model of a free flight holds.
 
@@ -103,7 +106,7 @@ def select_maneuvers(
         fitted = [
             Flight(record, described(record, m) if m.origin == "given" else m)
             for record, m in found
-            if m.kind in RICH_KINDS or m.origin == "given"
+            if m in rich_excitations(record, m.axis)
         ]
     if not fitted and whole and not settings.segments:
         fitted = whole_flights(records, axes)
@@ -112,7 +115,7 @@ def select_maneuvers(
     unseen = [
         Flight(record, m)
         for record, m in found
-        if m.kind in ("doublet", "multistep")
+        if (m.kind in ("doublet", "multistep") or m in verifying_excitations(record, m.axis))
         and not any(overlap(m, f) for r, f in fitted if r is record)
         and not _answers(record, m, fitted)
     ]
@@ -452,7 +455,7 @@ def chosen_maneuvers(
 
 def _of_record(record: FlightRecord, axes: Sequence[Axis], input: str) -> tuple[list[Flight], list[Finding]]:
     """Excitations of one record, or what looks like some, or all of it with a remark."""
-    rich = [Flight(record, m) for axis in axes for m in find_excitations(record, axis) if _is_rich(m)]
+    rich = [Flight(record, m) for axis in axes for m in rich_excitations(record, axis)]
     likely = rich or [Flight(record, m) for axis in axes for m in candidate_excitations(record, axis)]
     if likely:
         return likely, []
@@ -489,6 +492,6 @@ def _logged(record: FlightRecord, input: str, output: str) -> bool:
 
 def _excited(record: FlightRecord, input: str, output: str) -> bool:
     axes = axes_of((input,), (output,))
-    return any(_is_rich(m) for axis in axes for m in find_excitations(record, axis)) or any(
+    return any(rich_excitations(record, axis) for axis in axes) or any(
         candidate_excitations(record, axis) for axis in axes
     )

@@ -28,7 +28,7 @@ from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import is_command
 from rotorid.pipeline.preparation.while_moving import Watched, mean_while_moving
 from rotorid.signal.clock import resample
-from rotorid.signal.excitations import find_excitations
+from rotorid.signal.excitations import find_excitations, rich_excitations
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -141,7 +141,8 @@ def _longest(record: FlightRecord) -> Maneuver | None:
     """The longest excitation of thrust in a log."""
     if not {_THRUST, _HEAVE} <= set(record.channel_names):
         return None
-    return max(find_excitations(record, "thrust"), key=lambda one: one.duration_s, default=None)
+    flown = rich_excitations(record, "thrust") or find_excitations(record, "thrust")
+    return max(flown, key=lambda one: one.duration_s, default=None)
 
 
 def _elasticity(record: FlightRecord, maneuver: Maneuver) -> float | None:
