@@ -752,6 +752,9 @@ def lines_of(time_s: FloatArray, motion: FloatArray, period_s: float) -> tuple[f
 _LINE_OVER_NOISE = 9.0
 """Power of a line over that between lines around it from which it counts; noise alone is as large once in 8000."""
 
+_LOW_LINE_OVER_NOISE = 3.0
+"""The same at the lower end."""
+
 _NEIGHBORS = 8
 """Lines around one whose gaps say how large the noise is there."""
 
@@ -780,11 +783,14 @@ def lines_in_noise(time_s: FloatArray, motion: FloatArray, period_s: float) -> t
     between = lines[:, 1:].mean(axis=1)
     kernel = np.ones(min(_NEIGHBORS, count))
     noise = np.convolve(between, kernel, "same") / np.convolve(np.ones(count), kernel, "same")
-    seen = np.flatnonzero(lines[1:, 0] > _LINE_OVER_NOISE * noise[1:]) + 1
+    over = lines[1:, 0] / np.maximum(noise[1:], np.finfo(np.float64).tiny)
+    seen = np.flatnonzero(over > _LINE_OVER_NOISE) + 1
     if seen.size < _FEWEST_LINES:
         return None
+    # Drift is largest where the lines begin, and few lines lie there that noise could add.
+    lowest = int(np.flatnonzero(over > _LOW_LINE_OVER_NOISE)[0]) + 1
     line_rad_s = 2.0 * np.pi / period_s
-    return float(seen[0] * line_rad_s), float(seen[-1] * line_rad_s)
+    return float(lowest * line_rad_s), float(seen[-1] * line_rad_s)
 
 
 def _normalized(values: FloatArray) -> FloatArray:

@@ -300,6 +300,22 @@ def flown(*events: tuple[int, int], armed: tuple[tuple[int, int], ...]) -> Log:
     return log
 
 
+@pytest.mark.parametrize(("left_s", "expected"), [(9.0, ((3.0, 6.0),)), (5.0, ((3.0, 5.0),))])
+def test_a_plan_of_attitudes_lasts_from_message_to_message_in_guided_mode(
+    left_s: float, expected: tuple[tuple[float, float], ...], tmp_path: Path
+) -> None:
+    log = flown(armed=((1, 1),))
+    log.add("MODE", "QBBB", TimeUS=2_000_000, Mode=4, ModeNum=4, Rsn=1)
+    log.add("MODE", "QBBB", TimeUS=int(1e6 * left_s), Mode=5, ModeNum=5, Rsn=1)
+    for second, text in (
+        (1, "rotorid: plan of 48 s loaded"),
+        (3, "rotorid: plan begins"),
+        (6, "rotorid: plan complete"),
+    ):
+        log.add("MSG", "QZ", TimeUS=1_000_000 * second, Message=text)
+    assert log.read(tmp_path).status.planned == expected
+
+
 @pytest.mark.parametrize(
     ("events", "armed", "expected"),
     [

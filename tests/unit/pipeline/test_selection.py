@@ -11,10 +11,18 @@ import pytest
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Kind, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.instruments import choose_instruments, find_instrument
+from rotorid.pipeline.preparation.instruments import (
+    band_of_instrument,
+    by_instruments,
+    choose_instruments,
+    find_instrument,
+    instrument_of,
+)
+from rotorid.pipeline.preparation.measure import measure
 from rotorid.pipeline.preparation.selection import select_maneuvers
 from rotorid.pipeline.settings import IdentifySettings, as_records, parse_segment
 from rotorid.signal.excitations import find_excitations
+from rotorid.typing import FloatArray
 
 RATE_HZ = 50.0
 STOP_S = 100.0
@@ -204,3 +212,82 @@ def test_an_instrument_that_one_of_several_logs_lacks_is_refused(order: int) -> 
     with pytest.raises(InsufficientDataError, match=r"other\.csv holds no phi_setpoint"):
         choose_instruments(flown[::order], ["roll_command"], ["p"], settings)
     assert choose_instruments(flown[:1], ["roll_command"], ["p"], settings) == ("phi_setpoint",)
+
+
+TIME_S = np.arange(0.0, STOP_S, 1.0 / RATE_HZ)
+CHIRP = np.where((TIME_S > 10.0) & (TIME_S < 60.0), np.sin((TIME_S - 10.0) + 0.25 * (TIME_S - 10.0) ** 2), 0.0)
+SWEPT = replace(SWEEP, stop_s=60.0, band_rad_s=(1.0, 26.0), origin="found", signal="phi_setpoint")
+
+
+def log_of(name: str = "flight.csv", *declared: Maneuver, **channels: FloatArray) -> FlightRecord:
+    topic = Topic(
+        name="all",
+        time_s=TIME_S,
+        channels=tuple(Channel(name=n, unit=STANDARD_UNITS[n]) for n in channels),
+        values=np.stack(list(channels.values())),
+    )
+    return FlightRecord(source=source(name), topics=(topic,), declared=declared)
+
+
+def test_a_stick_without_power_in_the_band_of_a_sweep_is_no_instrument_of_it() -> None:
+    """A pilot who pushes once, slowly, against a drift, while a program sweeps the attitude."""
+    push = 0.5 * np.exp(-0.5 * ((TIME_S - 30.0) / 1.0) ** 2)
+    log = log_of(roll_command=CHIRP, p=CHIRP, roll_stick=push, phi_setpoint=CHIRP)
+    assert instrument_of(Flight(log, SWEPT), "roll") == "phi_setpoint"
+    swept_by_stick = log_of(roll_command=CHIRP, p=CHIRP, roll_stick=CHIRP, phi_setpoint=CHIRP)
+    assert instrument_of(Flight(swept_by_stick, SWEPT), "roll") == "roll_stick"
+
+
+def test_what_the_log_declares_is_the_instrument_whatever_else_moves() -> None:
+    log = log_of(roll_command=CHIRP, p=CHIRP, roll_stick=CHIRP, roll_excitation=CHIRP)
+    declared = replace(SWEPT, origin="declared", signal="roll_excitation")
+    assert instrument_of(Flight(log, declared), "roll") == "roll_excitation"
+
+
+def test_the_band_of_a_stick_ends_where_its_power_does() -> None:
+    slow = np.convolve(np.random.default_rng(0).standard_normal(TIME_S.size), np.hanning(100), "same")
+    log = log_of(roll_command=CHIRP, p=CHIRP, roll_stick=0.1 * slow / slow.std(), roll_excitation=CHIRP)
+    whole = Flight(log, replace(SWEEP, start_s=0.0, stop_s=99.0))
+    # A window of 2 s has its first zero at 4 pi / 2 s, and side lobes of a ten-thousandth of the power.
+    low, high = band_of_instrument([whole], "roll_stick")
+    assert low == 0.0
+    assert 5.0 < high < 13.0
+    assert band_of_instrument([whole], "roll_excitation")[1] > 20.0
+    assert band_of_instrument([whole], "yaw_stick") == (0.0, np.inf)
+
+
+def in_closed_loop(name: str, *, injected: bool, seed: int) -> FlightRecord:
+    """A roll axis in gusts, p' = 40 u - 2 p + gusts, under u = 0.2 (stick - p) + injection, swept in one of both."""
+    rng = np.random.default_rng(seed)
+    gusts = 0.5 * rng.standard_normal(TIME_S.size)
+    stick, added = (0.0 * CHIRP, 0.2 * CHIRP) if injected else (CHIRP, 0.0 * CHIRP)
+    p, u = np.zeros(TIME_S.size), np.zeros(TIME_S.size)
+    for k in range(TIME_S.size):
+        u[k] = 0.2 * (stick[k] - p[k]) + added[k]
+        if k + 1 < TIME_S.size:
+            p[k + 1] = p[k] + (40.0 * u[k] - 2.0 * p[k] + gusts[k]) / RATE_HZ
+    declared = [replace(SWEPT, origin="declared", signal="roll_excitation")] if injected else []
+    return log_of(name, *declared, roll_command=u, p=p, roll_stick=stick, roll_excitation=added)
+
+
+def test_maneuvers_of_two_instruments_are_measured_apart_and_joined() -> None:
+    records = [in_closed_loop("a.csv", injected=True, seed=1), in_closed_loop("b.csv", injected=False, seed=2)]
+    flown = select_maneuvers(records, ["roll"], IdentifySettings()).fitted
+    settings = IdentifySettings()
+    assert [instrument_of(flight, "roll") for flight in flown] == ["roll_excitation", "roll_stick"]
+    assert find_instrument(flown, "roll") is None
+    assert by_instruments(flown, ["roll_command"], settings) == [flown[:1], flown[1:]]
+    measured = measure(flown, inputs=("roll_command",), outputs=("p",), settings=settings)
+    assert measured.response.estimate == "joint"
+    omega = measured.response.omega_rad_s
+    z = np.exp(1j * omega / RATE_HZ)
+    truth = 40.0 / RATE_HZ / (z - 1.0 + 2.0 / RATE_HZ)
+    inside = (omega > 2.0) & (omega < 20.0)
+    error = np.abs(measured.response.values[0, 0] / truth - 1.0)[inside]
+    stated = np.sqrt(2.0) * measured.response.random_error[0, 0, inside]
+    assert float(np.mean(error < 2.5 * stated)) > 0.9
+    alone = measure(flown[:1], inputs=("roll_command",), outputs=("p",), settings=settings)
+    # Two flights tell more than one of them.
+    assert float(np.median(measured.response.random_error[0, 0, inside])) < float(
+        np.median(np.interp(omega[inside], alone.response.omega_rad_s, alone.response.random_error[0, 0]))
+    )

@@ -12,7 +12,14 @@ import pytest
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Status, Topic
 from rotorid.excitation.sweep import logarithmic_sweep, pilot_sweep
 from rotorid.excitation.switching import doublet, three_two_one_one
-from rotorid.signal.excitations import candidate_excitations, classify, excitation_signals, find_excitations
+from rotorid.signal.excitations import (
+    candidate_excitations,
+    classify,
+    excitation_signals,
+    find_excitations,
+    rich_excitations,
+    verifying_excitations,
+)
 from rotorid.typing import Axis, FloatArray
 
 RATE_HZ = 100.0
@@ -190,3 +197,87 @@ def test_stick_motion_after_landing_is_no_part_of_a_maneuver() -> None:
     landed_s = found.stop_s - 0.3 * found.duration_s
     (flown,) = find_excitations(replace(whole, status=Status(in_air=((190.0, landed_s),))), "yaw")
     assert (flown.start_s, flown.stop_s) == (found.start_s, landed_s)
+
+
+DECLARED = Maneuver(axis="roll", kind="sweep", start_s=203.0, stop_s=250.0, origin="declared", signal="roll_excitation")
+
+
+def after_the_card(landed_s: float = 40.0) -> FloatArray:
+    """The stick of a pilot in wind who flies doublets on his trim, corrects the drift, and lets go to land."""
+    trims = [0.258, 0.4, 0.34, 0.4, 0.366, 0.4, 0.35, 0.4, 0.342]
+    pieces = [np.full(round(3.0 * RATE_HZ), trims[0])]
+    for number, trim in enumerate(trims[1:]):
+        pulses = (0.9, -0.9) if number in (0, 2) else ()
+        pieces += [np.full(round(0.3 * RATE_HZ), pulse) for pulse in pulses]
+        pieces += [np.zeros(round(1.6 * RATE_HZ)), np.linspace(trim, trim - 0.05, round(3.0 * RATE_HZ))]
+    return np.concatenate([*pieces, np.zeros(round(landed_s * RATE_HZ))])
+
+
+def test_doublets_corrections_and_landing_are_no_random_binary_signal() -> None:
+    stick = np.concatenate([np.full(round(120.0 * RATE_HZ), 0.258), after_the_card()])
+    kinds = [maneuver.kind for maneuver in find(stick, channel="roll_stick")]
+    assert "random_binary" not in kinds
+    assert "sweep" not in kinds
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_one_octave_of_half_periods_is_not_rich(seed: int) -> None:
+    """Two levels without a trend, as a pilot weaves between two trees."""
+    halves = np.random.default_rng(seed).uniform(1.0, 1.9, 20)
+    levels = np.repeat((-1.0) ** np.arange(halves.size), np.round(halves * RATE_HZ).astype(int))
+    time_s = np.arange(levels.size) / RATE_HZ
+    assert classify(time_s, levels)[0] == "other"
+    slower = np.concatenate([levels, -np.ones(round(4.0 * RATE_HZ)), np.ones(round(0.5 * RATE_HZ)), -levels])
+    assert classify(np.arange(slower.size) / RATE_HZ, slower)[0] == "random_binary"
+
+
+def test_beside_what_the_log_declares_the_rest_verifies() -> None:
+    swept, after = embedded(chirp()), embedded(random_binary(amplitude=0.3))
+    injected, stick = np.concatenate([swept, 0.0 * after]), np.concatenate([0.0 * swept, after])
+    named = record(
+        {"roll_excitation": injected, "roll_stick": stick}, [DECLARED], roll=("roll_excitation", "roll_stick")
+    )
+    found = [maneuver for maneuver in find_excitations(named, "roll") if maneuver.origin == "found"]
+    assert [maneuver.kind for maneuver in found] == ["random_binary"]
+    assert rich_excitations(named, "roll") == (DECLARED,)
+    assert list(verifying_excitations(named, "roll")) == found
+    silent = replace(named, declared=())
+    assert [m.kind for m in rich_excitations(silent, "roll")] == ["sweep"]
+
+
+def test_loops_of_position_move_an_attitude_and_excite_nothing() -> None:
+    steps = three_two_one_one(amplitude=0.1, unit_s=1.0, sample_rate_hz=RATE_HZ)
+    whole = record({"phi_setpoint": np.concatenate([rest(10.0), steps, rest(10.0)])})
+    assert [m.kind for m in find_excitations(whole, "roll")] == ["multistep"]
+    flown = {mode: Status(modes=((mode, 190.0, 290.0),)) for mode in ("position", "stabilized")}
+    assert find_excitations(replace(whole, status=flown["position"]), "roll") == ()
+    assert len(find_excitations(replace(whole, status=flown["stabilized"]), "roll")) == 1
+
+
+def multisine(duration_s: float, noise: float, seed: int = 0) -> FloatArray:
+    """A period of 20 s of odd lines, with drift and what smoothing leaves, of the size of its lines."""
+    rng, time_s = np.random.default_rng(seed), np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
+    lines = sum(np.sin(2.0 * np.pi * k * time_s / 20.0 + rng.uniform(0.0, 6.28)) for k in range(3, 80, 2))
+    smooth = np.convolve(rng.standard_normal(time_s.size), np.hanning(31), "same")
+    return 0.02 * (np.asarray(lines) + noise * float(np.std(lines)) * smooth / smooth.std())
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("noise", [0.0, 0.8])
+def test_a_plan_of_attitudes_is_found_as_it_flew(seed: int, noise: float) -> None:
+    flown = np.concatenate([rest(30.0), multisine(48.0, noise, seed), rest(20.0)])
+    quiet = record({"phi_setpoint": flown, "roll_stick": 0.0 * flown}, roll=("roll_stick",))
+    assert find_excitations(quiet, "roll") == ()
+    planned = replace(quiet, status=Status(planned=((229.5, 278.5),), modes=(("guided", 220.0, 290.0),)))
+    (found,) = rich_excitations(planned, "roll")
+    assert (found.kind, found.signal, found.origin) == ("multisine", "phi_setpoint", "declared")
+    assert found.band_rad_s is not None
+    line_rad_s = 2.0 * math.pi / 20.0
+    # Noise may hide lines at either end, and adds hardly any.
+    assert 2.0 * line_rad_s < found.band_rad_s[0] < 8.0 * line_rad_s
+    assert 60.0 * line_rad_s < found.band_rad_s[1] < 90.0 * line_rad_s
+    assert excitation_signals(planned, "roll", within=(found.start_s, found.stop_s))[0] == "phi_setpoint"
+    # Without the word of the log only a clean copy is a program's.
+    guided = replace(quiet, status=Status(modes=(("guided", 229.0, 279.0),)))
+    kinds = [maneuver.kind for maneuver in find_excitations(guided, "roll")]
+    assert kinds == (["multisine"] if noise == 0.0 else [])

@@ -206,6 +206,8 @@ _LEAST_OF_LARGEST = 1e-4
 
 _LOWEST_RAD_S = 0.1
 
+_FLANKS = 40.0
+
 
 def _fills(flight: Flight, name: str, band_rad_s: tuple[float, float]) -> bool:
     """Whether a channel has power in every octave of a band, as far as it was logged fast enough to show it."""
@@ -247,7 +249,10 @@ def _octaves(flight: Flight, name: str, edges_rad_s: FloatArray) -> FloatArray:
             step_s = even_step_s(samples.time_s)
             grid = np.arange(samples.time_s[0], samples.time_s[-1], step_s)
             values = np.interp(grid, samples.time_s, samples.values)
-            power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
+            # Flanks of a fortieth of the time: a sweep begins and ends within a few seconds of its ends.
+            place = np.linspace(0.0, 1.0, values.size)
+            taper = np.sin(0.5 * np.pi * np.clip(_FLANKS * np.minimum(place, 1.0 - place), 0.0, 1.0)) ** 2
+            power = np.abs(np.fft.rfft((values - values.mean()) * taper)) ** 2
             omega = 2.0 * np.pi * np.fft.rfftfreq(values.size, step_s)
             summed = np.concatenate([[0.0], np.cumsum(power)])
             return np.diff(summed[np.searchsorted(omega, edges_rad_s)])
