@@ -478,6 +478,11 @@ KINDS: Mapping[str, Kind] = {
     ),
     "several_flights": Kind("info", "Several flights in one log", "The log holds several flights."),
     "several_vehicles": Kind("warning", "Several vehicles in one log", "The log holds several vehicles."),
+    "shaped_setpoint": Kind(
+        "warning",
+        "The autopilot smooths the set-point",
+        "ArduPilot's input shaping turns the attitude set-point of a plan into another test input.",
+    ),
     "singular_mixer": Kind("warning", "Singular mixer", "The mixer of these rotors cannot move all axes."),
     "speed_damping_biased": Kind(
         "warning", "Speed damping is biased", "Speed damping was taken from one response, and is biased."

@@ -44,6 +44,7 @@ from rotorid.planning.responses import (
     with_known,
 )
 from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
+from rotorid.simulation.shaping import shaped_plan
 from rotorid.typing import Axis
 from rotorid.units import require_units
 
@@ -458,6 +459,44 @@ def beyond_limits(one: Designed, limits: Limits) -> list[Finding]:
     return [warn("beyond_limits", one.kind, message, **reached)]
 
 
+_FOLLOWED = 0.9
+"""Correlation of a set-point with what flies of it, below which it is not the test input that was planned."""
+
+
+def not_followed(one: Designed, craft: Aircraft) -> list[Finding]:
+    """The warning that an autopilot smooths the attitude set-points of a plan until another test input flies."""
+    shaping = craft.autopilot.shaping
+    flown = shaped_plan(one.planned.plan, shaping, craft.autopilot.rate_hz)
+    found: list[Finding] = []
+    for asked, flies in zip(one.planned.plan.inputs, flown.inputs, strict=True):
+        if flies is asked or asked.axis in {finding.where for finding in found}:
+            continue
+        follows = flies.values[: asked.values.size]
+        correlation = float(np.corrcoef(asked.values, follows)[0, 1])
+        if correlation >= _FOLLOWED:
+            continue
+        sizes = [math.degrees(float(np.std(values))) for values in (asked.values, follows)]
+        corner_rad_s = shaping[asked.axis].corner_rad_s
+        message = (
+            f"The autopilot smooths the {asked.axis} set-point (ATC_INPUT_TC, ATC_ACCEL_{asked.axis[0].upper()}_MAX): "
+            f"of {sizes[0]:.1f}° rms that are sent, {sizes[1]:.1f}° fly, with a correlation of {correlation:.2f}. The "
+            "predictions are those of the set-point that flies. A sweep in SYSTEMID mode (no --entry) flies as planned, "
+            f"and so do small attitudes well below {corner_rad_s:.2g} rad/s."
+        )
+        found.append(
+            warn(
+                "shaped_setpoint",
+                asked.axis,
+                message,
+                sent_rms_deg=sizes[0],
+                flown_rms_deg=sizes[1],
+                correlation=correlation,
+                corner_rad_s=corner_rad_s,
+            )
+        )
+    return found
+
+
 def best_of(designed: Sequence[Designed]) -> dict[str, str]:
     """The kind that tells most about each parameter, where there are several."""
     if len(designed) < 2:
@@ -474,7 +513,7 @@ def _designed(
     kind: Shape,
 ) -> Designed:
     planned = plan_for(craft, replace(choices.plan, shape=kind))
-    excited = tested(planned.plan, kind)
+    excited = _as_flown(craft, tested(planned.plan, kind))
     told = []
     for model in models:
         _PROGRESS.info(f"what the {kind.replace('_', ' ')} will tell about {model.name}")
@@ -493,6 +532,11 @@ def tested(plan: FlightPlan, kind: Shape) -> FlightPlan:
     if kind in STEPS:
         return plan
     return replace(plan, inputs=tuple(one for one in plan.inputs if one.shape == kind))
+
+
+def _as_flown(craft: Aircraft, plan: FlightPlan) -> FlightPlan:
+    """A plan with the set-points that fly, which are those that the log shows."""
+    return shaped_plan(plan, craft.autopilot.shaping, craft.autopilot.rate_hz)
 
 
 def _outside(choices: DesignChoices, loop: LoopModel, model: LinearStructure) -> LoopModel:
@@ -531,7 +575,7 @@ def _shortest(
 
     def lasting(duration_s: float) -> FlightPlan:
         wish = replace(choices.plan, shape=kind, duration_s=duration_s, amplitudes=sizes, doublets=False)
-        return plan_with(craft, wish, sizes)
+        return _as_flown(craft, plan_with(craft, wish, sizes))
 
     found: dict[str, Shortest] = {}
     for model in models:

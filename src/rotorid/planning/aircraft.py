@@ -13,6 +13,7 @@ from rotorid.data.record import AXES
 from rotorid.models.state_space import StateSpace
 from rotorid.planning.loop import Dryden, LoopModel, Noise, Responds, White, loop_model
 from rotorid.signal.filters import butterworth_low_pass
+from rotorid.simulation.autopilot import Autopilot
 from rotorid.simulation.hover_flight import ACCELERATIONS, OUTPUTS, VELOCITIES
 from rotorid.simulation.linearization import MOTION, entry_of, feedback_of, hover_states, linearize
 from rotorid.simulation.multirotor_flight import Aircraft
@@ -76,13 +77,40 @@ def aircraft_loop(
         name=aircraft.name,
         inputs=[f"{axis}_command" for axis in AXES],
         outputs=OUTPUTS,
-        entries={entry: entry_of(autopilot, entry) for entry in _ENTRIES},
+        entries=_entries(autopilot),
         log_rate_hz=log_rate_hz or autopilot.rate_hz,
         loop_rate_hz=autopilot.rate_hz,
         # ArduPilot announces what it adds behind the controllers, and logs fast motion only while it does.
         declared=("command",) if autopilot.kind == "ardupilot" else (),
         alone=autopilot.kind == "ardupilot",
     )
+
+
+def _entries(autopilot: Autopilot) -> dict[Entry, Responds]:
+    """Commands by test inputs that enter at set-points and sticks, as they fly."""
+    entries: dict[Entry, Responds] = {entry: entry_of(autopilot, entry) for entry in _ENTRIES}
+    if autopilot.shaping:
+        entries["attitude_setpoint"] = _Target(autopilot=autopilot, rate=entries["rate_setpoint"])
+    return entries
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Target:
+    """Commands by the attitudes that fly, which lead the rate controller where the autopilot shapes them.
+
+    A plan is taken as it flies (:func:`rotorid.simulation.shaping.shaped_plan`), so that its limits count too.
+    """
+
+    autopilot: Autopilot
+    rate: Responds
+
+    def response(self, omega_rad_s: FloatArray) -> ComplexArray:
+        gains = np.array([*self.autopilot.angle_1_s, 0.0])
+        led = np.array([axis in self.autopilot.shaping for axis in AXES])
+        # The target moves by its rate in the tick that follows.
+        slope = np.expm1(1j * omega_rad_s / self.autopilot.rate_hz) * self.autopilot.rate_hz
+        by_angle = gains[:, None] + np.multiply.outer(led, slope)
+        return np.asarray(self.rate.response(omega_rad_s) * by_angle[None, :, :])
 
 
 def _seen(aircraft: Aircraft, *, filtered: bool) -> _Filters:

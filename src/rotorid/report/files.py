@@ -302,7 +302,7 @@ def _files(
 ) -> tuple[dict[str, str | bytes], list[Finding]]:
     """Files of a plan by name; what an autopilot cannot fly is remarked on, and an error where it was asked for."""
     from rotorid.documents.design import plan_document
-    from rotorid.pipeline.designs import beyond_limits
+    from rotorid.pipeline.designs import beyond_limits, not_followed
     from rotorid.plans.csv import plan_csv
     from rotorid.report.flight_card import flight_card
 
@@ -312,7 +312,7 @@ def _files(
         **plan_csv(plan),
         **flight_card(plan, facts),
     }
-    findings = beyond_limits(one, choices.plan.limits)
+    findings = [*beyond_limits(one, choices.plan.limits), *not_followed(one, choices.aircraft)]
     try:
         files |= _autopilot_files(autopilot, plan, facts)
     except UsageError as error:

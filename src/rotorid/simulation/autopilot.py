@@ -12,7 +12,8 @@ grow while the motors cannot follow, and a low-pass of second order on the rates
 and pitch as long as it can: yaw gives way first, then thrust moves, then roll and pitch shrink.
 
 Left out of PX4: the slew of its set-points and the reduction of yaw in its attitude error. Left out of ArduPilot: the
-input shaper (``ATC_ACCEL_*``), the square-root controller beyond small errors, its own priorities in the mixer.
+input shaper of its sticks (that of attitude set-points is in :mod:`rotorid.simulation.shaping`), the square-root
+controller beyond small errors, its own priorities in the mixer.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ from rotorid.models.rotors import ardupilot_mixer, px4_mixer
 from rotorid.signal.filters import butterworth_low_pass
 from rotorid.signal.motors import Linearization
 from rotorid.simulation.multirotor import Control, Multirotor, plain
-from rotorid.typing import FloatArray
+from rotorid.simulation.shaping import InputShaping, input_shaping
+from rotorid.typing import Axis, FloatArray
 
 Kind: TypeAlias = Literal["px4", "ardupilot", "betaflight", "simple"]
 Three: TypeAlias = tuple[float, float, float]
@@ -159,6 +161,14 @@ class Autopilot(Immutable):
             )
         mixer = None if self.mixer is None else read_only(self.mixer, np.float64, ndim=2)
         self._set(mixer=mixer, parameters=self.parameters)
+
+    @property
+    def shaping(self) -> dict[Axis, InputShaping]:
+        """How attitude set-points are smoothed, by axis; those that fly as they are asked for are not in it."""
+        if self.kind != "ardupilot":
+            return {}
+        axes: tuple[Axis, ...] = ("roll", "pitch", "yaw")
+        return {axis: own for axis in axes if (own := input_shaping(self.parameters, axis)) is not None}
 
     def mixer_for(self, vehicle: Multirotor) -> FloatArray:
         """Demand of each motor per unit of command, shape ``(rotors, 4)``."""

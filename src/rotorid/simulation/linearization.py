@@ -43,6 +43,7 @@ belongs to the vehicle (:func:`linearize`).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias, cast
 
@@ -481,8 +482,11 @@ class _Wiring:
 def _cascade(autopilot: Autopilot, inputs: tuple[str, ...], gyro_lag_s: float = 0.0) -> StateSpace:
     """All commands by inputs of the cascade."""
     wires = _Wiring(1.0 / autopilot.rate_hz, inputs)
-    *attitude, thrust = _outer(autopilot, wires)
-    commands = [_inner(autopilot, wires, gyro_lag_s, axis, wanted) for axis, wanted in enumerate(attitude)]
+    asked = [_shaped(autopilot, wires, axis) for axis in range(3)]
+    *attitude, thrust = _outer(autopilot, wires, [angle for angle, _ in asked])
+    commands = [
+        _inner(autopilot, wires, gyro_lag_s, axis, wanted, asked[axis][1]) for axis, wanted in enumerate(attitude)
+    ]
     commands.append(thrust)
     added = [wires.input(f"{axis}_command") for axis in AXES]
     taken, size = len(inputs), len(inputs) + len(wires.slopes)
@@ -503,11 +507,25 @@ def _cascade(autopilot: Autopilot, inputs: tuple[str, ...], gyro_lag_s: float = 
     )
 
 
-def _outer(autopilot: Autopilot, wires: _Wiring) -> tuple[FloatArray, ...]:
+def _shaped(autopilot: Autopilot, wires: _Wiring, axis: int) -> tuple[FloatArray, FloatArray]:
+    """The attitude set-point of an axis that flies, and the rate set-point that goes with it.
+
+    Small ones: the limits of :mod:`rotorid.simulation.shaping` are left out.
+    """
+    asked = wires.input(f"{AXES[axis]}_attitude_setpoint")
+    shaping = {str(name): own for name, own in autopilot.shaping.items()}.get(AXES[axis])
+    if shaping is None or not asked.any():
+        return asked, np.zeros_like(asked)
+    target = wires.low_pass(asked, shaping.lag_s)
+    # The target moves by its rate in the turn that follows.
+    return wires.low_pass(target, 0.5 * wires.turn_s), (asked - target) / shaping.lag_s
+
+
+def _outer(autopilot: Autopilot, wires: _Wiring, asked: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
     """Set-points of roll, pitch and heading, and the command of thrust."""
     own, put = autopilot.guidance, wires.input
-    phi = put("roll_attitude_setpoint") + own.stick_tilt_rad * put("roll_stick")
-    theta = put("pitch_attitude_setpoint") - own.stick_tilt_rad * put("pitch_stick")
+    phi = asked[0] + own.stick_tilt_rad * put("roll_stick")
+    theta = asked[1] - own.stick_tilt_rad * put("pitch_stick")
     if own.hold_velocity:
         right = -put("v") - wires.moved(put("v"), own.position_p_1_s)
         ahead = -put("u") - wires.moved(put("u"), own.position_p_1_s)
@@ -516,7 +534,7 @@ def _outer(autopilot: Autopilot, wires: _Wiring) -> tuple[FloatArray, ...]:
         phi, theta = phi + right / STANDARD_GRAVITY_M_S2, theta - ahead / STANDARD_GRAVITY_M_S2
     # Where the heading follows while the stick is out, there is nothing that the stick leads to.
     led = 0.0 if own.heading_follows else own.stick_yaw_rate_rad_s
-    psi = put("yaw_attitude_setpoint") + wires.moved(put("yaw_stick"), led)
+    psi = asked[2] + wires.moved(put("yaw_stick"), led)
     direct = 0.0 if own.stick_climb_m_s else own.stick_thrust
     if not own.hold_height:
         return phi, theta, psi, direct * put("thrust_stick")
@@ -526,12 +544,14 @@ def _outer(autopilot: Autopilot, wires: _Wiring) -> tuple[FloatArray, ...]:
     return phi, theta, psi, held + direct * put("thrust_stick")
 
 
-def _inner(autopilot: Autopilot, wires: _Wiring, gyro_lag_s: float, axis: int, wanted: FloatArray) -> FloatArray:
-    """Command of an axis by the set-point of its angle."""
+def _inner(
+    autopilot: Autopilot, wires: _Wiring, gyro_lag_s: float, axis: int, wanted: FloatArray, led: FloatArray
+) -> FloatArray:
+    """Command of an axis by the set-point of its angle and the rate set-point that goes with it."""
     own, put = autopilot.rates, wires.input
     name = AXES[axis]
     rate = wires.butterworth(wires.low_pass(put(RATES[axis]), gyro_lag_s), autopilot.gyro_cutoff_hz)
-    target = autopilot.angle_1_s[axis] * (wanted - put(ATTITUDE[axis])) + put(f"{name}_rate_setpoint")
+    target = autopilot.angle_1_s[axis] * (wanted - put(ATTITUDE[axis])) + put(f"{name}_rate_setpoint") + led
     if name == "yaw":
         target = target + autopilot.guidance.stick_yaw_rate_rad_s * put("yaw_stick")
     target = wires.low_pass(target, _lag(own.target_cutoff_hz[axis]))

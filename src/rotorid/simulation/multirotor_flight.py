@@ -30,6 +30,7 @@ from rotorid.simulation import multirotor as logged
 from rotorid.simulation.autopilot import Autopilot
 from rotorid.simulation.linearization import trimmed
 from rotorid.simulation.multirotor import STATES, Multirotor, Sensors
+from rotorid.simulation.shaping import add_shaping
 from rotorid.simulation.wind import CALM, Wind, blown
 from rotorid.typing import Axis, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -244,6 +245,7 @@ def flight_tables(
     substeps, stride = _steps(aircraft, step_rate_hz)
     rng = np.random.default_rng(seed)
     asked = _asked(plan, desk.table("asked", rows, len(_ENTRIES) * len(AXES) + 1), skipped, rate_hz)
+    add_shaping(asked, aircraft.autopilot.shaping, rate_hz)
     asked[:skipped, -1] = speed_m_s[0]
     asked[skipped:, -1] = np.linspace(*speed_m_s, rows - skipped)
     winds = blown(wind, rows, sample_rate_hz=rate_hz, rng=rng)
@@ -374,11 +376,8 @@ def _raw(aircraft: Aircraft, log: FloatArray, skipped: int) -> dict[str, FloatAr
 
 
 def _added(asked: FloatArray, axis: Axis, entry: Entry) -> FloatArray:
-    """What was added on an axis to the command, or to its set-points in their units."""
-    place = AXES.index(axis)
-    if entry == "command":
-        return asked[:, place]
-    return np.asarray(asked[:, 4 + place] + asked[:, 8 + place])
+    """What was added on an axis to the command or to one of its set-points, as it flew."""
+    return asked[:, len(AXES) * _ENTRIES.index(entry) + AXES.index(axis)]
 
 
 def _truth(truth: FloatArray, winds: FloatArray, rotors: int) -> dict[str, FloatArray]:

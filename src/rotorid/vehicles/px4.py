@@ -349,7 +349,15 @@ def aircraft() -> Aircraft:
 
 
 _PX4 = ("MC_", "IMU_GYRO_CUTOFF", "IMU_DGYRO_CUTOFF", "IMU_ACCEL_CUTOFF", "MPC_MAN_TILT_MAX")
-_ARDUPILOT = ("ATC_RAT_", "ATC_ANG_", "INS_GYRO_FILTER", "INS_ACCEL_FILTER")
+_ARDUPILOT = (
+    "ATC_RAT_",
+    "ATC_ANG_",
+    "ATC_INPUT_TC",
+    "ATC_ACC",
+    "ATC_RATE_",
+    "INS_GYRO_FILTER",
+    "INS_ACCEL_FILTER",
+)
 
 
 def with_gains(aircraft: Aircraft, parameters: Mapping[str, float], *, source: str) -> Aircraft:

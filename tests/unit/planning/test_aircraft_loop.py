@@ -14,6 +14,7 @@ from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.expected import as_planned, excited_flight
 from rotorid.simulation.multirotor import PERFECT
 from rotorid.simulation.multirotor_flight import fly_multirotor
+from rotorid.simulation.shaping import shaped_plan
 from rotorid.simulation.wind import Wind
 from rotorid.typing import Axis
 from rotorid.vehicles import px4 as px4_quad
@@ -37,6 +38,31 @@ def test_a_quiet_flight_is_predicted_from_every_entry(entry: Entry, amplitude: f
     for name in names:
         truth, ours = (np.fft.rfft(values[: flown.samples])[slow] for values in (flown.columns[name], found[name]))
         # Each part of the cascade is of second order in the turn of 4 ms: (50 * 0.004)^2 / 12 = 0.3 %, and they add up.
+        assert np.linalg.norm(ours - truth) < 0.02 * np.linalg.norm(truth)
+
+
+@pytest.mark.parametrize("amplitude", [0.02, 0.5])
+def test_a_quiet_flight_of_shaped_set_points_is_predicted(amplitude: float) -> None:
+    craft = aircraft("ardupilot_quad")
+    rate_hz = craft.autopilot.rate_hz
+    asked = sweeps({"roll": amplitude}, 20.0)
+    asked = FlightPlan(
+        name="guided", inputs=tuple(replace(one, entry="attitude_setpoint") for one in asked.inputs), trim_s=5.0
+    )
+    flies = shaped_plan(asked, craft.autopilot.shaping, rate_hz)
+    loop = aircraft_loop(craft, filtered=True)
+    found = excited_flight(
+        loop, as_planned(flies, ["roll"], rate_hz), ("roll_command", "p", "phi"), highest_rad_s=600.0
+    )
+    flown = fly_multirotor(replace(craft, sensors=PERFECT), asked)
+    samples = min(flown.samples, found.values.shape[1])
+    slow = np.fft.rfftfreq(samples, 1.0 / rate_hz) < 10.0
+    slow[0] = False
+    target = np.interp(found.time_s, flown.time_s, flown.columns["phi_setpoint"])
+    # The target of the large sweep is at its largest acceleration most of the time, and yet it is what flies.
+    assert np.abs(found["roll_excitation"] - target).max() < 0.01 * np.abs(target).max()
+    for name in ("roll_command", "p", "phi"):
+        truth, ours = (np.fft.rfft(values[:samples])[slow] for values in (flown.columns[name], found[name]))
         assert np.linalg.norm(ours - truth) < 0.02 * np.linalg.norm(truth)
 
 
