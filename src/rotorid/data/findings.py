@@ -210,6 +210,11 @@ KINDS: Mapping[str, Kind] = {
     "controller_unchecked": Kind(
         "info", "A controller that was not checked", "No set-point shows whether the gains in a log made its commands."
     ),
+    "controller_unexplained": Kind(
+        "warning",
+        "No known controller made these commands",
+        "No controller of a firmware that may have flown makes the logged commands of set-point and rate.",
+    ),
     "closed_loop_bias": Kind(
         "warning",
         "Feedback in this response",
@@ -260,6 +265,11 @@ KINDS: Mapping[str, Kind] = {
         "error",
         "A filter breaks another loop",
         "With a filter that is to be flown, an axis that keeps its gains would break a limit.",
+    ),
+    "firmware_contradicted": Kind(
+        "warning",
+        "Another firmware flew",
+        "The version that a log names is wrong, by its commands or by what it holds; another controller was taken.",
     ),
     "fitted_in_pieces": Kind("info", "Fitted in pieces", "Records were cut into pieces because the model is unstable."),
     "flat_bandwidth": Kind(

@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 from rotorid.data.findings import refusal, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import described
 from rotorid.models.derived import require_useful
 from rotorid.models.nonlinear import NonlinearStructure
@@ -20,6 +19,7 @@ from rotorid.pipeline.derivation import derivation, derivation_findings
 from rotorid.pipeline.fits.methods import Fitted, Frequency, InTime, Method, Prepared
 from rotorid.pipeline.fits.motors.method import Motors
 from rotorid.pipeline.fits.time.nonlinear import Nonlinear
+from rotorid.pipeline.preparation.controllers import flown_firmware, logged_axis
 from rotorid.pipeline.preparation.hover_physics import hover_of_vehicle
 from rotorid.pipeline.preparation.resolve import Model, answers_setpoints, nonlinear_of, resolve_model
 from rotorid.pipeline.provenance import Choices, provenance
@@ -128,6 +128,7 @@ def identify_by(
         findings=worst_first(
             [
                 *(finding for record in (*records, *verify) for finding in record.findings),
+                *(finding for record in records for finding in flown_firmware(record).findings),
                 *data.findings,
                 *method.remarks(data, fitted, told),
                 *derivation_findings(derived),
@@ -150,7 +151,7 @@ def controller_settings(records: Sequence[FlightRecord]) -> ControllerSettings |
         found = [
             one
             for axis in ("roll", "pitch", "yaw")
-            if (one := axis_controller(record.parameters, axis, firmware=record.source.firmware)) is not None
+            if (one := logged_axis(record, f"{axis}_command", source="")) is not None
         ]
         if found:
             return ControllerSettings(**described(found))

@@ -3,7 +3,8 @@ r"""ArduPilot's rate and attitude controller of a multicopter.
 .. math:: u = D_{mod} (P e_f + D F_D \dot e_f) + \int I e_f \, dt + FF \, t + D_{FF} \, \dot t, \qquad
     t = F_T r, \quad e_f = F_E (t - \omega)
 
-with first-order filters ``FLTT``, ``FLTE`` and ``FLTD`` and notches on target and error. The integral is used at once;
+with first-order filters ``FLTT``, ``FLTE`` and ``FLTD`` and notches on target and error. Before version 4 ``FILT`` was
+the only filter, :math:`F_D` of roll and pitch and :math:`F_E` of yaw. The integral is used at once;
 the rate loop runs before the attitude loop, so that its target is one step old. :math:`D_{mod}` is one as long as the
 slew limiter (``SMAX``) rests, and ``PDMX`` limits the sum of both terms: where they act, the linear loop is not the
 flown one.
@@ -49,9 +50,12 @@ def read(
     def value(name: str) -> float:
         return float(parameters.get(prefix + name, 0.0))
 
-    # Before version 4 one filter stood on the error, under another name.
-    error_hz = value("FLTE" if f"{prefix}FLTE" in parameters else "FILT")
-    numbers = (*(value(name) for name in ("P", "I", "D", "FF", "D_FF", "FLTT", "FLTD")), error_hz)
+    # Before version 4 there was one filter: on the error of yaw, and on the derivative alone of roll and pitch.
+    of_error, of_derivative = "FLTE", "FLTD"
+    if f"{prefix}FILT" in parameters and f"{prefix}FLTE" not in parameters:
+        of_error, of_derivative = ("FILT", "FLTD") if axis == "yaw" else ("FLTE", "FILT")
+    error_hz, derivative_hz = value(of_error), value(of_derivative)
+    numbers = (*(value(name) for name in ("P", "I", "D", "FF", "D_FF", "FLTT")), error_hz, derivative_hz)
     if not any(numbers[:3]) or min(*numbers, parameters.get(angle, 0.0)) < 0.0:
         return None
     rate_hz = parameters.get("SCHED_LOOP_RATE", 0.0) if loop_rate_hz is None else loop_rate_hz
@@ -64,7 +68,7 @@ def read(
         feedforward=value("FF"),
         feedforward_derivative_s=value("D_FF"),
         derivative_of_error=True,
-        derivative_cutoff_hz=value("FLTD"),
+        derivative_cutoff_hz=derivative_hz,
         error_cutoff_hz=error_hz,
         target_cutoff_hz=value("FLTT"),
         target_filters=notches["NTF"],

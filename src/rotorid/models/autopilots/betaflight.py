@@ -70,6 +70,9 @@ _OLDER_LOW_PASSES_OF_D = (
 )
 _CURVE_SINCE: Version = (4, 2)
 _ANGLE_FILTER_SINCE: Version = (4, 5)
+CHANGES: tuple[Version, ...] = (_CURVE_SINCE, NAMED_BY_NUMBER, _ANGLE_FILTER_SINCE)
+"""Versions that compute a controller in another way than those before, from the same settings."""
+
 _ANGLE_FILTER_HZ = 50.0
 _EXPO = 5.0
 _BREAKPOINT_US, _TPA_OF_BOTH = (1000.0, 2000.0), 0.0

@@ -29,7 +29,9 @@ _AXES: Mapping[Axis, tuple[str, str]] = MappingProxyType(
     {"roll": ("ROLL", "RR"), "pitch": ("PITCH", "PR"), "yaw": ("YAW", "YR")}
 )
 _GAINS = ("MC_{}RATE_K", "MC_{}RATE_P", "MC_{}RATE_I", "MC_{}RATE_D", "MC_{}RATE_FF", "MC_{}_P")
-_ALPHA_SINCE: Version = (1, 12)
+ALPHA_SINCE: Version = (1, 12)
+"""From this version on the derivative has a filter of first order."""
+
 _NEW, _OLD = "IMU_DGYRO_CUTOFF", "MC_DTERM_CUTOFF"
 
 
@@ -65,7 +67,7 @@ def read(
     if not any(gains) or min(*gains, value("MC_{}RATE_FF"), value("MC_{}_P"), *cutoffs) < 0.0:
         return None
     version = version_of(firmware)
-    second = cutoffs[0] > 0.0 and (cutoff == _OLD or (version is not None and version < _ALPHA_SINCE))
+    second = cutoffs[0] > 0.0 and (cutoff == _OLD or (version is not None and version < ALPHA_SINCE))
     rate_hz = value("IMU_GYRO_RATEMAX") if loop_rate_hz is None else loop_rate_hz
     controller = RateController(
         proportional_s=gains[0],

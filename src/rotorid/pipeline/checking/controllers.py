@@ -18,9 +18,9 @@ from rotorid.data.findings import Finding, remark
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, TimeHistory
 from rotorid.errors import ModelError, UsageError
 from rotorid.io.documents import DocumentError, parse_toml, read_text
-from rotorid.models.autopilots.reading import rate_controller
 from rotorid.models.controller import FILTERS, Driven, RateController
 from rotorid.models.toml_source import Source
+from rotorid.pipeline.preparation.controllers import logged_axis
 from rotorid.typing import Axis
 from rotorid.verification.closed_loop import Loop, LoopScores, controller_alone
 from rotorid.verification.sampled import Filter
@@ -137,8 +137,10 @@ class Controllers(Immutable):
         """The controller of an axis, where one is known."""
         if axis in self.given:
             return self.given[axis]
-        logged = rate_controller(self.record.parameters, axis) if axis in RATE_OF else None
-        return GivenController(controller=logged) if logged else None
+        if axis not in RATE_OF:
+            return None
+        logged = logged_axis(self.record, f"{axis}_command", source=_source(self.record, RATE_OF[axis]))
+        return GivenController(controller=logged.controller) if logged else None
 
     def channels(self, axes: Sequence[Axis]) -> tuple[str, ...]:
         """Channels that may drive the controllers of some axes, as far as they are logged.
@@ -193,6 +195,11 @@ class Controllers(Immutable):
                 return loop, name, scores
             tried.append((loop, name, scores))
         return min(tried, key=lambda item: item[2].tic, default=None)
+
+
+def _source(record: FlightRecord, channel: str) -> str:
+    """Where the first topic that has a channel has it from."""
+    return next((topic.channels[row].source for topic, row in record.holding(channel)), "")
 
 
 def _setpoints(axis: Axis, given: GivenController) -> list[tuple[str, Driven]]:

@@ -17,10 +17,10 @@ from rotorid.models.library import RATE_AXES
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.fits.frequency.fit import pose
 from rotorid.pipeline.fits.frequency.support import require_support
-from rotorid.pipeline.preparation.controllers import LoggedController, logged_controllers
+from rotorid.pipeline.preparation.controllers import LoggedController
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import open_loop
-from rotorid.pipeline.preparation.measure import Measured
+from rotorid.pipeline.preparation.measure import Measured, logged_controllers
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
 from rotorid.typing import BoolArray, FloatArray
 

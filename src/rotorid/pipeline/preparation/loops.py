@@ -15,9 +15,9 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.delay.estimate import AIRFRAME_ORDERS, FASTEST_GROWTH_RAD_S, LONGEST_S
 from rotorid.fitting.delay.fit import LateLag, Limits, ResponseFit, ResponsePoints, fit_order, simplest
-from rotorid.pipeline.preparation.controllers import LoggedController, logged_controllers
+from rotorid.pipeline.preparation.controllers import LoggedController
 from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.measure import Measured
+from rotorid.pipeline.preparation.measure import Measured, logged_controllers
 from rotorid.pipeline.preparation.segments import histories
 from rotorid.spectral.derived import Estimated, log_curve, selected, with_model_error
 from rotorid.spectral.estimate import frequency_response

@@ -21,6 +21,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.problem import usable_points
 from rotorid.pipeline.preparation.consistency import data_quality, sensor_agreement, sensor_errors
+from rotorid.pipeline.preparation.controllers import LoggedController, logged_controller
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import (
     band_of_instrument,
@@ -606,6 +607,15 @@ def filter_delays(measured: Measured, flights: Sequence[Flight]) -> dict[str, fl
         if chains and chains[0] and all(chain == chains[0] for chain in chains):
             delays[output] = sum(known.delay_s for known in chains[0])
     return delays
+
+
+def logged_controllers(
+    flights: Sequence[Flight], measured: Measured, command: str, rate: str
+) -> tuple[LoggedController, ...]:
+    """The controllers of a command in the logs of some flights, one for each that differs."""
+    sources = dict.fromkeys(source_of(segment, rate) for segment in measured.segments if rate in segment.history.names)
+    found = (logged_controller(record, command, source=source) for source in sources or [""] for record, _ in flights)
+    return tuple(dict.fromkeys(controller for controller in found if controller is not None))
 
 
 _BIAS_LIMIT_DB = 1.0

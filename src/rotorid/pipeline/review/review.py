@@ -14,6 +14,7 @@ from rotorid.data.findings import worst_first
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
+from rotorid.pipeline.preparation.controllers import flown_firmware
 from rotorid.pipeline.results import IdentifiedModel, Refused
 from rotorid.pipeline.review.flight import flight, logging, vehicle
 from rotorid.pipeline.review.flown import flown
@@ -152,6 +153,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
         findings=worst_first(
             [
                 *record.findings,
+                *flown_firmware(record).findings,
                 *(finding for loop in closed.values() for finding in loop.findings),
                 *(finding for margin in broken.values() for finding in margin.findings),
                 *heard.findings,

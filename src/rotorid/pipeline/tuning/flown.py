@@ -123,7 +123,9 @@ class FlownAxis:
 
     def with_parameters(self, record: FlightRecord) -> AxisController:
         """The controller by the parameters of another record."""
-        found = logged_axis(record, f"{self.axis}_command", source=self.source)
+        # Other filters do not change which firmware flew, and no longer make the logged commands.
+        firmware = self.controller.firmware
+        found = logged_axis(record, f"{self.axis}_command", source=self.source, firmware=firmware)
         if found is None:
             raise UsageError(f"the parameters make no controller of {self.axis}", needed="filters that can be flown")
         return found
