@@ -440,6 +440,14 @@ KINDS: Mapping[str, Kind] = {
     "other_vehicle": Kind(
         "warning", "No multirotor", "The log says that it is of a plane, a VTOL, a rover or another vehicle."
     ),
+    "plan_firmware": Kind(
+        "warning",
+        "The firmware and the plan",
+        "Whether the firmware of a log flies the ArduPilot files of a plan; a remark where it does or was not checked.",
+    ),
+    "plan_not_flown": Kind(
+        "warning", "Planned and not flown", "Test inputs of the plan that the log lacks; a remark where it lacks all."
+    ),
     "parameters_changed": Kind(
         "warning",
         "Parameters changed",

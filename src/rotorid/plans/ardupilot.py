@@ -16,11 +16,21 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
+from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
+from rotorid.io.ardupilot.firmware import named
+from rotorid.io.ardupilot.system_id import (
+    CHECKED,
+    LOITER,
+    RULES,
+    SID_AXIS,
+    SYSTEM_ID_MODE,
+    start_mode,
+    throttle_of,
+)
 from rotorid.plans.csv import file_stem, filled, number, number_above, one_line, table
 from rotorid.plans.facts import HOLD, FlightFacts, excited_s, flown_by_hand
-from rotorid.typing import Axis, FloatArray
+from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 SYSTEM_ID_DELAY_S = 1.0
@@ -28,21 +38,6 @@ SYSTEM_ID_DELAY_S = 1.0
 
 CONSTANT_CYCLES = 2.0
 """Periods at the lowest frequency before the chirp begins, fixed in the firmware."""
-
-_SID_AXIS: Mapping[tuple[Entry, Axis], int] = MappingProxyType(
-    {
-        ("attitude_setpoint", "roll"): 1,
-        ("attitude_setpoint", "pitch"): 2,
-        ("rate_setpoint", "roll"): 7,
-        ("rate_setpoint", "pitch"): 8,
-        ("rate_setpoint", "yaw"): 9,
-        ("command", "roll"): 10,
-        ("command", "pitch"): 11,
-        ("command", "yaw"): 12,
-        ("command", "thrust"): 13,
-    }
-)
-"""Where a test input enters, as ``SID_AXIS`` numbers it; 3 is a rate that the pilot's stick asks for, not an angle."""
 
 _RECOVERY = 3
 """From an input angle (1 to 3) to the same without feedforward (4 to 6)."""
@@ -188,9 +183,9 @@ def system_id(planned: PlannedInput, *, recovery: bool = False) -> SystemId:
 
 
 def _axis_number(planned: PlannedInput, *, recovery: bool) -> int:
-    number_of = _SID_AXIS.get((planned.entry, planned.axis))
+    number_of = SID_AXIS.get((planned.entry, planned.axis))
     if number_of is None:
-        places = ", ".join(f"{in_words(entry)} of {axis}" for entry, axis in _SID_AXIS)
+        places = ", ".join(f"{in_words(entry)} of {axis}" for entry, axis in SID_AXIS)
         raise UsageError(
             f"a test input that enters as {in_words(planned.entry)} of {planned.axis} for ArduPilot's SYSTEMID mode",
             needed=f"one of {places}",
@@ -240,8 +235,6 @@ def in_words(name: str) -> str:
     return name.replace("_", " ")
 
 
-SYSTEM_ID_MODE = 25
-
 DEFAULT_LOG_BITMASK = 176126
 """Copter's own default."""
 LOG_BITS = (0, 1)
@@ -259,11 +252,15 @@ def ardupilot_files(
     """Files for ArduPilot: parameters for each run, parameters for afterwards, and a script where one helps.
 
     - A plan of logarithmic sweeps gives one ``.param`` file for each, to be flown one by one, and a Lua script that
-      flies them all in one flight after each other, when the pilot holds a switch.
+      flies them all in one flight after each other, while a switch of the pilot is on. Both are entered from Stabilize,
+      the only hovering mode from which every version enters these axes, and the pilot works the throttle.
     - A plan of other forms that enter as attitude set-points of roll, pitch and yaw gives logging parameters, a Lua
       script for GUIDED mode and its table of attitudes. The script holds the place as slowly as
       :func:`rotorid.simulation.multirotor_flight.piloted` does; the autopilot holds the height.
     - Inputs at the sticks, and doublets or multisteps beside sweeps, are left to the pilot's hand and the flight card.
+
+    The files are for Copter 4.5 to 4.7; :func:`rotorid.io.ardupilot.system_id.firmware_findings` compares the version
+    of a log with them.
 
     Neither ever overrides the pilot's sticks, arms or disarms: a change of the flight mode or of the switch ends the
     run.
@@ -325,6 +322,54 @@ def plan_log_bitmask(plan: FlightPlan) -> int:
     return log_bitmask(fast_imu=any(planned.shape != "logarithmic_sweep" for planned in plan.inputs))
 
 
+def versions_words() -> str:
+    """The versions of Copter that the files are for.
+
+    Examples
+    --------
+    >>> versions_words()
+    '4.5 to 4.7'
+    """
+    oldest, newest = CHECKED[0], CHECKED[-1]
+    return f"{oldest[0]}.{oldest[1]} to {newest[0]}.{newest[1]}"
+
+
+def entry_reason(axis: int, firmware: str = "") -> str:
+    """Why SYSTEMID mode is entered from the mode in which a run begins, as the end of a sentence for the pilot.
+
+    Parameters
+    ----------
+    axis
+        ``SID_AXIS``.
+    firmware
+        As a log names it; where it is not known, the words say which versions differ.
+
+    Examples
+    --------
+    >>> entry_reason(10)
+    'firmware 4.6 and later refuses other modes: "Axis requires manual throttle"'
+    >>> entry_reason(10, "ArduCopter V4.7.0")
+    'ArduCopter 4.7 refuses other modes: "Axis requires manual throttle"'
+    >>> entry_reason(10, "ArduCopter V4.5.7")
+    'there your hand is on the throttle already'
+    """
+    strict = next(rule for rule in RULES if axis in rule.axes and rule.accepted)
+    version = named(firmware).copter
+    if version is not None and version < strict.since:
+        return "there your hand is on the throttle already"
+    major, minor = version or strict.since
+    who = f"firmware {major}.{minor} and later" if version is None else f"ArduCopter {major}.{minor}"
+    return f'{who} refuses other modes: "{strict.says}"'
+
+
+def _lean_limit(firmware: str) -> str:
+    """The parameter of the largest lean, which 4.7 renamed."""
+    version = named(firmware).copter
+    if version is None:
+        return "ANGLE_MAX (from 4.7 on ATC_ANGLE_MAX)"
+    return "ANGLE_MAX" if version < (4, 7) else "ATC_ANGLE_MAX"
+
+
 def _chirp_files(
     plan: FlightPlan, sweeps: Sequence[PlannedInput], facts: FlightFacts, *, recovery: bool, mode_switch: int | None
 ) -> dict[str, str]:
@@ -333,7 +378,17 @@ def _chirp_files(
     shared = {"LOG_BITMASK": plan_log_bitmask(plan)}
     if mode_switch is not None:
         shared[f"FLTMODE{mode_switch}"] = SYSTEM_ID_MODE
-    words = {"plan": one_line(plan.name), "vehicle": one_line(facts.vehicle), "facts": facts}
+    # One script hovers in one mode: all axes of a plan are of the attitude, rates or the mixer.
+    (start,) = {start_mode(settings.axis) for _, settings in runs}
+    words = {
+        "plan": one_line(plan.name),
+        "vehicle": one_line(facts.vehicle),
+        "facts": facts,
+        "versions": versions_words(),
+        "start": start,
+        "throttle": throttle_of(runs[0][1].axis),
+        "reason": entry_reason(runs[0][1].axis, facts.firmware),
+    }
     files = {}
     for index, (planned, settings) in enumerate(runs, start=1):
         files[f"ardupilot-{index}-{planned.axis}.param"] = filled(
@@ -345,6 +400,7 @@ def _chirp_files(
             settings=settings,
             mode_switch=mode_switch,
             fast_imu=bool(shared["LOG_BITMASK"] >> FAST_IMU_BIT & 1),
+            lean_limit=_lean_limit(facts.firmware),
             lines=_lines(settings.parameters | shared),
         )
     files["ardupilot-after.param"] = filled("ardupilot_after.param", **words, default=DEFAULT_LOG_BITMASK)
@@ -352,6 +408,7 @@ def _chirp_files(
         "ardupilot_chirps.lua",
         **words,
         mode=SYSTEM_ID_MODE,
+        loiter=LOITER,
         runs=[(planned.axis, SYSTEM_ID_DELAY_S + settings.record_s, _settings(settings)) for planned, settings in runs],
         rests=_rests_s(sweeps, plan.trim_s),
         number=number,
@@ -371,7 +428,12 @@ def _attitude_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
     zero = np.zeros(time_s.size)
     angles = np.degrees([columns.get(f"{axis}_attitude_setpoint", zero) for axis in ("roll", "pitch", "yaw")])
     stem = file_stem(plan.name)
-    words = {"plan": one_line(plan.name), "vehicle": one_line(facts.vehicle), "facts": facts}
+    words = {
+        "plan": one_line(plan.name),
+        "vehicle": one_line(facts.vehicle),
+        "facts": facts,
+        "versions": versions_words(),
+    }
     rows = [f"{roll:.3f},{pitch:.3f},{yaw:.3f}" for roll, pitch, yaw in angles.T.tolist()]
     return {
         "ardupilot-log.param": filled(

@@ -110,6 +110,8 @@ class FlightFacts(Immutable):
         What the data will tell.
     notes
         Sentences for the pilot that nothing else on the card says.
+    firmware
+        Of the autopilot that will fly, as its logs name it; empty where it is not known.
 
     Raises
     ------
@@ -127,6 +129,7 @@ class FlightFacts(Immutable):
     motors: tuple[float, float]
     bounds: tuple[PredictedBound, ...] = ()
     notes: tuple[str, ...] = ()
+    firmware: str = ""
 
     def __post_init__(self) -> None:
         numbers = (self.room_m, self.height_m, self.climb_m, self.tilt_rad, self.rate_rad_s, *self.motors)

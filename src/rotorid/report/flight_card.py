@@ -18,7 +18,8 @@ from rotorid import __version__
 from rotorid.data.display import capital, listed
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
 from rotorid.errors import UsageError
-from rotorid.plans.ardupilot import plan_log_bitmask
+from rotorid.io.ardupilot.system_id import sid_axes, start_mode, throttle_of
+from rotorid.plans.ardupilot import entry_reason, plan_log_bitmask
 from rotorid.plans.facts import Autopilot, FlightFacts, PredictedBound, excited_s, flown_by_hand
 from rotorid.plans.px4 import LOG_PROFILE
 from rotorid.plot.frequency import COHERENCE_GUIDELINE
@@ -104,30 +105,68 @@ def band_words(planned: PlannedInput) -> str:
     return f"steps of {_short((end_s - begin_s) / _UNITS.get(planned.shape, 1))} s"
 
 
-def how_to_fly(plan: FlightPlan, autopilot: Autopilot) -> str:
-    """What the pilot does during every run."""
-    if len(flown_by_hand(plan, autopilot)) == len(plan.inputs):
+def how_to_fly(plan: FlightPlan, facts: FlightFacts) -> str:
+    """What the pilot does during every run, and who works the throttle."""
+    autopilot = facts.autopilot
+    by_hand = flown_by_hand(plan, autopilot)
+    if len(by_hand) == len(plan.inputs):
         return (
             "Each run: begin and end in trimmed hover. Follow the picture with the stick of that axis"
             f"{_hand_words(plan.inputs)}. Other sticks: small, slow corrections only."
         )
-    if autopilot == "ArduPilot" and _by_script(plan):
-        return (
-            "Hover in the middle in Loiter, switch to Guided, then turn on the switch of the script. Hands off: the "
-            "script holds the place slowly, Guided the height. The flight-mode switch takes over at any time. It ends "
-            "in Loiter."
-        )
+    words = _how_words(plan, facts)
+    return f"{words} {_check_words(plan, autopilot)}" if by_hand else words
+
+
+def _how_words(plan: FlightPlan, facts: FlightFacts) -> str:
+    """How the runs that the autopilot makes are flown."""
+    if facts.autopilot == "ArduPilot":
+        return _guided_words() if _by_script(plan) else _system_id_words(plan, facts)
     return {
-        "ArduPilot": "Each run: hover in the middle, throttle near the middle, then switch to System ID (or let the "
-        "script do so). It flies like Stabilize: correct drift slowly and gently, let it shake, and switch back to "
-        "Loiter when the run is over.",
         "PX4": "Start the script, hover in the middle in Position mode, then switch to Offboard. Hands off: the script "
         "holds place and height slowly, and moving the sticks ends the test. It hands back in Position mode.",
         "Betaflight": "Each run: steady hover in ANGLE, turn CHIRP on, correct drift slowly and gently until CHIRP IS "
         "FINISHED, then off. Every turn takes the next axis.",
         "other": "Each run: begin in trimmed hover in the middle of the room, correct drift slowly and gently, end in "
         "hover.",
-    }[autopilot]
+    }[facts.autopilot]
+
+
+def _guided_words() -> str:
+    return (
+        "Hover in the middle in Loiter, switch to Guided, then turn on the switch of the script. Hands off: the script "
+        "holds the place slowly, and the autopilot works the throttle. The flight-mode switch takes over at any time. "
+        "It ends in Loiter."
+    )
+
+
+def _system_id_words(plan: FlightPlan, facts: FlightFacts) -> str:
+    """SYSTEMID mode, entered as the firmware wants it for these axes."""
+    axis = sid_axes(plan)[0]
+    mode = start_mode(axis).words
+    hands, drift = {
+        "pilot": (
+            "You work the throttle, near the middle in hover.",
+            "Correct drift slowly and gently, let it shake, ",
+        ),
+        "autopilot": ("The autopilot works the throttle and ignores the sticks.", "When it is over, "),
+    }[throttle_of(axis)]
+    return (
+        f"{hands} Each run: hover in {mode} in the middle of the room ({entry_reason(axis, facts.firmware)}), then "
+        f"switch to System ID or let the script do so. {drift}then back to {mode}."
+    )
+
+
+_HAND_MODES: Mapping[Autopilot, str] = MappingProxyType({"ArduPilot": ", in Stabilize", "Betaflight": ", in ANGLE"})
+
+
+def _check_words(plan: FlightPlan, autopilot: Autopilot) -> str:
+    """What the runs by hand are for, so that nobody takes them for the sweeps that a model comes from."""
+    still = f" for {plan.trim_s:.0f} s" if plan.trim_s >= 1.0 else ""
+    return (
+        f"Fly the runs by hand last{_HAND_MODES.get(autopilot, '')}: they only check the model. Keep the sticks still"
+        f"{still} before and after each, then land."
+    )
 
 
 def before(plan: FlightPlan, facts: FlightFacts) -> list[str]:
@@ -139,10 +178,12 @@ def before(plan: FlightPlan, facts: FlightFacts) -> list[str]:
         "Betaflight": "CLI lines pasted; debug_mode reads CHIRP; blackbox empty enough",
         "other": f"Commands, rates and attitude logged at {least_rate_hz(plan):.0f} Hz or more; space on the card",
     }[facts.autopilot]
+    hands_on = facts.autopilot == "ArduPilot" and any(throttle_of(axis) == "pilot" for axis in sid_axes(plan))
+    tried = "Stabilize with the throttle near the middle, and " if hands_on else ""
     return [
         "Propellers undamaged, tight, right way round; battery full and strapped; nothing loose",
         logging,
-        f"The way out is on a switch, and was tried in hover: {_WAY_OUT[facts.autopilot]}",
+        f"Tried in hover: {tried}the way out, on a switch: {_WAY_OUT[facts.autopilot]}",
         "Position fix good" if facts.autopilot != "Betaflight" else "ANGLE mode on a switch; failsafe set and tried",
         f"Nobody within {_clear_m(facts):.0f} m of the start; wind as low as can be had",
         "Written down: take-off mass, battery, wind",
@@ -171,10 +212,13 @@ def stop_sentence(facts: FlightFacts) -> str:
 
 def after(plan: FlightPlan, facts: FlightFacts) -> list[str]:
     """What to look at after the flight."""
-    count = f"{len(plan.inputs)} {'maneuver' if len(plan.inputs) == 1 else 'maneuvers'}"
+    by_hand = flown_by_hand(plan, facts.autopilot)
+    made = len(plan.inputs) - len(by_hand) or len(plan.inputs)
+    count = f"{made} {'maneuver' if made == 1 else 'maneuvers'}"
+    beside = f"; {len(by_hand)} more by hand" if 0 < len(by_hand) < len(plan.inputs) else ""
     low, high = (100.0 * edge for edge in facts.motors)
     return [
-        f"{count} found on {listed(plan.axes)}, without gaps",
+        f"{count} found on {listed(plan.axes)}, without gaps{beside}",
         f"Commands and rates logged at {least_rate_hz(plan):.0f} Hz or more",
         f"Coherence {COHERENCE_GUIDELINE:g} or more over the band",
         f"As predicted: tilt up to {math.degrees(facts.tilt_rad):.0f}°, rates up to "
@@ -384,7 +428,7 @@ def flight_card_html(plan: FlightPlan, facts: FlightFacts) -> str:
         density="roomy" if len(runs) <= _ROOMY else "dense" if len(runs) >= _DENSE else "",
         long_name=len(plan.name) > _LONG_NAME,
         total=clock_words(last_s - first_s),
-        how=how_to_fly(plan, facts.autopilot),
+        how=how_to_fly(plan, facts),
         before=before(plan, facts),
         stops=stops(facts),
         stop_sentence=stop_sentence(facts),

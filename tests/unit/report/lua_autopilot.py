@@ -8,7 +8,9 @@ import pytest
 
 _INTERFACE = r"""
 state = { now = 0, mode = 5, armed = true, flying = true, switch = 0, position = { 0, 0, -20 }, yaw = 0.5,
-          velocity = { 0, 0, 0 }, roll = 0, pitch = 0, home_down = 0, refuse_mode = nil, refuse_parameter = nil }
+          velocity = { 0, 0, 0 }, roll = 0, pitch = 0, home_down = 0, refuse_mode = nil, refuse_parameter = nil,
+          version = 47 }
+parameters = {}
 events, targets, texts = {}, {}, {}
 
 local clock = {}
@@ -27,8 +29,29 @@ gcs = {}
 function gcs:send_text(severity, text) texts[#texts + 1] = text end
 vehicle = {}
 function vehicle:get_mode() return state.mode end
+-- Copter::set_mode and ModeSystemId::init in flight, by version: 45 enters from any mode; since 46 axes 1 to 13 need a
+-- mode with manual throttle (Stabilize, Acro, SystemID), and there are axes 14 to 19, which need Loiter.
+local MANUAL = { [0] = true, [1] = true, [25] = true }
+local function refused(mode)
+    if mode == state.mode then return nil end
+    if mode == 5 and not state.position then return "requires position" end
+    if mode ~= 25 then return nil end
+    local axis = parameters.SID_AXIS or 0
+    if axis == 0 then return "No axis selected, SID_AXIS = 0" end
+    if state.version < 46 then
+        return axis > 13 and "no such axis" or nil
+    end
+    if not state.armed or not state.flying then return "Aircraft must be flying" end
+    if axis <= 13 and not MANUAL[state.mode] then return "Axis requires manual throttle" end
+    if axis > 13 and state.mode ~= 5 then return "Axis requires switch from Loiter" end
+end
 function vehicle:set_mode(mode)
     if mode == state.refuse_mode then return false end
+    local reason = refused(mode)
+    if reason then
+        texts[#texts + 1] = reason
+        return false
+    end
     state.mode = mode
     events[#events + 1] = { state.now, "mode", mode }
     return true
@@ -60,6 +83,7 @@ function ahrs:get_yaw_rad() return state.yaw end
 param = {}
 function param:set(name, value)
     if name == state.refuse_parameter then return false end
+    parameters[name] = value
     events[#events + 1] = { state.now, name, value }
     return true
 end

@@ -212,8 +212,35 @@ def test_the_hand_is_told_what_the_picture_asks_for(inputs: tuple[PlannedInput, 
 
 def test_it_says_what_holds_the_vehicle() -> None:
     assert "Hands off: the script holds place and height slowly" in words(at_once(), facts("PX4"))
-    assert "Hands off: the script holds the place slowly, Guided the height" in words(at_once(), facts("ArduPilot"))
-    assert "script holds" not in words(four_chirps(), facts("ArduPilot"))  # System ID: the pilot holds it
+    guided = words(at_once(), facts("ArduPilot"))
+    assert "Hands off: the script holds the place slowly, and the autopilot works the throttle" in guided
+    by_mode = words(four_chirps(), facts("ArduPilot"))
+    assert "script holds" not in by_mode  # System ID: the pilot holds it
+    assert "You work the throttle" in by_mode
+    assert "Tried in hover: Stabilize with the throttle near the middle" in by_mode
+    assert "Stabilize" not in guided
+
+
+@pytest.mark.parametrize(
+    ("firmware", "said"),
+    [
+        ("", "in Stabilize in the middle of the room (firmware 4.6 and later refuses other modes"),
+        ("ArduCopter V4.7.0", "in Stabilize in the middle of the room (ArduCopter 4.7 refuses other modes"),
+        ("ArduCopter V4.5.7", "in Stabilize in the middle of the room (there your hand is on the throttle already)"),
+    ],
+)
+def test_system_id_is_entered_as_the_firmware_wants_it(firmware: str, said: str) -> None:
+    assert said in words(four_chirps(), facts(firmware=firmware))
+
+
+def test_runs_by_hand_beside_sweeps_only_check_the_model() -> None:
+    plan = sweeps_then_doublets()
+    said = "Fly the runs by hand last, in Stabilize: they only check the model. Keep the sticks still for 3 s before"
+    assert said in words(plan, facts())
+    assert "4 maneuvers found on roll, pitch, yaw and thrust, without gaps; 8 more by hand" in words(plan, facts())
+    assert "by hand last, in ANGLE" in words(plan, facts("Betaflight"))
+    for none in (words(four_chirps(), facts()), words(many(), facts()), words(plan, facts("PX4"))):
+        assert "only check the model" not in none
 
 
 @pytest.mark.parametrize(
@@ -232,7 +259,7 @@ def test_what_system_id_mode_cannot_fly_is_flown_by_the_script() -> None:
     text = words(at_once(), facts("ArduPilot"))
     assert "switch to Guided" in text
     assert "LOG_BITMASK reads 438271" in text
-    assert "switch to System ID" in words(four_chirps(), facts("ArduPilot"))
+    assert "switch to System ID or let the script" in words(four_chirps(), facts("ArduPilot"))
 
 
 def test_it_asks_for_ten_samples_in_a_period() -> None:

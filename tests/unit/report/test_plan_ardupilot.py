@@ -18,11 +18,13 @@ from tests.unit.report.plan_sample import (
     sweeps_then_doublets,
 )
 
-from rotorid.data.flight_plan import FlightPlan, PlannedInput
+from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
 from rotorid.errors import UsageError
 from rotorid.io.ardupilot.dataflash import decode
 from rotorid.io.ardupilot.log import ENTRIES
+from rotorid.io.ardupilot.system_id import SID_AXIS
 from rotorid.plans.ardupilot import SYSTEM_ID_DELAY_S, SystemId, ardupilot_files, log_bitmask, system_id
+from rotorid.typing import Axis
 from rotorid.units import parse_unit
 
 SINGLE = 2.0**-24
@@ -135,6 +137,7 @@ def test_a_plan_that_was_stored_is_flown_as_well(tmp_path: Path) -> None:
     assert (loaded["SID_AXIS"], loaded["SID_T_REC"]) == (13.0, 60.0)
     assert int(loaded["LOG_BITMASK"]) >> 18 & 1  # doublets are flown outside of the mode that logs its own IMU
     script = Autopilot(files["sweeps-then-doublets-chirps.lua"])
+    script.state.mode = STABILIZE
     script.run(3.0)
     script.state.switch = 2
     script.run(300.0)
@@ -197,22 +200,28 @@ def test_a_switch_position_must_exist() -> None:
 
 # The Lua script that flies all chirps.
 
-SYSTEMID, LOITER, STABILIZE = 25, 5, 0
+STABILIZE, ALT_HOLD, LOITER, SYSTEMID = 0, 2, 5, 25
+VERSIONS = (45, 46, 47)
 
 
-def chirp_script() -> Autopilot:
-    autopilot = Autopilot(ardupilot_files(four_chirps(), facts())["hover-four-axes-chirps.lua"])
+def chirp_script(plan: FlightPlan | None = None, *, version: int = 47) -> Autopilot:
+    """The script of a plan in a vehicle that hovers in Stabilize, with its switch turned on."""
+    plan = plan or four_chirps()
+    name = "hover-four-axes-chirps.lua" if plan.name.startswith("Hover") else f"{plan.name}-chirps.lua"
+    autopilot = Autopilot(ardupilot_files(plan, facts())[name])
+    autopilot.state.mode, autopilot.state.version = STABILIZE, version
     autopilot.run(3.0)
     autopilot.state.switch = 2
     return autopilot
 
 
-def test_the_script_flies_every_chirp_with_its_settings() -> None:
-    autopilot = chirp_script()
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_script_flies_every_chirp_with_its_settings(version: int) -> None:
+    autopilot = chirp_script(version=version)
     autopilot.run(400.0)
     events = autopilot.events()
     modes = [(now, value) for now, name, value in events if name == "mode"]
-    assert [mode for _, mode in modes] == [SYSTEMID, LOITER] * 4
+    assert [mode for _, mode in modes] == [SYSTEMID, STABILIZE] * 4
     for (begin, _), (end, _), planned in zip(modes[::2], modes[1::2], four_chirps().inputs, strict=True):
         settings = {name: value for now, name, value in events if name != "mode" and now == begin}
         assert settings == pytest.approx(system_id(planned).parameters, rel=1e-8)
@@ -225,13 +234,15 @@ def test_the_script_flies_every_chirp_with_its_settings() -> None:
 @pytest.mark.parametrize(
     ("change", "reason", "mode"),
     [
+        ({"mode": LOITER}, "the pilot took over", LOITER),
         ({"mode": STABILIZE}, "the pilot took over", STABILIZE),
-        ({"switch": 0}, "switched off", LOITER),
-        ({"armed": False}, "disarmed", LOITER),
+        ({"switch": 0}, "switched off", STABILIZE),
+        ({"armed": False}, "disarmed", STABILIZE),
         ({"position": (9.0, 9.0, -20.0)}, "out of the room", LOITER),
         ({"position": (0.0, 0.0, -30.0)}, "height", LOITER),
         ({"position": (math.nan, 0.0, -20.0)}, "out of the room", LOITER),
-        ({"position": None}, "no position", LOITER),
+        ({"position": None}, "no position", STABILIZE),
+        ({"position": (9.0, 9.0, -20.0), "refuse_mode": LOITER}, "out of the room", STABILIZE),
     ],
 )
 def test_the_script_ends_at_once_and_for_good(change: dict[str, Any], reason: str, mode: int) -> None:
@@ -254,7 +265,8 @@ def test_the_script_ends_at_once_and_for_good(change: dict[str, Any], reason: st
     [
         ({"flying": False}, "not flying"),
         ({"armed": False}, "not flying"),
-        ({"mode": STABILIZE}, "begin in LOITER or ALT_HOLD"),
+        ({"mode": LOITER}, "begin in STABILIZE"),
+        ({"mode": ALT_HOLD}, "begin in STABILIZE"),
         ({"position": None}, "no position"),
         ({"home_down": -15.0}, "begin above 10 m"),
         ({"refuse_mode": SYSTEMID}, "SYSTEMID mode was refused"),
@@ -272,6 +284,7 @@ def test_the_script_does_not_begin_where_it_should_not(change: dict[str, Any], r
 
 def test_a_switch_that_is_on_at_boot_starts_nothing() -> None:
     autopilot = Autopilot(ardupilot_files(four_chirps(), facts())["hover-four-axes-chirps.lua"])
+    autopilot.state.mode = STABILIZE
     autopilot.state.switch = 2
     autopilot.run(60.0)
     assert not autopilot.events()
@@ -280,3 +293,84 @@ def test_a_switch_that_is_on_at_boot_starts_nothing() -> None:
     autopilot.state.switch = 2
     autopilot.run(1.0)
     assert autopilot.state.mode == SYSTEMID
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize(("entry", "axis"), list(SID_AXIS), ids="-".join)
+def test_every_axis_is_entered_in_every_version(entry: Entry, axis: Axis, version: int) -> None:
+    size = 0.1 if entry == "command" else 0.2
+    autopilot = chirp_script(
+        FlightPlan(name="one", inputs=(chirp(axis, entry=entry, amplitude=size),)), version=version
+    )
+    autopilot.run(1.0)
+    assert autopilot.state.mode == SYSTEMID
+    autopilot.run(120.0)
+    assert autopilot.texts()[-1] == "rotorid: plan complete"
+    assert autopilot.state.mode == STABILIZE
+
+
+@pytest.mark.parametrize(("version", "taken"), [(45, True), (46, False), (47, False)])
+def test_loiter_is_no_way_in_since_manual_throttle_is_asked_for(version: int, taken: bool) -> None:
+    """The script of before, which began in Loiter, against the same firmware: so the fake refuses what the real did."""
+    script = ardupilot_files(four_chirps(), facts())["hover-four-axes-chirps.lua"]
+    autopilot = Autopilot(script.replace("START_MODES = { [0]", f"START_MODES = {{ [{LOITER}]"))
+    autopilot.state.version = version
+    autopilot.run(3.0)
+    autopilot.state.switch = 2
+    autopilot.run(60.0)
+    assert (autopilot.state.mode == SYSTEMID) == taken
+    assert ("Axis requires manual throttle" in autopilot.texts()) != taken
+
+
+@pytest.mark.parametrize(("version", "changed"), [(47, {"mode": LOITER}), (46, {"refuse_mode": SYSTEMID})])
+def test_a_rest_ends_the_plan_where_the_next_chirp_cannot_begin(version: int, changed: dict[str, Any]) -> None:
+    autopilot = chirp_script(version=version)
+    autopilot.run(93.0)
+    assert autopilot.state.mode == STABILIZE  # the rest after the first chirp
+    for name, value in changed.items():
+        autopilot.state[name] = value
+    autopilot.run(60.0)
+    assert autopilot.state.mode == changed.get("mode", STABILIZE)
+    reason = "the pilot took over" if "mode" in changed else "SYSTEMID mode was refused"
+    assert autopilot.texts()[-1] == f"rotorid: {reason}"
+
+
+def test_a_rest_waits_for_the_vehicle_to_come_back() -> None:
+    autopilot = chirp_script()
+    autopilot.run(93.0)
+    assert autopilot.texts()[-1] == "rotorid: rest 9 s"
+    autopilot.state.position = autopilot.lua.table(9.0, 9.0, -20.0)
+    autopilot.run(60.0)
+    assert autopilot.state.mode == STABILIZE
+    assert autopilot.texts()[-1] == "rotorid: come back: out of the room"
+    assert autopilot.texts().count("rotorid: come back: out of the room") == 1
+    autopilot.state.position = autopilot.lua.table(0.0, 0.0, -20.0)
+    autopilot.run(8.0)
+    assert autopilot.state.mode == STABILIZE  # its rest is not cut short
+    autopilot.run(2.0)
+    assert autopilot.state.mode == SYSTEMID
+    assert autopilot.texts()[-1] == "rotorid: chirp 2 of 4, pitch"
+
+
+@pytest.mark.parametrize(
+    ("firmware", "said", "limit"),
+    [
+        (
+            "",
+            'firmware 4.6 and later refuses other modes: "Axis requires manual throttle"',
+            "from 4.7 on ATC_ANGLE_MAX",
+        ),
+        ("ArduCopter V4.5.7 (2a3dc4b7)", "there your hand is on the throttle already", "exceeds ANGLE_MAX."),
+        ("ArduCopter V4.6.2 (3fc7011a)", "ArduCopter 4.6 refuses other modes", "exceeds ANGLE_MAX."),
+        ("ArduCopter V4.7.0-dev (e4b2f4c6)", "ArduCopter 4.7 refuses other modes", "exceeds ATC_ANGLE_MAX."),
+    ],
+)
+def test_every_file_says_from_where_and_who_works_the_throttle(firmware: str, said: str, limit: str) -> None:
+    files = ardupilot_files(four_chirps(), facts(firmware=firmware))
+    runs = [text for name, text in files.items() if name.endswith(".param") and "after" not in name]
+    for text in runs:
+        assert f"Enter System ID from Stabilize ({said}" in text
+        assert "You work the throttle" in text
+        assert limit in text
+    assert f"Begin in STABILIZE ({said}" in files["hover-four-axes-chirps.lua"]
+    assert "pilot works the throttle all the time" in files["hover-four-axes-chirps.lua"]

@@ -8,7 +8,8 @@ from types import MappingProxyType
 
 from rotorid.data.findings import Finding, Severity, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, Topic
-from rotorid.io.ardupilot.firmware import RATE_FROM, SYSTEM_ID_FROM, Firmware, named
+from rotorid.io.ardupilot.firmware import RATE_FROM, Firmware, named
+from rotorid.io.ardupilot.system_id import RULES
 
 _LOOP_BY_LOOP = 0.75
 """Below this part of the loop's rate at most every second sample was logged."""
@@ -160,7 +161,7 @@ def wind_advice(parameters: Mapping[str, float]) -> str:
 
 def flying_advice(firmware: str) -> str:
     """How to fly an excitation, with places for ``axis`` and ``sid_axis``; before 4.0 there is no SYSTEMID mode."""
-    if named(firmware).before(SYSTEM_ID_FROM):
+    if named(firmware).before(RULES[0].since):
         return "sweep the {axis} stick, slow to fast, for a minute or more"
     return "fly SYSTEMID mode with SID_AXIS {sid_axis}"
 

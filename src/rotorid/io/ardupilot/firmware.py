@@ -21,9 +21,6 @@ _NORMALIZED_FROM = (3, 4)
 RATE_FROM = (3, 3)
 """The first copter firmware with a ``RATE`` message."""
 
-SYSTEM_ID_FROM = (4, 0)
-"""The first copter firmware with SYSTEMID mode."""
-
 _WHOLE_NUMBERS = frozenset("bBhHiIqQ")
 
 

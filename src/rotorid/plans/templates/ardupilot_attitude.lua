@@ -1,11 +1,11 @@
 -- {{ plan }}, {{ vehicle }}: flies the attitudes of {{ table }} in GUIDED mode.
--- ArduPilot Copter 4.5 or later with SCR_ENABLE = 1; put this file and {{ table }} into APM/scripts on the card
+-- For ArduPilot Copter {{ versions }} with SCR_ENABLE = 1; put this file and {{ table }} into APM/scripts on the card
 -- and reboot. If memory is short, raise SCR_HEAP_SIZE.
 --
 -- The pilot takes off, hovers in LOITER in the middle of the room, switches to GUIDED, and turns on the switch whose
 -- RCx_OPTION is 300 (Scripting1). The script asks for the attitudes of the table, added to the heading of the start and
 -- to the lean of a slow loop that holds the place, as in the simulation from which the limits of the flight come. It
--- asks for no climb: the autopilot holds the height.
+-- asks for no climb: the autopilot works the throttle and keeps the height.
 -- The attitude controller smooths what it is asked for (ATC_INPUT_TC): the log's set-points are what was flown.
 --
 -- The pilot has the last word: any change of the flight mode by the pilot ends the plan, and so does turning the switch

@@ -1,16 +1,23 @@
 -- {{ plan }}, {{ vehicle }}: flies all chirps of the plan in one flight.
--- ArduPilot Copter 4.5 or later with SCR_ENABLE = 1; put this file into APM/scripts on the card and reboot.
+-- For ArduPilot Copter {{ versions }} with SCR_ENABLE = 1; put this file into APM/scripts on the card and reboot.
 --
--- The pilot takes off, hovers in LOITER or ALT_HOLD in the middle of the room, and turns on the switch whose
--- RCx_OPTION is 300 (Scripting1). For every chirp the script sets the SID_ parameters and enters SYSTEMID mode; between
--- them it returns to the mode from which the pilot came, so that the pilot can fly back to the middle.
--- In SYSTEMID mode the throttle is manual: hold it near the middle, where the vehicle hovers.
+-- The pilot takes off, hovers in {{ start.name }} in the middle of the room, and turns on the switch whose RCx_OPTION is
+-- 300 (Scripting1). For every chirp the script sets the SID_ parameters and enters SYSTEMID mode; between them it
+-- returns to {{ start.name }}, so that the pilot can fly back to the middle; outside of the room it waits for that.
+{% if throttle == "pilot" %}
+-- The pilot works the throttle all the time: in {{ start.name }} and in SYSTEMID mode its stick is the thrust, near the
+-- middle in hover.
+{% else %}
+-- The autopilot works the throttle and keeps the height; sticks are ignored during a chirp.
+{% endif %}
+-- Begin in {{ start.name }} ({{ reason }}).
 --
 -- The pilot has the last word: any change of the flight mode by the pilot ends the plan, and so does turning the switch
--- off. The script never arms, never disarms and never touches the sticks. Parameters are not saved.
+-- off. At a limit the script ends the plan in {{ loiter.name }}. It never arms, never disarms and never touches the sticks.
+-- Parameters are not saved.
 
-local SYSTEMID = {{ mode }}
-local START_MODES = { [2] = true, [5] = true } -- ALT_HOLD and LOITER
+local SYSTEMID, {{ loiter.name }} = {{ mode }}, {{ loiter.number }}
+local START_MODES = { [{{ start.number }}] = true } -- {{ start.name }}
 local ROOM_M = {{ number(facts.stop_room_m) }} -- horizontal distance from the start that ends the plan
 local CLIMB_M = {{ number(facts.stop_climb_m) }} -- departure from the height of the start that ends the plan
 local LEAST_HEIGHT_M = {{ number(facts.least_height_m) }} -- above home, to begin
@@ -33,6 +40,7 @@ local run = 0
 local since = millis()
 local home_mode = nil
 local origin = nil
+local called = false -- whether the pilot was asked to come back in this rest
 
 local switch = assert(rc:find_channel_for_option(300), "rotorid: no switch has RCx_OPTION 300")
 
@@ -65,8 +73,8 @@ local function outside()
     return nil
 end
 
-local function finish(reason)
-    if state == FLYING and vehicle:get_mode() == SYSTEMID then
+local function finish(reason, mode)
+    if state == FLYING and vehicle:get_mode() == SYSTEMID and not (mode and vehicle:set_mode(mode)) then
         vehicle:set_mode(home_mode)
     end
     say(reason)
@@ -95,7 +103,7 @@ local function start()
     if not arming:is_armed() or not vehicle:get_likely_flying() then
         finish("not flying")
     elseif not START_MODES[home_mode] then
-        finish("begin in LOITER or ALT_HOLD")
+        finish("begin in {{ start.name }}")
     elseif not origin or not home then
         finish("no position")
     elseif not (-home:z() >= LEAST_HEIGHT_M) then
@@ -119,6 +127,7 @@ local function fly()
         say("plan complete")
         enter(OVER)
     else
+        called = false
         say(string.format("rest %.0f s", RUNS[run].rest_s))
         enter(RESTING)
     end
@@ -127,6 +136,16 @@ end
 local function rest()
     if vehicle:get_mode() ~= home_mode then
         finish("the pilot took over")
+        return
+    end
+    local reason = outside()
+    if reason then
+        -- The pilot flies: nothing to break off, and the rest begins when the vehicle is back.
+        since = millis()
+        if not called then
+            say("come back: " .. reason)
+            called = true
+        end
     elseif elapsed_s() >= RUNS[run].rest_s then
         run = run + 1
         begin_run()
@@ -143,13 +162,17 @@ local function update()
     elseif state == WAITING then
         start()
     elseif state == FLYING or state == RESTING then
-        local reason = not arming:is_armed() and "disarmed" or outside()
-        if reason then
-            finish(reason)
-        elseif state == FLYING then
-            fly()
-        else
+        if not arming:is_armed() then
+            finish("disarmed")
+        elseif state == RESTING then
             rest()
+        else
+            local reason = outside()
+            if reason then
+                finish(reason, {{ loiter.name }})
+            else
+                fly()
+            end
         end
     end
     return update, PERIOD_MS
