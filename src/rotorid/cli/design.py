@@ -84,6 +84,7 @@ def design_command(
     named = named_vehicle(vehicle, like=like, given=design.pop("changes", None))
     if not output.quiet:
         say_taken(named)
+    flown = None if gains is None else read(gains)
     choices = DesignChoices(
         vehicle=named.entry,
         changes=named.changes,
@@ -95,8 +96,9 @@ def design_command(
             wind=air.wind,
             **plan,
         ),
-        gains={} if gains is None else read(gains).parameters,
+        gains={} if flown is None else flown.parameters,
         gains_source="" if gains is None else gains.name,
+        firmware=named.firmware if flown is None else flown.source.firmware,
         **design,
     )
     default = results_folder() / f"{choices.entry.name}-design"

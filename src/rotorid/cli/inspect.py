@@ -16,7 +16,8 @@ import typer
 from rotorid.cli.command import print_if_asked, target_of
 from rotorid.cli.console import as_given, progress, tell
 from rotorid.cli.folders import Found
-from rotorid.cli.options import ForPaper, Logs, Map, Only, Output
+from rotorid.cli.options import AgainstPlan, ForPaper, Logs, Map, Only, Output
+from rotorid.data.findings import worst_first
 from rotorid.errors import UsageError
 from rotorid.signal.airborne import told_by
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from rotorid.data.findings import Finding
+    from rotorid.data.flight_plan import FlightPlan
     from rotorid.data.record import FlightRecord, Maneuver
     from rotorid.pipeline.inspection import Inspection, LoggedChannel
     from rotorid.pipeline.preparation.consistency import ChannelSkew
@@ -44,6 +46,7 @@ def inspect_command(
     logs: Logs,
     *,
     map: Map = None,
+    plan: AgainstPlan = None,
     plot: Plot = None,
     out: Annotated[
         Path | None,
@@ -60,11 +63,11 @@ def inspect_command(
     if alone and len(found.named) > 1:
         raise _too_many(f"{len(found.files)} logs")
     if len(found.files) > 1 and not alone:
-        _inspect_several(found, map, output)
+        _inspect_several(found, map, plan, output)
         return
     from rotorid.io.folders import making
-    from rotorid.pipeline.inspection import inspect
 
+    wanted = plan_of(plan)
     if plot is not None:
         from rotorid.report.files import require_replaceable
         from rotorid.report.inspection import require_suffix, write_inspection
@@ -79,7 +82,7 @@ def inspect_command(
         if others:
             raise _too_many("a folder of several logs")
         tell("inspecting")
-        inspection = inspect(record)
+        inspection = _inspected(record, wanted)
     if plot is not None:
         write_inspection(plot, record, inspection)
     if out is not None:
@@ -104,15 +107,34 @@ def _too_many(came: str) -> UsageError:
     )
 
 
-def _inspect_several(found: Found, map: Path | None, output: Output) -> None:
+def plan_of(file: Path | None) -> FlightPlan | None:
+    """The plan that a log is compared with."""
+    if file is None:
+        return None
+    from rotorid.documents.design import read_plan
+
+    return read_plan(file)
+
+
+def _inspected(record: FlightRecord, plan: FlightPlan | None) -> Inspection:
+    """What a log holds, and what it has of a plan."""
+    from rotorid.pipeline.inspection import inspect
+    from rotorid.pipeline.plan_checks import plan_findings
+
+    inspection = inspect(record)
+    if plan is None:
+        return inspection
+    return replace(inspection, findings=worst_first((*plan_findings(record, plan), *inspection.findings)))
+
+
+def _inspect_several(found: Found, map: Path | None, plan: Path | None, output: Output) -> None:
     """One after the other; a file that cannot be read ends no other, and the exit code is 2 where it was named."""
     from rotorid.documents.base import to_json
     from rotorid.documents.inspection import InspectionsDocument, inspect_document
-    from rotorid.pipeline.inspection import inspect
 
-    inspections = []
+    inspections, wanted = [], plan_of(plan)
     for record in found.records(map, each_alone=True):
-        inspections.append(inspect(record))
+        inspections.append(_inspected(record, wanted))
         if not output.json and not output.quiet:
             _print(inspections[-1], found.read[len(inspections) - 1], None, None)
             sys.stdout.write("\n")

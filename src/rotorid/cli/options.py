@@ -100,6 +100,15 @@ Map: TypeAlias = Annotated[
     Path | None,
     typer.Option("--map", help="TOML file that names the channels of any other source.", rich_help_panel="Data"),
 ]
+AgainstPlan: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "--plan",
+        metavar="PLAN.json",
+        help="Compare the log with a plan of rotorid design: its firmware, and what was flown.",
+        rich_help_panel="Data",
+    ),
+]
 Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the answer as JSON and nothing else.")]
 
 

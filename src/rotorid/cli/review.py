@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,11 +13,14 @@ import typer
 from rotorid.cli.command import print_if_asked, target_of
 from rotorid.cli.console import as_given, default_folder, output_console, progress, say, tell
 from rotorid.cli.folders import Found
-from rotorid.cli.options import ForPaper, Logs, Map, Only, Output
+from rotorid.cli.inspect import plan_of
+from rotorid.cli.options import AgainstPlan, ForPaper, Logs, Map, Only, Output
 from rotorid.data.findings import worst_first
 
 if TYPE_CHECKING:
     from rotorid.data.findings import Finding
+    from rotorid.data.flight_plan import FlightPlan
+    from rotorid.data.record import FlightRecord
     from rotorid.documents.base import Document
     from rotorid.pipeline.review.values import Review
     from rotorid.plot.printed import PrintedAs
@@ -35,6 +39,7 @@ def review_command(
     logs: Logs,
     *,
     map: Map = None,
+    plan: AgainstPlan = None,
     models: Annotated[bool, typer.Option("--models/--no-models", help="Identify models too; the longest part.")] = True,
     show: Annotated[bool, typer.Option("--open", help="Show the page in the browser.")] = False,
     output: Output,
@@ -48,8 +53,9 @@ def review_command(
 
     found = Found.behind(logs)
     target = target_of(output, default_folder(found.files, "review"), FILE, paper)
+    wanted = plan_of(plan)
     with progress(quiet=output.quiet):
-        seen = [review(record, models=models) for record in found.records(map)]
+        seen = [_against(wanted, record, review(record, models=models)) for record in found.records(map)]
         if found.skipped:
             # Results are not named after what is no log.
             target = target_of(output, default_folder(found.read, "review"), FILE, paper)
@@ -73,6 +79,15 @@ def review_command(
     if not any(told_anything(one) for one in seen):
         say("rotorid: nothing could be told of any flight; the page says why")
         raise typer.Exit(1)
+
+
+def _against(plan: FlightPlan | None, record: FlightRecord, seen: Review) -> Review:
+    """A review with what the log has of a plan among its findings."""
+    if plan is None:
+        return seen
+    from rotorid.pipeline.plan_checks import plan_findings
+
+    return replace(seen, findings=worst_first((*plan_findings(record, plan), *seen.findings)))
 
 
 def _document(seen: Sequence[Review]) -> Document:

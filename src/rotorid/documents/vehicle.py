@@ -645,6 +645,12 @@ class NamedVehicle(Immutable):
         self._set(changes=self.changes)
 
     @property
+    def firmware(self) -> str:
+        """Of the autopilot whose logs it was identified from, as they name it; empty where they do not."""
+        flew = None if self.own is None else self.own.joined.controller
+        return "" if flew is None else flew.firmware
+
+    @property
     def toml(self) -> str:
         """Its vehicle file, with the sources of its numbers at the head."""
         return vehicle_toml(self.entry, base=self.like, comments=[] if self.own is None else source_lines(self.own))

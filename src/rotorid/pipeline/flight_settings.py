@@ -529,6 +529,8 @@ class DesignChoices(Immutable):
         Parameters of an autopilot, whose gains replace those of the vehicle.
     gains_source
         File that they came from.
+    firmware
+        Of the autopilot that will fly, as its logs name it; empty where it is not known.
     fit
         How the flight will be identified.
     """
@@ -592,6 +594,7 @@ class DesignChoices(Immutable):
     ] = None
     gains: Mapping[str, float] = field(default_factory=dict)
     gains_source: str = ""
+    firmware: str = ""
     fit: "FitChoices" = field(default_factory=_usual_fit)
 
     def __post_init__(self) -> None:

@@ -302,6 +302,7 @@ def _files(
 ) -> tuple[dict[str, str | bytes], list[Finding]]:
     """Files of a plan by name; what an autopilot cannot fly is remarked on, and an error where it was asked for."""
     from rotorid.documents.design import plan_document
+    from rotorid.io.ardupilot.system_id import firmware_findings
     from rotorid.pipeline.designs import beyond_limits, not_followed
     from rotorid.plans.csv import plan_csv
     from rotorid.report.flight_card import flight_card
@@ -313,6 +314,8 @@ def _files(
         **flight_card(plan, facts),
     }
     findings = [*beyond_limits(one, choices.plan.limits), *not_followed(one, choices.aircraft)]
+    if autopilot == "ArduPilot" and choices.firmware:
+        findings += firmware_findings(plan, choices.firmware)
     try:
         files |= _autopilot_files(autopilot, plan, facts)
     except UsageError as error:
@@ -368,6 +371,7 @@ def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> Fligh
         rate_rad_s=reached.rate_rad_s,
         motors=(max(reached.motor_low, 0.0), min(reached.motor_high, 1.0)),
         bounds=tuple(bounds),
+        firmware=choices.firmware,
     )
 
 

@@ -1,0 +1,91 @@
+"""A log against a plan: its firmware, and what of the plan it has."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.cli.commands import rotorid
+from tests.unit.report.plan_sample import by_hand, chirp, step
+
+from rotorid.data.flight_plan import FlightPlan
+from rotorid.data.record import Channel, FlightRecord, Source, Topic
+from rotorid.documents.base import to_json
+from rotorid.documents.design import plan_document
+from rotorid.io import read
+from rotorid.pipeline.plan_checks import plan_findings
+from rotorid.typing import Axis
+
+CARD_FLIGHT = "real_stacks/ap_x_wind_soft_card_flight.BIN.xz"
+"""ArduCopter 4.7-dev: sweeps of roll and pitch from Stabilize by the script of a plan, then doublets by hand."""
+
+
+def card_plan(*axes: Axis, repeats: int = 1) -> FlightPlan:
+    """A plan as that of the card flight: a sweep of each axis, then doublets by the stick."""
+    starts = [100.0 * index for index in range(len(axes) * repeats)]
+    sweeps = [chirp(axis, start_s=start_s) for axis, start_s in zip(axes * repeats, starts, strict=True)]
+    doublets = [step(axis, start_s=starts[-1] + 100.0, entry="stick") for axis in axes]
+    return FlightPlan(name="card", inputs=(*sweeps, *doublets))
+
+
+def found(record: FlightRecord, plan: FlightPlan) -> list[tuple[str, str, str]]:
+    return [(one.kind, one.severity, one.where) for one in plan_findings(record, plan)]
+
+
+def named(firmware: str, form: str = "ArduPilot DataFlash") -> FlightRecord:
+    """A log of nothing but its firmware's name."""
+    time_s = np.arange(0.0, 1.0, 0.01)
+    gyro = Topic(name="IMU", time_s=time_s, channels=(Channel(name="p", unit="rad/s"),), values=np.zeros((1, 100)))
+    return FlightRecord(source=Source(name="a.bin", format=form, sha256="", firmware=firmware), topics=(gyro,))
+
+
+def test_the_flight_of_a_real_card_agrees_with_its_plan(unpacked: Callable[[str], Path]) -> None:
+    record = read(unpacked(CARD_FLIGHT))
+    findings = plan_findings(record, card_plan("roll", "pitch"))
+    assert [(one.kind, one.severity) for one in findings] == [("plan_firmware", "info")]
+    assert findings[0].message == (
+        "ArduCopter 4.7 flies this plan. Enter System ID from Stabilize; you work the throttle."
+    )
+    missing = ("plan_not_flown", "warning")
+    assert found(record, card_plan("roll", "pitch", "yaw"))[1:] == [(*missing, "yaw")]
+    assert found(record, card_plan("roll", "pitch", repeats=2))[1:] == [(*missing, "roll"), (*missing, "pitch")]
+
+
+@pytest.mark.parametrize(
+    ("firmware", "severity"),
+    [("ArduCopter V4.5.7", "info"), ("ArduCopter V4.6.2", "info"), ("ArduCopter V3.6.9", "warning"), ("", "warning")],
+)
+def test_a_log_from_before_the_flight_is_asked_for_its_firmware(firmware: str, severity: str) -> None:
+    assert found(named(firmware), card_plan("roll")) == [
+        ("plan_firmware", severity, "firmware"),
+        ("plan_not_flown", "info", "log"),
+    ]
+
+
+def test_other_autopilots_are_not_checked_and_it_is_said() -> None:
+    (finding, _) = plan_findings(named("PX4 1.15.4", "PX4 ULog"), card_plan("roll"))
+    assert (finding.kind, finding.severity) == ("plan_firmware", "info")
+    assert finding.message == "PX4 1.15.4 was not checked against the plan: only ArduCopter's versions are known."
+
+
+def test_runs_by_the_stick_are_not_counted() -> None:
+    (finding,) = plan_findings(named("ArduCopter V4.6.2"), FlightPlan(name="stick", inputs=(by_hand("roll"),)))
+    assert finding.kind == "plan_firmware"
+
+
+@pytest.mark.parametrize("verb", ["inspect", "review"])
+def test_the_command_line_compares_a_log_with_a_plan(
+    verb: str, unpacked: Callable[[str], Path], tmp_path: Path
+) -> None:
+    place = tmp_path / "plan.json"
+    place.write_text(to_json(plan_document(card_plan("roll", "pitch", "yaw"))))
+    options = ("--no-models", "--out", tmp_path / "out") if verb == "review" else ()
+    ran = rotorid(verb, unpacked(CARD_FLIGHT), "--plan", place, "--json", *options)
+    kinds = {one["kind"]: one["message"] for one in json.loads(ran.out)["findings"]}
+    assert kinds["plan_firmware"].startswith("ArduCopter 4.7 flies this plan")
+    assert kinds["plan_not_flown"] == "The plan has 1 sweep of yaw, the log has none."
+    ran = rotorid(verb, unpacked(CARD_FLIGHT), "--plan", tmp_path / "none.json", *options)
+    assert ran.code == 2
