@@ -179,11 +179,13 @@ def before(plan: FlightPlan, facts: FlightFacts) -> list[str]:
         "other": f"Commands, rates and attitude logged at {least_rate_hz(plan):.0f} Hz or more; space on the card",
     }[facts.autopilot]
     hands_on = facts.autopilot == "ArduPilot" and any(throttle_of(axis) == "pilot" for axis in sid_axes(plan))
-    tried = "Stabilize with the throttle near the middle, and " if hands_on else ""
+    way = f"The way out is on a switch, and was tried in hover: {_WAY_OUT[facts.autopilot]}"
+    if hands_on:
+        way = f"Tried in hover: Stabilize, throttle near the middle; and the way out, {_WAY_OUT[facts.autopilot]}"
     return [
         "Propellers undamaged, tight, right way round; battery full and strapped; nothing loose",
         logging,
-        f"Tried in hover: {tried}the way out, on a switch: {_WAY_OUT[facts.autopilot]}",
+        way,
         "Position fix good" if facts.autopilot != "Betaflight" else "ANGLE mode on a switch; failsafe set and tried",
         f"Nobody within {_clear_m(facts):.0f} m of the start; wind as low as can be had",
         "Written down: take-off mass, battery, wind",

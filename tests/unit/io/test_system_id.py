@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from tests.docs.firmware_table import PAGE, firmware_table, refilled
 
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
 from rotorid.io.ardupilot.log import ENTRIES
@@ -117,3 +118,9 @@ def test_a_plan_for_guided_mode_is_entered_by_its_script() -> None:
     (finding,) = firmware_findings(guided, "ArduCopter V3.6.12")
     assert "older than this plan's files" in finding.message
     assert ".param" not in finding.message
+
+
+def test_the_docs_have_the_table_of_today() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert firmware_table() in text
+    assert refilled(text) == text, "run python tests/docs/firmware_table.py"

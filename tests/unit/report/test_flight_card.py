@@ -217,7 +217,7 @@ def test_it_says_what_holds_the_vehicle() -> None:
     by_mode = words(four_chirps(), facts("ArduPilot"))
     assert "script holds" not in by_mode  # System ID: the pilot holds it
     assert "You work the throttle" in by_mode
-    assert "Tried in hover: Stabilize with the throttle near the middle" in by_mode
+    assert "Tried in hover: Stabilize, throttle near the middle; and the way out, switch to Loiter" in by_mode
     assert "Stabilize" not in guided
 
 
