@@ -89,3 +89,16 @@ def test_the_command_line_compares_a_log_with_a_plan(
     assert kinds["plan_not_flown"] == "The plan has 1 sweep of yaw, the log has none."
     ran = rotorid(verb, unpacked(CARD_FLIGHT), "--plan", tmp_path / "none.json", *options)
     assert ran.code == 2
+
+
+def test_gains_of_a_log_name_the_firmware_that_will_fly(unpacked: Callable[[str], Path], tmp_path: Path) -> None:
+    ran = rotorid(
+        "design", "log_sweep", "--vehicle", "ardupilot_quad", "--axis", "roll", "--band", "3:30", "--duration", "20",
+        "--amplitude", "roll=0.03", "--gains", unpacked(CARD_FLIGHT), "--out", tmp_path, "--json",
+    )  # fmt: skip
+    assert ran.code == 0
+    kinds = {one["kind"]: one["severity"] for one in json.loads(ran.out)["findings"]}
+    assert kinds["plan_firmware"] == "info"
+    assert "not_written" not in kinds
+    assert "(ArduCopter 4.7 refuses other modes" in (tmp_path / "ardupilot-1-roll.param").read_text()
+    assert "ArduCopter 4.7 refuses other modes" in (tmp_path / "flight-card.html").read_text()

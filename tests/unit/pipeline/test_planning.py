@@ -10,6 +10,7 @@ from rotorid.errors import UsageError
 from rotorid.pipeline.designs import default_entry, plan_for, plan_with, sweep_of
 from rotorid.pipeline.flight_settings import PlanChoices
 from rotorid.planning.amplitude import Limits, reached
+from rotorid.plans.ardupilot import system_id
 from rotorid.simulation.multirotor_flight import fly_multirotor, piloted
 from rotorid.vehicles.catalog import aircraft
 
@@ -82,3 +83,15 @@ def test_steps_last_as_many_units_as_they_have() -> None:
 def test_no_axes_is_no_plan() -> None:
     with pytest.raises(UsageError, match="--axis none came"):
         replace(SHORT, axes=())
+
+
+@pytest.mark.parametrize("band_rad_s", [(0.6, 50.0), (3.0, 30.0), (1.7, 90.0), (2.0, 200.0)])
+@pytest.mark.parametrize("duration_s", [15.0, 20.0, 61.3])
+def test_ardupilots_chirp_makes_the_samples_of_every_plan(band_rad_s: tuple[float, float], duration_s: float) -> None:
+    """A length that is no whole number of samples cost a plan its files: 1 % of the amplitude at the end."""
+    wish = replace(SHORT, shape="logarithmic_sweep", axes=("roll",), band_rad_s=band_rad_s, duration_s=duration_s)
+    (sweep,) = plan_with(aircraft("ardupilot_quad"), wish, SIZES).inputs
+    settings = system_id(sweep)
+    time_s = np.arange(sweep.values.size) / sweep.sample_rate_hz
+    # Phases of thousands of radians in double precision.
+    assert settings.waveform(time_s) == pytest.approx(sweep.values, abs=1e-9)
