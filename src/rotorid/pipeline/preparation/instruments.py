@@ -204,7 +204,7 @@ _LEAST_OF_MEAN = 0.01
 _LEAST_OF_LARGEST = 1e-4
 """Share of its largest power in an octave below which an instrument has none: the steps of a radio make as much."""
 
-_LOWEST_RAD_S = 0.1
+_LOWEST_RAD_S, _OCTAVES = 0.1, 19
 
 _FLANKS = 40.0
 
@@ -231,7 +231,7 @@ def band_of_instrument(flights: Sequence[Flight], name: str) -> tuple[float, flo
     name
         The instrument. One that no log holds has no limits.
     """
-    edges = _LOWEST_RAD_S * 2.0 ** np.arange(20)
+    edges = np.geomspace(_LOWEST_RAD_S, _LOWEST_RAD_S * 2.0**_OCTAVES, _OCTAVES + 1, dtype=np.float64)
     powers = [found for flight in flights if (found := _octaves(flight, name, edges)).size]
     if not powers:
         return 0.0, np.inf
