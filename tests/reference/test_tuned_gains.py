@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 import rotorid
+from rotorid.data.quantity import Quantity
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline import tune
+from rotorid.pipeline import TuningProposal, check_tuning, tune
+from rotorid.pipeline.tuning.check import Foretold
+from rotorid.tuning.loops import quantities
 
 SWEEP = "ardupilot_sitl/x_calm_roll.BIN"
 
@@ -56,3 +59,85 @@ def test_another_filter_is_judged_and_written(sweep: rotorid.FlightRecord, model
     assert faster.axes["roll"].proposal.better < plain.axes["roll"].proposal.better
     assert "INS_GYRO_FILTER,60" in faster.files["proposed.param"]
     assert "INS_GYRO_FILTER,20" in faster.rollback_files["rollback.param"]
+
+
+TUNED = "real_stacks/ap_x_wind_soft_tuned_card_flight.BIN.xz"
+WIDE = "real_stacks/ap_x_wind_soft_wide.BIN.xz"
+
+
+def foretold(record: rotorid.FlightRecord, axis: str, whole: dict[str, tuple[float, float, float]]) -> Foretold:
+    """What was said of the whole loop before this log was flown: value, lower and upper end."""
+    units = {"crossover_rad_s": "rad/s", "phase_margin_deg": "deg", "sensitivity_peak": "1"}
+    told = {
+        name: Quantity(value=value, std=(upper - lower) / 3.92, lower=lower, upper=upper, unit=units[name])
+        for name, (value, lower, upper) in whole.items()
+    }
+    short = {"roll": "RLL", "pitch": "PIT"}[axis]
+    gains = {
+        name: record.parameters[name] for name in (f"ATC_RAT_{short}_P", f"ATC_RAT_{short}_I", f"ATC_ANG_{short}_P")
+    }
+    return Foretold(flown={}, proposed=gains, rate={}, whole=told)
+
+
+def test_a_proposal_from_a_wrong_model_is_not_acquitted(shared_data: Path) -> None:
+    """Flown by the real firmware with gains of a plant that was wrong in roll; a model of this flight is wrong alike.
+
+    Right by injection: roll M_s 1.25, 16.2 rad/s, 47 degrees; pitch 32.5 rad/s, 49 degrees, and M_s 1.51 beyond the
+    sweep.
+    """
+    record = rotorid.read(shared_data / TUNED)
+    said = {
+        "roll": {
+            "crossover_rad_s": (18.5, 17.9, 19.4),
+            "phase_margin_deg": (43.7, 42.0, 46.5),
+            "sensitivity_peak": (1.47, 1.32, 1.71),
+        },
+        "pitch": {
+            "crossover_rad_s": (32.6, 31.6, 33.7),
+            "phase_margin_deg": (49.0, 47.1, 51.3),
+            "sensitivity_peak": (1.5, 1.39, 1.71),
+        },
+    }
+    found = check_tuning({axis: foretold(record, axis, whole) for axis, whole in said.items()}, record)
+    assert found.axes["roll"].verdict == "inside_limits"
+    assert "Keep these gains" not in found.axes["roll"].advice
+    assert found.axes["pitch"].verdict == "as_foretold"
+    assert "Nothing more" not in found.axes["pitch"].advice
+    measured = {
+        axis: {one.name: one for one in checked.figures if one.method == "injection"}
+        for axis, checked in found.axes.items()
+    }
+    assert measured["roll"]["crossover_rad_s"].measured.value == pytest.approx(16.2, rel=0.02)
+    assert measured["roll"]["phase_margin_deg"].measured.value == pytest.approx(47.0, abs=1.0)
+    assert measured["roll"]["sensitivity_peak"].measured.value == pytest.approx(1.25, abs=0.02)
+    assert measured["pitch"]["crossover_rad_s"].measured.value == pytest.approx(32.5, rel=0.02)
+    assert measured["pitch"]["phase_margin_deg"].measured.value == pytest.approx(49.0, abs=1.0)
+    # The peak lies above the sweep: its last points look like one, and lower.
+    assert "sensitivity_peak" not in measured["pitch"]
+
+
+@pytest.fixture(scope="module")
+def wide(shared_data: Path) -> TuningProposal:
+    return tune(records=rotorid.read(shared_data / WIDE), axes=("roll", "pitch"))
+
+
+@pytest.mark.parametrize("axis", ["roll", "pitch"])
+def test_a_wide_sweep_of_the_real_firmware_gives_the_gains_that_were_flown_as_foretold(
+    wide: TuningProposal, axis: str
+) -> None:
+    """P .0845 I .816 D .00036 A 6 with M_s 1.66 were proposed and flown: 1.66, 40.4 rad/s, 51 degrees."""
+    one = wide.axes[axis]  # type: ignore[index]
+    short = {"roll": "RLL", "pitch": "PIT"}[axis]
+    proposed = {name: after for name, (_, after) in one.parameters.items()}
+    assert proposed[f"ATC_RAT_{short}_P"] == pytest.approx(0.0845, rel=0.02)
+    assert proposed[f"ATC_RAT_{short}_I"] == pytest.approx(0.816, rel=0.02)
+    assert proposed[f"ATC_RAT_{short}_D"] == pytest.approx(0.00036, rel=0.02)
+    assert proposed[f"ATC_ANG_{short}_P"] == pytest.approx(6.0, rel=0.001)
+    told = quantities(one.proposal.proposed.whole)
+    assert told["sensitivity_peak"].lower < 1.66 < told["sensitivity_peak"].upper
+    assert told["crossover_rad_s"].lower < 40.4 < told["crossover_rad_s"].upper
+    assert told["phase_margin_deg"].lower < 51.0 < told["phase_margin_deg"].upper
+    flown = quantities(one.proposal.flown.whole)
+    assert flown["sensitivity_peak"].value == pytest.approx(1.88, abs=0.03)
+    assert flown["crossover_rad_s"].value == pytest.approx(61.0, rel=0.02)
+    assert flown["phase_margin_deg"].value == pytest.approx(78.0, abs=1.5)

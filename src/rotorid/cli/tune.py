@@ -244,14 +244,18 @@ def _print_check(document: TuneCheckDocument, folder: Path) -> None:
     """Figures foretold and measured, what came of it, and what to do next."""
     from rich.table import Table
 
+    from rotorid.documents.tune_check import METHODS, compared_words
+
     console = output_console()
     for axis, one in document.axes.items():
         table = Table(title=axis, title_justify="left", box=None, pad_edge=False)
-        for name in ("figure", "foretold", "measured", ""):
+        for name in ("figure", "foretold", "measured", "by", ""):
             table.add_column(name, justify="right" if name in ("foretold", "measured") else "left")
         for row in one.figures:
             words = f"{_WORDS.get(row.name, row.name)}, {'rate loop' if row.loop == 'rate' else 'with the angle loop'}"
-            table.add_row(words, _told(row.foretold), _told(row.measured), "" if row.inside else "outside")
+            told = compared_words(row)
+            measured = (_told(row.foretold), _told(row.measured), METHODS[row.method])
+            table.add_row(words, *measured, "" if told == "as foretold" else told)
         console.print(table)
         console.print(f"{one.sentence} {one.advice}", highlight=False, markup=False)
     print_findings(document.findings)

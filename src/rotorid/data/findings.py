@@ -201,6 +201,11 @@ KINDS: Mapping[str, Kind] = {
         "Both ways disagree",
         "The two regressions of torque and acceleration disagree, also without their bias.",
     ),
+    "check_undecided": Kind(
+        "warning",
+        "Not enough data to check gains",
+        "A flight with proposed gains does not show its loop well enough to say whether it is what was foretold.",
+    ),
     "clock_disorder": Kind("warning", "Stamps out of order", "Stamps repeat, step back or lie outside of the log."),
     "clock_skew": Kind(
         "info",

@@ -24,20 +24,38 @@ _WANTED = f"a {TUNE} that rotorid tune wrote, or its folder"
 
 
 class ComparedFigureDocument(Document):
-    """A figure of a loop, ``rate`` or ``whole``: foretold, measured, and whether the second is what the first said."""
+    """A figure of a loop, ``rate`` or ``whole``: foretold, measured, and whether the second is what the first said.
+
+    ``method`` is how it was measured; a figure that is not ``decided`` is known too badly to say anything.
+    """
 
     loop: Literal["rate", "whole"]
     name: str
     foretold: QuantityDocument
     measured: QuantityDocument
     inside: bool
+    method: Literal["model", "injection"] = "model"
+    decided: bool = True
+
+
+METHODS = {"model": "plant and gains", "injection": "test signal"}
+"""How a figure was measured, for people."""
+
+
+def compared_words(row: ComparedFigureDocument) -> str:
+    """Whether a figure is what was foretold, in a word or two."""
+    return ("as foretold" if row.inside else "outside") if row.decided else "not enough data"
 
 
 class CheckedAxisDocument(Document):
-    """An axis: which gains its log has, figures foretold and measured, the verdict, and what to do next."""
+    """An axis: which gains its log has, figures foretold and measured, the verdict, and what to do next.
+
+    ``contradicted`` where the test signal at the mixer shows another loop than the identified plant does.
+    """
 
     gains: Literal["proposed", "flown", "other"]
-    verdict: Literal["as_foretold", "inside_limits", "worse", "other_gains"]
+    verdict: Literal["as_foretold", "inside_limits", "worse", "cannot_tell", "other_gains"]
+    contradicted: bool = False
     figures: list[ComparedFigureDocument]
     sentence: str
     advice: str
@@ -76,6 +94,7 @@ def _axis(one: CheckedAxis) -> CheckedAxisDocument:
         {
             "gains": one.gains,
             "verdict": one.verdict,
+            "contradicted": one.contradicted,
             "figures": [ComparedFigureDocument.model_validate(figure) for figure in one.figures],
             "sentence": one.sentence,
             "advice": one.advice,

@@ -13,7 +13,7 @@ from rotorid.data.display import capital
 from rotorid.data.quantity import Quantity
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.tune import AxisTuneDocument, FilterPriceDocument, TuneDocument, tune_document
-from rotorid.documents.tune_check import tune_check_document
+from rotorid.documents.tune_check import METHODS, compared_words, tune_check_document
 from rotorid.pipeline.tuning.check import CheckedAxis, CheckedTuning
 from rotorid.pipeline.tuning.proposal import AxisTuning, TuningProposal
 from rotorid.plot.tuning import by_hand, rejection, responses, steps
@@ -118,12 +118,13 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ComparedRow:
-    """A figure foretold and measured."""
+    """A figure foretold and measured, how it was measured, and in words whether both agree."""
 
     name: str
     foretold: tuple[str, str]
     measured: tuple[str, str]
-    inside: bool
+    method: str
+    verdict: str
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -142,6 +143,7 @@ _VERDICTS: Mapping[str, tuple[str, str]] = {
     "as_foretold": ("good", "as foretold"),
     "inside_limits": ("warning", "not as foretold, inside its limits"),
     "worse": ("poor", "worse than foretold"),
+    "cannot_tell": ("warning", "not enough data"),
     "other_gains": ("warning", "other gains flew"),
 }
 
@@ -168,7 +170,8 @@ def render_check(found: CheckedTuning, *, title: str) -> str:
                     name=f"{_named(row.name)}, {'rate loop' if row.loop == 'rate' else 'with the angle loop'}",
                     foretold=_cell(row.foretold, _WORDS[row.name][2]),
                     measured=_cell(row.measured, _WORDS[row.name][2]),
-                    inside=row.inside,
+                    method=METHODS[row.method],
+                    verdict=compared_words(row),
                 )
                 for row in document.axes[axis].figures
             ),

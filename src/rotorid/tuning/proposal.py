@@ -453,12 +453,12 @@ def _bounds(
 ) -> tuple[FloatArray, FloatArray]:
     """Least and largest factor on loops for every limit, shapes ``(draws,)``; none, where no factor keeps them.
 
-    The highest phase is looked for from the frequency of index ``start`` on.
+    From the frequency of index ``start`` on the phase has to rise above a limit at all.
     """
     size, real = np.abs(loops), loops.real
     phase = loop_phases(loops, start)
-    top = start + np.argmax(phase[:, start:], axis=1)
-    highest = np.take_along_axis(phase, top[:, None], axis=1)[:, 0]
+    # Where speed modes below the band raise the phase above all others, every bound is one from above: I stays smaller.
+    top, highest = np.argmax(phase, axis=1), phase[:, start:].max(axis=1)
     fast = np.arange(loops.shape[1])[None] >= top[:, None]
     inside = 1.0 - wishes.sensitivity_peak**-2
     under = real**2 - size**2 * inside

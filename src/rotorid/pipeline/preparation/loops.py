@@ -12,13 +12,15 @@ from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
+from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.delay.estimate import AIRFRAME_ORDERS, FASTEST_GROWTH_RAD_S, LONGEST_S
 from rotorid.fitting.delay.fit import LateLag, Limits, ResponseFit, ResponsePoints, fit_order, simplest
 from rotorid.pipeline.preparation.controllers import LoggedController
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.measure import Measured, logged_controllers
-from rotorid.pipeline.preparation.segments import histories
+from rotorid.pipeline.preparation.segments import cut, histories, with_surroundings
+from rotorid.signal.excitations import find_excitations
 from rotorid.spectral.derived import Estimated, log_curve, selected, with_model_error
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.loops import injected_loop, sensitivity, series
@@ -31,6 +33,7 @@ from rotorid.spectral.margins import (
     disturbance_rejection,
     loop_margins,
 )
+from rotorid.spectral.windows import band_of, grid_rad_s, margin_s, plan_of_records
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 
 MODEL_ERROR = 0.007
@@ -155,6 +158,71 @@ def axis_loop(axis: Axis, measured: Measured, flown: Sequence[Flight]) -> AxisLo
     return replace(found, beyond=_beyond(axis, found, measured, flown)) if found.bounds else found
 
 
+def loop_by_injection(axis: Axis, records: Sequence[FlightRecord]) -> AxisLoop | None:
+    """The loop around an axis by its injections at the mixer alone; ``None`` where a flight has none.
+
+    It needs neither a model of the vehicle nor the gains of its controller, and no other instrument: what is wrong with
+    an identified plant is not wrong here.
+
+    Parameters
+    ----------
+    axis
+        The axis.
+    records
+        Logs of one vehicle with one set of gains.
+
+    Raises
+    ------
+    InsufficientDataError
+        The injections are too short, or the command was not logged beside them.
+    """
+    command, excitation = f"{axis}_command", f"{axis}_excitation"
+    flown = [
+        Flight(record, maneuver)
+        for record in records
+        if _enters_the_mixer(record, excitation)
+        for maneuver in find_excitations(record, axis)
+        if maneuver.signal == excitation and maneuver.kind in RICH_KINDS
+    ]
+    if not flown:
+        return None
+    wider = with_surroundings(flown, margin_s([one.maneuver for one in flown]), (command, excitation))
+    segments, _ = cut(wider, channels=(command, excitation))
+    cut_out = histories(segments)
+    band = band_of([one.maneuver for one in flown], cut_out[0].sample_rate_hz)
+    plan = plan_of_records([one.duration_s for one in cut_out], band)
+    loop = injected_loop(
+        cut_out,
+        command=command,
+        excitation=excitation,
+        omega_rad_s=grid_rad_s(band, plan),
+        windows_s=plan.lengths_s,
+        injection_delay_s=_injection_delay_s(flown),
+    )
+    loop = with_model_error(loop, MODEL_ERROR)
+    return AxisLoop(
+        method=f"measured with {excitation}, all loops closed",
+        loop=loop,
+        margins=loop_margins(loop),
+        rejection=disturbance_rejection(sensitivity(loop)),
+        attitude=None,
+    )
+
+
+def _enters_the_mixer(record: FlightRecord, excitation: str) -> bool:
+    """Whether an excitation is a share of the command: one that enters as a rate or an angle has their unit."""
+    rows = (topic.row(excitation) for topic in record.topics)
+    return any(
+        row is not None and topic.channels[row].unit == "1" for topic, row in zip(record.topics, rows, strict=True)
+    )
+
+
+def _injection_delay_s(flown: Sequence[Flight]) -> float:
+    """What the system identification mode of ArduPilot logs enters the mixer one loop later."""
+    rates_hz = {_loop_rate_hz(record) for record, _ in flown}
+    return 1.0 / rates_hz.pop() if len(rates_hz) == 1 and all(rates_hz) else 0.0
+
+
 def _gains_changed(flown: Sequence[Flight]) -> bool:
     return any(finding.kind == "parameters_changed" for record, _ in flown for finding in record.findings)
 
@@ -168,20 +236,17 @@ def _injected(
     axis: Axis, measured: Measured, flown: Sequence[Flight], records: Sequence[TimeHistory]
 ) -> tuple[FrequencyResponse, str] | None:
     excitation, response = f"{axis}_excitation", measured.response
-    if excitation not in response.instruments:
+    if excitation not in response.instruments or not all(_enters_the_mixer(one.record, excitation) for one in flown):
         return None
     # Maneuvers of another instrument were flown without it.
     records = [record for record in records if excitation in record.names and np.ptp(record[excitation]) > 0.0]
-    # What the system identification mode of ArduPilot logs enters the mixer one loop later.
-    rates_hz = {_loop_rate_hz(record) for record, _ in flown}
-    delay_s = 1.0 / rates_hz.pop() if len(rates_hz) == 1 and all(rates_hz) else 0.0
     loop = injected_loop(
         records,
         command=f"{axis}_command",
         excitation=excitation,
         omega_rad_s=response.omega_rad_s,
         windows_s=response.windows_s,
-        injection_delay_s=delay_s,
+        injection_delay_s=_injection_delay_s(flown),
     )
     return loop, f"measured with {excitation}, all loops closed"
 

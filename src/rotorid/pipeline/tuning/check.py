@@ -2,6 +2,10 @@
 
 The second flight is identified as the first was, and its flown loops are compared with those that were foretold. A
 figure is inside where its value lies in the foretold interval, widened by what the second flight itself does not know.
+
+An identified plant may be wrong in both flights in the same way, and then it agrees with itself. Where a test signal
+was added at the mixer, the whole loop is measured with it, without any model, and that counts. And two wide intervals
+always overlap: a figure that either flight does not know well decides nothing.
 """
 
 from __future__ import annotations
@@ -11,13 +15,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
+from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.pipeline.preparation.loops import loop_by_injection
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.results import IdentifiedModel, Records
-from rotorid.pipeline.tuning.proposal import AxisTuning, TuneSettings, tune
+from rotorid.pipeline.settings import as_records
+from rotorid.pipeline.tuning.proposal import BAND_OVER_CROSSOVER, AxisTuning, TuneSettings, tune
 from rotorid.tuning.loops import quantities
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
@@ -28,8 +37,26 @@ COMPARED = {
 }
 """Figures that are foretold; a gain margin lies outside the band in half of the flights and is not."""
 
+WIDEST: Mapping[str, float] = {"crossover_rad_s": 0.1, "sensitivity_peak": 0.12}
+"""Half the interval of a figure over its value, foretold or measured, above which it decides nothing: a loop whose
+crossover or peak is off by more flies otherwise. Good flights know a crossover to 4 % and a peak to 3 %."""
+
+WIDEST_PHASE_DEG = 6.0
+"""The same of a phase margin; good flights know it to 2.5 degrees."""
+
+_APART = 3.0
+"""Standard deviations between two estimates of a figure beyond which one is wrong; three figures are looked at."""
+
+_PEAK_SLACK = 1.03
+"""Largest sensitivity peak over the one that was asked for, up to which a loop counts as robust."""
+
 _LOOP = {"rate": "the rate loop", "whole": "the loop with the angle loop"}
 _SAME = 1e-4
+
+PEAK_WIDER = 1.5
+"""Factor of the interval of a peak that is read off a measured sensitivity, as the review has it."""
+
+_MODEL, _INJECTION = "model", "injection"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,7 +97,11 @@ class ComparedFigure(Immutable):
     foretold, measured
         With their intervals.
     inside
-        Whether the second flight is what was foretold.
+        Whether the second flight is what was foretold, as far as both intervals go.
+    method
+        ``injection``, measured with the test signal at the mixer, or ``model``: the identified plant times the gains.
+    decided
+        Whether it says anything: it is outside, or both intervals are narrow enough to exclude another loop.
     """
 
     loop: str
@@ -78,6 +109,8 @@ class ComparedFigure(Immutable):
     foretold: Quantity
     measured: Quantity
     inside: bool
+    method: str = _MODEL
+    decided: bool = True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,8 +127,10 @@ class CheckedAxis(Immutable):
         Foretold and measured.
     tuning
         The second flight, as ``tune`` sees it: its loops, and what it would change now.
+    contradicted
+        Whether the test signal at the mixer shows another loop than the identified plant does.
     verdict
-        ``as_foretold``, ``inside_limits``, ``worse`` or ``other_gains``.
+        ``as_foretold``, ``inside_limits``, ``worse``, ``cannot_tell`` or ``other_gains``.
     sentence, advice
         What came of it, and what to do next.
     """
@@ -107,6 +142,7 @@ class CheckedAxis(Immutable):
     verdict: str
     sentence: str
     advice: str
+    contradicted: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -169,7 +205,10 @@ def check_tuning(
     chosen = replace(settings or TuneSettings(), **options)
     chosen = replace(chosen, axes=tuple(axis for axis in chosen.axes if axis in foretold), filters={})
     found = tune(models, records, settings=chosen)
-    axes = {axis: _checked(axis, foretold[axis], one, chosen) for axis, one in found.axes.items()}
+    logs = as_records(records)
+    axes = {
+        axis: _checked(axis, foretold[axis], one, _injected(axis, logs), chosen) for axis, one in found.axes.items()
+    }
     if not axes:
         raise InsufficientDataError("no axis of the proposal was flown", needed="a sweep of an axis of the proposal")
     said = [_finding(axis, one) for axis, one in axes.items()]
@@ -180,33 +219,50 @@ def check_tuning(
     )
 
 
-def _checked(axis: Axis, before: Foretold, now: AxisTuning, settings: TuneSettings) -> CheckedAxis:
+def _injected(axis: Axis, logs: Sequence[FlightRecord]) -> dict[str, Quantity]:
+    """Figures of the whole loop by the injections at the mixer, by name; empty where a flight has none."""
+    try:
+        found = loop_by_injection(axis, logs)
+    except (InsufficientDataError, UsageError):
+        return {}
+    if found is None or found.loop is None or found.margins is None or found.rejection is None:
+        return {}
+    figures = {}
+    if found.margins.gain_crossovers and (phase := found.margins.phase_margin_rad) is not None:
+        crossover = found.margins.gain_crossovers[-1].omega_rad_s
+        figures["crossover_rad_s"] = Quantity.normal(crossover.value, crossover.std, "rad/s")
+        figures["phase_margin_deg"] = Quantity.normal(math.degrees(phase.value), math.degrees(phase.std), "deg")
+    peak, place = found.rejection.peak, found.rejection.peak_omega_rad_s
+    # A sweep that ends near the peak biases its last points: what looks like a peak there is the end of the band.
+    if peak is not None and place is not None and place.interval[1] < found.loop.omega_rad_s[-1]:
+        figures["sensitivity_peak"] = Quantity.normal(peak.value, PEAK_WIDER * peak.std, "1")
+    return figures
+
+
+def _checked(
+    axis: Axis, before: Foretold, now: AxisTuning, injected: Mapping[str, Quantity], settings: TuneSettings
+) -> CheckedAxis:
     judged = now.proposal.flown
+    rate, whole = quantities(judged.rate), quantities(judged.whole)
+    contradicted = any(_apart(whole[name], measured) for name, measured in injected.items() if name in whole)
+    # A plant that the test signal confirms at the crossover may say what its peak is a little above its band.
+    seen_peak = "crossover_rad_s" in injected or _band_reaches_peak(now)
     figures = [
-        ComparedFigure(
-            loop=loop, name=name, foretold=told[name], measured=seen[name], inside=_inside(told[name], seen[name])
-        )
-        for loop, told, seen in (
-            ("rate", before.rate, quantities(judged.rate)),
-            ("whole", before.whole, quantities(judged.whole)),
-        )
+        _compared(loop, name, told[name], seen[name], trusted=not contradicted, seen_peak=seen_peak)
+        for loop, told, seen in (("rate", before.rate, rate), ("whole", before.whole, whole))
         for name in COMPARED
-        if name in told and name in seen
+        if name in told and name in seen and (loop, name) not in {("whole", other) for other in injected}
+    ]
+    figures += [
+        _compared("whole", name, before.whole[name], measured, method=_INJECTION)
+        for name, measured in injected.items()
+        if name in before.whole
     ]
     logged = {name: value for name, (value, _) in now.parameters.items()}
     gains = _which(before, logged)
-    peak = max((one.measured.value for one in figures if one.name == "sensitivity_peak"), default=math.inf)
-    missed = [one for one in figures if not one.inside]
-    verdict = (
-        "other_gains"
-        if gains != "proposed"
-        else "as_foretold"
-        if figures and not missed
-        else "worse"
-        if peak > settings.robustness * 1.03
-        else "inside_limits"
-    )
-    sentence, advice = _words(axis, verdict, gains, figures, now)
+    unstable = not contradicted and not bool(np.median(judged.rate.stable * judged.whole.stable))
+    verdict = _verdict(figures, settings.robustness, unstable=unstable) if gains == "proposed" else "other_gains"
+    sentence, advice = _words(axis, verdict, gains, figures, now, contradicted=contradicted)
     return CheckedAxis(
         gains=gains,
         foretold=before,
@@ -215,7 +271,61 @@ def _checked(axis: Axis, before: Foretold, now: AxisTuning, settings: TuneSettin
         verdict=verdict,
         sentence=sentence,
         advice=advice,
+        contradicted=contradicted,
     )
+
+
+def _compared(
+    loop: str,
+    name: str,
+    foretold: Quantity,
+    measured: Quantity,
+    *,
+    method: str = _MODEL,
+    trusted: bool = True,
+    seen_peak: bool = True,
+) -> ComparedFigure:
+    inside = _inside(foretold, measured)
+    narrow = _narrow(name, foretold) and _narrow(name, measured) and (seen_peak or name != "sensitivity_peak")
+    return ComparedFigure(
+        loop=loop,
+        name=name,
+        foretold=foretold,
+        measured=measured,
+        inside=inside,
+        method=method,
+        decided=trusted and (narrow or not inside),
+    )
+
+
+def _narrow(name: str, one: Quantity) -> bool:
+    half = 0.5 * (one.upper - one.lower)
+    return half <= WIDEST_PHASE_DEG if name == "phase_margin_deg" else half <= WIDEST[name] * abs(one.value)
+
+
+def _band_reaches_peak(now: AxisTuning) -> bool:
+    return now.plant.band_rad_s[1] >= BAND_OVER_CROSSOVER * now.proposal.flown.rate.usual_crossover_rad_s
+
+
+def _apart(one: Quantity, other: Quantity) -> bool:
+    """Whether two estimates of one figure exclude each other."""
+    return abs(one.value - other.value) > _APART * math.hypot(one.std, other.std)
+
+
+def _verdict(figures: Sequence[ComparedFigure], robustness: float, *, unstable: bool) -> str:
+    """What the figures that decide something say together."""
+    decided = [one for one in figures if one.decided]
+    missed = [one for one in decided if not one.inside]
+    peaks = [one.measured for one in decided if one.name == "sensitivity_peak"]
+    limit = _PEAK_SLACK * robustness
+    if unstable or (missed and any(one.value > limit for one in peaks)):
+        return "worse"
+    if missed:
+        robust = any(_narrow("sensitivity_peak", one) for one in peaks)
+        return "inside_limits" if robust else "cannot_tell"
+    # The whole loop is what flies: each of its figures has to be known.
+    whole = {one.name for one in decided if one.loop == "whole"}
+    return "as_foretold" if whole == set(COMPARED) else "cannot_tell"
 
 
 def _inside(foretold: Quantity, measured: Quantity) -> bool:
@@ -235,36 +345,85 @@ def _which(before: Foretold, logged: Mapping[str, float]) -> str:
     return "proposed" if alike(before.proposed) else "flown" if alike(before.flown) else "other"
 
 
-def _words(axis: Axis, verdict: str, gains: str, figures: Sequence[ComparedFigure], now: AxisTuning) -> tuple[str, str]:
+def _words(
+    axis: Axis, verdict: str, gains: str, figures: Sequence[ComparedFigure], now: AxisTuning, *, contradicted: bool
+) -> tuple[str, str]:
     """What came of it and what to do next, in sentences."""
-    peak = next((one.measured.value for one in figures if (one.loop, one.name) == ("whole", "sensitivity_peak")), None)
-    held = f" Its sensitivity peak is {peak:.2f}." if peak is not None else ""
+    peak = next((one for one in figures if (one.loop, one.name) == ("whole", "sensitivity_peak")), None)
+    told = f" Its sensitivity peak is {peak.measured.value:.2f}." if peak is not None and peak.decided else ""
+    other = (
+        f" The test signal at the mixer shows another loop than the identified plant of {axis}, which may be wrong in "
+        "both flights."
+        if contradicted
+        else ""
+    )
+    sweep = f"Fly a sweep of {axis} up to {_sweep_to(figures, now):.0f} rad/s"
     if verdict == "other_gains":
         old = gains == "flown"
         which = "the gains of the first flight" if old else "gains that are neither the proposed nor the old ones"
         todo = (
             "Load the proposed file, and fly again" if old else "Propose anew from this log, or load the proposed file"
         )
-        return f"In this log {axis} flies {which}: nothing can be checked.{held}", f"{todo}."
-    further = (
-        " A further step is open: rotorid tune on this log proposes it." if now.changed else " Nothing more to gain."
-    )
-    if verdict == "as_foretold":
-        return f"The loop of {axis} is what was foretold.{held}", f"Keep these gains.{further}"
-    names = ", ".join(f"{COMPARED[one.name]} of {_LOOP[one.loop]}" for one in figures if not one.inside)
-    if verdict == "worse":
+        return f"In this log {axis} flies {which}: nothing can be checked.{told}", f"{todo}."
+    names = _named([one for one in figures if one.decided and not one.inside])
+    if verdict == "cannot_tell":
+        missed = f" Not what was foretold: {names}." if names else ""
         return (
-            f"The loop of {axis} is not what was foretold ({names}), and less robust than it should be.{held}",
+            f"Not enough data to check {axis}; too uncertain: {_undecided(figures)}.{missed}{other}",
+            f"{sweep}, with these gains if the vehicle flies calmly, else with the rollback file, and check again.",
+        )
+    if verdict == "as_foretold":
+        return (
+            f"The loop of {axis} is what was foretold.{told}{other}",
+            f"Keep these gains. {_further(axis, sweep, now)}",
+        )
+    if verdict == "worse":
+        why = f" ({names})" if names else ""
+        return (
+            f"The loop of {axis} is not what was foretold{why}, and less robust than it should be.{told}{other}",
             "Go back to the old gains with the rollback file, and fly a longer sweep before the next proposal.",
         )
-    return (
-        f"The loop of {axis} is not what was foretold ({names}), and inside its limits.{held}",
-        f"These gains can stay; the next proposal should be made from this log.{further}",
+    following = (
+        f"{sweep} before the next proposal."
+        if contradicted
+        else f"The next proposal should be made from this log. {_further(axis, sweep, now)}"
     )
+    return (
+        f"The loop of {axis} is not what was foretold ({names}), and inside its limits.{told}{other}",
+        f"These gains can stay. {following}",
+    )
+
+
+def _named(figures: Sequence[ComparedFigure]) -> str:
+    return ", ".join(f"{COMPARED[one.name]} of {_LOOP[one.loop]}" for one in figures)
+
+
+def _undecided(figures: Sequence[ComparedFigure]) -> str:
+    """Figures of the whole loop that decide nothing, or are not there."""
+    decided = {one.name for one in figures if one.loop == "whole" and one.decided}
+    return ", ".join(words for name, words in COMPARED.items() if name not in decided)
+
+
+def _sweep_to(figures: Sequence[ComparedFigure], now: AxisTuning) -> float:
+    """Upper end of a sweep that shows the loop: three times its crossover."""
+    crossovers = [one for one in figures if (one.loop, one.name) == ("whole", "crossover_rad_s")]
+    crossover = crossovers[0].measured.value if crossovers else now.proposal.flown.rate.usual_crossover_rad_s
+    return max(3.0 * crossover, now.plant.band_rad_s[1])
+
+
+def _further(axis: Axis, sweep: str, now: AxisTuning) -> str:
+    """What more can be gained, as far as the plant was seen."""
+    if now.changed:
+        return "A further step is open: rotorid tune on this log proposes it."
+    if not _band_reaches_peak(now):
+        end = f"{now.plant.band_rad_s[1]:.0f} rad/s"
+        return f"Whether more can be gained is not known: the plant was measured up to {end}. {sweep}."
+    return f"No better gains of {axis} were found inside the limits."
 
 
 def _finding(axis: Axis, one: CheckedAxis) -> Finding | None:
     if one.verdict == "as_foretold":
         return None
-    kind = "other_gains" if one.verdict == "other_gains" else "not_as_foretold"
+    kinds = {"other_gains": "other_gains", "cannot_tell": "check_undecided"}
+    kind = kinds.get(one.verdict, "not_as_foretold")
     return warn(kind, axis, f"{one.sentence} {one.advice}")

@@ -43,7 +43,9 @@ FULL_SCALE_M = 16.4
 """Diameter of the rotor of a helicopter for which guidelines were made."""
 
 TUNED_AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw")
-_BAND_OVER_CROSSOVER = 1.5
+BAND_OVER_CROSSOVER = 1.5
+"""The peak of the sensitivity lies up to so far above the crossover: a plant measured up to less does not show it."""
+
 _STEP_RATE_HZ, _STEP_SAMPLES, _STEP_SHOWN_S = 250.0, 4096, 2.0
 
 
@@ -436,7 +438,7 @@ def _said(axis: Axis, found: AxisProposal, plant: UncertainPlant) -> list[Findin
         verb = "are bound" if found.changed else "stay"
         said.append(remark("tuning_bound", axis, f"The gains of {axis} {verb}: {words}."))
     crossover = found.proposed.rate.usual_crossover_rad_s
-    if crossover * _BAND_OVER_CROSSOVER > plant.band_rad_s[1]:
+    if crossover * BAND_OVER_CROSSOVER > plant.band_rad_s[1]:
         message = (
             f"The plant of {axis} was seen up to {plant.band_rad_s[1]:.0f} rad/s, and its loop crosses over at "
             f"{crossover:.0f}: what is foretold beyond is the model's. Fly a sweep up to {3.0 * crossover:.0f} rad/s."

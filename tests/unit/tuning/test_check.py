@@ -1,0 +1,164 @@
+"""Verdicts on a flight with proposed gains: wide intervals acquit nobody, and an injection overrules a plant."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rotorid.data.quantity import Quantity
+from rotorid.models.autopilots import axis_controller
+from rotorid.pipeline.tuning import check
+from rotorid.pipeline.tuning.check import CheckedAxis, Foretold
+from rotorid.pipeline.tuning.proposal import AxisTuning, TuneSettings, _loops, _responses
+from rotorid.tuning import ControllerParts, Gains, frequency_grid, propose, uncertain_plant
+from rotorid.tuning.loops import quantities
+from rotorid.typing import ComplexArray, FloatArray
+
+PARAMETERS = {
+    "MC_ROLLRATE_P": 0.25,
+    "MC_ROLLRATE_I": 0.8,
+    "MC_ROLLRATE_D": 0.006,
+    "MC_ROLL_P": 5.0,
+    "IMU_DGYRO_CUTOFF": 30.0,
+    "IMU_GYRO_RATEMAX": 400.0,
+}
+
+
+def vehicle(w: FloatArray) -> ComplexArray:
+    return np.asarray(113.1 / ((0.048j * w + 1.0) * (1j * w + 1.0)) * np.exp(-0.012j * w))
+
+
+def flown(band_rad_s: tuple[float, float] = (1.0, 100.0), parameters: dict[str, float] = PARAMETERS) -> AxisTuning:
+    """A second flight without a log."""
+    axis = axis_controller(parameters, "roll", firmware="PX4 1.16.0")
+    assert axis is not None
+    plant = uncertain_plant(vehicle, None, band_rad_s=band_rad_s, draws=40)
+    omega = frequency_grid(axis.controller)
+    ones = np.ones(omega.size, dtype=np.complex128)
+    parts = ControllerParts(controller=axis.controller, omega_rad_s=omega, seen=ones, logged=ones)
+    found = propose("roll", plant, axis.controller, parts=parts)
+    sets = {"flown": (parts, Gains.of(axis.controller)), "proposed": (parts, found.proposed.gains)}
+    drawn = plant.drawn(omega)
+    return AxisTuning(
+        controller=axis,
+        plant=plant,
+        omega_rad_s=omega,
+        proposal=found,
+        parameters={name: (value, value) for name, value in parameters.items()},
+        loops=_loops(drawn, sets),
+        responses=_responses(omega, drawn, sets),
+        step_s=np.zeros(2),
+        steps={},
+        parts=parts,
+    )
+
+
+SECOND = flown()
+RATE, WHOLE = quantities(SECOND.proposal.flown.rate), quantities(SECOND.proposal.flown.whole)
+
+
+def wider(figures: dict[str, Quantity], share: float) -> dict[str, Quantity]:
+    """The same figures with half intervals of a share of their values."""
+    return {
+        name: Quantity(
+            value=x.value,
+            std=0.5 * share * x.value,
+            lower=(1 - share) * x.value,
+            upper=(1 + share) * x.value,
+            unit=x.unit,
+        )
+        for name, x in figures.items()
+    }
+
+
+def checked(
+    rate: dict[str, Quantity] = RATE,
+    whole: dict[str, Quantity] = WHOLE,
+    *,
+    now: AxisTuning = SECOND,
+    injected: dict[str, Quantity] | None = None,
+) -> CheckedAxis:
+    before = Foretold(flown={}, proposed=dict(PARAMETERS), rate=rate, whole=whole)
+    logged = replace(now, parameters={name: (value, value) for name, value in PARAMETERS.items()})
+    return check._checked("roll", before, logged, injected or {}, TuneSettings())
+
+
+def test_a_loop_that_is_known_well_is_as_foretold() -> None:
+    assert checked().verdict == "as_foretold"
+
+
+@pytest.mark.parametrize("name", ["crossover_rad_s", "phase_margin_deg", "sensitivity_peak"])
+def test_a_wide_interval_does_not_acquit(name: str) -> None:
+    """A proposal that says little is not fulfilled by whatever flies."""
+    found = checked(whole={**WHOLE, name: wider(WHOLE, 0.25)[name]})
+    assert found.verdict == "cannot_tell"
+    assert check.COMPARED[name] in found.sentence
+    assert all(one.inside for one in found.figures)
+    assert "Keep these gains" not in found.advice
+    assert "up to" in found.advice
+    assert "rollback" in found.advice
+
+
+def test_a_plant_that_ends_at_the_crossover_does_not_acquit() -> None:
+    """Its peak is what the model says of frequencies that nobody flew."""
+    crossover = WHOLE["crossover_rad_s"].value
+    short = flown(band_rad_s=(1.0, 1.2 * crossover))
+    found = checked(now=short)
+    assert found.verdict == "cannot_tell"
+    assert "sensitivity peak" in found.sentence
+
+
+def test_a_test_signal_at_the_mixer_overrules_the_plant() -> None:
+    """Both flights agree with each other, and neither with the loop that flew."""
+    measured = {
+        "crossover_rad_s": Quantity.normal(0.7 * WHOLE["crossover_rad_s"].value, 0.2, "rad/s"),
+        "phase_margin_deg": WHOLE["phase_margin_deg"],
+        "sensitivity_peak": Quantity.normal(1.3, 0.02, "1"),
+    }
+    found = checked(injected=measured)
+    assert found.contradicted
+    assert found.verdict == "inside_limits"
+    assert "another loop than the identified plant" in found.sentence
+    assert "before the next proposal" in found.advice
+    assert not any(one.decided for one in found.figures if one.loop == "rate")
+    assert {one.method for one in found.figures if one.loop == "whole"} == {"injection"}
+    hot = checked(injected={**measured, "sensitivity_peak": Quantity.normal(2.4, 0.02, "1")})
+    assert hot.verdict == "worse"
+    assert "rollback" in hot.advice
+
+
+def test_a_test_signal_that_agrees_says_so() -> None:
+    agreed = {name: replace(one, std=0.1 * one.std) for name, one in WHOLE.items() if name in check.COMPARED}
+    found = checked(injected=agreed)
+    assert (found.verdict, found.contradicted) == ("as_foretold", False)
+
+
+def test_another_loop_whose_peak_is_unknown_is_not_inside_its_limits() -> None:
+    other = {**WHOLE, "crossover_rad_s": replace(WHOLE["crossover_rad_s"], lower=60.0, value=62.0, upper=64.0)}
+    unknown = {
+        name: {**one, "sensitivity_peak": wider(one, 0.3)["sensitivity_peak"]}
+        for name, one in (("rate", RATE), ("whole", other))
+    }
+    found = checked(**unknown)
+    assert found.verdict == "cannot_tell"
+    assert "crossover of the loop with the angle loop" in found.sentence
+    assert checked(whole=other).verdict == "inside_limits"
+
+
+def test_an_unstable_loop_is_worse() -> None:
+    swinging = flown(parameters={**PARAMETERS, "MC_ROLLRATE_P": 0.002, "MC_ROLLRATE_D": 0.0, "MC_ROLL_P": 9.0})
+    judged = swinging.proposal.flown
+    assert not judged.whole.stable.any()
+    assert checked(quantities(judged.rate), quantities(judged.whole), now=swinging).verdict == "worse"
+
+
+def test_nothing_more_to_gain_is_not_said_of_a_plant_that_was_not_seen() -> None:
+    kept = replace(SECOND, parameters={name: (value, value) for name, value in PARAMETERS.items()})
+    agreed = {name: replace(one, std=0.1 * one.std) for name, one in WHOLE.items() if name in check.COMPARED}
+    assert checked(now=kept).advice == "Keep these gains. No better gains of roll were found inside the limits."
+    short = replace(kept, plant=replace(kept.plant, band_rad_s=(1.0, 30.0)))
+    found = checked(now=short, injected=agreed)
+    assert found.verdict == "as_foretold"
+    assert "Whether more can be gained is not known: the plant was measured up to 30 rad/s." in found.advice
