@@ -1,0 +1,668 @@
+r"""Loops that swing by themselves: limit cycles at any rate of the log, and slow swings.
+
+Gains that are too high for a vehicle make its loop swing until something limits it. What then shows in a log, and does
+not in gusts, with moving sticks or after a chopped throttle, is *how much of its range the command uses*, on and on:
+
+- **Limit cycle.** The command of an axis spreads by more than 0.1 of its range (root mean square above 2 Hz, 0.8 Hz in
+  slow logs) in the usual second of powered flight, while a motor is at a limit in more than a quarter of all samples.
+  Neither needs the log to be fast: samples that are picked too rarely fold a line to another frequency, and keep its
+  size. Where the log is fast enough to show lines, one line has to hold most of the spread.
+- **Line without limits.** Where the motors do not reach their limits, or are not logged, the same spread counts where
+  one line holds most of it that the set-point of the rate does not have.
+- **Slow swing.** Too much integral swings below some 5 Hz and saturates nothing but the integral. Attitude less its
+  set-point then spreads by more than 2 degrees even in the quietest fifth of the flight, at one steady frequency that
+  the set-point does not have: with full sticks the difference is larger, and follows the set-point.
+
+Means of several samples hide a limit cycle: at 50 Hz, the mean of 23 Hz is a fifth of it. What an autopilot writes are
+samples; of a table nobody knows, so a table below 100 Hz that looks calm does not count as checked. A cycle at a whole
+multiple of the rate of a slow log stands still in it, far from the flight's own median; if it stands at the median, a
+motor at its limit leaves the axis unchecked.
+
+The rule and its limits were chosen on simulated and real flights: see the accuracy page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from rotorid.data.axes import RATE_OF
+from rotorid.data.base import Immutable, remembered
+from rotorid.data.display import capital
+from rotorid.data.record import FlightRecord, Intervals
+from rotorid.signal.airborne import airborne
+from rotorid.signal.autopilot_filters import known_filters
+from rotorid.signal.filters import combined_response
+from rotorid.signal.motors import at_limit, in_flight, logged_outputs, or_none
+from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
+
+Loop: TypeAlias = Literal["rate", "attitude"]
+"""Where an oscillation shows: in the command of the rate loop, or in the attitude less its set-point."""
+
+LARGEST_RMS = 0.10
+"""Of a command in the usual window, as a share of its range: stable flights reach 0.22 with full sticks and limits in
+less than 0.22 of the samples; limit cycles begin at 0.11."""
+
+LARGEST_LIMITED = 0.25
+"""Share of powered samples with a motor at a limit: stable flights reach 0.22, limit cycles begin at 0.39."""
+
+POWERED = 0.1
+"""Mean output of the motors from which they count: in a dive without throttle all of them idle at their limit."""
+
+LARGEST_ERROR_RAD = np.radians(2.0)
+"""Of the attitude against its set-point."""
+
+_LINE, _SLOW_LINE, _PURE_LINE = 0.6, 0.3, 0.7
+"""Share of the power in one line: of a command (0.92 and more in limit cycles, up to 0.56 in stable flights), of the
+attitude (0.32 and more in slow swings, up to 0.22 in stable flights), and for an attitude that is nothing else."""
+
+_DRIVEN = 0.25
+"""Power of a set-point at the line over that of the answer, above which the set-point makes the line."""
+
+_QUIETEST_PERCENT = 20.0
+"""Of the parts of a flight: even the quiet ones of a slow swing move."""
+
+_STEADY = 0.2
+"""Middle half of the frequencies of a slow swing over their median, above which it is none."""
+
+_FAST_HZ = 25.0
+"""From this rate of the log on, windows last a second; below, 6.4 s."""
+
+_WINDOWS = {True: (1.0, 2.0), False: (6.4, 0.8)}
+"""Length, and the frequency above which the command counts, for fast and slow logs."""
+
+_LINE_WINDOW_S, _SLOW_WINDOW_S = 2.0, 8.0
+_SLOW_BAND_HZ = (0.3, 6.0)
+_FEWEST_WINDOWS = 5
+_FEWEST_SAMPLES = 6
+_LEAST_COVER = 0.7
+"""Share of the samples that a window should have, without which it is left out."""
+
+_SURE_HZ = 100.0
+"""Means over less than 10 ms leave three quarters and more of a line of 40 Hz."""
+
+_OF_RATE = 2.5
+"""Rate of a log over the frequency that it can show."""
+
+_HIGHEST_HZ = 60.0
+"""Hardly a loop of a multirotor swings faster: slower logs may show a folded line."""
+
+_UNLIKE, _APART = 0.2, 0.05
+"""Logarithm of the logged rate over angle to that of an image, above which it is not that one, and by how much the next
+image has to be worse. Simulated flights have their own within 0.02."""
+
+_BESIDE = 0.5
+"""Of the strongest axis, below which another one is only shaken by it."""
+
+_LASTING_S = 10.0
+"""A part of a flight that swings counts from this length on, where the rest is calm."""
+
+_MOST_WINDOWS = 40
+"""In which lines are looked for, spread over the flight."""
+
+_PERIODS = 8.0
+"""Of an oscillation that a window has from which its frequency is read."""
+
+_ALIKE = 1.1
+"""Factor between the powers of images that are taken as equal."""
+
+_EVEN_HZ = 200.0
+"""Lines of faster logs are looked for on even stamps: their images lie beyond all loops."""
+
+_CLEARER = 1.3
+"""Power of a line on the stamps as they are, over that of its images, from which uneven stamps decide between them."""
+
+_LOGGERS = ("PX4", "ArduPilot", "Betaflight", "Crazyflie", "MAVLink")
+"""Formats whose samples an autopilot picked."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Oscillation(Immutable):
+    """An axis that swings by itself.
+
+    Parameters
+    ----------
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    loop
+        ``rate`` for a limit cycle, ``attitude`` for a slow swing.
+    frequency_hz
+        ``None`` where the log is too slow for it.
+    rms
+        Of the command about its mean, as a share of its range, in the usual window.
+    at_limit_percent
+        How much of the powered flight a motor was at a limit; ``None`` where motors are not logged.
+    error_rms_rad
+        Of the attitude against its set-point; ``None`` for a limit cycle.
+    """
+
+    axis: Axis
+    loop: Loop
+    frequency_hz: float | None
+    rms: float
+    at_limit_percent: float | None
+    error_rms_rad: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class OscillationCheck(Immutable):
+    """What a flight shows of its axes: each of them swings, does not, or could not be checked.
+
+    Parameters
+    ----------
+    found
+        Axes that swing, the strongest first.
+    calm
+        Axes that were checked and do not.
+    unchecked
+        Axis to the reason, one sentence.
+    """
+
+    found: tuple[Oscillation, ...] = ()
+    calm: tuple[Axis, ...] = ()
+    unchecked: Mapping[Axis, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._set(unchecked=self.unchecked)
+
+
+@remembered
+def check_oscillations(record: FlightRecord) -> OscillationCheck:
+    """Look for axes that swing by themselves.
+
+    Parameters
+    ----------
+    record
+        The log. It needs the commands of the axes; motor outputs, attitude and set-points make the answer sharper.
+
+    Raises
+    ------
+    InsufficientDataError
+        The vehicle never flew, or nothing tells whether it did.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Channel, Source, Topic
+    >>> time_s = np.arange(0.0, 40.0, 0.1)
+    >>> swing = np.sin(2.0 * np.pi * 22.9 * time_s)
+    >>> names = ("roll_command", "thrust_command", "motor_1", "motor_2")
+    >>> motors = np.clip(0.5 + np.outer([1.0, -1.0], swing), 0.0, 1.0)
+    >>> topic = Topic(name="loops", time_s=time_s, channels=tuple(Channel(name=name, unit="1") for name in names),
+    ...               values=np.vstack([0.6 * swing, np.full(time_s.size, 0.5), motors]))
+    >>> source = Source(name="log.bin", format="ArduPilot DataFlash", sha256="")
+    >>> found = check_oscillations(FlightRecord(source=source, topics=(topic,)))
+    >>> [(one.axis, round(one.rms, 2), one.frequency_hz) for one in found.found], found.unchecked["yaw"]
+    ([('roll', 0.42, None)], 'The log has no yaw_command.')
+    """
+    flights = airborne(record).intervals
+    power = _power(record)
+    looks = _looks(record, flights, power)
+    found = [one for one in looks.values() if isinstance(one, Oscillation)]
+    return OscillationCheck(
+        found=tuple(sorted(found, key=lambda one: -one.rms)),
+        calm=tuple(axis for axis, one in looks.items() if one is None),
+        unchecked={axis: one for axis, one in looks.items() if isinstance(one, str)},
+    )
+
+
+class _Power(NamedTuple):
+    """Mean output of the motors or the thrust command, and whether a motor is at a limit, as far as it is known."""
+
+    time_s: FloatArray
+    mean: FloatArray
+    limited: BoolArray | None
+
+    @property
+    def limited_share(self) -> float:
+        """Of the powered samples, NaN where motors are not logged."""
+        powered = self.mean >= POWERED
+        return float(np.mean(self.limited[powered])) if self.limited is not None and powered.any() else np.nan
+
+    def runs(self, start_s: float, stop_s: float) -> bool:
+        """Whether the motors carry the vehicle for half of a window; believed where nothing is logged."""
+        first, last = np.searchsorted(self.time_s, [start_s, stop_s])
+        return not self.time_s.size or (last > first and float(np.mean(self.mean[first:last] >= POWERED)) >= 0.5)
+
+
+def _power(record: FlightRecord) -> _Power:
+    history = or_none(logged_outputs, record)
+    if history is not None:
+        flying = in_flight(record, history.time_s)
+        limited = at_limit(record, history)
+        return _Power(history.time_s[flying], history.values.mean(axis=0)[flying], limited[flying])
+    if "thrust_command" in record:
+        track = record["thrust_command"]
+        kept = np.isfinite(track.values) & np.isfinite(track.time_s)
+        return _Power(track.time_s[kept], np.abs(track.values[kept]), None)
+    return _Power(np.zeros(0), np.zeros(0), None)
+
+
+class _Samples(NamedTuple):
+    """Samples of a channel in the air, stamps rising."""
+
+    time_s: FloatArray
+    values: FloatArray
+    source: str
+
+    @property
+    def rate_hz(self) -> float:
+        return float(1.0 / np.median(np.diff(self.time_s))) if self.time_s.size > 1 else 0.0
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        return np.interp(time_s, self.time_s, self.values)
+
+
+def _samples(record: FlightRecord, name: str, flights: Intervals) -> _Samples | None:
+    """A channel from the topic that has most of it in the air; ``None`` where it is not logged there."""
+    best: _Samples | None = None
+    for topic, row in record.holding(name):
+        values = topic.values[row]
+        kept = np.isfinite(values) & np.isfinite(topic.time_s)
+        kept &= np.any([(topic.time_s >= start) & (topic.time_s <= stop) for start, stop in flights], axis=0)
+        time_s, values = topic.time_s[kept], values[kept]
+        if time_s.size > 1:
+            rising = np.concatenate([[True], time_s[1:] > np.maximum.accumulate(time_s)[:-1]])
+            time_s, values = time_s[rising], values[rising]
+        if time_s.size > _FEWEST_SAMPLES and (best is None or time_s.size > best.time_s.size):
+            best = _Samples(time_s, values, topic.channels[row].source)
+    return best
+
+
+def _looks(record: FlightRecord, flights: Intervals, power: _Power) -> dict[Axis, Oscillation | str | None]:
+    """Of each axis an oscillation, why it could not be checked, or ``None`` where it does not swing."""
+    moves = {axis: _move(record, axis, flights, power) for axis in RATE_OF}
+    looks: dict[Axis, Oscillation | str | None] = {
+        axis: move if isinstance(move, str) else _swing(record, move, flights, power) for axis, move in moves.items()
+    }
+    known = [move for move in moves.values() if isinstance(move, _Move)]
+    if not any(isinstance(look, Oscillation) for look in looks.values()):
+        # A line at a whole multiple of the rate of a slow log stands still in it: far from the middle, if not at it.
+        still = max((move for move in known if not move.fast), key=lambda move: move.distance, default=None)
+        if still is not None and still.distance > LARGEST_RMS and still.limited > LARGEST_LIMITED:
+            looks[still.axis] = Oscillation(
+                axis=still.axis,
+                loop="rate",
+                frequency_hz=None,
+                rms=still.distance,
+                at_limit_percent=100.0 * still.limited,
+            )
+    strongest = max((look.rms for look in looks.values() if isinstance(look, Oscillation)), default=0.0)
+    for move in known:
+        look = looks[move.axis]
+        if isinstance(look, Oscillation) and look.rms < _BESIDE * strongest:
+            # Motors at their limits take from every axis.
+            looks[move.axis] = f"{capital(move.axis)} moves with the axis that oscillates more."
+        elif look is None:
+            looks[move.axis] = _why_unchecked(record, move)
+    return looks
+
+
+class _Move(NamedTuple):
+    """How much the command of an axis moves: in which windows, in which of them it swings, and what limits it."""
+
+    axis: Axis
+    command: _Samples
+    windows: list[slice]
+    size: float
+    distance: float
+    limited: float
+
+    @property
+    def fast(self) -> bool:
+        return self.command.rate_hz >= _FAST_HZ
+
+
+def _move(record: FlightRecord, axis: Axis, flights: Intervals, power: _Power) -> _Move | str:
+    """How the command of an axis moves in the air, or why that is not known."""
+    name = f"{axis}_command"
+    command = _samples(record, name, flights)
+    if command is None:
+        return f"The log has no {name}{' in the air' if name in record else ''}."
+    length_s, above_hz = _WINDOWS[command.rate_hz >= _FAST_HZ]
+    windows = []
+    for window in _windows(command, length_s):
+        start_s, stop_s = command.time_s[window.start], command.time_s[window.stop - 1]
+        if power.runs(start_s, stop_s) and not _injected(record, axis, start_s, stop_s):
+            windows.append(window)
+    if len(windows) < _FEWEST_WINDOWS:
+        return (
+            f"The log has less than {0.5 * (_FEWEST_WINDOWS + 1) * length_s:.0f} s of {name} in the air without tests."
+        )
+    sizes = np.array([_rms(_above(command, window, above_hz)) for window in windows])
+    limited = power.limited_share
+    run = _longest_run(command, windows, sizes, power)
+    if float(np.median(sizes)) <= LARGEST_RMS and run:
+        windows, sizes = [windows[place] for place in run], sizes[run]
+        limited = float(np.mean([_limited_in(command, window, power) for window in windows]))
+    middle = float(np.median(command.values))
+    return _Move(
+        axis,
+        command,
+        windows,
+        float(np.median(sizes)),
+        float(np.median([_rms(command.values[window] - middle) for window in windows])),
+        limited,
+    )
+
+
+def _longest_run(command: _Samples, windows: Sequence[slice], sizes: FloatArray, power: _Power) -> list[int]:
+    """Places of windows that swing one after the other with a motor at its limit, if they last long enough."""
+    best: list[int] = []
+    run: list[int] = []
+    for place, window in enumerate(windows):
+        follows = not run or window.start <= windows[run[-1]].stop
+        swings = sizes[place] > LARGEST_RMS and _limited_in(command, window, power) > LARGEST_LIMITED
+        run = ([*run, place] if follows else [place]) if swings else []
+        best = max(best, run, key=len)
+    if not best:
+        return []
+    lasts_s = command.time_s[windows[best[-1]].stop - 1] - command.time_s[windows[best[0]].start]
+    return best if lasts_s >= _LASTING_S and len(best) >= _FEWEST_WINDOWS else []
+
+
+def _limited_in(command: _Samples, window: slice, power: _Power) -> float:
+    """Share of a window with a motor at its limit; zero where motors are not logged."""
+    if power.limited is None:
+        return 0.0
+    first, last = np.searchsorted(power.time_s, [command.time_s[window.start], command.time_s[window.stop - 1]])
+    return float(np.mean(power.limited[first:last])) if last > first else 0.0
+
+
+def _swing(record: FlightRecord, move: _Move, flights: Intervals, power: _Power) -> Oscillation | None:
+    """The oscillation of an axis by its command or by its attitude."""
+    command, axis = move.command, move.axis
+    slow = _attitude_swing(record, axis, flights, power)
+    found = Oscillation(
+        axis=axis,
+        loop="rate",
+        frequency_hz=slow.frequency_hz if slow is not None and slow.share > _PURE_LINE else None,
+        rms=move.size,
+        at_limit_percent=None if np.isnan(move.limited) else 100.0 * move.limited,
+        error_rms_rad=slow.rms if slow is not None else None,
+    )
+    if move.size > LARGEST_RMS:
+        line = _line(command, command, move.windows, _band_hz(command)) if move.fast else None
+        limited = move.limited > LARGEST_LIMITED
+        if line is not None and line.share > _LINE and (limited or not _driven(record, axis, line, flights, power)):
+            return replace(found, frequency_hz=_frequency_hz(record, command, line.frequency_hz, axis, flights))
+        if not move.fast and limited:
+            return found
+    if slow is None:
+        return None
+    return replace(found, loop="attitude", rms=move.distance, frequency_hz=slow.frequency_hz)
+
+
+def _why_unchecked(record: FlightRecord, move: _Move) -> str | None:
+    """Why a log in which an axis does not swing does not show that it is calm; ``None`` where it does."""
+    name, rate_hz = f"{move.axis}_command", move.command.rate_hz
+    if rate_hz < _SURE_HZ and not record.source.format.startswith(_LOGGERS):
+        return (
+            f"{name} has {rate_hz:.0f} samples a second in a file that no autopilot wrote; if they are means, they "
+            "hide an oscillation."
+        )
+    if not move.fast and move.size > LARGEST_RMS:
+        return (
+            f"{name} moves much (rms {move.size:.2f} of its range), and a log of {rate_hz:.0f} Hz does not show "
+            "whether the stick or the loop does it."
+        )
+    if not move.fast and move.limited > LARGEST_LIMITED:
+        return (
+            f"A motor is at a limit for {100.0 * move.limited:.0f} % of the flight, and a log of {rate_hz:.0f} Hz does "
+            f"not show whether {move.axis} oscillates."
+        )
+    return None
+
+
+def _windows(samples: _Samples, length_s: float) -> Iterator[slice]:
+    """Half overlapping windows that have most of their samples."""
+    time_s = samples.time_s
+    starts = np.arange(time_s[0], time_s[-1] - length_s, 0.5 * length_s)
+    firsts, lasts = np.searchsorted(time_s, starts), np.searchsorted(time_s, starts + length_s)
+    fewest = max(_FEWEST_SAMPLES, _LEAST_COVER * length_s * samples.rate_hz)
+    for first, last in zip(firsts, lasts, strict=True):
+        if last - first >= fewest:
+            yield slice(int(first), int(last))
+
+
+def _injected(record: FlightRecord, axis: Axis, start_s: float, stop_s: float) -> bool:
+    """Whether a test input moves the axis in a window: its command is then that of the test."""
+    for name in (f"{axis}_excitation", f"{axis}_setpoint_excitation"):
+        for topic, row in record.holding(name):
+            first, last = np.searchsorted(topic.time_s, [start_s, stop_s])
+            if last > first and float(np.nanmax(np.abs(topic.values[row][first:last]), initial=0.0)) > 0.0:
+                return True
+    return False
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _above(samples: _Samples, window: slice, above_hz: float) -> FloatArray:
+    """Values of a window less its trend and the waves up to a frequency, on the stamps as they are."""
+    time_s, values = samples.time_s[window], samples.values[window]
+    length_s = float(time_s[-1] - time_s[0])
+    phase = 2.0 * np.pi * (time_s - time_s[0]) / length_s
+    count = min(int(above_hz * length_s + 0.5), values.size // 4)
+    waves = [wave(number * phase) for number in range(1, count + 1) for wave in (np.cos, np.sin)]
+    basis = np.stack([np.ones(time_s.size), phase, *waves], axis=1)
+    weights, *_ = np.linalg.lstsq(basis, values, rcond=None)
+    return np.asarray(values - basis @ weights)
+
+
+def _band_hz(command: _Samples) -> tuple[float, float]:
+    """Where lines of a command are looked for."""
+    return _WINDOWS[True][1], max(_HIGHEST_HZ, 0.25 * command.rate_hz)
+
+
+class _Line(NamedTuple):
+    """The strongest line of a signal, medians over windows.
+
+    ``share`` is its part of all power above the band's lower end, ``spread`` the middle half of its frequency over the
+    median, ``driven`` the power of the set-point at it over its own.
+    """
+
+    frequency_hz: float
+    share: float
+    spread: float
+    driven: float
+
+
+def _line(
+    samples: _Samples, setpoint: _Samples, windows: Sequence[slice], band_hz: tuple[float, float]
+) -> _Line | None:
+    """The strongest line of a signal in windows; ``None`` where there are too few of them.
+
+    Lines are looked for on the stamps as they are, since uneven ones show a line at its own frequency alone: up to
+    twice the rate of slow logs, where even ones show it at images too.
+    """
+    chosen = windows[:: max(len(windows) // _MOST_WINDOWS, 1)]
+    found = [one for window in chosen if (one := _line_in(samples, setpoint, window, band_hz)) is not None]
+    if len(found) < _FEWEST_WINDOWS - 1:
+        return None
+    frequency, share, driven = (float(value) for value in np.median(found, axis=0))
+    low, high = np.percentile([one[0] for one in found], [25.0, 75.0])
+    return _Line(frequency, share, float(high - low) / frequency, driven)
+
+
+def _line_in(
+    samples: _Samples, setpoint: _Samples, window: slice, band_hz: tuple[float, float]
+) -> tuple[float, float, float] | None:
+    """Frequency of the strongest line in a window, its share of the power, and the set-point's power over its own."""
+    time_s, values = samples.time_s[window], _above(samples, window, band_hz[0])
+    hz, power = _spectrum(time_s, values, samples.rate_hz, band_hz)
+    if not hz.size or not power.any():
+        return None
+    frequency_hz = _peak(hz, power)
+    lowest_hz = _lowest_image_hz(frequency_hz, samples.rate_hz)
+    # Even stamps show images alike, of which the lowest stands for all.
+    if lowest_hz >= band_hz[0] and _ALIKE * np.interp(lowest_hz, hz, power) > power.max():
+        frequency_hz = lowest_hz
+    asked = _above(_Samples(time_s, setpoint.at(time_s), ""), slice(None), band_hz[0])
+    own, other = (_of_line(time_s, part, frequency_hz) for part in (values, asked))
+    return (frequency_hz, own / float(np.mean(values**2)), other / own) if own > 0.0 else None
+
+
+def _spectrum(
+    time_s: FloatArray, values: FloatArray, rate_hz: float, band_hz: tuple[float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Frequencies of a band, four times as fine as the window gives, and the power at them."""
+    length_s = float(time_s[-1] - time_s[0])
+    if rate_hz >= _EVEN_HZ:
+        step_s = length_s / (values.size - 1)
+        clock_s = time_s[0] + step_s * np.arange(values.size)
+        fine = 4 * values.size
+        hz = np.asarray(np.fft.rfftfreq(fine, step_s), dtype=np.float64)
+        spectrum = np.fft.rfft(np.hanning(values.size) * np.interp(clock_s, time_s, values), fine)
+        inside = (hz >= band_hz[0]) & (hz <= band_hz[1])
+        return hz[inside], np.asarray(np.abs(spectrum[inside]) ** 2)
+    hz = np.arange(band_hz[0], band_hz[1], 0.25 / length_s, dtype=np.float64)
+    return hz, np.asarray(np.abs(_transform(time_s, values, hz)) ** 2)
+
+
+def _transform(time_s: FloatArray, values: FloatArray, hz: FloatArray) -> ComplexArray:
+    """Amplitudes of waves on stamps as they are, under a Hann taper, shape of ``hz``."""
+    share = (time_s - time_s[0]) / (time_s[-1] - time_s[0])
+    taper = 0.5 - 0.5 * np.cos(2.0 * np.pi * share)
+    waves = np.exp(-2j * np.pi * np.outer(hz, time_s - time_s[0]))
+    return np.asarray(waves @ (taper * values) / taper.sum())
+
+
+def _peak(hz: FloatArray, power: FloatArray) -> float:
+    """Where a spectrum is highest, by a parabola through the three highest points of its logarithm."""
+    top = int(np.argmax(power))
+    if 0 < top < hz.size - 1 and power[top - 1 : top + 2].min() > 0.0:
+        left, middle, right = np.log(power[top - 1 : top + 2])
+        bend = left - 2.0 * middle + right
+        if bend < 0.0:
+            return float(hz[top] + 0.5 * (left - right) / bend * (hz[1] - hz[0]))
+    return float(hz[top])
+
+
+def _of_line(time_s: FloatArray, values: FloatArray, frequency_hz: float) -> float:
+    """Mean square of what a wave explains whose size and phase drift evenly within the window."""
+    phase = 2.0 * np.pi * frequency_hz * (time_s - time_s[0])
+    drift = np.linspace(-1.0, 1.0, time_s.size)
+    waves = np.stack([np.cos(phase), np.sin(phase), drift * np.cos(phase), drift * np.sin(phase)], axis=1)
+    weights, *_ = np.linalg.lstsq(waves, values, rcond=None)
+    return float(np.mean((waves @ weights) ** 2))
+
+
+def _driven(record: FlightRecord, axis: Axis, line: _Line, flights: Intervals, power: _Power) -> bool:
+    """Whether the set-point of the rate makes the line of the command; so too where that is not known."""
+    rate, setpoint = (_samples(record, name, flights) for name in (RATE_OF[axis], f"{RATE_OF[axis]}_setpoint"))
+    if rate is None or setpoint is None:
+        return True
+    windows = _powered(rate, _LINE_WINDOW_S, power)
+    own = _line(rate, setpoint, windows, (0.5 * line.frequency_hz, 2.0 * line.frequency_hz))
+    return own is None or own.driven > _DRIVEN
+
+
+def _powered(samples: _Samples, length_s: float, power: _Power) -> list[slice]:
+    """Windows in which the motors carry the vehicle."""
+    time_s = samples.time_s
+    return [one for one in _windows(samples, length_s) if power.runs(time_s[one.start], time_s[one.stop - 1])]
+
+
+class _Slow(NamedTuple):
+    """A slow swing of the attitude about its set-point."""
+
+    frequency_hz: float | None
+    rms: float
+    share: float
+
+
+def _attitude_swing(record: FlightRecord, axis: Axis, flights: Intervals, power: _Power) -> _Slow | None:
+    """A slow swing of roll or pitch; ``None`` where there is none, or the log does not have both angles."""
+    angle, setpoint = (_samples(record, f"{_ANGLES[axis]}{end}", flights) for end in ("", "_setpoint"))
+    if axis == "yaw" or angle is None or setpoint is None:
+        return None
+    error = _Samples(angle.time_s, angle.values - setpoint.at(angle.time_s), angle.source)
+    # What rings after a kick comes to rest in between.
+    parts = [float(np.std(error.values[window])) for window in _powered(error, _LINE_WINDOW_S, power)]
+    if len(parts) < _FEWEST_WINDOWS or float(np.percentile(parts, _QUIETEST_PERCENT)) < LARGEST_ERROR_RAD:
+        return None
+    windows = _powered(error, _SLOW_WINDOW_S, power)
+    line = _line(error, setpoint, windows, (_SLOW_BAND_HZ[0], min(_SLOW_BAND_HZ[1], 0.45 * angle.rate_hz)))
+    if line is None or line.share < _SLOW_LINE or line.driven > _DRIVEN or line.spread > _STEADY:
+        return None
+    frequency_hz = _frequency_hz(record, angle, line.frequency_hz, axis, flights)
+    return _Slow(frequency_hz, float(np.median(parts)), line.share)
+
+
+_ANGLES: Mapping[Axis, str] = {"roll": "phi", "pitch": "theta", "yaw": "psi"}
+
+
+def _frequency_hz(
+    record: FlightRecord, samples: _Samples, frequency_hz: float, axis: Axis, flights: Intervals
+) -> float | None:
+    r"""The frequency of a line, of all those that a log of this rate shows alike; ``None`` where it cannot be known.
+
+    Uneven stamps show the right one strongest. Even ones do not, but an attitude swings by its rate over its frequency,
+    whatever is folded: :math:`|p| = 2 \pi f |\phi|`, but for the filter of the rate.
+    """
+    rate_hz = samples.rate_hz
+    images = _images_hz(frequency_hz, rate_hz)
+    if len(images) == 1:
+        return _refined(samples, frequency_hz)
+    strengths = np.array([_strength(samples, image, 0.5 * images[0]) for image in images])
+    likely = [image for image, one in zip(images, strengths, strict=True) if one * _CLEARER >= strengths.max()]
+    found = likely[0] if len(likely) == 1 else _by_kinematics(record, axis, likely, flights)
+    return _refined(samples, found) if found is not None and rate_hz > _OF_RATE * found else None
+
+
+def _refined(samples: _Samples, frequency_hz: float) -> float:
+    """The frequency of a line from longer windows, median over them."""
+    band = (0.8 * frequency_hz, 1.25 * frequency_hz)
+    length_s = max(_LINE_WINDOW_S, _PERIODS / frequency_hz)
+    windows = list(_windows(samples, length_s))
+    found = []
+    for window in windows[:: max(len(windows) // _MOST_WINDOWS, 1)]:
+        hz, power = _spectrum(samples.time_s[window], _above(samples, window, 0.0), samples.rate_hz, band)
+        found.append(_peak(hz, power))
+    return float(np.median(found)) if found else frequency_hz
+
+
+def _lowest_image_hz(frequency_hz: float, rate_hz: float) -> float:
+    """Where samples at a rate show a frequency between zero and half of the rate."""
+    return abs(frequency_hz - rate_hz * round(frequency_hz / rate_hz))
+
+
+def _images_hz(frequency_hz: float, rate_hz: float) -> list[float]:
+    """All frequencies that loops may have and even samples at a rate show as this one, the lowest first."""
+    lowest = _lowest_image_hz(frequency_hz, rate_hz)
+    images = [lowest]
+    for fold in range(1, int(_HIGHEST_HZ / rate_hz) + 2):
+        images += [fold * rate_hz - lowest, fold * rate_hz + lowest]
+    return [image for image in images if image <= max(_HIGHEST_HZ, lowest)]
+
+
+def _strength(samples: _Samples, frequency_hz: float, slow_hz: float) -> float:
+    """Mean square of a wave on the stamps as they are, its most within 0.3 Hz around, less what is slower."""
+    near = np.linspace(frequency_hz - 0.3, frequency_hz + 0.3, 13)
+    windows = list(_windows(samples, _LINE_WINDOW_S if samples.rate_hz >= _FAST_HZ else _SLOW_WINDOW_S))
+    powers = [
+        np.max(np.abs(_transform(samples.time_s[window], _above(samples, window, slow_hz), near)) ** 2)
+        for window in windows[:: max(len(windows) // _MOST_WINDOWS, 1)]
+    ]
+    return float(np.mean(powers)) if powers else 0.0
+
+
+def _by_kinematics(record: FlightRecord, axis: Axis, images_hz: Sequence[float], flights: Intervals) -> float | None:
+    """The image whose rate over angle is that of the log; ``None`` where they are not logged, or fit none of them."""
+    rate, angle = (_samples(record, name, flights) for name in (RATE_OF[axis], _ANGLES[axis]))
+    if rate is None or angle is None or axis == "yaw":
+        return None
+    filters = known_filters(record, rate.source)
+    misses = []
+    for image in images_hz:
+        turned, tilted = (_strength(one, image, 0.5 * min(images_hz)) for one in (rate, angle))
+        omega = np.array([2.0 * np.pi * image])
+        passed = float(np.abs(combined_response(filters, omega))[0]) if filters else 1.0
+        expected = omega[0] * max(passed, 1e-3)
+        misses.append(abs(np.log(np.sqrt(turned / tilted) / expected)) if tilted > 0.0 < turned else np.inf)
+    best, second, *_ = sorted(misses)
+    return images_hz[misses.index(best)] if best < _UNLIKE and second > best + _APART else None

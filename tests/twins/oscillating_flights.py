@@ -1,0 +1,357 @@
+"""Flights that oscillate and flights that do not, with the truth: does the vehicle swing in still air, without noise?
+
+Each flight is flown a second time in still air with perfect sensors. A limit cycle goes on there by itself, at the
+frequency that is its truth; a stable loop comes to rest, however it shakes in gusts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from rotorid.data.flight_plan import FlightPlan, PlannedInput, SimulatedFlight
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
+from rotorid.pipeline.simulation import everyday_plan
+from rotorid.simulation.multirotor import PERFECT
+from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, piloted
+from rotorid.simulation.wind import CALM, Wind
+from rotorid.typing import Axis, FloatArray
+from rotorid.vehicles.catalog import aircraft
+
+AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw")
+COMMANDS = {axis: f"{axis}_command" for axis in AXES}
+LOOP_HZ = {"px4": 1000.0, "ardupilot": 400.0, "betaflight": 2000.0}
+FIRMWARE = {
+    "px4": ("PX4 ULog", "PX4 v1.15.0"),
+    "ardupilot": ("ArduPilot DataFlash", "ArduCopter V4.5.7"),
+    "betaflight": ("Betaflight blackbox", "Betaflight 4.4.2"),
+}
+RATES = ("p", "q", "r")
+RATE_SOURCES = {"px4": "vehicle_angular_velocity.xyz[0]", "ardupilot": "RATE.R", "betaflight": "gyroADC[0]"}
+GAIN_NAMES = {
+    "px4": ("MC_{}RATE_{}", {"roll": "ROLL", "pitch": "PITCH", "yaw": "YAW"}),
+    "ardupilot": ("ATC_RAT_{}_{}", {"roll": "RLL", "pitch": "PIT", "yaw": "YAW"}),
+    "betaflight": ("{}PID_{}", {"roll": "roll", "pitch": "pitch", "yaw": "yaw"}),
+}
+LOG_RATES_HZ = (10.0, 50.0, 400.0, 2000.0)
+CHANNELS = (
+    tuple(f"{name}{kind}" for name in ("p", "q", "r", "phi", "theta", "psi") for kind in ("", "_setpoint"))
+    + tuple(f"{axis}_command" for axis in (*AXES, "thrust"))
+    + tuple(f"motor_{number}" for number in range(1, 5))
+)
+STILL = 0.02
+"""Root mean square of a command, in still air and without noise, above which a vehicle swings by itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One flight.
+
+    Parameters
+    ----------
+    vehicle, axes
+        What flies, and the axes whose gains are changed.
+    proportional, integral, derivative
+        Factors on the gains of the rate loops of these axes.
+    angle
+        Factor on the angle gain.
+    lag_s, delay_s
+        Of motors and commands; those of the vehicle where they are zero.
+    wind_m_s, gusts_m_s
+        Of the air.
+    stick
+        Largest deflection of roll and pitch.
+    chops
+        Whether the throttle is chopped and punched.
+    """
+
+    vehicle: str
+    axes: tuple[Axis, ...] = ("roll",)
+    proportional: float = 1.0
+    integral: float = 1.0
+    derivative: float = 1.0
+    angle: float = 1.0
+    lag_s: float = 0.0
+    delay_s: float = 0.0
+    wind_m_s: float = 0.0
+    gusts_m_s: float = 0.0
+    stick: float = 0.0
+    chops: bool = False
+    duration_s: float = 30.0
+    seed: int = 1
+
+    @property
+    def wind(self) -> Wind:
+        return Wind(north_m_s=self.wind_m_s, turbulence_m_s=self.gusts_m_s) if self.wind_m_s else CALM
+
+    @property
+    def craft(self) -> Aircraft:
+        """What flies, at the rate of a real loop."""
+        return piloted(_changed(self))
+
+
+def _changed(case: Case) -> Aircraft:
+    numbers = {name: value for name, value in (("T_motor", case.lag_s), ("tau", case.delay_s)) if value}
+    craft = changed(aircraft(case.vehicle), numbers)
+    own = craft.autopilot
+
+    def scaled(values: Sequence[float], factor: float) -> tuple[float, float, float]:
+        roll, pitch, yaw = (
+            value * (factor if axis in case.axes else 1.0) for axis, value in zip(AXES, values, strict=True)
+        )
+        return roll, pitch, yaw
+
+    rates = replace(
+        own.rates,
+        proportional=scaled(own.rates.proportional, case.proportional),
+        integral=scaled(own.rates.integral, case.integral),
+        derivative=scaled(own.rates.derivative, case.derivative),
+    )
+    autopilot = replace(
+        own,
+        rates=rates,
+        angle_1_s=scaled(own.angle_1_s, case.angle),
+        rate_hz=LOOP_HZ[own.kind],
+        parameters=_parameters(case, own.kind, own.parameters),
+    )
+    return replace(craft, autopilot=autopilot)
+
+
+def _parameters(case: Case, kind: str, known: object) -> dict[str, float]:
+    """The autopilot's parameters with the gains that fly."""
+    parameters = dict(known)  # type: ignore[call-overload]
+    pattern, names = GAIN_NAMES[kind]
+    factors = {"P": case.proportional, "I": case.integral, "D": case.derivative}
+    for axis in case.axes:
+        for letter, factor in factors.items():
+            name = pattern.format(names[axis], letter)
+            parameters[name] = factor * parameters[name]
+    if kind == "betaflight":
+        parameters["pid_process_denom"] = 1e6 / (parameters["looptime"] * LOOP_HZ[kind])
+    if kind == "ardupilot":
+        parameters["SCHED_LOOP_RATE"] = LOOP_HZ[kind]
+    return parameters
+
+
+def _chops(rate_hz: float, duration_s: float, seed: int) -> FloatArray:
+    """A throttle stick that is cut and pushed: every few seconds, for a third of a second to a second."""
+    rng = np.random.default_rng([seed, 7])
+    values = np.zeros(round(duration_s * rate_hz))
+    at = 2.0
+    while at < duration_s - 2.0:
+        long_s = float(rng.uniform(0.3, 1.0))
+        values[round(at * rate_hz) : round((at + long_s) * rate_hz)] = float(rng.choice([-0.9, 0.7]))
+        at += long_s + float(rng.uniform(0.6, 2.5))
+    return values
+
+
+def plan_of(case: Case, craft: Aircraft) -> FlightPlan | None:
+    """Sticks of an ordinary flight, chops of the throttle, or none."""
+    inputs: tuple[PlannedInput, ...] = ()
+    rate_hz = craft.autopilot.rate_hz
+    if case.stick:
+        inputs = everyday_plan(craft, duration_s=case.duration_s, level=case.stick, seed=case.seed).inputs
+    if case.chops:
+        values = _chops(rate_hz, case.duration_s, case.seed)
+        chopped = PlannedInput(
+            axis="thrust", shape="sticks", start_s=0.0, values=values, sample_rate_hz=rate_hz, amplitude=0.9,
+            entry="stick",
+        )  # fmt: skip
+        inputs = (*(one for one in inputs if one.axis != "thrust"), chopped)
+    return FlightPlan(name="ordinary", inputs=inputs, trim_s=0.0) if inputs else None
+
+
+@cache
+def fly(case: Case) -> SimulatedFlight:
+    """The flight as the autopilot had it, at every turn of its loop."""
+    craft = case.craft
+    return fly_multirotor(
+        craft, plan_of(case, craft), duration_s=case.duration_s, wind=case.wind, seed=case.seed
+    )
+
+
+@cache
+def swings(case: Case) -> tuple[Axis, ...]:
+    """The axes whose loops swing by themselves: in still air, without sticks and noise, 20 s after the beginning."""
+    craft = replace(case.craft, sensors=PERFECT)
+    nudge = PlannedInput(
+        axis="roll", shape="doublet", start_s=0.0, values=np.full(round(0.1 * craft.autopilot.rate_hz), 0.02),
+        sample_rate_hz=craft.autopilot.rate_hz, amplitude=0.02,
+    )  # fmt: skip
+    nudges = tuple(replace(nudge, axis=axis) for axis in AXES)
+    flown = fly_multirotor(craft, FlightPlan(name="nudge", inputs=nudges, trim_s=24.0), seed=0)
+    late = flown.time_s > flown.time_s[-1] - 4.0
+    return tuple(axis for axis in AXES if float(np.std(flown.columns[f"{axis}_command"][late])) > STILL)
+
+
+def frequency_hz(flight: SimulatedFlight, axis: Axis) -> float:
+    """Of the strongest line of a command above 0.5 Hz, from every turn of the loop."""
+    from scipy.signal import welch
+
+    values = flight.columns[f"{axis}_command"]
+    rate_hz = flight.sample_rate_hz
+    hz, density = welch(values - values.mean(), rate_hz, nperseg=round(4.0 * rate_hz), nfft=round(16.0 * rate_hz))
+    kept = hz > 0.5
+    return float(hz[kept][np.argmax(density[kept])])
+
+
+def record_of(case: Case, *, log_hz: float, jitter: float = 0.0, seed: int = 0) -> FlightRecord:
+    """The flight as its logger picks it: the first turn of the loop at or after each stamp, which may be late at random.
+
+    Parameters
+    ----------
+    case
+        The flight.
+    log_hz
+        Rate of the log.
+    jitter
+        Largest lateness over the step of the log.
+    seed
+        Of the lateness.
+    """
+    flight = fly(case)
+    kind = flight.autopilot
+    step_s = 1.0 / log_hz
+    wanted = np.arange(0.0, flight.time_s[-1], step_s)
+    wanted = wanted + jitter * step_s * np.random.default_rng(seed).uniform(0.0, 1.0, wanted.size)
+    picked = np.unique(np.minimum(np.searchsorted(flight.time_s, wanted - 1e-9), flight.samples - 1))
+    rows = [name for name in CHANNELS if name in flight.columns]
+    topic = Topic(
+        name="loops",
+        time_s=flight.time_s[picked],
+        channels=tuple(
+            Channel(name=row, unit=STANDARD_UNITS[row], source=RATE_SOURCES[kind] if row in RATES else row) for row in rows
+        ),
+        values=np.stack([flight.columns[row][picked] for row in rows]),
+    )
+    written, firmware = FIRMWARE[kind]
+    whole = ((0.0, float(flight.time_s[-1])),)
+    return FlightRecord(
+        source=Source(name=f"{case.vehicle}-{case.seed}", format=written, sha256="", firmware=firmware),
+        topics=(topic,),
+        status=Status(vehicle="multirotor", armed=whole, in_air=whole, flagged_in="twin"),
+        parameters=flight.parameters,
+    )
+
+
+def _numbered(cases: Sequence[Case]) -> Iterator[Case]:
+    """The same in calm air, in gusts, and in gusts with moving sticks in turn, each with a seed of its own."""
+    for number, case in enumerate(cases):
+        gusty, sticks = number % 3 > 0, number % 3 == 2
+        yield replace(
+            case,
+            wind_m_s=4.0 if gusty else 0.0,
+            gusts_m_s=0.8 if gusty else 0.0,
+            stick=0.4 if sticks else 0.0,
+            seed=100 + number,
+        )
+
+
+def limit_cycles() -> tuple[Case, ...]:
+    """40 flights whose gains are too high for their vehicle: lags and delays make cycles from 4 to 40 Hz."""
+    both: tuple[Axis, ...] = ("roll", "pitch")
+    table: tuple[tuple[str, tuple[Axis, ...], float, float, float, float], ...] = (
+        # vehicle, axes, factor of P and I, factor of D, lag, delay
+        ("x500", ("roll",), 4.0, 0.0, 0.0, 0.0),
+        ("x500", ("pitch",), 4.0, 4.0, 0.0, 0.0),
+        ("x500", both, 4.0, 4.0, 0.0, 0.0),
+        ("x500", ("roll",), 2.8, 5.6, 0.0, 0.0),
+        ("x500", ("pitch",), 5.6, 0.0, 0.01, 0.002),
+        ("x500", ("roll",), 4.0, 4.0, 0.01, 0.002),
+        ("x500", both, 3.0, 6.0, 0.01, 0.002),
+        ("x500", ("roll",), 4.0, 4.0, 0.02, 0.005),
+        ("x500", ("pitch",), 1.4, 0.0, 0.04, 0.01),
+        ("x500", ("roll",), 4.0, 4.0, 0.04, 0.01),
+        ("x500", ("roll",), 2.8, 5.6, 0.08, 0.02),
+        ("iris", ("pitch",), 8.0, 8.0, 0.0, 0.0),
+        ("iris", ("roll",), 8.0, 8.0, 0.02, 0.005),
+        ("px4_quad", ("roll",), 8.0, 0.0, 0.02, 0.005),
+        ("px4_quad", ("pitch",), 8.0, 8.0, 0.04, 0.01),
+        ("ardupilot_quad", ("roll",), 4.0, 0.0, 0.0, 0.0),
+        ("ardupilot_quad", ("roll",), 2.0, 2.0, 0.0, 0.0),
+        ("ardupilot_quad", ("pitch",), 2.0, 2.0, 0.0, 0.0),
+        ("ardupilot_quad", both, 3.0, 3.0, 0.0, 0.0),
+        ("ardupilot_quad", ("pitch",), 1.4, 2.8, 0.0, 0.0),
+        ("ardupilot_quad", ("roll",), 2.0, 0.0, 0.01, 0.002),
+        ("ardupilot_quad", both, 1.4, 1.4, 0.01, 0.002),
+        ("ardupilot_quad", ("roll",), 1.4, 1.4, 0.02, 0.005),
+        ("ardupilot_quad", ("pitch",), 1.0, 2.0, 0.02, 0.005),
+        ("ardupilot_quad", ("roll",), 1.4, 1.4, 0.04, 0.01),
+        ("ardupilot_quad", ("pitch",), 1.0, 2.0, 0.04, 0.01),
+        ("ardupilot_quad", ("roll",), 1.0, 1.0, 0.08, 0.02),
+        ("betaflight_quad", ("roll",), 8.0, 0.0, 0.0, 0.0),
+        ("betaflight_quad", ("pitch",), 5.6, 0.0, 0.01, 0.002),
+        ("betaflight_quad", ("roll",), 5.6, 5.6, 0.01, 0.004),
+        ("betaflight_quad", ("pitch",), 5.6, 5.6, 0.01, 0.004),
+        ("betaflight_quad", both, 5.6, 5.6, 0.02, 0.003),
+        ("betaflight_quad", ("roll",), 2.8, 0.0, 0.02, 0.005),
+        ("betaflight_quad", ("pitch",), 5.6, 5.6, 0.02, 0.005),
+        ("betaflight_quad", both, 4.0, 8.0, 0.02, 0.005),
+        ("betaflight_quad", ("roll",), 4.0, 8.0, 0.02, 0.004),
+        ("betaflight_quad", ("roll",), 4.0, 4.0, 0.04, 0.01),
+        ("betaflight_quad", ("pitch",), 4.0, 8.0, 0.04, 0.01),
+        ("betaflight_quad", ("roll",), 0.7, 0.0, 0.04, 0.01),
+        ("betaflight_quad", ("pitch",), 1.0, 2.0, 0.08, 0.02),
+    )
+    cases = [
+        Case(vehicle=vehicle, axes=axes, proportional=p, integral=p, derivative=d, lag_s=lag_s, delay_s=delay_s)
+        for vehicle, axes, p, d, lag_s, delay_s in table
+    ]
+    return tuple(_numbered(cases))
+
+
+def calm_flights() -> tuple[Case, ...]:
+    """60 flights in calm air and in gusts, with their own and with softer gains, hands off and with sticks."""
+    cases = []
+    number = 0
+    for vehicle in ("x500", "iris", "px4_quad", "ardupilot_quad", "betaflight_quad"):
+        for factor in (0.5, 0.8, 1.0):
+            for wind_m_s, gusts_m_s, stick in ((0.0, 0.0, 0.0), (5.0, 1.0, 0.0), (7.0, 2.0, 0.0), (4.0, 0.8, 0.5)):
+                cases.append(
+                    Case(
+                        vehicle=vehicle,
+                        axes=("roll", "pitch"),
+                        proportional=factor,
+                        integral=factor,
+                        derivative=factor,
+                        wind_m_s=wind_m_s,
+                        gusts_m_s=gusts_m_s,
+                        stick=stick,
+                        seed=500 + number,
+                    )
+                )
+                number += 1
+    return tuple(cases)
+
+
+def hard_flights() -> tuple[Case, ...]:
+    """Stable loops in hard use: full sticks, chopped throttle, gains that are nearly too high."""
+    cases = []
+    number = 0
+    for vehicle, factors in (
+        ("x500", (1.0, 1.7)),
+        ("iris", (1.0, 3.0)),
+        ("ardupilot_quad", (0.5, 0.9)),
+        ("betaflight_quad", (1.0, 3.5)),
+    ):
+        for factor in factors:
+            for stick, chops in ((1.0, False), (0.0, True), (0.8, True)):
+                cases.append(
+                    Case(
+                        vehicle=vehicle,
+                        axes=("roll", "pitch"),
+                        proportional=factor,
+                        integral=factor,
+                        derivative=0.5 * factor if factor > 3.0 else factor,
+                        wind_m_s=4.0,
+                        gusts_m_s=0.8,
+                        stick=stick,
+                        chops=chops,
+                        seed=800 + number,
+                    )
+                )
+                number += 1
+    return tuple(cases)
