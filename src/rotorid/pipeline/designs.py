@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -29,7 +29,15 @@ from rotorid.pipeline.preparation.resolve import named_model
 from rotorid.pipeline.preparation.scope import INERTIAL
 from rotorid.pipeline.simulation import truth_of
 from rotorid.planning.aircraft import aircraft_loop
-from rotorid.planning.amplitude import Amplitude, Limits, Reached, largest_amplitude, limit_words, reached
+from rotorid.planning.amplitude import (
+    Amplitude,
+    Limits,
+    Reached,
+    common_amplitude,
+    limit_words,
+    reached,
+    usual_reached,
+)
 from rotorid.planning.duration import Shortest, shortest
 from rotorid.planning.expected import FitChoices
 from rotorid.planning.loop import LoopModel
@@ -107,7 +115,7 @@ class Planned(Immutable):
     amplitudes
         What was found for each shape and axis whose amplitude was searched for.
     reached
-        What the whole plan reaches in the simulator.
+        What the whole plan reaches in three of four flights in the simulator.
     """
 
     plan: FlightPlan
@@ -142,8 +150,9 @@ def sweep_of(aircraft: Aircraft) -> Shape:
 def plan_for(aircraft: Aircraft, choices: PlanChoices, *, name: str = "") -> Planned:
     """A plan whose inputs are as large as the limits allow, with a tenth to spare.
 
-    Each axis is tried alone in the simulator; then the whole plan is flown, and where inputs at the same time pass a
-    limit together, all are made smaller by the same factor.
+    Each axis is tried alone in the simulator, in eight draws of noise and gusts, three of four of which keep the limits;
+    roll and pitch that are alike share one amplitude. Then the whole plan is flown, and where inputs at the same time
+    pass a limit together, all are made smaller by the same factor.
 
     Parameters
     ----------
@@ -160,60 +169,132 @@ def plan_for(aircraft: Aircraft, choices: PlanChoices, *, name: str = "") -> Pla
     require_units(choices.amplitudes, {axis: input_unit(axis, entries[axis]) for axis in entries}, option="--amplitude")
     found: dict[str, Amplitude] = {}
     sizes = dict(choices.amplitudes)
-    for axis in choices.axes:
-        if axis not in sizes:
-            _PROGRESS.info(f"looking for the largest {choices.shape.replace('_', ' ')} of {axis}")
-            largest = _largest(aircraft, choices, axis, choices.shape, choices.length_s)
-            found[f"{choices.shape} of {axis}"] = largest
-            sizes[axis] = _rounded(_MARGIN * largest.value)
+    groups = equal_axes(aircraft, [axis for axis in choices.axes if axis not in sizes])
+    for group in groups:
+        sizes |= _searched(aircraft, choices, group, choices.shape, choices.length_s, found)
     doublets = dict(sizes)
     if choices.doublets and choices.shape not in STEPS:
-        for axis in choices.axes:
-            _PROGRESS.info(f"looking for the largest doublet of {axis}")
-            largest = _largest(aircraft, choices, axis, "doublet", _doublet_s(choices))
-            found[f"doublet of {axis}"] = largest
-            doublets[axis] = _rounded(_MARGIN * largest.value)
+        for group in equal_axes(aircraft, choices.axes):
+            doublets |= _searched(aircraft, choices, group, "doublet", _doublet_s(choices), found)
     plan = plan_with(aircraft, choices, sizes, doublets=doublets, name=name)
     _PROGRESS.info("flying the whole plan")
     factor, whole = _together(aircraft, plan, choices)
     if factor < 1.0:
-        plan = replace(plan, inputs=tuple(_scaled(one, factor) for one in plan.inputs))
+        plan = _all_scaled(plan, factor)
     return Planned(plan=plan, amplitudes=found, reached=whole)
+
+
+_ALIKE = 0.02
+"""Roll and pitch that answer alike within it are one axis with one amplitude."""
+
+_LOOK_RAD_S = np.geomspace(1.0, 100.0, 30)
+
+
+def equal_axes(aircraft: Aircraft, axes: Sequence[Axis]) -> tuple[tuple[Axis, ...], ...]:
+    """Axes in groups that share one amplitude: roll and pitch where vehicle and gains are the same on both.
+
+    Parameters
+    ----------
+    aircraft
+        What will fly.
+    axes
+        Those to group.
+
+    Examples
+    --------
+    >>> from rotorid.vehicles.catalog import aircraft
+    >>> equal_axes(aircraft("ardupilot_quad"), ("roll", "pitch", "yaw"))
+    (('roll', 'pitch'), ('yaw',))
+    """
+    level: tuple[Axis, ...] = ("roll", "pitch")
+    if not set(level) <= set(axes):
+        return tuple((axis,) for axis in axes)
+    closed = aircraft_loop(aircraft).at(_LOOK_RAD_S)
+    # The loop that is closed, and what it does to the rate, with the signs of neither.
+    answers = [
+        np.abs([closed.excited[u, u], closed.plant[u, u] * closed.excited[u, u]])
+        for u in (AXES.index(axis) for axis in level)
+    ]
+    if np.abs(np.log(answers[0] / answers[1])).max() > _ALIKE:
+        return tuple((axis,) for axis in axes)
+    return (level, *((axis,) for axis in axes if axis not in level))
+
+
+_GUSTY_FLIGHTS, _NOISY_FLIGHTS = 8, 4
+"""Draws of gusts that an amplitude is looked for with, and draws of noise alone, which move it less."""
+
+
+def _seeds(aircraft: Aircraft, choices: PlanChoices) -> range:
+    """Seeds of the draws; one where nothing that is drawn reaches the motors."""
+    sensors = aircraft.sensors
+    noisy = sensors.gyro_noise_rad_s or sensors.attitude_noise_rad or sensors.velocity_noise_m_s
+    count = _GUSTY_FLIGHTS if choices.wind.turbulence_m_s else _NOISY_FLIGHTS if noisy else 1
+    return range(choices.seed, choices.seed + count)
+
+
+def _searched(
+    aircraft: Aircraft,
+    choices: PlanChoices,
+    group: Sequence[Axis],
+    shape: Shape,
+    duration_s: float,
+    found: dict[str, Amplitude],
+) -> dict[str, float]:
+    """The amplitude that axes share, as a person would set it; what was found goes into ``found``."""
+    _PROGRESS.info(f"looking for the largest {shape.replace('_', ' ')} of {' and '.join(group)}")
+    common = _largest(aircraft, choices, group, shape, duration_s)
+    found |= {f"{shape} of {axis}": common for axis in group}
+    return dict.fromkeys(group, _rounded(_MARGIN * common.value))
 
 
 def _together(aircraft: Aircraft, plan: FlightPlan, choices: PlanChoices) -> tuple[float, Reached]:
     """Factor that brings the whole plan back into the limits, one where it is there, and what it then reaches."""
+
+    def flown(factor: float) -> Reached:
+        scaled = plan if factor == 1.0 else _all_scaled(plan, factor)
+        flights = [fly_multirotor(aircraft, scaled, wind=choices.wind, seed=seed) for seed in _seeds(aircraft, choices)]
+        return usual_reached([reached(flight) for flight in flights])
+
     if choices.amplitudes.keys() >= set(choices.axes):
-        return 1.0, reached(fly_multirotor(aircraft, plan, wind=choices.wind, seed=choices.seed))
-    whole = largest_amplitude(
+        return 1.0, flown(1.0)
+    whole = common_amplitude(
         aircraft,
-        lambda factor: replace(plan, inputs=tuple(_scaled(one, factor) for one in plan.inputs)),
+        [lambda factor: _all_scaled(plan, factor)],
         choices.limits,
         start=1.0,
         wind=choices.wind,
-        seed=choices.seed,
+        seeds=_seeds(aircraft, choices),
     )
-    return whole.value, whole.reached
+    return whole.value, flown(whole.value)
 
 
-def _largest(aircraft: Aircraft, choices: PlanChoices, axis: Axis, shape: Shape, duration_s: float) -> Amplitude:
-    """Largest amplitude of one axis on its own."""
+def _largest(
+    aircraft: Aircraft, choices: PlanChoices, group: Sequence[Axis], shape: Shape, duration_s: float
+) -> Amplitude:
+    """Largest amplitude of axes that share it, each on its own."""
     length_s = min(duration_s, _LONGEST_LOOK_S)
 
     # Made once: the phases of a multisine take longer to find than a flight.
-    unit = _input(aircraft, choices, axis, shape, length_s, 1.0, repeat=0)
+    units = [_input(aircraft, choices, axis, shape, length_s, 1.0, repeat=0) for axis in group]
 
-    def alone(amplitude: float) -> FlightPlan:
-        return FlightPlan(name=f"{shape} of {axis}", inputs=(_scaled(unit, amplitude),), trim_s=2.0)
+    def alone(unit: PlannedInput) -> Callable[[float], FlightPlan]:
+        name = f"{shape} of {unit.axis}"
+        return lambda amplitude: FlightPlan(name=name, inputs=(_scaled(unit, amplitude),), trim_s=2.0)
 
-    return largest_amplitude(
+    interface = choices.interface
+    largest = [_LARGEST[unit.entry] if interface is None else interface.largest[unit.axis] / _MARGIN for unit in units]
+    return common_amplitude(
         aircraft,
-        alone,
+        [alone(unit) for unit in units],
         choices.limits,
-        largest=_LARGEST[unit.entry] if choices.interface is None else choices.interface.largest[axis] / _MARGIN,
+        largest=min(largest),
         wind=choices.wind,
-        seed=choices.seed,
+        seeds=_seeds(aircraft, choices),
     )
+
+
+def _all_scaled(plan: FlightPlan, factor: float) -> FlightPlan:
+    return replace(plan, inputs=tuple(_scaled(one, factor) for one in plan.inputs))
 
 
 def plan_with(
@@ -482,8 +563,8 @@ def not_followed(one: Designed, craft: Aircraft) -> list[Finding]:
         message = (
             f"The autopilot smooths the {asked.axis} set-point (ATC_INPUT_TC, ATC_ACCEL_{asked.axis[0].upper()}_MAX): "
             f"of {sizes[0]:.1f}° rms that are sent, {sizes[1]:.1f}° fly, with a correlation of {correlation:.2f}. The "
-            "predictions are those of the set-point that flies. A sweep in SYSTEMID mode (no --entry) flies as planned, "
-            f"and so do small attitudes well below {corner_rad_s:.2g} rad/s."
+            "predictions are those of the set-point that flies. A sweep in SYSTEMID mode (no --entry) flies as planned"
+            f", and so do small attitudes well below {corner_rad_s:.2g} rad/s."
         )
         found.append(
             warn(

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from rotorid.errors import UsageError
-from rotorid.pipeline.designs import default_entry, plan_for, plan_with, sweep_of
+from rotorid.pipeline.designs import default_entry, equal_axes, plan_for, plan_with, sweep_of
 from rotorid.pipeline.flight_settings import PlanChoices
-from rotorid.planning.amplitude import Limits, reached
+from rotorid.planning.amplitude import Limits, reached, usual_reached
 from rotorid.plans.ardupilot import system_id
-from rotorid.simulation.multirotor_flight import fly_multirotor, piloted
+from rotorid.simulation.multirotor_flight import changed, fly_multirotor, piloted
+from rotorid.simulation.wind import Wind
 from rotorid.vehicles.catalog import aircraft
 
 SIZES = {"roll": 0.1, "pitch": 0.1, "yaw": 0.1, "thrust": 0.1}
@@ -56,10 +57,40 @@ def test_the_whole_plan_stays_within_the_limits_and_uses_them() -> None:
     limits = Limits(tilt_rad=math.radians(15.0))
     found = plan_for(craft, replace(SHORT, shape="multisine", axes=("roll", "pitch"), duration_s=20.0, limits=limits))
     assert found.reached.beyond(limits) == ()
-    assert found.reached == reached(fly_multirotor(craft, found.plan))
+    flights = [reached(fly_multirotor(craft, found.plan, seed=seed)) for seed in range(4)]
+    assert found.reached == usual_reached(flights)
     # Both axes tilt at the same time, so that each alone would stay far from the limit.
     assert found.reached.tilt_rad > 0.7 * limits.tilt_rad
     assert {found.limited_by(one) for one in found.plan.inputs} == {"tilt_rad"}
+
+
+def test_roll_and_pitch_share_an_amplitude_where_they_are_alike() -> None:
+    quad = aircraft("px4_quad")
+    assert equal_axes(quad, ("yaw", "roll", "pitch")) == (("roll", "pitch"), ("yaw",))
+    assert equal_axes(changed(quad, {"I_yy": 0.03}), ("roll", "pitch")) == (("roll",), ("pitch",))
+    assert equal_axes(quad, ("pitch", "yaw")) == (("pitch",), ("yaw",))
+
+
+def test_equal_axes_get_one_amplitude_that_no_single_draw_of_gusts_decides() -> None:
+    craft = piloted(aircraft("ardupilot_quad"))
+    gusty = replace(
+        SHORT,
+        shape="logarithmic_sweep",
+        band_rad_s=(2.0, 50.0),
+        duration_s=10.0,
+        wind=Wind(north_m_s=3.3, turbulence_m_s=1.0),
+    )
+    sizes = []
+    for seed in (0, 100, 200):
+        found = plan_for(craft, replace(gusty, seed=seed))
+        roll, pitch = (one.amplitude for one in found.plan.inputs)
+        assert roll == pitch
+        assert found.reached.beyond(gusty.limits) == ()
+        smallest, largest = found.amplitudes["logarithmic_sweep of roll"].spread
+        # One flight alone would plan anything between these.
+        assert largest > 1.3 * smallest
+        sizes.append(roll)
+    assert max(sizes) < 1.2 * min(sizes)
 
 
 def test_amplitudes_that_are_given_are_flown_as_they_are() -> None:
