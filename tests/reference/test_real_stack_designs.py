@@ -14,6 +14,7 @@ from rotorid.data.flight_plan import FlightPlan
 from rotorid.excitation.plan import sequence, together
 from rotorid.models.library import rate_model
 from rotorid.pipeline.designs import expected_values
+from rotorid.pipeline.flight_air import logged_air
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.prediction import predict
 from rotorid.simulation.shaping import shaped_plan
@@ -90,3 +91,31 @@ def test_the_coherence_that_is_foretold_is_flown(guided: rotorid.FlightRecord, f
         band = prediction.response.omega_rad_s[used][[0, -1]]
         inside = (omega >= max(5.0, band[0])) & (omega <= band[1])
         assert np.median(seen[inside]) > 0.99
+
+
+@pytest.mark.parametrize(
+    ("name", "wind_m_s"),
+    [
+        ("ap_x_guided_multisine", 2.0),
+        ("ap_x_wind_soft_wide", 3.3),
+        ("ap_x_wind_soft_card_flight", 3.3),
+        ("ap_x_wind_soft_tuned_card_flight", 3.3),
+    ],
+)
+def test_the_wind_that_blew_is_that_of_the_next_plan(
+    unpacked: Callable[[str], Path], name: str, wind_m_s: float
+) -> None:
+    record = rotorid.read(unpacked(f"real_stacks/{name}.BIN.xz"))
+    air = logged_air(record, with_gains(aircraft("ardupilot_quad"), record.parameters, source=name))
+    assert air.wind is not None
+    assert air.gyro_noise_rad_s is not None
+    assert air.wind.speed_m_s == pytest.approx(wind_m_s, abs=0.3)
+    # Flights of one day and one simulator have one noise.
+    assert air.gyro_noise_rad_s == pytest.approx(0.023, rel=0.1)
+
+
+def test_a_limit_cycle_is_no_noise_of_the_gyroscopes(unpacked: Callable[[str], Path]) -> None:
+    record = rotorid.read(unpacked("real_stacks/ap_x_wind_limit_cycle.BIN.xz"))
+    air = logged_air(record, with_gains(aircraft("ardupilot_quad"), record.parameters, source="the log"))
+    assert air.gyro_noise_rad_s is None
+    assert "swing at one frequency" in air.findings[0].message

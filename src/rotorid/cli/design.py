@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rotorid.cli.command import command_line, print_if_asked, target_of
-from rotorid.cli.console import print_findings, progress, tell
+from rotorid.cli.console import print_findings, progress, say, tell
 from rotorid.cli.options import ForPaper, Only, Output, one_of, vehicle_names
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import Like, say_taken
@@ -55,7 +55,7 @@ def design_command(
         typer.Option(
             "--gains",
             rich_help_panel="Vehicle and autopilot",
-            help="A log of your own autopilot, whose gains will fly.",
+            help="A log of your own autopilot: its gains, noise and wind. A wind that you give stays.",
         ),
     ] = None,
     autopilot: Annotated[
@@ -78,13 +78,13 @@ def design_command(
     from rotorid.io.folders import making
     from rotorid.io.registry import read
     from rotorid.pipeline.designs import design as plan_flights
+    from rotorid.pipeline.flight_air import flown_as
     from rotorid.report.files import require_autopilot, to_json, write_design
 
     require_autopilot(autopilot)
     named = named_vehicle(vehicle, like=like, given=design.pop("changes", None))
     if not output.quiet:
         say_taken(named)
-    flown = None if gains is None else read(gains)
     choices = DesignChoices(
         vehicle=named.entry,
         changes=named.changes,
@@ -96,11 +96,14 @@ def design_command(
             wind=air.wind,
             **plan,
         ),
-        gains={} if flown is None else flown.parameters,
-        gains_source="" if gains is None else gains.name,
-        firmware=named.firmware if flown is None else flown.source.firmware,
+        firmware=named.firmware,
         **design,
     )
+    if gains is not None:
+        choices = flown_as(choices, read(gains))
+        if not output.quiet:
+            for remark in choices.remarks:
+                say(remark.message)
     default = results_folder() / f"{choices.entry.name}-design"
     target = target_of(output, default, "design.json", paper)
     with progress(quiet=output.quiet):

@@ -143,6 +143,10 @@ KINDS: Mapping[str, Kind] = {
     "acausal_output": Kind(
         "warning", "Acausal output", "An output that moves before its input, as behind a zero-phase filter."
     ),
+    "air_not_logged": Kind(
+        "info", "Wind and noise not logged", "A log shows neither wind nor noise; a plan has those of its vehicle."
+    ),
+    "air_of_log": Kind("info", "Wind and noise of a log", "A plan is made for the wind and the noise of a log."),
     "airborne": Kind(
         "info",
         "Reaches beyond the flight",

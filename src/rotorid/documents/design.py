@@ -294,6 +294,7 @@ def design_document(
             "wind_east_m_s": choices.plan.wind.east_m_s,
             "prior": choices.prior.source if choices.prior is not None else None,
             "gains": choices.gains_source or None,
+            "gyro_noise_rad_s": choices.gyro_noise_rad_s,
             "autopilot": autopilot,
         },
         seed=choices.plan.seed,

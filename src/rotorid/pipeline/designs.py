@@ -150,9 +150,9 @@ def sweep_of(aircraft: Aircraft) -> Shape:
 def plan_for(aircraft: Aircraft, choices: PlanChoices, *, name: str = "") -> Planned:
     """A plan whose inputs are as large as the limits allow, with a tenth to spare.
 
-    Each axis is tried alone in the simulator, in eight draws of noise and gusts, three of four of which keep the limits;
-    roll and pitch that are alike share one amplitude. Then the whole plan is flown, and where inputs at the same time
-    pass a limit together, all are made smaller by the same factor.
+    Each axis is tried alone in the simulator, in several draws of noise and gusts, three of four of which keep the
+    limits; roll and pitch that are alike share one amplitude. Then the whole plan is flown, and where inputs at the
+    same time pass a limit together, all are made smaller by the same factor.
 
     Parameters
     ----------

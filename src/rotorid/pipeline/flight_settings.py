@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -14,6 +14,7 @@ from rotorid.pipeline.settings import Option, parse_band, parse_names, require_s
 from rotorid.units import read_measure, read_measures, writable
 
 if TYPE_CHECKING:
+    from rotorid.data.findings import Finding
     from rotorid.data.flight_plan import Entry, FlightPlan, Shape
     from rotorid.io.registry import LogFormat
     from rotorid.planning.amplitude import Limits
@@ -531,6 +532,10 @@ class DesignChoices(Immutable):
         File that they came from.
     firmware
         Of the autopilot that will fly, as its logs name it; empty where it is not known.
+    gyro_noise_rad_s
+        Of the gyroscopes, as a log shows it; that of the vehicle where it is ``None``.
+    remarks
+        What was taken from a log, and what it does not show.
     fit
         How the flight will be identified.
     """
@@ -595,6 +600,8 @@ class DesignChoices(Immutable):
     gains: Mapping[str, float] = field(default_factory=dict)
     gains_source: str = ""
     firmware: str = ""
+    gyro_noise_rad_s: float | None = None
+    remarks: "tuple[Finding, ...]" = ()
     fit: "FitChoices" = field(default_factory=_usual_fit)
 
     def __post_init__(self) -> None:
@@ -621,6 +628,8 @@ class DesignChoices(Immutable):
         craft = changed(self.entry.aircraft, self.changes)
         if self.gains_source:
             craft = with_gains(craft, self.gains, source=self.gains_source)
+        if self.gyro_noise_rad_s is not None:
+            craft = replace(craft, sensors=replace(craft.sensors, gyro_noise_rad_s=self.gyro_noise_rad_s))
         # What is sent to a vehicle behind set-points is the test input alone, and nobody leans against drift.
         return craft if self.entry.interface is not None else piloted(craft)
 

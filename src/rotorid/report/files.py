@@ -267,7 +267,7 @@ def write_design(
     kind = autopilot or choices.aircraft.autopilot.kind
     words: Autopilot = _AUTOPILOTS.get(kind, "other")
     require_autopilot(autopilot)
-    findings: list[Finding] = []
+    findings: list[Finding] = list(choices.remarks)
     written: list[tuple[str, Sequence[str]]] = []
     together: dict[str, str | bytes] = {}
     for plan in designed:
