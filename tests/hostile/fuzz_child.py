@@ -47,12 +47,12 @@ def main(folder: Path, formats: list[str], count: int, start: int, *, whole: boo
     for name, number, sample in islice(inputs, start, None):
         sample.put(folder, sample.content)
         said = verdict(sample, folder, every=1 if whole else 40, number=number)
-        if _most_resident_kb() > MOST_RESIDENT_KB:
+        if most_resident_kb() > MOST_RESIDENT_KB:
             said = "FAULT more than 1 GiB"
         print(f"{name} {number} {said}", flush=True)
 
 
-def _most_resident_kb() -> int:
+def most_resident_kb() -> int:
     """The peak of this program alone: what the system counts of a child begins with its parent's memory."""
     try:
         status = Path("/proc/self/status").read_text(encoding="ascii")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -76,3 +78,23 @@ def test_an_interrupt_while_a_class_is_made_ends_with_the_same_code(tmp_path: Pa
     ran = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False, cwd=tmp_path)
     assert ran.returncode == 130
     assert "interrupted" in ran.stderr
+
+
+def test_what_machine_code_prints_is_no_part_of_the_results() -> None:
+    """LAPACK prints its complaints to standard output, past Python: by its number, when the program ends."""
+    program = (
+        "import os, sys\nfrom rotorid.cli.console import patient_output\n"
+        "patient_output()\nos.write(1, b' ** On entry to DLASCL\\n')\nprint('{}')\n"
+        "import numpy as np\ntry:\n    np.linalg.lstsq(np.full((3, 2), np.nan), np.ones(3))\n"
+        "except np.linalg.LinAlgError:\n    pass\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert ran.stdout == "{}\n"
+    assert "DLASCL" in ran.stderr
+
+
+@UNIX
+def test_results_are_written_where_standard_error_is_closed(log: Path) -> None:
+    command = " ".join(shlex.quote(str(word)) for word in [*COMMAND, "inspect", log, "--json"])
+    ran = subprocess.run(["sh", "-c", f"{command} 2>&-"], capture_output=True, text=True, check=True)
+    assert json.loads(ran.stdout)["schema"]

@@ -54,14 +54,25 @@ def patient_output() -> None:
     """Let no reader that goes away, and no letter that a terminal cannot show, end a command.
 
     The files of a result are written whoever reads along, and the exit code is that of the data. A sign that cannot be
-    shown is a question mark.
+    shown is a question mark. What libraries in machine code print (LAPACK its complaints) goes to standard error: it
+    would be a line amid the JSON.
     """
     if sys.stdout is not sys.__stdout__ or not isinstance(sys.stdout, io.TextIOWrapper):
         return
     sys.stdout.flush()
     # Without buffers, so that a disk that is full is said by the command and not after it.
-    own = io.BufferedWriter(_Patient(sys.stdout.fileno(), "wb", closefd=False), buffer_size=1)
+    own = io.BufferedWriter(_Patient(_own_output(sys.stdout.fileno()), "wb", closefd=False), buffer_size=1)
     sys.stdout = io.TextIOWrapper(own, encoding=sys.stdout.encoding, errors="replace", write_through=True)
+
+
+def _own_output(number: int) -> int:
+    """Another number for standard output, whose own number then is standard error; the same where that is closed."""
+    try:
+        own = os.dup(number)
+        os.dup2(sys.__stderr__.fileno() if sys.__stderr__ else 2, number)
+    except OSError:
+        return number
+    return own
 
 
 def spare_warnings() -> None:

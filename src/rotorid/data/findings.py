@@ -210,7 +210,11 @@ KINDS: Mapping[str, Kind] = {
         "Not enough data to check gains",
         "A flight with proposed gains does not show its loop well enough to say whether it is what was foretold.",
     ),
-    "clock_disorder": Kind("warning", "Stamps out of order", "Stamps repeat, step back or lie outside of the log."),
+    "clock_disorder": Kind(
+        "warning",
+        "Stamps out of order",
+        "Stamps repeat, step back, lie outside of the log or rise by less than any clock counts.",
+    ),
     "clock_skew": Kind(
         "info",
         "Times of two channels",

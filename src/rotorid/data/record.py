@@ -9,7 +9,7 @@ which an axis was excited; it holds no data. A :class:`TimeHistory` is channels 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -291,6 +291,38 @@ class Topic(Immutable):
     def sample_rate_hz(self) -> float:
         """Median rate of the stamps; zero for fewer than two samples."""
         return _median_rate_hz(self.time_s)
+
+
+def silences(topics: Sequence[Topic], longer_than_s: float) -> Intervals:
+    """Start and stop of each pause in which no topic holds a sample.
+
+    Parameters
+    ----------
+    topics
+        Of one record.
+    longer_than_s
+        A shorter pause is none.
+
+    Examples
+    --------
+    >>> slow = Topic(name="BAT", time_s=[0.0, 40.0, 80.0], channels=(), values=np.zeros((0, 3)))
+    >>> fast = Topic(name="IMU", time_s=[0.0, 1.0, 2.0, 80.0], channels=(), values=np.zeros((0, 4)))
+    >>> silences([slow, fast], 39.0), silences([slow, fast], 50.0)
+    (((40.0, 80.0),), ())
+    """
+    runs: list[FloatArray] = []
+    for topic in topics:
+        stamps = topic.time_s if bool(np.all(np.diff(topic.time_s) >= 0.0)) else np.sort(topic.time_s)
+        ends = np.flatnonzero(np.diff(stamps) > longer_than_s)
+        if stamps.size:
+            runs.append(np.stack([stamps[np.r_[0, ends + 1]], stamps[np.r_[ends, stamps.size - 1]]]))
+    if not runs:
+        return ()
+    starts, stops = np.concatenate(runs, axis=1)
+    order = np.argsort(starts, kind="stable")
+    starts, latest = starts[order][1:], np.maximum.accumulate(stops[order])[:-1]
+    silent = starts - latest > longer_than_s
+    return tuple(zip(latest[silent].tolist(), starts[silent].tolist(), strict=True))
 
 
 def _median_rate_hz(time_s: FloatArray) -> float:

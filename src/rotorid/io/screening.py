@@ -1,11 +1,15 @@
 r"""Values and stamps that cannot be, and what is nobody's concern: what every record passes as it leaves the readers.
 
 No log format of autopilots has a checksum over its samples, so that a flipped bit or a frame of another file arrives as
-a value like any other. Five tests tell what cannot be, each linear in the number of samples (the first but for the
+a value like any other. Six tests tell what cannot be, each linear in the number of samples (the first but for the
 sorting of stamps that are in disorder):
 
 - Stamps must rise, and lie inside of the log. Of stamps in disorder the longest rising sequence stays, of equal ones
   the first; what lies far from everything else that was logged is left out, and so is what no clock can say.
+- Stamps must rise as those of a clock do. Autopilots count microseconds, and a double keeps 53 bits: stamps closer than
+  1 µs are one instant. Where the mean step is below 1 µs, or below 256 units in the last place of the stamps, there is
+  no clock, and only the first sample stays. So the rates of a record that passed are finite, and a uniform clock over
+  it has a number of samples in proportion to those that were logged.
 - A value must be possible: :mod:`rotorid.data.ranges`.
 - A measured value cannot jump and be back one sample later. With the steps :math:`d_i = x_i - x_{i-1}`, a sample stands
   out by :math:`e_i = \min(|d_i|, |d_{i+1}|)` where the two have opposite signs. It is left out where :math:`e_i` is
@@ -32,7 +36,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.ranges import MEASURED, TURNING, range_of
-from rotorid.data.record import MOTORS, Channel, FlightRecord, Topic
+from rotorid.data.record import MOTORS, Channel, FlightRecord, Topic, silences
 from rotorid.errors import LogError
 from rotorid.io.parameters import kept_parameters
 from rotorid.typing import BoolArray, FloatArray, IntArray
@@ -41,6 +45,9 @@ _OUTSIDE_S = 10.0
 """Farther from the log than this a stamp is no stamp: autopilots log values that are a few seconds old as the first."""
 _LARGEST_STAMP_S = 2.0**53 / 1e6
 """Farther from zero than these 285 years a double does not tell one microsecond from the next."""
+_LEAST_STEP_S = 1e-6
+_LEAST_STEP_ULPS = 256.0
+"""Steps whose mean is below the larger of the two, seconds and units in the last place, are no steps of a clock."""
 _LONE_SAMPLES = 3
 _LONE_S, _LONE_STEPS = 1.0, 100.0
 """So many samples behind a pause so long, in seconds and in steps, say nothing about when the log begins or ends."""
@@ -151,7 +158,7 @@ def _in_time(topics: Sequence[Topic]) -> tuple[list[Topic], list[Finding]]:
     findings: list[Finding] = []
     for topic, mask in zip(topics, kept, strict=True):
         once = _once(topic.time_s, mask)
-        findings += _disorder(topic.name, int(np.sum(~mask)), int(np.sum(mask & ~once)), mask.size)
+        findings += _disorder(topic.name, topic.time_s, mask, once)
         if once.all():
             found.append(topic)
         elif once.any():
@@ -161,44 +168,53 @@ def _in_time(topics: Sequence[Topic]) -> tuple[list[Topic], list[Finding]]:
 
 def _pauses(topics: Sequence[Topic]) -> list[Finding]:
     """What to say where nothing at all was logged for long: the clock jumped, or the logger stood still."""
-    longest = max(topics, key=lambda topic: topic.time_s.size, default=None)
-    if longest is None:
+    silent = silences(topics, _OUTSIDE_S)
+    if not silent:
         return []
-    edges = np.flatnonzero(np.diff(longest.time_s) > _OUTSIDE_S)
-    starts, stops = longest.time_s[edges], longest.time_s[edges + 1]
-    silent = np.ones(edges.size, dtype=np.bool_)
-    for topic in topics:
-        silent &= np.searchsorted(topic.time_s, starts, "right") == np.searchsorted(topic.time_s, stops, "left")
-    if not silent.any():
-        return []
-    starts, lengths = starts[silent], (stops - starts)[silent]
-    most = int(np.argmax(lengths))
+    start_s, stop_s = max(silent, key=lambda pause: pause[1] - pause[0])
     return [
         warn(
             "gap",
             "log",
-            f"Nothing was logged for {lengths[most]:.1f} s after {starts[most]:.1f} s"
-            + (f", and {lengths.size - 1} times more for over {_OUTSIDE_S:g} s" if lengths.size > 1 else "")
+            f"Nothing was logged for {stop_s - start_s:.1f} s after {start_s:.1f} s"
+            + (f", and {len(silent) - 1} times more for over {_OUTSIDE_S:g} s" if len(silent) > 1 else "")
             + "; what lies before and behind is taken apart.",
-            gaps=lengths.size,
-            longest_s=float(lengths[most]),
+            gaps=len(silent),
+            longest_s=stop_s - start_s,
         )
     ]
 
 
 def _once(time_s: FloatArray, mask: BoolArray) -> BoolArray:
-    """Of the chosen stamps, which rise, the first of each that are equal."""
+    """Of the chosen stamps, which rise, the first of each instant; the first of all where they are no clock."""
     chosen = np.flatnonzero(mask)
-    again = chosen[1:][np.diff(time_s[chosen]) == 0.0]
-    if not again.size:
+    steps = np.diff(time_s[chosen])
+    # Microseconds in a double are off by half a unit in the last place at either end of a step.
+    least_s = _LEAST_STEP_S - 2.0 * _last_place(time_s[chosen])
+    again = (steps <= 0.0) | (steps < least_s) if _is_clock(time_s[chosen]) else np.ones(steps.size, dtype=np.bool_)
+    if not again.any():
         return mask
     once = mask.copy()
-    once[again] = False
+    once[chosen[1:][again]] = False
     return once
 
 
-def _disorder(name: str, lost: int, again: int, samples: int) -> Iterator[Finding]:
+def _is_clock(stamps: FloatArray) -> bool:
+    """Whether stamps that rise do so, in the mean, by steps that a clock can count; equal ones are one stamp."""
+    steps = int(np.count_nonzero(np.diff(stamps)))
+    least_s = max(_LEAST_STEP_S, _LEAST_STEP_ULPS * _last_place(stamps))
+    return steps == 0 or float(stamps[-1] - stamps[0]) + 2.0 * _last_place(stamps) >= least_s * steps
+
+
+def _last_place(stamps: FloatArray) -> float:
+    """Unit in the last place of stamps that rise."""
+    return float(np.spacing(max(abs(stamps[0]), abs(stamps[-1])))) if stamps.size else 0.0
+
+
+def _disorder(name: str, time_s: FloatArray, mask: BoolArray, once: BoolArray) -> Iterator[Finding]:
     """What to say of stamps that were left out: a few that repeat limit the trust in nothing."""
+    samples, stamps = mask.size, time_s[mask]
+    lost, again = int(np.sum(~mask)), int(np.sum(mask & ~once))
     if lost:
         yield warn(
             "clock_disorder",
@@ -206,11 +222,24 @@ def _disorder(name: str, lost: int, again: int, samples: int) -> Iterator[Findin
             f"{lost} of {samples} stamps of {name} step back or lie outside of the log; their samples were left out.",
             samples=lost,
         )
-    if again:
+    if again and not _is_clock(stamps):
+        mean_s = float(stamps[-1] - stamps[0]) / (stamps.size - 1)
+        yield warn(
+            "clock_disorder",
+            name,
+            f"The steps of {name} are {mean_s:.3g} s on average, shorter than any clock counts; only the first of "
+            f"{stamps.size} samples was kept. Check the unit of time.",
+            samples=again,
+            mean_s=mean_s,
+        )
+    elif again:
+        close = bool(np.any(np.diff(stamps)[~once[mask][1:]]))
         yield (warn if again > _FEW * samples else remark)(
             "clock_disorder",
             name,
-            f"{again} of {samples} stamps of {name} repeat the one before; the first sample of each was kept.",
+            f"{again} of {samples} stamps of {name} repeat the one before"
+            + (" or follow it within 1 µs" if close else "")
+            + "; the first sample of each was kept.",
             samples=again,
         )
 

@@ -10,7 +10,7 @@ import numpy as np
 from rotorid.data.axes import RATES
 from rotorid.data.base import remembered
 from rotorid.data.findings import Finding, refusal, remark
-from rotorid.data.record import MOTORS, FlightRecord, Intervals, Topic
+from rotorid.data.record import MOTORS, FlightRecord, Intervals, Topic, silences
 from rotorid.errors import InsufficientDataError
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -34,6 +34,9 @@ _LIVELIER = 15.0
 
 _QUIET_PERCENT, _FLYING_PERCENT = 2.0, 75.0
 """Percentiles that stand for rest and for usual flight."""
+
+_LONGEST_SILENCE_S = 60.0
+"""A flight does not go on through a longer pause of the whole log; so no flight is longer than its samples allow."""
 
 _FORCES = ("ax", "ay", "az")
 _SENSORS = (*_FORCES, *RATES)
@@ -161,6 +164,7 @@ def told_by(seen_in: str) -> str:
 def _found(
     record: FlightRecord, intervals: Intervals, seen_in: str, *, by_thrust: bool = True, by_flags: bool = False
 ) -> Airborne:
+    intervals = _logged(record, intervals)
     if not intervals:
         shortest_s = _SHORTEST_EARLY_S if by_flags and record.status.early else _SHORTEST_FLIGHT_S
         message = f"{record.source.name} holds no flight of {shortest_s:g} s and more, {told_by(seen_in)}."
@@ -172,6 +176,18 @@ def _found(
         )
     found = Airborne(intervals=intervals, seen_in=seen_in, findings=(), by_thrust=by_thrust, by_flags=by_flags)
     return replace(found, findings=(_finding(found, record),))
+
+
+def _logged(record: FlightRecord, intervals: Intervals) -> Intervals:
+    """Parts of flights between long silences of the log: what the vehicle did in one is not known."""
+    for silent_from_s, silent_to_s in silences(record.topics, _LONGEST_SILENCE_S):
+        parts = [
+            part
+            for start_s, stop_s in intervals
+            for part in ((start_s, min(stop_s, silent_from_s)), (max(start_s, silent_to_s), stop_s))
+        ]
+        intervals = tuple((start_s, stop_s) for start_s, stop_s in parts if stop_s - start_s >= _SHORTEST_FLIGHT_S)
+    return intervals
 
 
 def _moves(record: FlightRecord, interval: tuple[float, float]) -> bool:

@@ -123,8 +123,8 @@ def resample(
     for part_start, part_stop in _parts(low, high, holes):
         stamps = series[base][0]
         first = stamps[np.searchsorted(stamps, part_start)]
-        # The last stamp itself belongs to the part, whatever the division rounds to.
-        count = int(np.floor((part_stop - first) * rate + _SAME_STAMP_S * rate)) + 1
+        # The last stamp itself belongs to the part, whatever the division rounds to: by less than a sample at any rate.
+        count = int(np.floor((part_stop - first) * rate + min(_SAME_STAMP_S * rate, 0.5))) + 1
         if count / rate < min(_SHORTEST_PART_S, 0.5 * (stop_s - start_s)):
             continue
         clock = first + np.arange(count) / rate

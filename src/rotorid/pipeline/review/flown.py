@@ -302,7 +302,8 @@ def loop_response(
     )
     windows: tuple[float, ...] = _SLOW_WINDOWS_S if slow else (*_WINDOWS_S, _SHORT_WINDOW_S) if fast else _WINDOWS_S
     longest_s = 0.45 * max(record.duration_s for record in records)
-    windows = tuple(window for window in windows if window <= longest_s) or (longest_s,)
+    # A window of less than two samples, as of a log with one in a second, shows nothing.
+    windows = tuple(window for window in windows if 2.0 / rate_hz <= window <= longest_s) or (longest_s,)
     windows = _unsmeared(windows, records, reference)
     lowest = max(_LOWEST_SLOW_RAD_S if slow else _LOWEST_RAD_S, 4.0 * np.pi / max(windows))
     response = frequency_response(
