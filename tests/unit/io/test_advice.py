@@ -104,6 +104,7 @@ def test_what_the_firmware_lacks_or_does_already_is_not_advised(
 
 def test_only_firmware_with_that_mode_is_told_to_fly_it() -> None:
     assert "SYSTEMID" in flying_advice(record("ArduPilot DataFlash", "ArduCopter V4.6.2"))
+    assert flying_advice(record("ArduPilot DataFlash", "ArduCopter V4.7.0")).endswith("entered from Stabilize")
     assert "SYSTEMID" not in flying_advice(record("ArduPilot DataFlash as text", "ArduCopter V3.6.9"))
     assert "stick" in flying_advice(record("PX4 ULog as CSV", ""))
     assert "--segment" in flying_advice(record("CSV", ""))

@@ -173,6 +173,19 @@ def test_gains_are_those_of_the_log() -> None:
     assert "gains and filters" in own_vehicle([motors()], like=aircraft("px4_quad"), given={"kappa": 0.02}).taken
 
 
+def test_results_name_the_firmware_that_flew(tmp_path: Path) -> None:
+    flew = ControllerSettings(
+        autopilot="ArduPilot", firmware="ArduCopter V4.7.0", loop_rate_hz=400.0, gains={}, filters={}
+    )
+    for name, model in {"known": replace(motors(), controller=flew), "unknown": motors()}.items():
+        save(model, tmp_path / name)
+    known, unknown = (
+        named_vehicle([str(tmp_path / name)], like="ardupilot_quad", given={"kappa": 0.02, "m": 1.0})
+        for name in ("known", "unknown")
+    )
+    assert (known.firmware, unknown.firmware, named_vehicle(["x500"]).firmware) == ("ArduCopter V4.7.0", "", "")
+
+
 def test_thrust_by_demand_flies_without_a_curve() -> None:
     """ArduPilot's mixer in the library holds a factor of its simulator, which is in the identified thrust here."""
     model = motors(scale="m")

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from rotorid.data.findings import Finding, Severity, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, Topic
 from rotorid.io.ardupilot.firmware import RATE_FROM, Firmware, named
-from rotorid.io.ardupilot.system_id import RULES
+from rotorid.io.ardupilot.system_id import RULES, SID_AXIS, start_mode
 
 _LOOP_BY_LOOP = 0.75
 """Below this part of the loop's rate at most every second sample was logged."""
@@ -27,6 +27,8 @@ _AT_LIMIT = 1.2
 
 _BATCHES = MappingProxyType({"INS_LOG_BAT_MASK": 1, "INS_LOG_BAT_OPT": 4})
 _OUTPUTS_BIT = 10
+
+_MIXER = SID_AXIS["command", "roll"]
 
 
 def missing_rate(firmware: Firmware, parameters: Mapping[str, float]) -> Finding:
@@ -160,10 +162,13 @@ def wind_advice(parameters: Mapping[str, float]) -> str:
 
 
 def flying_advice(firmware: str) -> str:
-    """How to fly an excitation, with places for ``axis`` and ``sid_axis``; before 4.0 there is no SYSTEMID mode."""
+    """How to fly an excitation, with places for ``axis`` and for ``sid_axis``, one of the mixer.
+
+    Before 4.0 there is no SYSTEMID mode.
+    """
     if named(firmware).before(RULES[0].since):
         return "sweep the {axis} stick, slow to fast, for a minute or more"
-    return "fly SYSTEMID mode with SID_AXIS {sid_axis}"
+    return f"fly SYSTEMID mode with SID_AXIS {{sid_axis}}, entered from {start_mode(_MIXER).words}"
 
 
 def _mask(parameters: Mapping[str, float]) -> int:
