@@ -13,6 +13,7 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
+from rotorid.io.ardupilot.system_id import sid_axes, throttle_of
 from rotorid.simulation.multirotor_flight import HOLD_1_S, HOLD_1_S2, HOLD_PLACE_1_S
 
 Autopilot: TypeAlias = Literal["ArduPilot", "PX4", "Betaflight", "other"]
@@ -35,6 +36,9 @@ lean.
 
 Acceleration for a drift (1/s) and for its integral (1/s²), speed for a distance (1/s), and the gain of the integral in
 height (1/s²). The lean stays below every limit of tilt, so that the hold alone breaks off no flight."""
+
+HAND_CLIMB_M = 2.0
+"""Departure from the height that is planned where a hand works the throttle: the simulated pilot keeps it closer."""
 
 _ZERO = 1e-14
 _STOP_STEP_RAD = math.radians(5.0)
@@ -210,6 +214,17 @@ def flown_by_hand(plan: FlightPlan, autopilot: Autopilot) -> tuple[PlannedInput,
         for planned in plan.inputs
         if planned.entry == "stick" or (left_over and planned.maneuver.kind in ("doublet", "multistep"))
     )
+
+
+def throttle_by_hand(plan: FlightPlan, autopilot: Autopilot) -> bool:
+    """Whether the pilot's hand keeps the height during the runs that an autopilot makes.
+
+    Betaflight's CHIRP runs in ANGLE, ArduPilot's SYSTEMID mode flies like Stabilize for most of its axes: in both the
+    throttle stick is the thrust.
+    """
+    if autopilot == "ArduPilot":
+        return any(throttle_of(axis) == "pilot" for axis in sid_axes(plan))
+    return autopilot == "Betaflight"
 
 
 def _stepped(value: float) -> float:

@@ -346,9 +346,12 @@ def _unwritten(kind: str, what: str, error: UsageError) -> Finding:
 
 
 def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> FlightFacts:
-    from rotorid.plans.facts import FlightFacts, PredictedBound
+    from rotorid.plans.facts import HAND_CLIMB_M, FlightFacts, PredictedBound, throttle_by_hand
 
     reached = one.planned.reached
+    height_m = max(choices.plan.wind.height_m, 3.0 * reached.height_m)
+    by_hand = throttle_by_hand(one.planned.plan, autopilot)
+    climb_m = max(reached.height_m, min(HAND_CLIMB_M, height_m / 3.0) if by_hand else 0.0)
     bounds = [
         PredictedBound(
             name=parameter.name,
@@ -365,8 +368,8 @@ def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> Fligh
         vehicle=choices.entry.name,
         autopilot=autopilot,
         room_m=reached.position_m,
-        height_m=max(choices.plan.wind.height_m, 3.0 * reached.height_m),
-        climb_m=reached.height_m,
+        height_m=height_m,
+        climb_m=climb_m,
         tilt_rad=reached.tilt_rad,
         rate_rad_s=reached.rate_rad_s,
         motors=(max(reached.motor_low, 0.0), min(reached.motor_high, 1.0)),

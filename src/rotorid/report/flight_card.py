@@ -20,7 +20,7 @@ from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
 from rotorid.errors import UsageError
 from rotorid.io.ardupilot.system_id import sid_axes, start_mode, throttle_of
 from rotorid.plans.ardupilot import entry_reason, plan_log_bitmask
-from rotorid.plans.facts import Autopilot, FlightFacts, PredictedBound, excited_s, flown_by_hand
+from rotorid.plans.facts import Autopilot, FlightFacts, PredictedBound, excited_s, flown_by_hand, throttle_by_hand
 from rotorid.plans.px4 import LOG_PROFILE
 from rotorid.plot.frequency import COHERENCE_GUIDELINE
 from rotorid.report.frame import MISSING, asset, percent, significant, unit, with_error
@@ -125,8 +125,8 @@ def _how_words(plan: FlightPlan, facts: FlightFacts) -> str:
     return {
         "PX4": "Start the script, hover in the middle in Position mode, then switch to Offboard. Hands off: the script "
         "holds place and height slowly, and moving the sticks ends the test. It hands back in Position mode.",
-        "Betaflight": "Each run: steady hover in ANGLE, turn CHIRP on, correct drift slowly and gently until CHIRP IS "
-        "FINISHED, then off. Every turn takes the next axis.",
+        "Betaflight": "You work the throttle. Each run: steady hover in ANGLE, turn CHIRP on, correct drift slowly and "
+        "gently until CHIRP IS FINISHED, then off. Every turn takes the next axis.",
         "other": "Each run: begin in trimmed hover in the middle of the room, correct drift slowly and gently, end in "
         "hover.",
     }[facts.autopilot]
@@ -178,9 +178,8 @@ def before(plan: FlightPlan, facts: FlightFacts) -> list[str]:
         "Betaflight": "CLI lines pasted; debug_mode reads CHIRP; blackbox empty enough",
         "other": f"Commands, rates and attitude logged at {least_rate_hz(plan):.0f} Hz or more; space on the card",
     }[facts.autopilot]
-    hands_on = facts.autopilot == "ArduPilot" and any(throttle_of(axis) == "pilot" for axis in sid_axes(plan))
     way = f"The way out is on a switch, and was tried in hover: {_WAY_OUT[facts.autopilot]}"
-    if hands_on:
+    if facts.autopilot == "ArduPilot" and throttle_by_hand(plan, facts.autopilot):
         way = f"Tried in hover: Stabilize, throttle near the middle; and the way out, {_WAY_OUT[facts.autopilot]}"
     return [
         "Propellers undamaged, tight, right way round; battery full and strapped; nothing loose",

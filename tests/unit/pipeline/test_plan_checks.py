@@ -101,4 +101,8 @@ def test_gains_of_a_log_name_the_firmware_that_will_fly(unpacked: Callable[[str]
     assert kinds["plan_firmware"] == "info"
     assert "not_written" not in kinds
     assert "(ArduCopter 4.7 refuses other modes" in (tmp_path / "ardupilot-1-roll.param").read_text()
-    assert "ArduCopter 4.7 refuses other modes" in (tmp_path / "flight-card.html").read_text()
+    card = (tmp_path / "flight-card.html").read_text()
+    assert "ArduCopter 4.7 refuses other modes" in card
+    # The simulated pilot keeps the height closer than a hand on the throttle does.
+    assert "height, ± 2 m" in card
+    assert "local CLIMB_M = 3 " in next(tmp_path.glob("*.lua")).read_text()

@@ -21,7 +21,7 @@ from tests.unit.report.plan_sample import (
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
-from rotorid.plans.facts import HOLD, FlightFacts, PredictedBound, excited_s
+from rotorid.plans.facts import HOLD, Autopilot, FlightFacts, PredictedBound, excited_s, throttle_by_hand
 from rotorid.report.flight_card import MOST_BOUNDS, flight_card, flight_card_html, least_rate_hz
 from rotorid.report.printing import print_pages
 from rotorid.typing import Axis
@@ -141,6 +141,20 @@ def test_a_start_is_higher_than_what_may_be_lost(height_m: float, share: float) 
     assert about.least_height_m <= max(0.625 * height_m + 0.1, 0.2)
     for number in (about.stop_climb_m, about.least_height_m):
         assert number == round(number, 1)
+
+
+@pytest.mark.parametrize(
+    ("plan", "autopilot", "by_hand"),
+    [
+        (four_chirps(), "ArduPilot", True),
+        (at_once(), "ArduPilot", False),
+        (at_once(), "PX4", False),
+        (FlightPlan(name="one", inputs=(chirp("roll", entry="rate_setpoint"),)), "Betaflight", True),
+    ],
+)
+def test_it_is_known_whose_hand_works_the_throttle(plan: FlightPlan, autopilot: Autopilot, by_hand: bool) -> None:
+    assert throttle_by_hand(plan, autopilot) == by_hand
+    assert ("You work the throttle" in words(plan, facts(autopilot))) == by_hand
 
 
 @pytest.mark.parametrize("change", [{"room_m": -1.0}, {"tilt_rad": math.nan}, {"motors": (0.1, 1.2)}])
