@@ -111,6 +111,28 @@ _FLIP_S = (0.5, 2.0)
 _MOST_OVER = 0.1
 """Share of a long maneuver that flips may take; a crash at its end is less."""
 
+_FAR_ABOVE = 4.0
+"""Two octaves, between what a stick shows and what a program flew inside of it, or between half periods."""
+
+_STEADY, _STEADY_OF_FEW, _MANY_HALVES = 0.75, 0.93, 20
+"""Rank correlation of half periods with their order from which they grow or shrink steadily: few of a busy pilot's
+reach the first by chance, in one of 30 flights of two minutes."""
+
+_LEAST_RATIO = 1.8
+"""Ratio of the half periods at both ends of a sweep."""
+
+_DRIFT_S = 2.0
+"""What is slower is drift where a sweep is looked for on it."""
+
+_FEWEST_IN_DRIFT = 30
+"""Half periods of such a sweep: fewer may look as if they shrank by chance."""
+
+_AROUND = 4
+"""Half periods before and after one that say how long it should be."""
+
+_MADE_BY_PROGRAMS = ("sweep", "multisine")
+"""Kinds that no outer loop makes of what it is asked for."""
+
 _SHORT_KINDS = ("doublet", "multistep", "other")
 
 
@@ -378,7 +400,7 @@ def _sent_by_program(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
             moved = _in_signal(time_s, values, axis, name)
             if told:
                 moved = [replace(_smoothed(m, time_s, values), origin="declared") for m in moved]
-            kinds = (*RICH_KINDS, "doublet", "multistep") if told else ("sweep", "multisine")
+            kinds = (*RICH_KINDS, "doublet", "multistep") if told else _MADE_BY_PROGRAMS
             shown = _level_flight(record, [m for m in moved if m.kind in kinds])
             if shown:
                 found += shown
@@ -442,15 +464,30 @@ def _turns_most(record: FlightRecord, maneuver: Maneuver) -> Axis | None:
 
 
 def _purposeful(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tuple[Maneuver, ...]:
-    """Excitations in the first signal, in its best topic, that shows any of a known kind."""
+    """Excitations in the first signal, in its best topic, that shows any of a known kind.
+
+    A program may have flown its sweep through a set-point inside of it, and a pilot doublets before or after, or
+    corrections meanwhile: a shape that no outer loop makes counts there too, where it goes on to far higher frequencies
+    than all that the first signal shows at that time.
+    """
+    outer: tuple[Maneuver, ...] = ()
     for name in names:
         for topic, row in record.holding(name):
             found = _in_signal(topic.time_s, topic.values[row], axis, name)
-            moved = [m for m in found if m.kind != "other" and not _by_outer_loop(record, m)]
-            purposeful = _level_flight(record, moved)
+            kinds = _MADE_BY_PROGRAMS if outer else (*RICH_KINDS, "doublet", "multistep")
+            moved = [m for m in found if m.kind in kinds and not _by_outer_loop(record, m)]
+            purposeful = tuple(m for m in _level_flight(record, moved) if _goes_beyond(m, outer))
             if purposeful:
-                return purposeful
-    return ()
+                kept = (m for m in outer if not _any_shared(m, purposeful))
+                outer = tuple(sorted((*kept, *purposeful), key=lambda maneuver: maneuver.start_s))
+                break
+    return outer
+
+
+def _goes_beyond(maneuver: Maneuver, others: Sequence[Maneuver]) -> bool:
+    """Whether a maneuver ends far above what others excite at its time; a stick excites all that follows it."""
+    tops = [other.band_rad_s[1] if other.band_rad_s else 0.0 for other in others if _any_shared(maneuver, [other])]
+    return not tops or (maneuver.band_rad_s is not None and maneuver.band_rad_s[1] > _FAR_ABOVE * max(tops))
 
 
 def _by_outer_loop(record: FlightRecord, maneuver: Maneuver) -> bool:
@@ -544,17 +581,48 @@ def _in_signal(
         if part_time[-1] - part_time[0] < _SHORTEST_S:
             continue
         kind, band = classify(part_time, part)
-        maneuvers.append(
-            Maneuver(
-                axis=axis,
-                kind=kind,
-                start_s=float(part_time[0]),
-                stop_s=float(part_time[-1]),
-                band_rad_s=band,
-                signal=name,
-            )
-        )
+        start_s, stop_s = float(part_time[0]), float(part_time[-1])
+        drifting = _sweep_in_drift(part_time, part) if kind == "other" else None
+        if drifting is not None:
+            kind, (start_s, stop_s, band) = "sweep", drifting
+        maneuvers.append(Maneuver(axis=axis, kind=kind, start_s=start_s, stop_s=stop_s, band_rad_s=band, signal=name))
     return maneuvers
+
+
+def _sweep_in_drift(time_s: FloatArray, motion: FloatArray) -> tuple[float, float, tuple[float, float]] | None:
+    """Start, stop and band of a sweep on which something slow is laid, such as what keeps a place in wind; or ``None``.
+
+    Without the mean over 2 s around each sample the half periods of a sweep shrink or grow steadily again, and those of
+    a pilot and of gusts do not. What the sweep does below half a hertz or so is left out with the drift.
+    """
+    step_s = even_step_s(time_s)
+    width = max(round(_DRIFT_S / step_s), 1)
+    grid = np.arange(time_s[0], time_s[-1], step_s)
+    if grid.size <= 2 * width:
+        return None
+    values = np.interp(grid, time_s, motion)
+    summed = np.concatenate([[0.0], np.cumsum(values)])
+    index = np.arange(grid.size)
+    low, high = np.maximum(index - width // 2, 0), np.minimum(index + width // 2 + 1, grid.size)
+    fast = values - (summed[high] - summed[low]) / (high - low)
+    switches = _switch_times(grid, fast, _HYSTERESIS * float(np.percentile(np.abs(fast), 95.0)))
+    first, last = _longest_run(np.diff(switches))
+    halves = np.diff(switches[first : last + 1])
+    if halves.size < _FEWEST_IN_DRIFT or not _has_trend(halves, ratio=LEAST_WIDTH**2):
+        return None
+    run = switches[first : last + 1]
+    return float(run[0]), float(run[-1]), (float(np.pi / halves.max()), _fastest_rad_s(run))
+
+
+def _longest_run(halves: FloatArray) -> tuple[int, int]:
+    """First and last switch of the longest row of half periods of which none is much longer than those around it."""
+    if halves.size < 2 * _AROUND + 1:
+        return 0, 0
+    padded = np.pad(halves, _AROUND, mode="reflect")
+    usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1), axis=1)
+    breaks = np.concatenate([[-1], np.flatnonzero(halves > _FAR_ABOVE * usual), [halves.size]])
+    longest = int(np.argmax(np.diff(breaks)))
+    return int(breaks[longest]) + 1, int(breaks[longest + 1])
 
 
 def _active_intervals(time_s: FloatArray, active: BoolArray) -> list[tuple[int, int]]:
@@ -668,13 +736,14 @@ def _has_two_levels(time_s: FloatArray, motion: FloatArray, switches: FloatArray
     return irregular and few and float(np.mean(held[~between])) >= _HELD_SHARE
 
 
-def _has_trend(halves: FloatArray) -> bool:
-    """Whether half periods shrink or grow steadily: rank correlation with their order, and a ratio of two or more."""
+def _has_trend(halves: FloatArray, *, ratio: float = _LEAST_RATIO) -> bool:
+    """Whether half periods shrink or grow steadily: rank correlation with their order, and a ratio of about two."""
     order = np.argsort(np.argsort(halves, kind="stable"), kind="stable")
     correlation = float(np.corrcoef(order, np.arange(halves.size))[0, 1])
     third = max(halves.size // 4, 2)
-    ratio = float(np.median(halves[:third]) / np.median(halves[-third:]))
-    return abs(correlation) > 0.75 and max(ratio, 1.0 / ratio) > 1.8
+    grown = float(np.median(halves[:third]) / np.median(halves[-third:]))
+    steady = _STEADY if halves.size >= _MANY_HALVES else _STEADY_OF_FEW
+    return abs(correlation) > steady and max(grown, 1.0 / grown) > ratio
 
 
 _ALIKE = 0.95

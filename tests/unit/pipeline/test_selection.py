@@ -234,8 +234,13 @@ def test_a_stick_without_power_in_the_band_of_a_sweep_is_no_instrument_of_it() -
     push = 0.5 * np.exp(-0.5 * ((TIME_S - 30.0) / 1.0) ** 2)
     log = log_of(roll_command=CHIRP, p=CHIRP, roll_stick=push, phi_setpoint=CHIRP)
     assert instrument_of(Flight(log, SWEPT), "roll") == "phi_setpoint"
-    swept_by_stick = log_of(roll_command=CHIRP, p=CHIRP, roll_stick=CHIRP, phi_setpoint=CHIRP)
-    assert instrument_of(Flight(swept_by_stick, SWEPT), "roll") == "roll_stick"
+    # An interval that is given has the signal of what was flown in it.
+    given = Maneuver(axis="roll", kind="other", start_s=12.0, stop_s=58.0, origin="given")
+    assert instrument_of(Flight(log, given), "roll") == "phi_setpoint"
+    by_hand = log_of(roll_command=CHIRP, p=CHIRP, roll_stick=CHIRP, phi_setpoint=CHIRP)
+    (swept,) = find_excitations(by_hand, "roll")
+    assert instrument_of(Flight(by_hand, swept), "roll") == "roll_stick"
+    assert instrument_of(Flight(by_hand, given), "roll") == "roll_stick"
 
 
 def test_what_the_log_declares_is_the_instrument_whatever_else_moves() -> None:

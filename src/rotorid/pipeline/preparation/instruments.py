@@ -19,7 +19,13 @@ from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.signal.airborne import Airborne, airborne, told_by
 from rotorid.signal.clock import even_step_s, missing_channel
-from rotorid.signal.excitations import LEAST_MOTION, RATE_SETPOINTS, excitation_signals, sets_rates_directly
+from rotorid.signal.excitations import (
+    LEAST_MOTION,
+    RATE_SETPOINTS,
+    excitation_signals,
+    find_excitations,
+    sets_rates_directly,
+)
 from rotorid.typing import Axis, FloatArray
 
 
@@ -73,11 +79,11 @@ def axes_of(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Axis, ...]:
 def instrument_of(flight: Flight, axis: Axis) -> str | None:
     """The channel that excites ``axis`` in one maneuver and contains no feedback, or ``None``.
 
-    What the log declares as the excitation; else the best candidate with power all over the band of the maneuver, and
-    where none has that, the signal in which the maneuver was found. Candidates are what the reader knows to be free of
-    feedback, set-points of rates that are the stick, then set-points from the outermost loop inward: as soon as an
-    outer loop is excited, the set-points inside it contain its feedback. A pilot who corrects a drift during a sweep
-    moves the stick, and excites nothing where the sweep is fast.
+    The signal that the log declares or that shows the maneuver; of an interval without a name, the one that shows what
+    was flown there; else the best candidate that moves. Candidates are what the reader knows to be free of feedback,
+    set-points of rates that are the stick, then set-points from the outermost loop inward: as soon as an outer loop is
+    excited, the set-points inside it contain its feedback. A pilot who corrects a drift while a program flies a sweep
+    moves the stick too, and excites nothing where the sweep is fast.
 
     Parameters
     ----------
@@ -90,13 +96,24 @@ def instrument_of(flight: Flight, axis: Axis) -> str | None:
     within = (maneuver.start_s, maneuver.stop_s)
     named = excitation_signals(record, axis, within=within)
     moving = [name for name in named if not name.endswith("_command") and _moves(flight, name)]
-    signal = maneuver.signal if maneuver.axis == axis and maneuver.signal in moving else ""
-    if signal and maneuver.origin == "declared":
-        return signal
-    if maneuver.axis == axis and maneuver.band_rad_s is not None:
-        filling = (name for name in moving if name == signal or _fills(flight, name, maneuver.band_rad_s))
-        return next(filling, signal or (moving[0] if moving else None))
-    return moving[0] if moving else None
+    if moving and moving[0] == RATE_SETPOINTS.get(axis) and sets_rates_directly(record, within):
+        # It is the stick, and logged faster.
+        return moving[0]
+    shown = [maneuver] if maneuver.axis == axis and maneuver.signal in named else _flown_in(record, axis, within)
+    signals = [one.signal for one in shown if one.signal in moving]
+    return next(iter((*signals, *moving)), None)
+
+
+def _flown_in(record: FlightRecord, axis: Axis, within: tuple[float, float]) -> list[Maneuver]:
+    """Excitations of an axis that fill most of an interval, what the log declares first, then the longest."""
+    start_s, stop_s = within
+    found = [
+        (min(m.stop_s, stop_s) - max(m.start_s, start_s), m)
+        for m in find_excitations(record, axis)
+        if m.start_s < stop_s and m.stop_s > start_s
+    ]
+    filling = [(shared_s, m) for shared_s, m in found if shared_s > 0.5 * (stop_s - start_s)]
+    return [m for _, m in sorted(filling, key=lambda one: (one[1].origin == "found", -one[0]))]
 
 
 def find_instrument(flights: Sequence[Flight], axis: Axis) -> str | None:
@@ -198,24 +215,12 @@ def _moves(flight: Flight, name: str) -> bool:
     return False
 
 
-_LEAST_OF_MEAN = 0.01
-"""Share of its mean power in an octave that an instrument has in each octave of a maneuver."""
-
 _LEAST_OF_LARGEST = 1e-4
 """Share of its largest power in an octave below which an instrument has none: the steps of a radio make as much."""
 
 _LOWEST_RAD_S, _OCTAVES = 0.1, 19
 
 _FLANKS = 40.0
-
-
-def _fills(flight: Flight, name: str, band_rad_s: tuple[float, float]) -> bool:
-    """Whether a channel has power in every octave of a band, as far as it was logged fast enough to show it."""
-    low, high = band_rad_s
-    # Whole octaves: the ends of a sweep fade.
-    edges = np.asarray(np.geomspace(low, high, max(int(np.log2(high / low)), 1) + 1), dtype=np.float64)
-    power = _octaves(flight, name, edges)
-    return bool(power.size and power.min() > _LEAST_OF_MEAN * power.mean())
 
 
 def band_of_instrument(flights: Sequence[Flight], name: str) -> tuple[float, float]:
