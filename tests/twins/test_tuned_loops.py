@@ -30,6 +30,7 @@ from rotorid.pipeline import (
     tune,
     write_run,
 )
+from rotorid.pipeline.preparation.loops import loop_by_injection
 from rotorid.report.files import write_tuning, write_tuning_check
 from rotorid.simulation.hover_flight import OUTPUTS
 from rotorid.simulation.linearization import linearize
@@ -204,7 +205,7 @@ def test_flown_loops_are_those_of_the_simulator(vehicle: str, tmp_path: Path) ->
 
 
 def test_a_yaw_too_soft_for_the_check_is_unchecked_and_not_refused(tmp_path: Path) -> None:
-    """Its controller makes less than a third of the command: the right way of the sweep shows nowhere, a wrong one does.
+    """Its controller makes less than a third of the command: the right way of the sweep shows nowhere, a wrong one.
 
     That other gains are refused where it shows is tested on a flight of ArduPilot's own simulator.
     """
@@ -213,3 +214,20 @@ def test_a_yaw_too_soft_for_the_check_is_unchecked_and_not_refused(tmp_path: Pat
     log, _ = fly_axis(craft, soft, "yaw", {**air, "sweep_s": 30.0}, tmp_path, 3)
     found = tune(records=log, axes=("yaw",))
     assert "controller_unchecked" in {one.kind for one in found.findings}
+
+
+def test_the_loop_by_injection_is_that_of_the_simulator(tmp_path: Path) -> None:
+    """Without a model and without gains: crossover within 2 %, phase margin within 1.5 degrees.
+
+    ArduPilot's test signal reaches the mixer one loop after its stamp; without that the crossover is off by a fifth.
+    """
+    craft = mistuned("ardupilot_quad", (0.6, 0.6, 0.6))
+    record = rotorid.read(fly(craft, tmp_path, seed=5))
+    one = tune(records=record, axes=("roll",)).axes["roll"]
+    found = loop_by_injection("roll", [record])
+    assert found is not None
+    numbers, told = found.numbers, one.proposal.flown.whole
+    assert numbers["crossover_rad_s"].value == pytest.approx(np.median(told.crossover_rad_s), rel=0.02)
+    assert np.degrees(numbers["phase_margin_rad"].value) == pytest.approx(
+        np.degrees(np.median(told.phase_margin_rad)), abs=1.5
+    )

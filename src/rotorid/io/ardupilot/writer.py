@@ -4,9 +4,9 @@ The inverse of :mod:`rotorid.io.ardupilot.log`: layouts of messages as firmware 
 for each message the columns of the vocabulary in the log's units and directions. ``RATE.ADes`` and ``RATE.A`` are
 centimeters per second squared, upward; angles of heading run from 0 to 360 degrees.
 
-Sweeps are logged as runs of SYSTEMID mode (``SIDS``) with their samples (``SIDD``). That mode injects one logarithmic
-chirp on one axis at a time, and its messages have no word for a doublet, a multisine or a random signal: of those a log
-shows what arrived at the mixer (``RATE``), and no more.
+Sweeps are logged as runs of SYSTEMID mode (``SIDS``) with their samples (``SIDD``), whose ``Targ`` reaches the mixer
+one loop after its stamp. That mode injects one logarithmic chirp on one axis at a time, and its messages have no word
+for a doublet, a multisine or a random signal: of those a log shows what arrived at the mixer (``RATE``), and no more.
 """
 
 from __future__ import annotations
@@ -265,7 +265,8 @@ def _system_id(
     measured = {**flight.columns, **flight.raw}
     values: dict[str, AnyArray] = {
         "Time": np.concatenate([run.elapsed_s for run in runs])[kept],
-        "Targ": np.concatenate([run.target for run in runs])[kept],
+        # The firmware logs its test signal one loop before the mixer receives it.
+        "Targ": np.concatenate([np.append(run.target[1:], 0.0) for run in runs])[kept],
         "F": np.concatenate([run.frequency_hz for run in runs])[kept],
     }
     for names, factor in ((_GYRO, DEGREES), (_ACCELEROMETER, 1.0)):
