@@ -386,6 +386,11 @@ KINDS: Mapping[str, Kind] = {
     "not_as_foretold": Kind(
         "warning", "Not what was foretold", "A loop with proposed gains does not fly as the proposal said."
     ),
+    "oscillation": Kind(
+        "warning",
+        "An axis oscillates",
+        "A loop swings by itself, mostly with a motor at its limit: its gains are too high for the vehicle.",
+    ),
     "other_gains": Kind("warning", "Other gains flew", "A log that is to show proposed gains was flown with others."),
     "spin_up": Kind(
         "info",

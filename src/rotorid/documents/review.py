@@ -12,8 +12,10 @@ from rotorid.documents.base import Document, FindingDocument
 from rotorid.documents.result import ResultDocument, refused_document, result_document
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.review.cards import cards
+from rotorid.typing import Axis
 
 if TYPE_CHECKING:
+    from rotorid.pipeline.oscillations import OscillationReview
     from rotorid.pipeline.review.values import LoopReview, MarginReview, Review
 
 
@@ -68,6 +70,25 @@ class MarginReviewDocument(_Told):
     ends: dict[str, dict[str, QuantityDocument]] = Field(default_factory=dict)
     throttle: float | None = None
     explained: float | None = None
+
+
+class GainChangeDocument(Document):
+    """A parameter as flown, and as proposed for the next flight."""
+
+    flown: float
+    proposed: float
+
+
+class OscillationDocument(Document):
+    """An axis that swings by itself: how fast, how much of its range the command uses, and what to change."""
+
+    axis: Axis
+    loop: Literal["rate", "attitude"]
+    frequency_hz: float | None
+    rms: float
+    at_limit_percent: float | None
+    error_rms_rad: float | None = None
+    gains: dict[str, GainChangeDocument] = Field(default_factory=dict)
 
 
 class VehicleReviewDocument(Document):
@@ -156,6 +177,7 @@ class ReviewDocument(Document):
     thrust_to_weight: QuantityDocument | None = None
     wind: dict[str, QuantityDocument] = Field(default_factory=dict)
     logging: LoggingReviewDocument
+    oscillations: list[OscillationDocument] = Field(default_factory=list)
     loops: dict[str, LoopReviewDocument] = Field(default_factory=dict)
     margins: dict[str, MarginReviewDocument] = Field(default_factory=dict)
     models: dict[str, ResultDocument] = Field(default_factory=dict)
@@ -200,6 +222,7 @@ def review_document(review: Review) -> ReviewDocument:
             longest_gap_s=review.logging.longest_gap_s,
             change=list(review.logging.change),
         ),
+        oscillations=[_oscillation(one) for one in review.oscillations],
         loops={name: _loop(loop) for name, loop in review.loops.items()},
         margins={axis: _margin(margin) for axis, margin in review.margins.items()},
         models={
@@ -219,6 +242,18 @@ def review_document(review: Review) -> ReviewDocument:
         cannot_tell=[UntoldDocument.model_validate(one) for one in review.cannot_tell],
         next_commands=list(review.next_commands),
         findings=[FindingDocument.model_validate(finding) for finding in review.findings],
+    )
+
+
+def _oscillation(found: OscillationReview) -> OscillationDocument:
+    return OscillationDocument(
+        axis=found.axis,
+        loop=found.loop,
+        frequency_hz=found.frequency_hz,
+        rms=found.rms,
+        at_limit_percent=found.at_limit_percent,
+        error_rms_rad=found.error_rms_rad,
+        gains={name: GainChangeDocument(flown=old, proposed=new) for name, (old, new) in found.gains.items()},
     )
 
 

@@ -154,7 +154,7 @@ class OscillationCheck(Immutable):
     Parameters
     ----------
     found
-        Axes that swing, the strongest first.
+        Axes that swing.
     calm
         Axes that were checked and do not.
     unchecked
@@ -197,12 +197,14 @@ def check_oscillations(record: FlightRecord) -> OscillationCheck:
     >>> [(one.axis, round(one.rms, 2), one.frequency_hz) for one in found.found], found.unchecked["yaw"]
     ([('roll', 0.42, None)], 'The log has no yaw_command.')
     """
+    if record.status.foreign:
+        why = f"{record.status.named_in} says that this is no multirotor ({record.status.vehicle})."
+        return OscillationCheck(unchecked=dict.fromkeys(RATE_OF, why))
     flights = airborne(record).intervals
     power = _power(record)
     looks = _looks(record, flights, power)
-    found = [one for one in looks.values() if isinstance(one, Oscillation)]
     return OscillationCheck(
-        found=tuple(sorted(found, key=lambda one: -one.rms)),
+        found=tuple(one for one in looks.values() if isinstance(one, Oscillation)),
         calm=tuple(axis for axis, one in looks.items() if one is None),
         unchecked={axis: one for axis, one in looks.items() if isinstance(one, str)},
     )
@@ -251,6 +253,10 @@ class _Samples(NamedTuple):
     def rate_hz(self) -> float:
         return float(1.0 / np.median(np.diff(self.time_s))) if self.time_s.size > 1 else 0.0
 
+    def within(self, start_s: float, stop_s: float) -> _Samples:
+        first, last = np.searchsorted(self.time_s, [start_s, stop_s])
+        return _Samples(self.time_s[first : last + 1], self.values[first : last + 1], self.source)
+
     def at(self, time_s: FloatArray) -> FloatArray:
         return np.interp(time_s, self.time_s, self.values)
 
@@ -280,7 +286,8 @@ def _looks(record: FlightRecord, flights: Intervals, power: _Power) -> dict[Axis
     known = [move for move in moves.values() if isinstance(move, _Move)]
     if not any(isinstance(look, Oscillation) for look in looks.values()):
         # A line at a whole multiple of the rate of a slow log stands still in it: far from the middle, if not at it.
-        still = max((move for move in known if not move.fast), key=lambda move: move.distance, default=None)
+        slow = (move for move in known if not move.fast and move.axis != "yaw")
+        still = max(slow, key=lambda move: move.distance, default=None)
         if still is not None and still.distance > LARGEST_RMS and still.limited > LARGEST_LIMITED:
             looks[still.axis] = Oscillation(
                 axis=still.axis,
@@ -374,6 +381,10 @@ def _limited_in(command: _Samples, window: slice, power: _Power) -> float:
 def _swing(record: FlightRecord, move: _Move, flights: Intervals, power: _Power) -> Oscillation | None:
     """The oscillation of an axis by its command or by its attitude."""
     command, axis = move.command, move.axis
+    first_s, last_s = (float(command.time_s[place]) for place in (move.windows[0].start, move.windows[-1].stop - 1))
+    part = tuple(
+        (max(start, first_s), min(stop, last_s)) for start, stop in flights if start < last_s and stop > first_s
+    )
     slow = _attitude_swing(record, axis, flights, power)
     found = Oscillation(
         axis=axis,
@@ -386,8 +397,9 @@ def _swing(record: FlightRecord, move: _Move, flights: Intervals, power: _Power)
     if move.size > LARGEST_RMS:
         line = _line(command, command, move.windows, _band_hz(command)) if move.fast else None
         limited = move.limited > LARGEST_LIMITED
-        if line is not None and line.share > _LINE and (limited or not _driven(record, axis, line, flights, power)):
-            return replace(found, frequency_hz=_frequency_hz(record, command, line.frequency_hz, axis, flights))
+        if line is not None and line.share > _LINE and (limited or not _driven(record, axis, line, part, power)):
+            swung = command.within(first_s, last_s)
+            return replace(found, frequency_hz=_frequency_hz(record, swung, line.frequency_hz, axis, part))
         if not move.fast and limited:
             return found
     if slow is None:

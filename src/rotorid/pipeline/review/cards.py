@@ -9,9 +9,10 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
-from rotorid.data.display import listed
+from rotorid.data.display import capital, listed
 from rotorid.data.quantity import Quantity
 from rotorid.data.trust import RICH_KINDS
+from rotorid.pipeline.oscillations import describe, motors_limited
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.review.motors import MUCH_AT_FULL, WORTH_SAYING
 from rotorid.pipeline.review.values import Review
@@ -136,6 +137,10 @@ class _Judged(NamedTuple):
 
 def _tracking(review: Review) -> Card:
     title, loops = "Does it follow the stick?", review.loops
+    swinging = [one.axis for one in review.oscillations]
+    if swinging:
+        sentence = f"{capital(listed(swinging))} {'oscillates' if len(swinging) == 1 else 'oscillate'}: end that first."
+        return Card(key="tracking", title=title, state="cannot", number="", sentence=sentence)
     told = [name for name in ("p", "q") if name in loops and "rise_time_s" in loops[name].numbers]
     if not told:
         sentence = "This log does not show how quickly roll and pitch follow what is asked of them."
@@ -212,10 +217,12 @@ def _margins(review: Review) -> Card:
     ]
     # Number and sentence are of one loop: of those that are surely bad the worst, then of those that may be.
     bad, unsure = _sorted([*phases, *judged])
+    if review.oscillations:
+        return _shaking(review)
     if bad:
         return Card(key="margins", title=title, state="look", number=_number(bad[0]), sentence=_too_close(bad[0]))
     if not phases:
-        sentence = "How much more gain the loops would stand cannot be told from this log."
+        sentence = f"{_calm(review)}How much more gain the loops can take: not enough data."
         return Card(key="margins", title=title, state="cannot", number="", sentence=sentence)
     if unsure:
         worst = unsure[0]
@@ -235,8 +242,37 @@ def _margins(review: Review) -> Card:
         )
     missing = [axis for axis in ("roll", "pitch") if axis not in {one.axis for one in phases}]
     if missing:
-        sentence += f" Of {listed(missing)} it cannot be told."
+        # One axis says nothing of another.
+        sentence += f" {capital(listed(missing))}: not enough data."
+        calm = _calm(review, missing)
+        return Card(key="margins", title=title, state="cannot", number="", sentence=f"{calm}{sentence}")
     return Card(key="margins", title=title, state="good", number=_number(least), sentence=sentence)
+
+
+def _shaking(review: Review) -> Card:
+    """An axis that swings is beyond all margins."""
+    found = review.oscillations
+    axes = [one.axis for one in found]
+    first = max(found, key=lambda one: one.rms)
+    number = "" if first.frequency_hz is None else f"{listed(axes)} {first.frequency_hz:.1f} Hz"
+    letters = "I" if all(one.by_integral for one in found) else "P, I and D"
+    how = "as listed below" if any(one.gains for one in found) else "to a third"
+    sentence = f"{describe(found)} Lower {letters} of {listed(axes)} before the next flight, {how}."
+    return Card(
+        key="margins",
+        title="How close is it to shaking?",
+        state="look",
+        number=number or "it shakes",
+        sentence=sentence,
+    )
+
+
+def _calm(review: Review, among: Sequence[str] = ("roll", "pitch")) -> str:
+    """Which of some axes do not swing, as far as that was checked; empty where none was."""
+    axes = [axis for axis in among if axis in review.calm]
+    if not axes:
+        return ""
+    return f"{capital(listed(axes))} {'does' if len(axes) == 1 else 'do'} not oscillate. "
 
 
 def _too_close(worst: _Judged) -> str:
@@ -249,6 +285,11 @@ def _too_close(worst: _Judged) -> str:
 def _noise(review: Review) -> Card:
     title, noise = "Does it vibrate?", review.noise
     vibration, clipping = noise.numbers.get("vibration_m_s2"), noise.numbers.get("clipping_share")
+    if review.oscillations:
+        axes = [one.axis for one in review.oscillations]
+        number = "" if vibration is None else _told(vibration, " m/s²")
+        sentence = f"{capital(listed(axes))} {'oscillates' if len(axes) == 1 else 'oscillate'}: end that first."
+        return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
     shares = {name: one for name, one in noise.numbers.items() if name.endswith("_d_noise_share")}
     loud = max(shares, key=lambda one: shares[one].value, default=None)
     if vibration is None and loud is None and not noise.peaks:
@@ -314,6 +355,10 @@ def _motors(review: Review) -> Card:
             f"{len(motors.events)} times a motor was told to speed up and slowed down: look for a desync of its ESC."
         )
         return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
+    if motors_limited(review.oscillations):
+        axes = capital(listed([one.axis for one in review.oscillations]))
+        sentence = f"{_at_limits(numbers)} {axes} {'oscillates' if len(review.oscillations) == 1 else 'oscillate'}."
+        return Card(key="motors", title=title, state="look", number=number, sentence=sentence.strip())
     uneven = None if imbalance is None else _Judged("", "imbalance", imbalance, good_below=LARGEST_IMBALANCE)
     left = None if headroom is None else _Judged("", "headroom", headroom, good_above=LEAST_HEADROOM)
     if uneven is not None and uneven.verdict == "look":

@@ -10,14 +10,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar, overload
 
+from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import worst_first
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
+from rotorid.io.advice import logging_advice
+from rotorid.pipeline.oscillations import (
+    OscillationReview,
+    describe,
+    motors_limited,
+    oscillation_findings,
+    reviewed_oscillations,
+)
 from rotorid.pipeline.preparation.controllers import flown_firmware
 from rotorid.pipeline.results import IdentifiedModel, Refused
 from rotorid.pipeline.review.flight import flight, logging, vehicle
-from rotorid.pipeline.review.flown import flown
+from rotorid.pipeline.review.flown import Flown, flown
 from rotorid.pipeline.review.loops import loops
 from rotorid.pipeline.review.margins import margins
 from rotorid.pipeline.review.motors import motors
@@ -34,10 +43,11 @@ from rotorid.pipeline.review.values import (
 )
 from rotorid.pipeline.settings import as_records
 from rotorid.pipeline.several import AXIS_OF, identify_several
+from rotorid.signal.oscillations import check_oscillations
 from rotorid.typing import Axis
 
 _PROGRESS = logs.getLogger("rotorid.progress")
-_STEPS = ("flight", "logging", "loops", "margins", "noise", "motors", "models")
+_STEPS = ("flight", "logging", "oscillations", "loops", "margins", "noise", "motors", "models")
 
 _VEHICLES = {
     "PX4": "px4_quad",
@@ -97,7 +107,16 @@ def review(
 def told_anything(seen: Review) -> bool:
     """Whether a review holds anything beyond what the log is."""
     stands = any(isinstance(model, IdentifiedModel) for model in seen.models.values())
-    parts = (seen.loops, seen.margins, seen.noise.maps, seen.noise.numbers, seen.motors.numbers, seen.flight.battery)
+    parts = (
+        seen.oscillations,
+        seen.calm,
+        seen.loops,
+        seen.margins,
+        seen.noise.maps,
+        seen.noise.numbers,
+        seen.motors.numbers,
+        seen.flight.battery,
+    )
     return bool(seen.flight.flights) and (stands or any(parts))
 
 
@@ -122,9 +141,12 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
     broken: dict[Axis, MarginReview] = {}
     heard, worked = NoiseReview(), MotorReview()
     found: dict[str, IdentifiedModel | Refused] = {}
+    swinging: tuple[OscillationReview, ...] = ()
+    calm: tuple[Axis, ...] = ()
     if air is not None:
+        swinging, calm = part("oscillations", lambda: _oscillations(record), (swinging, calm))
         closed = part("loops", lambda: loops(air), closed)
-        broken = part("margins", lambda: margins(air), broken)
+        broken = part("margins", lambda: _margins_of(air, swinging), broken)
         widths = {
             name: loop.numbers["bandwidth_90deg_rad_s"].value
             for name, loop in closed.items()
@@ -134,7 +156,11 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
         worked = part("motors", lambda: motors(record), worked)
     kind, *_ = vehicle(record)
     if air is not None and models:
-        found = part("models", lambda: _models(record, _craft(kind.autopilot)), found)
+        if motors_limited(swinging):
+            why = "Motors at their limits answer to no command, so a model would show the limits and not the vehicle."
+            untold.append(Untold(what="models", why=why, remedy="end the oscillation first"))
+        else:
+            found = part("models", lambda: _models(record, _craft(kind.autopilot)), found)
     summary, untold = _with_thrust_of(found, summary, untold)
     seen = Review(
         name=record.source.name,
@@ -150,10 +176,13 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
         motors=worked,
         cannot_tell=tuple(dict.fromkeys(untold)),
         next_commands=(),
+        oscillations=swinging,
+        calm=calm,
         findings=worst_first(
             [
                 *record.findings,
                 *flown_firmware(record).findings,
+                *oscillation_findings(swinging),
                 *(finding for loop in closed.values() for finding in loop.findings),
                 *(finding for margin in broken.values() for finding in margin.findings),
                 *heard.findings,
@@ -162,6 +191,36 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
         ),
     )
     return replace(seen, next_commands=tuple(next_commands(seen)))
+
+
+def _oscillations(
+    record: FlightRecord,
+) -> tuple[tuple[tuple[OscillationReview, ...], tuple[Axis, ...]], list[Untold]]:
+    """Axes that swing, axes that do not, and those that could not be checked."""
+    check = check_oscillations(record)
+    rates = {
+        axis: max((topic.sample_rate_hz for topic, _ in record.holding(f"{axis}_command")), default=0.0)
+        for axis in RATE_OF
+    }
+    untold = [
+        Untold(what=f"oscillations.{axis}", why=why, remedy=logging_advice(record, rates[axis]))
+        for axis, why in check.unchecked.items()
+    ]
+    return (reviewed_oscillations(record), check.calm), untold
+
+
+def _margins_of(
+    flight: Flown, swinging: tuple[OscillationReview, ...]
+) -> tuple[dict[Axis, MarginReview], list[Untold]]:
+    """Margins of the axes that do not swing: what a log shows of a swinging loop is its limits, not its plant."""
+    axes = tuple(RATE_OF) if motors_limited(swinging) else tuple(one.axis for one in swinging)
+    why = f"{describe(swinging)} The log then shows the limits of the loop and not its margins." if axes else ""
+    missing = [Untold(what=f"margins.{axis}", why=why, remedy="end the oscillation first") for axis in axes]
+    if len(axes) == len(RATE_OF):
+        return {}, missing
+    found, untold = margins(flight)
+    kept = {axis: one for axis, one in found.items() if axis not in axes}
+    return kept, [*missing, *(one for one in untold if one.what.split(".")[1] not in axes)]
 
 
 def _models(record: FlightRecord, craft: str) -> tuple[dict[str, IdentifiedModel | Refused], list[Untold]]:
@@ -208,6 +267,9 @@ def next_commands(seen: Review) -> Iterator[str]:
         yield f"rotorid response {log} --inputs {loop.reference} --outputs {loop.answer}{instrument}"
         break
     axes = [axis for name, axis in AXIS_OF.items() if name not in stands]
+    if seen.oscillations:
+        # A sweep on top of it would not be a safe flight.
+        return
     if seen.models_sought and axes and seen.flight.flights and seen.vehicle.kind in ("", "multirotor"):
         craft = _craft(seen.vehicle.autopilot)
         # A design takes gains of logs of these two.

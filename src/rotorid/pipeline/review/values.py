@@ -18,6 +18,7 @@ from rotorid.data.record import Intervals
 from rotorid.data.response import FrequencyResponse
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
+from rotorid.pipeline.oscillations import OscillationReview
 from rotorid.typing import Axis, FloatArray
 
 Instrument: TypeAlias = Literal["direct", "stick", "setpoint"]
@@ -300,7 +301,8 @@ class Review(Immutable):
     """Everything that one ordinary flight tells.
 
     ``models`` maps names of models to an ``IdentifiedModel`` or to an error that says why there is none; none was
-    looked for where ``models_sought`` is false.
+    looked for where ``models_sought`` is false. ``oscillations`` are axes that swing by themselves, ``calm``
+    those that were checked and do not.
     """
 
     name: str
@@ -317,6 +319,8 @@ class Review(Immutable):
     next_commands: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
     models_sought: bool = True
+    oscillations: tuple[OscillationReview, ...] = ()
+    calm: tuple[Axis, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(loops=self.loops, margins=self.margins, models=self.models)

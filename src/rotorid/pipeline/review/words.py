@@ -32,6 +32,7 @@ _WHOLE: Mapping[str, str] = MappingProxyType(
         "motors.headroom": "output left above steady flight",
         "motors.events": "motors that lose their step",
         "motors.output_delay_s": "delay from motor output to gyro",
+        "oscillations": "oscillation",
         "noise": "noise",
         "noise.maps": "noise maps",
         "noise.maps.before": "noise before the filters",
@@ -85,6 +86,8 @@ def untold_words(name: str) -> tuple[str, str]:
     which, _, number = rest.partition(".")
     if part == "loops" and which in _LOOPS:
         return _LOOPS[which], number_words(number)
+    if part == "oscillations":
+        return f"oscillation of {which}", ""
     if part == "margins":
         return f"margins of {which}", number_words(number)
     return number_words(name.replace(".", " ")), ""

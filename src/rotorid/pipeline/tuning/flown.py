@@ -25,6 +25,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.pipeline.checking.controllers import Controllers
+from rotorid.pipeline.oscillations import describe, numbers_of, remedy, reviewed_oscillations
 from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, logged_axis
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.segments import cut
@@ -250,7 +251,9 @@ def _no_gains(axis: Axis) -> InsufficientDataError:
 
 
 def require_room(record: FlightRecord) -> list[Finding]:
-    """Refuse a flight whose motors stood at their limits, its plant is that of a limit cycle; a remark where they hide.
+    """Refuse a flight that oscillates or whose motors stood at their limits; a remark where they hide.
+
+    Its plant is that of a limit cycle, and gains from it would be those of its limits.
 
     An output counts by the range in which the autopilot moves it in flight: ArduPilot's go from ``MOT_SPIN_MIN`` to
     ``MOT_SPIN_MAX`` alone.
@@ -258,8 +261,9 @@ def require_room(record: FlightRecord) -> list[Finding]:
     Raises
     ------
     InsufficientDataError
-        A motor did so for more than 2 % of the flight.
+        An axis oscillates, or a motor was at a limit for more than 2 % of the flight.
     """
+    require_calm(record)
     history = or_none(logged_outputs, record)
     known = linearization_of(record) if history is not None and history.kind == "output" else None
     if history is None or (known is None and record.source.format.startswith(("ArduPilot", "MAVLink"))):
@@ -282,6 +286,30 @@ def require_room(record: FlightRecord) -> list[Finding]:
             findings=[refusal("saturation", record.source.name, message, share=share)],
         )
     return []
+
+
+def require_calm(record: FlightRecord) -> None:
+    """Refuse a flight in which an axis oscillates; one that never flew, or cannot be checked, passes.
+
+    Raises
+    ------
+    InsufficientDataError
+        An axis oscillates, with the gains to lower first.
+    """
+    try:
+        found = reviewed_oscillations(record)
+    except InsufficientDataError:
+        return
+    if found:
+        raise InsufficientDataError(
+            describe(found),
+            needed="a flight in which nothing oscillates, since the log shows the limits of the loop otherwise",
+            remedy="lower the gains of the axis first",
+            findings=[
+                refusal("oscillation", one.axis, f"{describe((one,))} {remedy(one)}", **numbers_of(one))
+                for one in found
+            ],
+        )
 
 
 def explained(flown: FlownAxis, model: IdentifiedModel) -> list[Finding]:
