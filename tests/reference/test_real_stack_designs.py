@@ -15,6 +15,8 @@ from rotorid.excitation.plan import sequence, together
 from rotorid.models.library import rate_model
 from rotorid.pipeline.designs import expected_values
 from rotorid.pipeline.flight_air import logged_air
+from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
+from rotorid.pipeline.tuning.bands import designed_for_tune
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.prediction import predict
 from rotorid.simulation.shaping import shaped_plan
@@ -119,3 +121,18 @@ def test_a_limit_cycle_is_no_noise_of_the_gyroscopes(unpacked: Callable[[str], P
     air = logged_air(record, with_gains(aircraft("ardupilot_quad"), record.parameters, source="the log"))
     assert air.gyro_noise_rad_s is None
     assert "swing at one frequency" in air.findings[0].message
+
+
+@pytest.mark.parametrize("name", ["ap_x_wind_soft_wide", "ap_x_wind_soft_card_flight", "ap_x_wind_ordinary_hard"])
+def test_the_band_for_tune_is_one_that_was_flown_and_held(unpacked: Callable[[str], Path], name: str) -> None:
+    choices = DesignChoices(
+        vehicle="ardupilot_quad",
+        kinds=("logarithmic_sweep",),
+        plan=PlanChoices(shape="logarithmic_sweep", axes=("roll", "pitch")),
+    )
+    designed = designed_for_tune(choices, record=rotorid.read(unpacked(f"real_stacks/{name}.BIN.xz")))
+    low, high = designed.plan.band_rad_s
+    # The sweep after which the foretold margins were those that flew went from 1.9 to 188 rad/s, its loop crosses over
+    # at 40; the usual one ends at 50, and of the gains that oscillate three times the crossover is 490.
+    assert low == pytest.approx(1.9, abs=0.2)
+    assert 1.5 * 40.4 < high < 130.0

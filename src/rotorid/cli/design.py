@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +16,7 @@ from rotorid.cli.console import print_findings, progress, say, tell
 from rotorid.cli.options import ForPaper, Only, Output, one_of, vehicle_names
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import Like, say_taken
+from rotorid.errors import UsageError
 from rotorid.pipeline.flight_settings import Air, DesignChoices, PlanChoices, parse_shape, plan_choices
 
 if TYPE_CHECKING:
@@ -58,6 +60,16 @@ def design_command(
             help="A log of your own autopilot: its gains, noise and wind. A wind that you give stays.",
         ),
     ] = None,
+    tuned: Annotated[
+        Path | None,
+        typer.Option(
+            "--for-tune",
+            metavar="LOG|RESULT",
+            rich_help_panel="Vehicle and autopilot",
+            help="Sweep the band that tune needs from the gains of a log or a result; of a log also its noise and "
+            "wind, as --gains.",
+        ),
+    ] = None,
     autopilot: Annotated[
         str | None,
         typer.Option(
@@ -82,6 +94,7 @@ def design_command(
     from rotorid.report.files import require_autopilot, to_json, write_design
 
     require_autopilot(autopilot)
+    _require_one_band(tuned, gains, plan)
     named = named_vehicle(vehicle, like=like, given=design.pop("changes", None))
     if not output.quiet:
         say_taken(named)
@@ -99,11 +112,13 @@ def design_command(
         firmware=named.firmware,
         **design,
     )
-    if gains is not None:
+    if tuned is not None:
+        choices = _for_tune(choices, tuned)
+    elif gains is not None:
         choices = flown_as(choices, read(gains))
-        if not output.quiet:
-            for remark in choices.remarks:
-                say(remark.message)
+    if not output.quiet:
+        for remark in choices.remarks:
+            say(remark.message)
     default = results_folder() / f"{choices.entry.name}-design"
     target = target_of(output, default, "design.json", paper)
     with progress(quiet=output.quiet):
@@ -116,6 +131,32 @@ def design_command(
         sys.stdout.write(to_json(document))
     elif not output.quiet:
         _print(document, [*vehicle, *(["--like", like] if like else [])], made.folder)
+
+
+def _require_one_band(tuned: Path | None, gains: Path | None, plan: dict[str, Any]) -> None:
+    """Refuse options that say twice what ``--for-tune`` says; of the axes it takes all that ``tune`` looks at."""
+    if tuned is None:
+        return
+    if gains is not None or plan.get("band_rad_s") is not None:
+        twice = "--gains" if gains is not None else "--band"
+        raise UsageError(f"--for-tune and {twice} came together", needed="one of them")
+    if plan.get("axes") is None:
+        plan["axes"] = ("roll", "pitch", "yaw")
+
+
+def _for_tune(choices: DesignChoices, given: Path) -> DesignChoices:
+    """The same design with the gains of a log or a result, and the band that they need."""
+    from rotorid.documents.results import is_result, load_results
+    from rotorid.io.registry import read
+    from rotorid.pipeline.tuning.bands import designed_for_tune
+    from rotorid.planning.prior import read_prior
+
+    if not is_result(given):
+        return designed_for_tune(choices, record=read(given))
+    models = load_results([given])
+    if choices.prior is None and len(models) == 1:
+        choices = replace(choices, prior=read_prior(given))
+    return designed_for_tune(choices, models=models)
 
 
 def _shape(kind: str, vehicle: VehicleEntry) -> Shape:

@@ -201,10 +201,9 @@ def _staying(keep: str | None, only: str | None) -> tuple[str, ...]:
 
 def _told_apart(given: Sequence[Path]) -> tuple[list[IdentifiedModel], list[Path]]:
     """Results, loaded, and logs."""
-    from rotorid.documents.results import load_results
+    from rotorid.documents.results import is_result, load_results
 
-    names = ("result.json", "results.json")
-    results = [one for one in given if any((one / name).is_file() for name in names) or one.suffix == ".json"]
+    results = [one for one in given if is_result(one)]
     return load_results(results), [one for one in given if one not in results]
 
 

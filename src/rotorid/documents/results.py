@@ -55,6 +55,11 @@ def results_document(models: SeveralModels) -> ResultsDocument:
     )
 
 
+def is_result(path: Path) -> bool:
+    """Whether a path is that of a result of ``identify``, or of several, and not of a log."""
+    return any((path / name).is_file() for name in ("result.json", "results.json")) or path.suffix == ".json"
+
+
 def load_results(paths: Sequence[str | Path]) -> list[IdentifiedModel]:
     """Read the models of several results, in their order.
 

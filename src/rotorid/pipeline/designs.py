@@ -414,7 +414,7 @@ def _input(
             "fade_in_s": min(5.0, 0.1 * duration_s),
             "fade_out_s": min(2.0, 0.05 * duration_s),
         }
-        # A whole number of samples: the firmware's chirp has the length of these, and its phase at the end hangs on it.
+        # Whole samples: the firmware's chirp lasts as long as they do, and half of one shifts its fast end.
         rate_hz = _rate_hz(aircraft, choices)
         duration_s = round((duration_s + constant_s) * rate_hz) / rate_hz
     if shape == "random_binary" and choices.interface is not None:

@@ -86,6 +86,11 @@ def aircraft_loop(
     )
 
 
+def rate_filters(aircraft: Aircraft, omega_rad_s: FloatArray) -> ComplexArray:
+    """What stands between the motion and each output in front of the controllers, shape ``(y, f)``."""
+    return _seen(aircraft, filtered=True).factors(omega_rad_s)
+
+
 def _entries(autopilot: Autopilot) -> dict[Entry, Responds]:
     """Commands by test inputs that enter at set-points and sticks, as they fly."""
     entries: dict[Entry, Responds] = {entry: entry_of(autopilot, entry) for entry in _ENTRIES}

@@ -303,7 +303,7 @@ def _no_room(aircraft: Aircraft, found: Amplitude) -> UsageError:
     return UsageError(
         f"{aircraft.name} passes its limits of {found.limited_by} with no test input to speak of",
         needed="limits that a hover leaves room in, with this vehicle, its gains and this wind",
-        remedy="raise the limits or plan for less wind",
+        remedy="raise the limits, plan for less wind, or lower gains that oscillate first",
     )
 
 

@@ -174,6 +174,21 @@ def uncertain_plant(
     return UncertainPlant(model=model, band_rad_s=band_rad_s, knots=knots, mean=mean, misfits=mean + spread)
 
 
+def certain_plant(model: Callable[[FloatArray], ComplexArray]) -> UncertainPlant:
+    """A plant that is known exactly at all frequencies, as one draw.
+
+    Parameters
+    ----------
+    model
+        Its response by frequencies in rad/s.
+    """
+    knots = np.log([_LEAST_RAD_S, _MOST_RAD_S])
+    none = np.zeros(knots.size, dtype=np.complex128)
+    return UncertainPlant(
+        model=model, band_rad_s=(_LEAST_RAD_S, _MOST_RAD_S), knots=knots, mean=none, misfits=none[None]
+    )
+
+
 def _grid(band_rad_s: tuple[float, float]) -> FloatArray:
     return np.geomspace(*band_rad_s, 40)
 

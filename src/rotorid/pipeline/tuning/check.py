@@ -26,7 +26,8 @@ from rotorid.pipeline.preparation.loops import loop_by_injection
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.results import IdentifiedModel, Records
 from rotorid.pipeline.settings import as_records
-from rotorid.pipeline.tuning.proposal import BAND_OVER_CROSSOVER, AxisTuning, TuneSettings, tune
+from rotorid.pipeline.tuning.proposal import AxisTuning, TuneSettings, tune
+from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.loops import quantities
 from rotorid.typing import Axis, ComplexArray, FloatArray
 

@@ -30,6 +30,7 @@ from rotorid.pipeline.tuning.filters import FilterPrice, changed_filters, prices
 from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, flown_controllers
 from rotorid.pipeline.tuning.shared import require_filters_hold
 from rotorid.pipeline.tuning.thrust import ThrustLinearization, linearization
+from rotorid.tuning.bands import BAND_OVER_CROSSOVER, needed_band
 from rotorid.tuning.files import parameter_files
 from rotorid.tuning.firmware import Parameter, parameters_of, ranges_of, rounded, scaled, written
 from rotorid.tuning.loops import ControllerParts, Gains
@@ -43,9 +44,7 @@ FULL_SCALE_M = 16.4
 """Diameter of the rotor of a helicopter for which guidelines were made."""
 
 TUNED_AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw")
-BAND_OVER_CROSSOVER = 1.5
-"""The peak of the sensitivity lies up to so far above the crossover: a plant measured up to less does not show it."""
-
+_NEARLY = 1.15
 _STEP_RATE_HZ, _STEP_SAMPLES, _STEP_SHOWN_S = 250.0, 4096, 2.0
 
 
@@ -311,7 +310,9 @@ def tune(
         )
     axes, shared = _axes(known, chosen, thrust)
     findings += shared
-    findings += [one for axis, tuned in axes.items() for one in _said(axis, tuned.proposal, tuned.plant)]
+    findings += [
+        one for axis, tuned in axes.items() for one in _said(axis, tuned, wishes_of(tuned.controller, chosen, thrust))
+    ]
     if chosen.filters:
         findings += require_filters_hold(
             {axis: known[axis] for axis, tuned in axes.items() if not tuned.proposal.changed},
@@ -384,7 +385,7 @@ def _axis(
         parts=parts,
         flown_parts=None if then is None else known.flown_parts,
         ends=tuple(ends.values()),
-        wishes=replace(_wishes(controller, settings, thrust), angle_1_s=angle_1_s),
+        wishes=replace(wishes_of(controller, settings, thrust), angle_1_s=angle_1_s),
     )
     if found.changed:
         found = replace(found, proposed=_judged(known, parts, rounded(controller, found.proposed.gains)))
@@ -413,7 +414,7 @@ def _judged(known: KnownAxis, parts: ControllerParts, gains: Gains) -> Judged:
     return judged(parts, known.drawn(), gains, from_rad_s=known.plant.known_from_rad_s)
 
 
-def _wishes(controller: AxisController, settings: TuneSettings, thrust: ThrustLinearization | None) -> Wishes:
+def wishes_of(controller: AxisController, settings: TuneSettings, thrust: ThrustLinearization | None = None) -> Wishes:
     """What is asked of the gains, and which of them stay."""
     known = parameters_of(controller)
     return Wishes(
@@ -430,20 +431,28 @@ def _with_end(gains: Gains, end: ControllerParts) -> Gains:
     return replace(gains, D=end.controller.derivative_s2)
 
 
-def _said(axis: Axis, found: AxisProposal, plant: UncertainPlant) -> list[Finding]:
+def _said(axis: Axis, tuned: AxisTuning, wishes: Wishes) -> list[Finding]:
     """Why the gains stay, what binds, and what a better flight would tell."""
+    found, plant = tuned.proposal, tuned.plant
     said = []
     if found.reasons:
         words = "; ".join(found.reasons)
         verb = "are bound" if found.changed else "stay"
         said.append(remark("tuning_bound", axis, f"The gains of {axis} {verb}: {words}."))
     crossover = found.proposed.rate.usual_crossover_rad_s
-    if crossover * BAND_OVER_CROSSOVER > plant.band_rad_s[1]:
-        message = (
-            f"The plant of {axis} was seen up to {plant.band_rad_s[1]:.0f} rad/s, and its loop crosses over at "
-            f"{crossover:.0f}: what is foretold beyond is the model's. Fly a sweep up to {3.0 * crossover:.0f} rad/s."
-        )
-        said.append(warn("band_below_crossover", axis, message, crossover_rad_s=crossover))
+    top = plant.band_rad_s[1]
+    if crossover * BAND_OVER_CROSSOVER > top:
+        ends = tuple(at_ends(tuned.controller, tuned.parts).values())
+        _, needed = needed_band(axis, plant.response, tuned.parts.controller, tuned.parts, wishes=wishes, ends=ends)
+        # A sweep that was flown so far is trusted a little less far.
+        if needed > _NEARLY * top:
+            message = (
+                f"The plant of {axis} was seen up to {top:.0f} rad/s, and its loop crosses over at {crossover:.0f}: "
+                f"what is foretold beyond is the model's. Fly a sweep up to {needed:.0f} rad/s; rotorid design "
+                "--for-tune plans it."
+            )
+            numbers = {"crossover_rad_s": crossover, "needed_rad_s": needed}
+            said.append(warn("band_below_crossover", axis, message, **numbers))
     return said
 
 

@@ -1,0 +1,103 @@
+"""The band of a sweep on which ``tune`` can propose gains, for the plan of the flight that it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rotorid.data.axes import RATE_OF
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.io.registry import format_of, log_rate_hz
+from rotorid.models.autopilots.settings import AxisController
+from rotorid.pipeline.designs import default_entry
+from rotorid.pipeline.flight_air import flown_as
+from rotorid.pipeline.flight_settings import DesignChoices
+from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.tuning.flown import at_ends, flown_controllers
+from rotorid.pipeline.tuning.proposal import TUNED_AXES, TuneSettings, wishes_of
+from rotorid.planning.aircraft import aircraft_loop, rate_filters
+from rotorid.planning.loop import LoopModel
+from rotorid.planning.prior import with_prior
+from rotorid.simulation.multirotor_flight import Aircraft
+from rotorid.tuning.bands import LOWEST_RAD_S, needed_band
+from rotorid.tuning.loops import ControllerParts, frequency_grid
+from rotorid.typing import Axis, ComplexArray, FloatArray
+
+_LOGGED = 0.5
+"""Share of half of the log's rate up to which a sweep is of use."""
+
+_SENT_RAD_S = 2.0 * np.pi * 10.0
+"""Set-points are sent a hundred times a second, ten for a period of the highest frequency."""
+
+
+def designed_for_tune(
+    choices: DesignChoices, *, record: FlightRecord | None = None, models: Sequence[IdentifiedModel] = ()
+) -> DesignChoices:
+    """Choices of a design whose sweeps have the band that ``tune`` needs from the gains of a log or a result.
+
+    Every axis is swept over the widest band that one of them needs. Gains, noise and wind are those of the log.
+
+    Parameters
+    ----------
+    choices
+        What is to be designed; its band is replaced.
+    record, models
+        The log, or results of one vehicle, whose gains flew.
+
+    Raises
+    ------
+    UsageError
+        The vehicle is reached by its set-points alone, its autopilot is another one, or no axis is tuned.
+    InsufficientDataError
+        Neither log nor results hold the gains of an axis.
+    """
+    axes = [axis for axis in choices.plan.axes if axis in TUNED_AXES]
+    if choices.entry.interface is not None or not axes:
+        raise UsageError(
+            f"--for-tune with {choices.entry.name} and {', '.join(choices.plan.axes)}",
+            needed="a vehicle with gains, and roll, pitch or yaw",
+        )
+    choices = flown_as(choices, record) if record is not None else _with_gains_of(choices, models)
+    logs = () if record is None else (record,)
+    controllers = flown_controllers(axes, models, logs)
+    if missing := [axis for axis in axes if axis not in controllers]:
+        raise InsufficientDataError(
+            f"the gains of {' and '.join(missing)} are not known",
+            needed="a log with the parameters of its autopilot, or a result that holds them",
+        )
+    craft = choices.aircraft
+    loop = aircraft_loop(craft, filtered=True)
+    if choices.prior is not None:
+        loop = with_prior(loop, choices.prior)
+    highest = max(_highest_rad_s(axis, controllers[axis], craft, loop) for axis in axes)
+    logged_hz = log_rate_hz(format_of(craft.autopilot.kind), craft.autopilot.rate_hz)
+    entries = {choices.plan.entry or default_entry(craft, axis) for axis in axes}
+    most = min(_LOGGED * np.pi * logged_hz, np.inf if entries == {"command"} else _SENT_RAD_S)
+    highest = float(min(np.ceil(highest), np.floor(most)))
+    return replace(choices, plan=replace(choices.plan, band_rad_s=(LOWEST_RAD_S, highest)))
+
+
+def _with_gains_of(choices: DesignChoices, models: Sequence[IdentifiedModel]) -> DesignChoices:
+    known = next((model.controller for model in models if model.controller is not None), None)
+    if known is None:
+        raise InsufficientDataError("the result holds no gains", needed="a log with the parameters of its autopilot")
+    return replace(choices, gains={**known.gains, **known.filters}, gains_source="the result")
+
+
+def _highest_rad_s(axis: Axis, controller: AxisController, craft: Aircraft, loop: LoopModel) -> float:
+    """Upper end of the band of an axis, with the vehicle of the plan as plant."""
+    row, column = loop.outputs.index(RATE_OF[axis]), loop.inputs.index(f"{axis}_command")
+
+    def plant(omega_rad_s: FloatArray) -> ComplexArray:
+        return np.asarray(loop.plant.response(omega_rad_s)[row, column])
+
+    omega = frequency_grid(controller.controller)
+    # The plant is seen behind the filters that the controller has in front of it.
+    filters = rate_filters(craft, omega)[row]
+    parts = ControllerParts(controller=controller.controller, omega_rad_s=omega, seen=filters, logged=filters)
+    ends = tuple(at_ends(controller, parts).values())
+    wishes = wishes_of(controller, TuneSettings())
+    return needed_band(axis, plant, controller.controller, parts, wishes=wishes, ends=ends)[1]

@@ -1,0 +1,74 @@
+"""A flight of `design --for-tune` shows the plant as far as `tune` needs it: through a real format, with its gains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.io.registry import read, write_log
+from rotorid.pipeline.designs import plan_with
+from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
+from rotorid.pipeline.tuning.bands import designed_for_tune
+from rotorid.pipeline.tuning.proposal import tune
+from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
+from rotorid.simulation.wind import Wind
+from rotorid.vehicles.px4 import with_gains
+
+GUSTY = Wind(north_m_s=3.0, turbulence_m_s=0.5)
+SOFT = {
+    f"ATC_{name}": value
+    for axis in ("RLL", "PIT")
+    for name, value in (
+        (f"RAT_{axis}_P", 0.0675),
+        (f"RAT_{axis}_I", 0.0675),
+        (f"RAT_{axis}_D", 0.0018),
+        (f"ANG_{axis}_P", 3.0),
+    )
+}
+"""Those of a real flight, in which `tune` asked for sweeps up to 98 rad/s after the usual ones up to 50."""
+
+
+def logged(craft: Aircraft, choices: DesignChoices, path: Path) -> Path:
+    """The log of the plan that is designed, flown in gusts of another draw."""
+    plan = plan_with(craft, choices.plan, {"roll": 0.05, "pitch": 0.05})
+    write_log(path, fly_multirotor(craft, plan, wind=GUSTY, seed=77), format="bin")
+    return path
+
+
+def bands_asked_for(path: Path) -> dict[str, float]:
+    found = tune(records=read(path), axes=("roll", "pitch")).findings
+    return {one.where: one.numbers["needed_rad_s"] for one in found if one.kind == "band_below_crossover"}
+
+
+@pytest.mark.parametrize(("gains", "needed_rad_s"), [(SOFT, 115.0), ({}, 120.0)], ids=["soft", "stock"])
+def test_tune_asks_for_no_wider_band_after_the_flight_that_was_designed_for_it(
+    gains: Mapping[str, float], needed_rad_s: float, tmp_path: Path
+) -> None:
+    plan = PlanChoices(shape="logarithmic_sweep", axes=("roll", "pitch"), duration_s=40.0, band_rad_s=(0.6, 30.0))
+    usual = DesignChoices(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=replace(plan, wind=GUSTY))
+    craft = usual.aircraft
+    if gains:
+        craft = with_gains(craft, {**craft.autopilot.parameters, **gains}, source="the gains")
+    first = logged(craft, usual, tmp_path / "usual.BIN")
+    asked = bands_asked_for(first)
+    # Stock gains cross over at 135 rad/s, and three times that is beyond any use.
+    assert asked
+    assert max(asked.values()) < 180.0
+    designed = designed_for_tune(usual, record=read(first))
+    low, high = designed.plan.band_rad_s
+    assert low == 2.0
+    assert high == pytest.approx(needed_rad_s, rel=0.15)
+    flown, planned = (one.autopilot.rates.proportional for one in (craft, designed.aircraft))
+    assert planned == pytest.approx(flown)
+    assert bands_asked_for(logged(craft, designed, tmp_path / "wide.BIN")) == {}
+
+
+def test_what_has_no_gains_is_refused() -> None:
+    with pytest.raises(InsufficientDataError, match="holds no gains"):
+        designed_for_tune(DesignChoices(vehicle="px4_quad", kinds=("pilot_sweep",), plan=PlanChoices(axes=("roll",))))
+    with pytest.raises(UsageError, match="a vehicle with gains"):
+        designed_for_tune(DesignChoices(vehicle="px4_quad", kinds=("pilot_sweep",), plan=PlanChoices(axes=("thrust",))))
