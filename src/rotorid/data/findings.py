@@ -268,6 +268,11 @@ KINDS: Mapping[str, Kind] = {
     "export_compromise": Kind(
         "warning", "Held otherwise", "What stands in an export for a number that the target cannot hold as it is."
     ),
+    "error_not_checked": Kind(
+        "info",
+        "An error that was not measured",
+        "The log does not show an error that others show; its usual size widens the intervals.",
+    ),
     "feedforward": Kind("info", "Feed-forward", "A loop was seen together with its feed-forward."),
     "filter_not_judged": Kind(
         "warning",

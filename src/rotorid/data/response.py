@@ -105,6 +105,10 @@ class FrequencyResponse(Immutable):
     lean_errors
         Relative error of every response to an input that the lean of the vehicle may have made at each frequency, one
         standard deviation, shape ``(u, f)``; ``None`` where that is not known.
+    unchecked_errors
+        Relative errors that the log does not let one look at, one standard deviation, smooth over frequency and of
+        unknown course: of all responses to an input alike, and of each for itself, shape ``(2, u, f)``; ``None`` where
+        all was looked at.
     sensor_shapes
         What errors of sensors that were corrected leave in the responses, relative to these, one standard deviation
         each and all independent of each other, shape ``(k, y, u, f)``; ``None`` where no sensor was corrected.
@@ -138,6 +142,7 @@ class FrequencyResponse(Immutable):
     sensor_errors: FloatArray | None = None
     slope_changes: FloatArray | None = None
     lean_errors: FloatArray | None = None
+    unchecked_errors: FloatArray | None = None
     sensor_shapes: ComplexArray | None = None
 
     def __post_init__(self) -> None:
@@ -172,6 +177,12 @@ class FrequencyResponse(Immutable):
                 if np.shape(values) != (u, f):
                     raise ValueError(f"{name}: shape {(u, f)} was needed and {np.shape(values)} came")
                 self._set(**{name: read_only(values, np.float64, ndim=2)})
+        if self.unchecked_errors is not None:
+            if np.shape(self.unchecked_errors) != (2, u, f):
+                raise ValueError(
+                    f"unchecked_errors: shape {(2, u, f)} was needed and {np.shape(self.unchecked_errors)} came"
+                )
+            self._set(unchecked_errors=read_only(self.unchecked_errors, np.float64, ndim=3))
         if self.sensor_shapes is not None:
             if np.shape(self.sensor_shapes)[1:] != (y, u, f):
                 raise ValueError(

@@ -323,6 +323,7 @@ def selected(
     pairs = np.ix_(rows, columns)
     errors, shapes = response.sensor_errors, response.sensor_shapes
     changes, lean = response.slope_changes, response.lean_errors
+    unchecked = response.unchecked_errors
     note = () if band_rad_s is None else (f"band {low:g}:{high:g} rad/s selected",)
     down, across = (index.ravel() for index in pairs)
     return replace(
@@ -341,6 +342,7 @@ def selected(
         sensor_errors=None if errors is None else errors[rows],
         slope_changes=None if changes is None else changes[columns][:, points],
         lean_errors=None if lean is None else lean[columns][:, points],
+        unchecked_errors=None if unchecked is None else unchecked[:, columns][..., points],
         sensor_shapes=None if shapes is None else shapes[:, rows][:, :, columns][..., points],
         disturbance=None,
     )

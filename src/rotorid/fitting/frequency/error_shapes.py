@@ -10,6 +10,8 @@ Each shape is a column in the residuals, with a size of its own.
 - *Sensors*. One that contradicts the kinematics of its log may be the wrong one of the two: its response may be off by
   all of the scale and the delay by which they differ. One that was corrected is off by what is left, with its
   covariance.
+- *What a log does not show*. Errors that could not be looked at have their usual size
+  (:mod:`rotorid.pipeline.preparation.unchecked`) and a smooth course of two octaves that nobody knows.
 - *Thrust and lean*. The slope of thrust changes with its mean, for all inputs alike
   (:mod:`rotorid.pipeline.preparation.thrust_slope`), and derivatives of hover hold for small angles only
   (:mod:`rotorid.pipeline.preparation.lean`).
@@ -31,6 +33,9 @@ CLOCK_SAMPLES = 0.15
 _OCTAVE = 0.7
 """Length of smooth errors over the natural logarithm of frequency: ln 2, rounded."""
 
+_TWO_OCTAVES = 1.4
+"""Length of errors by lean, thrust and feedback over the natural logarithm of frequency."""
+
 _KEPT = 1e-3
 """Share of the largest eigenvalue of the kernel, below which columns are left out."""
 
@@ -38,10 +43,17 @@ _FEWEST_POINTS = 12
 """A response of fewer points takes part in the model error of the main response to its input."""
 
 
-def smooth_columns(log_omega: FloatArray) -> FloatArray:
+def smooth_columns(log_omega: FloatArray, length: float = _OCTAVE) -> FloatArray:
     r"""Columns that span a smooth process of unit variance over :math:`\ln\omega`, shape ``(n, m)``.
 
     Eigenvectors of the kernel, each times the root of its eigenvalue, down to a thousandth of the largest.
+
+    Parameters
+    ----------
+    log_omega
+        Logarithms of frequencies, shape ``(n,)``.
+    length
+        Of the kernel.
 
     Examples
     --------
@@ -49,7 +61,7 @@ def smooth_columns(log_omega: FloatArray) -> FloatArray:
     >>> columns.shape[1] < 12, bool(np.abs(np.sum(columns**2, axis=1) - 1.0).max() < 0.01)
     (True, True)
     """
-    values, vectors = np.linalg.eigh(np.exp(-0.5 * ((log_omega[:, None] - log_omega) / _OCTAVE) ** 2))
+    values, vectors = np.linalg.eigh(np.exp(-0.5 * ((log_omega[:, None] - log_omega) / length) ** 2))
     kept = values > _KEPT * values[-1]
     return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
 
@@ -66,6 +78,7 @@ def response_error_shapes(
     sensor_errors: FloatArray | None = None,
     slope_changes: FloatArray | None = None,
     lean_errors: FloatArray | None = None,
+    unchecked_errors: FloatArray | None = None,
     sensor_shapes: ComplexArray | None = None,
 ) -> ErrorShapes:
     """Shapes for points of frequency responses, whose residuals are magnitudes and then phases.
@@ -86,6 +99,9 @@ def response_error_shapes(
         By how much the slope of thrust may have been another one at each point, as a logarithm, shape ``(n,)``.
     lean_errors
         Relative error that the lean of the vehicle may have made at each point, shape ``(n,)``.
+    unchecked_errors
+        Relative errors that nobody could look at, of the magnitudes of all responses to an input alike and of each
+        response for itself, one standard deviation, shape ``(2, n)``.
     sensor_shapes
         Relative errors that corrected sensors left at each point, one standard deviation each, shape ``(k, n)``.
     """
@@ -112,6 +128,9 @@ def response_error_shapes(
         known = np.concatenate([known, changed[:, None]], axis=1)
     if lean_errors is not None:
         known = np.concatenate([known, _leant(lean_errors, magnitude, phase, output, source)], axis=1)
+    if unchecked_errors is not None:
+        unknown = _unchecked(unchecked_errors, np.log(omega_rad_s), magnitude, phase, output, source)
+        known = np.concatenate([known, unknown], axis=1)
     if sensor_shapes is not None:
         left = np.concatenate([magnitude * sensor_shapes.real, phase * sensor_shapes.imag], axis=1)
         known = np.concatenate([known, left.T], axis=1)
@@ -130,6 +149,34 @@ def _leant(
         if own.any():
             columns += [np.concatenate([magnitude * own, nothing])[:, None]]
             columns += [np.concatenate([nothing, phase * own])[:, None]]
+    return np.concatenate(columns, axis=1)
+
+
+def _unchecked(
+    errors: FloatArray,
+    log_omega: FloatArray,
+    magnitude: FloatArray,
+    phase: FloatArray,
+    output: IntArray,
+    source: IntArray,
+) -> FloatArray:
+    """Smooth columns for the magnitudes of all responses to an input, and for both parts of each response."""
+    alike, own = errors
+    columns = [np.zeros((2 * output.size, 0))]
+
+    def span(rows: IntArray, size: FloatArray, part: FloatArray, offset: int) -> None:
+        if size[rows].any():
+            grid, place = np.unique(log_omega[rows], return_inverse=True)
+            shape = smooth_columns(grid, _TWO_OCTAVES)[place]
+            block = np.zeros((2 * output.size, shape.shape[1]))
+            block[rows + offset] = (part * size)[rows, None] * shape
+            columns.append(block)
+
+    for u in np.unique(source):
+        span(np.flatnonzero(source == u), alike, magnitude, 0)
+    for _, _, rows in _responses(output, source):
+        span(rows, own, magnitude, 0)
+        span(rows, own, phase, output.size)
     return np.concatenate(columns, axis=1)
 
 

@@ -35,6 +35,7 @@ from rotorid.pipeline.preparation.instruments import (
 from rotorid.pipeline.preparation.lean import with_lean_errors
 from rotorid.pipeline.preparation.segments import cut, histories, holds, require_known, source_of, with_surroundings
 from rotorid.pipeline.preparation.thrust_slope import curvature, with_slope_changes
+from rotorid.pipeline.preparation.unchecked import unchecked_scales, with_unchecked_errors
 from rotorid.pipeline.results import Segment
 from rotorid.pipeline.settings import CompositionChoice, MeasureSettings, TaperChoice
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
@@ -309,7 +310,7 @@ def _measured(
     (flights, inputs, outputs, instruments, _), segments, windows = prepared.group, prepared.segments, prepared.windows
     records = histories(segments)
     agreement = sensor_agreement(flights)
-    errors = sensor_errors(agreement, outputs)
+    errors, unchecked = unchecked_scales(agreement, outputs, sensor_errors(agreement, outputs))
     direct, diagnostics = _respond(records, inputs, outputs, omega_rad_s, windows, settings)
     joint = None
     if instruments:
@@ -319,9 +320,11 @@ def _measured(
     unknown = settings.estimate == "auto" and not instruments and not free
     known = replace(joint or direct, sensor_errors=errors)
     bands = _bands_of_sticks(flights, inputs, instruments)
+    bent = 0.0
     if any(is_command(name) for name in inputs):
         bent = curvature([record for record, _ in flights], [one for one in flights if one.maneuver.axis == "thrust"])
         known = with_lean_errors(with_slope_changes(known, records, bent), flights, segments, bent)
+    known, left = with_unchecked_errors(known, curvature=bent, feedback=unknown)
     measured = Measured(
         response=known,
         direct=direct if joint else None,
@@ -341,6 +344,8 @@ def _measured(
             *data_quality(flights, segments, inputs, agreement),
             *(finding for plan in _different(windows) for finding in plan.findings),
             *((no_instrument(inputs),) if unknown else ()),
+            *unchecked,
+            *left,
             *_beside_excitation(settings.band_rad_s, flights),
         ),
     )
@@ -405,6 +410,7 @@ def _joined(
             sensor_errors=_largest_errors(parts, outputs),
             slope_changes=_largest(parts, response, lambda one: one.slope_changes),
             lean_errors=_largest(parts, response, lambda one: one.lean_errors),
+            unchecked_errors=_unchecked(parts, response),
         ),
         direct=joined_responses(direct, inputs=inputs, outputs=outputs) if len(direct) == len(parts) else None,
         diagnostics=joined_diagnostics(told, response),
@@ -430,6 +436,19 @@ def _largest_errors(parts: Sequence[Measured], outputs: Sequence[str]) -> FloatA
             rows = [outputs.index(name) for name in part.response.outputs]
             errors[rows] = np.maximum(errors[rows], part.response.sensor_errors)
     return errors
+
+
+def _unchecked(parts: Sequence[Measured], joined: FrequencyResponse) -> FloatArray | None:
+    """What no log lets one look at; an error that one group shows is known of this input."""
+    known = np.full((2, len(joined.inputs), joined.omega_rad_s.size), np.inf)
+    for part in parts:
+        own, shape = part.response.unchecked_errors, (2, len(part.response.inputs), part.response.omega_rad_s.size)
+        for u, name in enumerate(part.response.inputs):
+            row = joined.inputs.index(name)
+            for kind, errors in enumerate(np.zeros(shape) if own is None else own):
+                there = np.interp(joined.omega_rad_s, part.response.omega_rad_s, errors[u])
+                known[kind, row] = np.minimum(known[kind, row], there)
+    return known if known.any() else None
 
 
 def _largest(
