@@ -11,13 +11,18 @@ the density where the reference was taken, without inflow:
 with the momentum drag :math:`D_i` at the velocity of each motor, which damps rotation too, a drag of the body that
 grows with the square, and a damping of rates. There is no lag and no delay, and the inertia is diagonal.
 
-The curve has the force and the slope of the vehicle's rotors at hover wherever its form allows (:mod:`.thrust`). Where
-the vehicle was known by demands of thrust that its autopilot had straightened, the curve is the one that the autopilot
-took out, and the share of thrust in hover that of the outputs that it logged.
+The curve has the force and the slope of the vehicle's rotors at hover wherever its form allows (:mod:`.thrust`).
+
+The autopilot in front of the frame asks the motors for :math:`G` times its demand of thrust, to make up for voltage and
+density. The vehicle that flew had a sagging battery, SITL has a constant one: two different :math:`G`, by which hover
+and every loop would differ. So the compensation of voltage is off in the parameters, and what is left is that of
+density, :math:`G = \rho_0 / \rho`. Where the vehicle is known by demands of thrust, the curve is the one that the
+autopilot takes out, and ``hoverThrOut`` is such that SITL hovers at the demand of the flight.
 
 References
 ----------
-ArduPilot, ``libraries/SITL/SIM_Frame.cpp``, ``SIM_Motor.cpp``.
+ArduPilot, ``libraries/SITL/SIM_Frame.cpp``, ``SIM_Motor.cpp``, ``AP_Motors/AP_Motors_Thrust_Linearization.cpp``
+(compensation), ``AP_Filesystem/AP_Filesystem_posix.cpp`` (paths).
 """
 
 from __future__ import annotations
@@ -52,6 +57,8 @@ _TORQUE, _DAMPING = 0.05, math.radians(400.0)
 """Torque by thrust, share and size; damping in 1/s times ``refRotRate``."""
 
 _SEA_LEVEL_KG_M3, _LAPSE_1_M, _DENSITY_POWER = 1.225, 2.25577e-5, 4.2559
+_DENSITY_RATIOS = (0.5, 1.25)
+"""Between which ArduPilot makes up for density."""
 _USUAL_SPIN_ARM = 0.1
 _HOME_M = 584.0
 """Of the place where SITL starts when no other is named."""
@@ -109,14 +116,15 @@ SITL_FRAMES = (
 
 @dataclass(frozen=True, kw_only=True)
 class _Thrust:
-    """Thrust of a motor in SITL's form, and what the autopilot makes of a demand where that is what is known."""
+    """Thrust of a motor in SITL's form, by how much the autopilot raises a demand, and whether demands are known."""
 
     expo: float
     hover_share: float
     spin_min: float
     spin_max: float
     exact: bool
-    demand_gain: float | None = None
+    gain: float
+    of_demands: bool = False
 
     @property
     def hover_c(self) -> float:
@@ -169,8 +177,8 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
         defaults=defaults,
         left_out=tuple(_left_out(vehicle, body, thrust)),
         start=(
-            f"sim_vehicle.py -v ArduCopter --model {frame.name}:{file} --add-param-file {choices.names}.param\n"
-            "with the path of each file; JSON holds no comments, the round trip stands in the .param."
+            "in the folder of these files, or with relative paths (SITL drops the first slash of an absolute one):\n"
+            f"sim_vehicle.py -v ArduCopter --model {frame.name}:{file} --add-param-file {choices.names}.param"
         ),
         findings=tuple(findings),
     )
@@ -217,6 +225,20 @@ def air_density(altitude_m: float) -> float:
     return float(_SEA_LEVEL_KG_M3 * (1.0 - _LAPSE_1_M * altitude_m) ** _DENSITY_POWER)
 
 
+def compensation_gain(altitude_m: float) -> float:
+    """What ArduPilot's motors make of a demand of thrust in thin air, times the demand, without that for voltage.
+
+    Assumes the standard atmosphere; the barometer of SITL comes to within 1 % of it.
+
+    Examples
+    --------
+    >>> round(compensation_gain(584.0), 4)
+    1.0581
+    """
+    ratio = air_density(altitude_m) / _SEA_LEVEL_KG_M3
+    return 1.0 / min(max(ratio, _DENSITY_RATIOS[0]), _DENSITY_RATIOS[1])
+
+
 def _usual(name: str, defaults: dict[str, VehicleNumber], value: float | None = None, of: str = "") -> float:
     """The default of SITL's own frame, noted."""
     from rotorid.pipeline.joined import VehicleNumber
@@ -228,9 +250,10 @@ def _usual(name: str, defaults: dict[str, VehicleNumber], value: float | None = 
 
 
 def _thrust(vehicle: JoinedVehicle, defaults: dict[str, VehicleNumber], findings: list[Finding]) -> _Thrust:
+    gain = compensation_gain(_HOME_M if vehicle.altitude_m is None else vehicle.altitude_m)
     motors = next((model.motors for model in vehicle.models if model.motors is not None), None)
     if motors is not None and motors.outputs == "thrust_demand" and motors.straightening is not None:
-        return _straightened(vehicle, motors.straightening, findings)
+        return _straightened(vehicle, motors.straightening, gain, findings)
     hover = HoverThrust(output=vehicle.hover_output, force=vehicle.hover_force_n, slope=vehicle.hover_slope_n)
     known = [vehicle.numbers.get(name) for name in ("spin_min", "spin_max")]
     if known[0] is not None and known[1] is not None:
@@ -249,25 +272,31 @@ def _thrust(vehicle: JoinedVehicle, defaults: dict[str, VehicleNumber], findings
             "thrust in hover is held and its slope is not."
         )
         findings.append(warn("export_compromise", "propExpo", message, expo=curve.expo))
-    return _Thrust(expo=curve.expo, hover_share=curve.hover_share, spin_min=low, spin_max=high, exact=curve.exact)
+    return _Thrust(
+        expo=curve.expo, hover_share=curve.hover_share, spin_min=low, spin_max=high, exact=curve.exact, gain=gain
+    )
 
 
-def _straightened(vehicle: JoinedVehicle, known: Straightening, findings: list[Finding]) -> _Thrust:
-    """The curve that the autopilot took out, and the share of thrust that its logged outputs asked for."""
+def _straightened(vehicle: JoinedVehicle, known: Straightening, gain: float, findings: list[Finding]) -> _Thrust:
+    """The curve that the autopilot takes out, and the share of thrust that it asks for in SITL at the flown demand."""
     motors = next(model.motors for model in vehicle.models if model.motors is not None)
-    assert vehicle.multirotor is not None
-    rotors = vehicle.multirotor.rotors
-    # Flights carry a little more or less than the weight in the mean.
-    share = known.hover_share * vehicle.hover_force_n / rotors.thrust_at(motors.hover_output)
-    gain = known.hover_share / motors.hover_output
+    flown_gain = known.hover_share / motors.hover_output
     expo = min(max(known.expo, 0.0), 1.0)
     message = (
-        f"The vehicle is known by demands of thrust. Its autopilot took out an expo of {expo:.3g} between outputs of "
-        f"{known.low:.3g} and {known.high:.3g}, and asked for {gain:.3f} times the demand to make up for voltage and "
-        f"density: SITL needs the same MOT_ parameters."
+        f"The vehicle is known by demands of thrust, for which its autopilot asked {flown_gain:.3f} times as much of "
+        f"the motors, to make up for voltage and density. SITL asks for {gain:.3f} times as much, for density alone "
+        "(MOT_BAT_VOLT_MAX is 0). hoverThrOut makes up for the difference: demands do what they did in flight."
     )
-    findings.append(remark("export_compromise", "propExpo", message, gain=gain))
-    return _Thrust(expo=expo, hover_share=share, spin_min=known.low, spin_max=known.high, exact=True, demand_gain=gain)
+    findings.append(remark("export_compromise", "hoverThrOut", message, flown_gain=flown_gain, gain=gain))
+    share = gain * vehicle.hover_output
+    if share >= 1.0:
+        raise ModelError(
+            f"at a demand of {vehicle.hover_output:.3g} in hover, SITL asks its motors for {share:.2f} of full thrust",
+            needed="a vehicle that hovers below full thrust",
+        )
+    return _Thrust(
+        expo=expo, hover_share=share, spin_min=known.low, spin_max=known.high, exact=True, gain=gain, of_demands=True
+    )
 
 
 def _table(
@@ -444,11 +473,11 @@ def _compared(
         lambda x, v, w: sitl_accelerations(table, x, v, w), np.full(table["num_motors"], hover), lag_s=None
     )
     back, output = rotors.restored(own.by_output), hover
-    if thrust.demand_gain is not None:
+    if thrust.of_demands:
         # One over the slope of thrust by output, in shares, is what the autopilot makes of a demand.
-        c, e = _share_in_hover(table), table["propExpo"]
-        back = back * span * thrust.demand_gain / (1.0 - e + 2.0 * e * c)
-        output = table["hoverThrOut"] / thrust.demand_gain
+        c, e, gain = _share_in_hover(table), table["propExpo"], compensation_gain(table["refAlt"])
+        back = back * span * gain / (1.0 - e + 2.0 * e * c)
+        output = table["hoverThrOut"] / gain
     exported = own.replaced(back, hover_output=output)
     return compared(vehicle, identified, exported, _held(vehicle, body, thrust), delay=False)
 
@@ -484,10 +513,15 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, thrust: _Thrust) -> list
     if any(name in vehicle.numbers for name in ("M_u", "L_v")):
         said.append("SITL has no moment by velocity but that of drag at the rotors: M_u and L_v are left out.")
     said.append("SITL has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
-    if thrust.demand_gain is None:
+    if not thrust.of_demands:
         full_n = vehicle.hover_force_n / thrust.hover_share
         form = f"of SITL's form with an expo of {thrust.expo:.3g}"
         said += full_thrust_words(form, full_n, body.rotors.thrust_at(thrust.spin_max))
+    said.append(
+        f"SITL's autopilot asks its motors for {thrust.gain:.3f} times its demand, to make up for density by its "
+        "barometer: the output in hover and the gains by demands are certain to about 1 %."
+        + ("" if thrust.of_demands else " What the autopilot that flew made up for voltage is not in its loops.")
+    )
     if vehicle.altitude_m is None:
         said.append(
             f"The altitude of the flight is not known: thrust is as identified at {_HOME_M:g} m, where SITL starts."
@@ -502,7 +536,6 @@ def _parameters(
 
     Gains of filters other than those of SITL's defaults would leave it other margins than the vehicle had.
     """
-    demand = table["hoverThrOut"] if thrust.demand_gain is None else table["hoverThrOut"] / thrust.demand_gain
     parameters = {
         "FRAME_CLASS": float(frame.frame_class),
         "FRAME_TYPE": float(frame.frame_type),
@@ -513,13 +546,13 @@ def _parameters(
         "MOT_SPIN_MIN": table["spin_min"],
         "MOT_SPIN_MAX": table["spin_max"],
         "MOT_THST_EXPO": table["propExpo"],
-        "MOT_THST_HOVER": demand,
+        "MOT_THST_HOVER": table["hoverThrOut"] / thrust.gain,
+        # The battery of SITL does not sag, and a compensation of its own would change every loop.
+        "MOT_BAT_VOLT_MAX": 0.0,
+        "MOT_BAT_VOLT_MIN": 0.0,
         "SIM_BATT_VOLTAGE": table["maxVoltage"],
         "SIM_BATT_CAP_AH": 0.0,
     }
-    if thrust.demand_gain is None:
-        # Thrust is as identified without compensation.
-        parameters |= {"MOT_BAT_VOLT_MAX": 0.0, "MOT_BAT_VOLT_MIN": 0.0}
     controller = vehicle.controller
     if controller is not None and controller.autopilot == "ArduPilot":
         parameters |= {**controller.gains, **controller.filters}

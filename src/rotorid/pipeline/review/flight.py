@@ -24,6 +24,7 @@ from rotorid.models.rotors import layout_of
 from rotorid.pipeline.review.motors import steady_windows, thrust_curve
 from rotorid.pipeline.review.values import FlightSummary, LoggingReview, Untold, VehicleReview
 from rotorid.signal.airborne import airborne
+from rotorid.signal.clock import even_step_s
 from rotorid.signal.motors import linearization_of, logged_outputs, or_none
 from rotorid.spectral.noise import in_any
 from rotorid.typing import FloatArray
@@ -319,12 +320,14 @@ def _thrust_to_weight(
     stamps, az = _in_air(record, "az", flights)
     if stamps.size < 50 or time_s.size < 20:
         return None, "Neither the motors' curve nor the specific force is known."
-    size = max(round(_PUNCH_S / float(np.median(np.diff(stamps)))), 1)
+    # Of stamps in bursts most steps are far shorter than the samples are apart.
+    step_s = even_step_s(stamps)
+    size = min(max(round(_PUNCH_S / step_s), 1), stamps.size)
     force = np.convolve(-az / STANDARD_GRAVITY_M_S2, np.full(size, 1.0 / size), mode="same")
     asked = np.interp(stamps, time_s, np.convolve(throttle, np.full(3, 1.0 / 3.0), mode="same"))
     full = force[asked >= _FULL]
     if full.size < size:
-        most, long_s = float(np.max(asked)), full.size * float(np.median(np.diff(stamps)))
+        most, long_s = float(np.max(asked)), full.size * step_s
         seen = (
             f"were asked for {100.0 * _FULL:.0f} % and more for {long_s:.2g} s only"
             if full.size
