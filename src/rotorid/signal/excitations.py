@@ -111,6 +111,9 @@ _FLIP_S = (0.5, 2.0)
 _MOST_OVER = 0.1
 """Share of a long maneuver that flips may take; a crash at its end is less."""
 
+_TRIM_S, _TRIM_STEP_S = 3.0, 0.5
+"""Time before and after over which a trim is the median, and how often it is looked at."""
+
 _FAR_ABOVE = 4.0
 """Two octaves, between what a stick shows and what a program flew inside of it, or between half periods."""
 
@@ -378,6 +381,9 @@ def _from_outside(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     known = {f"{axis}_command", f"{axis}_excitation"} if declared else {f"{axis}_command"}
     names = [name for name in excitation_signals(record, axis) if name not in known]
     found = _purposeful(record, axis, names)
+    if any(maneuver.kind in RICH_KINDS for maneuver in declared):
+        rich = [m for m in found if m.kind in RICH_KINDS]
+        found = (*rich, *(m for m in _short_on_trim(record, axis, names) if not _any_shared(m, rich)))
     others = tuple(m for m in found if not _any_shared(m, declared))
     return tuple(sorted((*declared, *others), key=lambda maneuver: maneuver.start_s))
 
@@ -488,6 +494,28 @@ def _goes_beyond(maneuver: Maneuver, others: Sequence[Maneuver]) -> bool:
     """Whether a maneuver ends far above what others excite at its time; a stick excites all that follows it."""
     tops = [other.band_rad_s[1] if other.band_rad_s else 0.0 for other in others if _any_shared(maneuver, [other])]
     return not tops or (maneuver.band_rad_s is not None and maneuver.band_rad_s[1] > _FAR_ABOVE * max(tops))
+
+
+def _short_on_trim(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tuple[Maneuver, ...]:
+    """Doublets and multisteps in the first signal that shows any, about what a pilot holds against the wind meanwhile.
+
+    The trim is the median over 3 s before and after, so that what is looked for is shorter than that. Beside what a log
+    declares, such maneuvers only verify.
+    """
+    for name in names:
+        for topic, row in record.holding(name):
+            finite = np.isfinite(topic.values[row])
+            time_s, values = topic.time_s[finite], topic.values[row][finite]
+            if time_s.size < 2:
+                continue
+            grid = np.arange(time_s[0], time_s[-1] + _TRIM_STEP_S, _TRIM_STEP_S)
+            edges = np.searchsorted(time_s, [grid - _TRIM_S, grid + _TRIM_S])
+            trim = [np.median(values[low : max(high, low + 1)]) for low, high in edges.T]
+            moved = _in_signal(time_s, values - np.interp(time_s, grid, trim), axis, name, rest=0.0)
+            short = [m for m in moved if m.kind in ("doublet", "multistep") and not _by_outer_loop(record, m)]
+            if found := _level_flight(record, short):
+                return found
+    return ()
 
 
 def _by_outer_loop(record: FlightRecord, maneuver: Maneuver) -> bool:

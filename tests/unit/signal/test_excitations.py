@@ -245,6 +245,20 @@ def test_beside_what_the_log_declares_the_rest_verifies() -> None:
     assert [m.kind for m in rich_excitations(silent, "roll")] == ["sweep"]
 
 
+def test_doublets_on_a_trim_verify_what_the_log_declares() -> None:
+    """The pilot leans against the wind, flies doublets about that, and lets go of the stick to land."""
+    injected = np.concatenate([embedded(chirp()), rest(60.0)])
+    stick = np.concatenate([np.full(injected.size - round(60.0 * RATE_HZ), 0.258), after_the_card()])[: injected.size]
+    card = record(
+        {"roll_excitation": injected, "roll_stick": stick}, [DECLARED], roll=("roll_excitation", "roll_stick")
+    )
+    found = verifying_excitations(card, "roll")
+    assert {maneuver.kind for maneuver in found} <= {"doublet", "multistep"}
+    begin_s = 200.0 + (injected.size - round(60.0 * RATE_HZ)) / RATE_HZ
+    first, second = begin_s + 3.3, begin_s + 13.1
+    assert all(any(m.start_s <= at_s <= m.stop_s for m in found) for at_s in (first, second))
+
+
 def test_loops_of_position_move_an_attitude_and_excite_nothing() -> None:
     steps = three_two_one_one(amplitude=0.1, unit_s=1.0, sample_rate_hz=RATE_HZ)
     whole = record({"phi_setpoint": np.concatenate([rest(10.0), steps, rest(10.0)])})
