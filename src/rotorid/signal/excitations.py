@@ -51,6 +51,9 @@ _OUTER_MODES = (
 )
 """Modes in which loops of position and velocity move the set-points of the attitude."""
 
+_TUNING_MODES = ("autotune",)
+"""Modes in which the autopilot excites itself."""
+
 LEAST_MOTION = {"1": 0.02, "rad": 0.02, "rad/s": 0.05, "m/s": 0.1, "m": 0.02}
 """Excitations smaller than this are taken for noise or for pilot corrections."""
 
@@ -162,7 +165,7 @@ def excitation_signals(
     others = [name for name in free if name not in injected]
     if sets_rates_directly(record, within):
         free = (*injected, RATE_SETPOINTS.get(axis, ""), *others)
-    elif within is not None and any(_share(within, ((a, b),)) > _MOSTLY for a, b in _sent_attitudes(record)):
+    elif within is not None and _share(within, record.status.planned) > _MOSTLY:
         free = (*injected, ATTITUDE_SETPOINTS.get(axis, ""), *others)
     names = (*free, f"{axis}_command")
     return tuple(name for name in dict.fromkeys(names) if name in record.channel_names)
@@ -481,7 +484,7 @@ def _purposeful(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tuple
         for topic, row in record.holding(name):
             found = _in_signal(topic.time_s, topic.values[row], axis, name)
             kinds = _MADE_BY_PROGRAMS if outer else (*RICH_KINDS, "doublet", "multistep")
-            moved = [m for m in found if m.kind in kinds and not _by_outer_loop(record, m)]
+            moved = [m for m in found if m.kind in kinds and not _by_autopilot(record, m)]
             purposeful = tuple(m for m in _level_flight(record, moved) if _goes_beyond(m, outer))
             if purposeful:
                 kept = (m for m in outer if not _any_shared(m, purposeful))
@@ -512,18 +515,26 @@ def _short_on_trim(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tu
             edges = np.searchsorted(time_s, [grid - _TRIM_S, grid + _TRIM_S])
             trim = [np.median(values[low : max(high, low + 1)]) for low, high in edges.T]
             moved = _in_signal(time_s, values - np.interp(time_s, grid, trim), axis, name, rest=0.0)
-            short = [m for m in moved if m.kind in ("doublet", "multistep") and not _by_outer_loop(record, m)]
+            short = [m for m in moved if m.kind in ("doublet", "multistep") and not _by_autopilot(record, m)]
             if found := _level_flight(record, short):
                 return found
     return ()
 
 
-def _by_outer_loop(record: FlightRecord, maneuver: Maneuver) -> bool:
-    """Whether a short motion of an attitude's set-point is what loops of position and velocity ask for, by the mode."""
-    if maneuver.kind not in _SHORT_KINDS or maneuver.signal not in ATTITUDE_SETPOINTS.values():
+def _by_autopilot(record: FlightRecord, maneuver: Maneuver) -> bool:
+    """Whether loops of the autopilot made a motion, as its mode says.
+
+    Loops of position and velocity move the set-points of the attitude, and the autopilot that tunes itself twitches the
+    command under gains that change from one twitch to the next.
+    """
+    if maneuver.kind in _SHORT_KINDS and maneuver.signal in ATTITUDE_SETPOINTS.values():
+        modes: tuple[str, ...] = _OUTER_MODES
+    elif maneuver.signal.endswith("_command"):
+        modes = _TUNING_MODES
+    else:
         return False
-    outer = tuple((start_s, stop_s) for mode, start_s, stop_s in record.status.modes if mode in _OUTER_MODES)
-    return _share((maneuver.start_s, maneuver.stop_s), outer) > _MOSTLY_FLOWN
+    own = tuple((start_s, stop_s) for mode, start_s, stop_s in record.status.modes if mode in modes)
+    return _share((maneuver.start_s, maneuver.stop_s), own) > _MOSTLY_FLOWN
 
 
 def _level_flight(record: FlightRecord, maneuvers: Sequence[Maneuver]) -> tuple[Maneuver, ...]:

@@ -268,6 +268,13 @@ def test_loops_of_position_move_an_attitude_and_excite_nothing() -> None:
     assert len(find_excitations(replace(whole, status=flown["stabilized"]), "roll")) == 1
 
 
+def test_twitches_of_an_autopilot_that_tunes_itself_are_no_excitation() -> None:
+    whole = record({"roll_command": embedded(random_binary())})
+    assert [m.kind for m in find_excitations(whole, "roll")] == ["random_binary"]
+    tuning = replace(whole, status=Status(modes=(("autotune", 190.0, 290.0),)))
+    assert find_excitations(tuning, "roll") == ()
+
+
 def multisine(duration_s: float, noise: float, seed: int = 0) -> FloatArray:
     """A period of 20 s of odd lines, with drift and what smoothing leaves, of the size of its lines."""
     rng, time_s = np.random.default_rng(seed), np.arange(round(duration_s * RATE_HZ)) / RATE_HZ

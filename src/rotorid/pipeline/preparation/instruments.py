@@ -94,14 +94,15 @@ def instrument_of(flight: Flight, axis: Axis) -> str | None:
     """
     record, maneuver = flight
     within = (maneuver.start_s, maneuver.stop_s)
-    named = excitation_signals(record, axis, within=within)
+    own = (maneuver.signal,) if maneuver.axis == axis and maneuver.signal in record.channel_names else ()
+    named = tuple(dict.fromkeys((*excitation_signals(record, axis, within=within), *own)))
     moving = [name for name in named if not name.endswith("_command") and _moves(flight, name)]
     if moving and moving[0] == RATE_SETPOINTS.get(axis) and sets_rates_directly(record, within):
         # It is the stick, and logged faster.
         return moving[0]
-    shown = [maneuver] if maneuver.axis == axis and maneuver.signal in named else _flown_in(record, axis, within)
-    signals = [one.signal for one in shown if one.signal in moving]
-    return next(iter((*signals, *moving)), None)
+    shown = [maneuver] if own else _flown_in(record, axis, within)
+    ranked = [*(one.signal for one in shown if one.signal in moving), *moving]
+    return ranked[0] if ranked else None
 
 
 def _flown_in(record: FlightRecord, axis: Axis, within: tuple[float, float]) -> list[Maneuver]:
