@@ -284,6 +284,8 @@ def test_maneuvers_of_two_instruments_are_measured_apart_and_joined() -> None:
     assert by_instruments(flown, ["roll_command"], settings) == [flown[:1], flown[1:]]
     measured = measure(flown, inputs=("roll_command",), outputs=("p",), settings=settings)
     assert measured.response.estimate == "joint"
+    (said,) = (one for one in measured.findings if one.kind == "joined_records")
+    assert "roll_excitation at 10.0 s of a.csv; roll_stick at" in said.message
     omega = measured.response.omega_rad_s
     z = np.exp(1j * omega / RATE_HZ)
     truth = 40.0 / RATE_HZ / (z - 1.0 + 2.0 / RATE_HZ)

@@ -94,7 +94,9 @@ def instrument_of(flight: Flight, axis: Axis) -> str | None:
     """
     record, maneuver = flight
     within = (maneuver.start_s, maneuver.stop_s)
-    own = (maneuver.signal,) if maneuver.axis == axis and maneuver.signal in record.channel_names else ()
+    own: tuple[str, ...] = (
+        (maneuver.signal,) if maneuver.axis == axis and maneuver.signal in record.channel_names else ()
+    )
     named = tuple(dict.fromkeys((*excitation_signals(record, axis, within=within), *own)))
     moving = [name for name in named if not name.endswith("_command") and _moves(flight, name)]
     if moving and moving[0] == RATE_SETPOINTS.get(axis) and sets_rates_directly(record, within):

@@ -422,6 +422,7 @@ def _joined(
         findings=(
             *_each_once(finding for part in parts for finding in part.findings),
             *(_unheard(group) for group in groups if group.unheard),
+            *_several_instruments(groups, inputs),
         ),
     )
 
@@ -473,6 +474,25 @@ def _each_once(findings: Iterable[Finding]) -> list[Finding]:
         if finding not in once:
             once.append(finding)
     return once
+
+
+def _several_instruments(groups: Sequence[_Group], inputs: Sequence[str]) -> Iterable[Finding]:
+    """A remark for each input that some maneuvers show with another instrument than others."""
+    for name in inputs:
+        used = {
+            instrument: ", ".join(f"{m.start_s:.1f} s of {record.source.name}" for record, m in group.flights)
+            for group in groups
+            for source, instrument in zip(group.inputs, group.instruments, strict=False)
+            if source == name
+        }
+        if len(used) > 1:
+            told = "; ".join(f"{instrument} at {flown}" for instrument, flown in used.items())
+            yield remark(
+                "joined_records",
+                name,
+                f"The maneuvers of {name} have several instruments ({told}). Each was measured with its own, and "
+                "their responses were joined by their variances.",
+            )
 
 
 def _unheard(group: _Group) -> Finding:
