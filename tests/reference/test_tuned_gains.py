@@ -141,3 +141,15 @@ def test_a_wide_sweep_of_the_real_firmware_gives_the_gains_that_were_flown_as_fo
     assert flown["sensitivity_peak"].value == pytest.approx(1.88, abs=0.03)
     assert flown["crossover_rad_s"].value == pytest.approx(61.0, rel=0.02)
     assert flown["phase_margin_deg"].value == pytest.approx(78.0, abs=1.5)
+
+
+def test_the_path_of_the_wide_sweep_ends_where_a_second_step_was_flown(wide: TuningProposal) -> None:
+    """The real firmware flew it after the first step: A 12 with M_s 1.66, as foretold."""
+    path = wide.axes["roll"].path
+    assert [(one.flight, one.goal) for one in path] == [(1, False), (2, True)]
+    goal = path[-1]
+    assert goal.parameters["ATC_ANG_RLL_P"] == pytest.approx(12.0, rel=0.001)
+    assert quantities(goal.judged.whole)["sensitivity_peak"].value == pytest.approx(1.66, abs=0.02)
+    assert np.median(goal.judged.attitude_rms) < 0.85 * np.median(path[0].judged.attitude_rms)
+    # Only the first flight comes as a file.
+    assert "ATC_ANG_RLL_P,6" in wide.files["proposed.param"]

@@ -14,6 +14,8 @@ from rotorid.cli.options import ForPaper, Map, Only, Output, one_of
 from rotorid.errors import UsageError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from rotorid.documents.review import QuantityDocument
     from rotorid.documents.tune import AxisTuneDocument, TuneDocument
     from rotorid.documents.tune_check import TuneCheckDocument
@@ -47,7 +49,9 @@ def tune_command(
     robustness: Annotated[
         float,
         typer.Option(
-            "--robustness", rich_help_panel="Gains", help="Largest sensitivity peak M_s of every loop; less is softer."
+            "--robustness",
+            rich_help_panel="Gains",
+            help="Largest sensitivity peak M_s of every loop: 1.4 soft, 1.7 recommended, 2 firm, 2.5 little reserve.",
         ),
     ] = 1.7,
     noise: Annotated[
@@ -214,8 +218,10 @@ def _write(folder: Path, proposal: TuningProposal, given: Sequence[Path]) -> Non
 
 
 def _print(document: TuneDocument, folder: Path) -> None:
-    """Gains flown and proposed, margins, findings, where the files are."""
+    """Gains flown and proposed, margins, the path to the goal, findings, where the files are."""
     from rich.table import Table
+
+    from rotorid.documents.tune import path_sentence
 
     console = output_console()
     for axis, one in document.axes.items():
@@ -228,11 +234,16 @@ def _print(document: TuneDocument, folder: Path) -> None:
         console.print(table)
         for line in _lines(one):
             console.print(line, highlight=False, markup=False)
+        if one.path:
+            console.print(_path_table(axis, one))
+            console.print(path_sentence(one), highlight=False, markup=False)
     if (thrust := document.thrust) is not None and thrust.flown != thrust.proposed:
         line = (
             f"{thrust.parameter}: {thrust.flown:g} -> {thrust.proposed:g} would straighten thrust, by a file of its own"
         )
         console.print(line, highlight=False, markup=False)
+    if document.robustness:
+        console.print(f"limit: {document.robustness}", highlight=False, markup=False)
     print_findings(document.findings)
     for name in (*document.files, *document.rollback_files):
         console.print(f"file: {folder / name}", soft_wrap=True, markup=False)
@@ -260,6 +271,29 @@ def _print_check(document: TuneCheckDocument, folder: Path) -> None:
     print_findings(document.findings)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
+
+def _path_table(axis: str, one: AxisTuneDocument) -> Table:
+    """Gains and foretold margins of each flight to the goal."""
+    from rich.table import Table
+
+    from rotorid.documents.tune import step_name
+
+    names = list(one.path[0].gains)
+    table = Table(title=f"path of {axis}", title_justify="left", box=None, pad_edge=False)
+    table.add_column("flight")
+    for name in (*names, *_PATH_WORDS.values(), "attitude error"):
+        table.add_column(name, justify="right")
+    for step in one.path:
+        table.add_row(
+            step_name(step),
+            *(f"{step.gains[name]:.4g}" for name in names),
+            *(_told(step.whole[name]) if name in step.whole else "" for name in _PATH_WORDS),
+            f"{100.0 * step.attitude_ratio.value:.0f} %",
+        )
+    return table
+
+
+_PATH_WORDS = {"sensitivity_peak": "M_s", "crossover_rad_s": "rad/s", "phase_margin_deg": "PM deg"}
 
 _WORDS = {
     "sensitivity_peak": "M_s",

@@ -12,8 +12,9 @@ from rotorid.data.quantity import Quantity
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.review import QuantityDocument
 from rotorid.pipeline.results import Refused
-from rotorid.pipeline.tuning.proposal import AxisTuning, TuningProposal
+from rotorid.pipeline.tuning.proposal import SWEEP_OVER_CROSSOVER, AxisTuning, PathStep, TuningProposal
 from rotorid.tuning.loops import over_draws, quantities
+from rotorid.tuning.proposal import Judged, robustness_in_words
 from rotorid.typing import Axis
 
 TUNE, SIGNALS = "tune.json", "tune.npz"
@@ -47,13 +48,31 @@ class ThrustDocument(Document):
     hover_demand: float
 
 
+class PathStepDocument(Document):
+    """Gains of one of several flights: the first is what is proposed, the last, the ``goal``, keeps the limits alone.
+
+    Margins are foretold with the plant of today. ``attitude_ratio`` is the deviation under a moment over that with the
+    flown gains, ``noise_ratio`` that of the command, ``sweep_to_rad_s`` the upper end of a sweep that shows the loop.
+    """
+
+    flight: int
+    goal: bool
+    gains: dict[str, float]
+    rate: dict[str, QuantityDocument]
+    whole: dict[str, QuantityDocument]
+    attitude_ratio: QuantityDocument
+    noise_ratio: float
+    sweep_to_rad_s: float
+
+
 class AxisTuneDocument(Document):
     """An axis: margins of the rate loop alone and of the whole loop, flown and proposed, and its parameters.
 
     ``flown_attitude`` and ``proposed_attitude`` say how the attitude follows its set-point, ``attitude_ratio`` is its
     deviation under a moment, proposed over flown; ``noise_ratio`` that of the command by noise of the rate, which is
     ``noise_flown`` of the command's range where the log shows it. ``filters`` has the phase that each filter of the
-    loop takes at its crossover, ``ends`` margins of the proposed rate loop where D moves in flight.
+    loop takes at its crossover, ``ends`` margins of the proposed rate loop where D moves in flight. ``path`` leads over
+    several flights to the gains that keep the limits of the loop alone; it is empty where one flight reaches them.
     """
 
     changed: bool
@@ -68,6 +87,7 @@ class AxisTuneDocument(Document):
     noise_ratio: float
     noise_flown: float | None = None
     gains: dict[str, GainDocument]
+    path: list[PathStepDocument] = Field(default_factory=list)
     filters: list[FilterPriceDocument] = Field(default_factory=list)
     ends: dict[str, dict[str, QuantityDocument]] = Field(default_factory=dict)
     reasons: list[str] = Field(default_factory=list)
@@ -75,7 +95,7 @@ class AxisTuneDocument(Document):
 
 
 class TuneDocument(Document):
-    """``tune.json``: a proposal, its files, and those that lead back."""
+    """``tune.json``: a proposal, its files, and those that lead back; ``robustness`` is the limit in words."""
 
     schema_name: Annotated[Literal["rotorid.tune/1"], Field(alias="schema")] = "rotorid.tune/1"
     autopilot: str = ""
@@ -83,6 +103,7 @@ class TuneDocument(Document):
     changed: bool = False
     axes: dict[Axis, AxisTuneDocument] = Field(default_factory=dict)
     thrust: ThrustDocument | None = None
+    robustness: str = ""
     scale: float | None = None
     files: list[str] = Field(default_factory=list)
     rollback_files: list[str] = Field(default_factory=list)
@@ -98,6 +119,7 @@ def tune_document(proposal: TuningProposal) -> TuneDocument:
         changed=proposal.changed,
         axes={axis: _axis(one) for axis, one in proposal.axes.items()},
         thrust=None if proposal.thrust is None else ThrustDocument.model_validate(proposal.thrust),
+        robustness=robustness_in_words(proposal.robustness),
         scale=proposal.scale,
         files=list(proposal.files),
         rollback_files=list(proposal.rollback_files),
@@ -141,10 +163,41 @@ def _axis(one: AxisTuning) -> AxisTuneDocument:
         noise_ratio=proposed.noise / flown.noise,
         noise_flown=flown.noise if one.noise_seen else None,
         gains={name: GainDocument(flown=before, proposed=after) for name, (before, after) in one.parameters.items()},
+        path=[_step(step, flown) for step in one.path],
         filters=[FilterPriceDocument.model_validate(price) for price in one.prices],
         ends={name: quantity_documents(quantities(end.rate)) for name, end in one.ends.items()},
         reasons=list(proposal.reasons),
         notes=list(one.controller.notes),
+    )
+
+
+def _step(step: PathStep, flown: Judged) -> PathStepDocument:
+    one = step.judged
+    return PathStepDocument(
+        flight=step.flight,
+        goal=step.goal,
+        gains=dict(step.parameters),
+        rate=quantity_documents(quantities(one.rate)),
+        whole=quantity_documents(quantities(one.whole)),
+        attitude_ratio=QuantityDocument.model_validate(over_draws(one.attitude_rms / flown.attitude_rms, "1")),
+        noise_ratio=one.noise / flown.noise,
+        sweep_to_rad_s=SWEEP_OVER_CROSSOVER * one.rate.usual_crossover_rad_s,
+    )
+
+
+def step_name(step: PathStepDocument) -> str:
+    """What people call a flight of the path."""
+    return f"{step.flight}, proposed" if step.flight == 1 else f"{step.flight}, goal" if step.goal else f"{step.flight}"
+
+
+def path_sentence(one: AxisTuneDocument) -> str:
+    """How the path of an axis is flown."""
+    first, *_, goal = one.path
+    softer = first.attitude_ratio.value / goal.attitude_ratio.value
+    return (
+        "A gain at most doubles in one flight. Fly the proposed gains with a sweep up to "
+        f"{goal.sweep_to_rad_s:.0f} rad/s, check that flight, and tune again. With the goal a disturbance tilts the "
+        f"vehicle {softer:.2g} times less than with the proposed gains."
     )
 
 

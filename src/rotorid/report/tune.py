@@ -12,7 +12,14 @@ import numpy as np
 from rotorid.data.display import capital
 from rotorid.data.quantity import Quantity
 from rotorid.documents.review import QuantityDocument
-from rotorid.documents.tune import AxisTuneDocument, FilterPriceDocument, TuneDocument, tune_document
+from rotorid.documents.tune import (
+    AxisTuneDocument,
+    FilterPriceDocument,
+    TuneDocument,
+    path_sentence,
+    step_name,
+    tune_document,
+)
 from rotorid.documents.tune_check import METHODS, compared_words, tune_check_document
 from rotorid.pipeline.tuning.check import CheckedAxis, CheckedTuning
 from rotorid.pipeline.tuning.proposal import AxisTuning, TuningProposal
@@ -36,6 +43,7 @@ _OF_ATTITUDE: Mapping[str, tuple[str, str, float]] = {
     "attitude_bandwidth_rad_s": ("Attitude bandwidth", "rad/s", 1.0),
     "phase_delay_s": ("Phase delay of the attitude", "ms", 1e3),
 }
+PATH_MARGINS = ("sensitivity_peak", "crossover_rad_s", "phase_margin_deg")
 _NOTHING = (MISSING, "")
 _SENSITIVITY = "Sensitivity to disturbances"
 _DRAWS_ON_PAGE = 12
@@ -73,6 +81,16 @@ class Slider:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class PathRow:
+    """A flight on the way to the goal: its gains, its foretold margins, and the attitude error it leaves."""
+
+    name: str
+    gains: tuple[str, ...]
+    margins: tuple[tuple[str, str], ...]
+    attitude: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class TunedAxis:
     """An axis on the page."""
 
@@ -81,6 +99,9 @@ class TunedAxis:
     summary: str
     gains: tuple[GainRow, ...]
     margins: tuple[MarginRow, ...]
+    path: tuple[PathRow, ...]
+    path_gains: tuple[str, ...]
+    path_sentence: str
     pictures: tuple[Picture, ...]
     filters: tuple[FilterPriceDocument, ...]
     ends: tuple[tuple[str, str], ...]
@@ -109,6 +130,7 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
         files=list(proposal.files.items()),
         rollback=list(proposal.rollback_files.items()),
         thrust=_thrust(document),
+        path_margins=[_named(name) for name in PATH_MARGINS],
         remarks=finding_rows(document.findings),
         pictures=[picture for one in axes for picture in (*one.pictures, one.by_hand)],
         further_script="tune.js",
@@ -344,6 +366,17 @@ def _axis(axis: str, document: AxisTuneDocument, one: AxisTuning, scale: float |
                 for name, (_, _, factor) in _OF_ATTITUDE.items()
             ),
         ),
+        path=tuple(
+            PathRow(
+                name=step_name(step),
+                gains=tuple(f"{value:.4g}" for value in step.gains.values()),
+                margins=tuple(_cell(step.whole.get(name), _WORDS[name][2]) for name in PATH_MARGINS),
+                attitude=f"{100.0 * step.attitude_ratio.value:.0f} %",
+            )
+            for step in document.path
+        ),
+        path_gains=tuple(document.path[0].gains) if document.path else (),
+        path_sentence=path_sentence(document) if document.path else "",
         pictures=tuple(_pictures(axis, one, scale)),
         filters=tuple(document.filters),
         ends=tuple((name, _told(end.get("sensitivity_peak"))) for name, end in document.ends.items()),

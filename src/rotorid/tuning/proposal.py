@@ -19,9 +19,10 @@ against a moment. The best on the most likely plant are looked at again on all d
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -50,6 +51,9 @@ _ROOM = 1.3
 _ANGLE_ROOM = 3.0
 _MOST_UP, _MOST_DOWN = 2.0, 0.4
 
+_GOAL_UP = 16.0
+"""How far the goal of several flights may lie from the flown gains: four doublings."""
+
 _MOST = 0.5
 """Of the draws, more have to say that flown gains break a limit where the plant was not seen."""
 
@@ -58,6 +62,12 @@ _QUIET = 0.01
 
 _WORTH = 0.97
 """A proposal has to hold an attitude better than the flown gains by this, or to bring them inside the limits."""
+
+_AT_CAP = 0.99
+"""Share of a step from which it counts as reached: gains are rounded."""
+
+_ROBUSTNESS = ((1.45, "soft"), (1.75, "recommended"), (2.1, "firm"))
+_LITTLE_RESERVE = "little reserve, as after a firmware's AutoTune"
 
 _SOFTER = "A falls further than usual, since P may not grow far enough in one flight"
 _SHRINK, _STEPS_DOWN = 0.97, 12
@@ -99,8 +109,10 @@ class Wishes(Immutable):
         Gains that stay: of ``P``, ``I``, ``D``, ``A``.
     most_up
         How much P, D and A may grow in one flight.
+    most_down
+        How far P may fall in one flight, as a share of the flown one.
     angle_down
-        How far A may fall in one flight, as a share of the flown one.
+        How far A may fall in one flight, likewise.
     gain_range
         Least and largest gain of the plant over that in hover, as the curve of thrust makes it over the throttle.
     ranges
@@ -115,6 +127,7 @@ class Wishes(Immutable):
     noise: float = 2.0
     keep: tuple[str, ...] = ()
     most_up: float = _MOST_UP
+    most_down: float = _MOST_DOWN
     angle_down: float = _MOST_DOWN
     gain_range: tuple[float, float] = (1.0, 1.0)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -122,6 +135,30 @@ class Wishes(Immutable):
 
     def __post_init__(self) -> None:
         self._set(keep=tuple(self.keep), gain_range=tuple(self.gain_range), ranges=self.ranges)
+
+
+def robustness_in_words(sensitivity_peak: float) -> str:
+    r"""What a largest sensitivity peak leaves to a loop, for people.
+
+    .. math:: \text{gain margin} \ge \frac{M}{M - 1}, \qquad \text{phase margin} \ge 2 \arcsin \frac{1}{2 M}
+
+    Parameters
+    ----------
+    sensitivity_peak
+        :math:`M`, above one.
+
+    Examples
+    --------
+    >>> robustness_in_words(1.7)
+    'M_s up to 1.7, recommended: the loop stays stable if its gain grows 2.4 times or if it loses 34° of phase'
+    """
+    kind = next((words for most, words in _ROBUSTNESS if sensitivity_peak <= most), _LITTLE_RESERVE)
+    gain = sensitivity_peak / (sensitivity_peak - 1.0)
+    phase = np.degrees(2.0 * np.arcsin(0.5 / sensitivity_peak))
+    return (
+        f"M_s up to {sensitivity_peak:g}, {kind}: the loop stays stable if its gain grows {gain:.1f} times or if it "
+        f"loses {phase:.0f}° of phase"
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -247,7 +284,7 @@ def propose(
         return AxisProposal(
             axis=axis, controller=controller, flown=flown, proposed=flown, better=1.0, reasons=tuple(reasons)
         )
-    better = float(np.median(best.attitude_rms / flown.attitude_rms))
+    better = _over(best, flown)
     broken = _flown_broken(flown, plant, wishes)
     same = flown_parts is None and wishes.angle_1_s in (None, flown.gains.A)
     if better > _WORTH and not broken and same:
@@ -261,6 +298,86 @@ def propose(
     return AxisProposal(
         axis=axis, controller=controller, flown=flown, proposed=best, better=better, reasons=tuple(reasons)
     )
+
+
+def steps_beyond(
+    axis: Axis,
+    plant: UncertainPlant,
+    first: AxisProposal,
+    *,
+    parts: ControllerParts,
+    flown_parts: ControllerParts | None = None,
+    ends: Sequence[ControllerParts] = (),
+    wishes: Wishes,
+) -> tuple[Judged, ...]:
+    """What flights after the proposed one may bring, by the plant of today; the last is the goal.
+
+    A gain may double in one flight, so that a proposal often ends at that and not at the limits of the loop. The goal
+    keeps these limits and no others. Between both the gains of the second flight are looked for as those of the first
+    were. None of it is to be flown before the flight in front of it was checked.
+
+    Parameters
+    ----------
+    axis, plant, parts, flown_parts, ends, wishes
+        As for :func:`propose`.
+    first
+        What was proposed.
+
+    Returns
+    -------
+    tuple of Judged
+        Empty where no step ended the proposal, or nothing clearly better lies beyond; the goal alone where the second
+        flight reaches it.
+    """
+    if not first.changed or not _capped(first.proposed.gains, first.flown.gains, wishes):
+        return ()
+    far = replace(wishes, most_up=_GOAL_UP, most_down=1.0 / _GOAL_UP, angle_down=1.0 / _GOAL_UP)
+    given: dict[str, Any] = {"parts": parts, "ends": ends}
+    goal = propose(axis, plant, first.controller, flown_parts=flown_parts, wishes=far, **given)
+    if not goal.changed or _over(goal.proposed, first.proposed) > _WORTH:
+        return ()
+    if _within_a_step(goal.proposed.gains, first.proposed.gains, wishes):
+        return (goal.proposed,)
+    # Noise may grow over that of the first flight by the same factor, however many flights there are.
+    quiet = replace(wishes, noise=wishes.noise * first.flown.noise / first.proposed.noise)
+    second = propose(axis, plant, first.proposed.gains.on(first.controller), wishes=quiet, **given)
+    return (second.proposed, goal.proposed) if second.changed else (goal.proposed,)
+
+
+def flights_between(one: Gains, other: Gains, wishes: Wishes) -> int:
+    """How many flights lie between two sets of gains, each at most a step from the one before."""
+    count = 0
+    for name, before, after in _changing(one, other):
+        if after > before:
+            count = max(count, math.ceil(math.log(after / before) / math.log(wishes.most_up) - _EXACT))
+        elif name in ("P", "A"):
+            down = wishes.most_down if name == "P" else wishes.angle_down
+            count = max(count, math.ceil(math.log(after / before) / math.log(down) - _EXACT))
+    return count
+
+
+def _changing(one: Gains, other: Gains) -> list[tuple[str, float, float]]:
+    """Gains that a flight may change by a step only, in both sets."""
+    both = [(name, getattr(one, name), getattr(other, name)) for name in ("P", "D", "A")]
+    return [(name, before, after) for name, before, after in both if before > 0.0 and after > 0.0]
+
+
+def _within_a_step(gains: Gains, flown: Gains, wishes: Wishes) -> bool:
+    return flights_between(flown, gains, wishes) <= 1
+
+
+def _capped(gains: Gains, flown: Gains, wishes: Wishes) -> bool:
+    """Whether a step ends what one flight changes."""
+    for name, before, after in _changing(flown, gains):
+        down = {"P": wishes.most_down, "A": wishes.angle_down}.get(name, 0.0)
+        if after >= _AT_CAP * wishes.most_up * before or after <= down * before / _AT_CAP:
+            return True
+    return False
+
+
+def _over(one: Judged, other: Judged) -> float:
+    """Attitude under a moment with one set of gains over that with another: the median over the draws."""
+    return float(np.median(one.attitude_rms / other.attitude_rms))
 
 
 def judged(parts: ControllerParts, plants: ComplexArray, gains: Gains, *, from_rad_s: float = 0.0) -> Judged:
@@ -399,7 +516,7 @@ def _limits(name: str, flown: float, wishes: Wishes) -> tuple[float, float]:
     if flown > 0.0 and name != "I":
         high = min(high, wishes.most_up * flown)
         if name in ("P", "A"):
-            low = max(low, (_MOST_DOWN if name == "P" else wishes.angle_down) * flown)
+            low = max(low, (wishes.most_down if name == "P" else wishes.angle_down) * flown)
     return low, high
 
 
@@ -566,7 +683,7 @@ def _bound_by(gains: Gains, flown: Gains, wishes: Wishes) -> Sequence[str]:
     found = _kept_outside(flown, wishes)
     for name in ("P", "D", "A"):
         before, now = getattr(flown, name), getattr(gains, name)
-        if before > 0.0 and now >= 0.99 * wishes.most_up * before:
+        if before > 0.0 and now >= _AT_CAP * wishes.most_up * before:
             found.append(f"{name} at {wishes.most_up:g} times the flown value, the most of one flight")
     return found
 

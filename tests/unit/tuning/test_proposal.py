@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -20,7 +21,14 @@ from rotorid.tuning import (
     propose,
     uncertain_plant,
 )
-from rotorid.tuning.proposal import _bounds
+from rotorid.tuning.proposal import (
+    _bounds,
+    _gain,
+    _Shape,
+    flights_between,
+    robustness_in_words,
+    steps_beyond,
+)
 from rotorid.typing import ComplexArray, FloatArray
 
 FLOWN = RateController(
@@ -199,3 +207,75 @@ def test_a_measurement_pulls_the_plant_from_a_wrong_model() -> None:
     outside = np.array([0.2, 400.0])
     spread = np.std(np.log(np.abs(plant.drawn(outside))), axis=0)
     assert (spread > 0.1).all()
+
+
+def bare_parts(controller: RateController = FLOWN) -> ControllerParts:
+    omega = frequency_grid(controller)
+    ones = np.ones(omega.size, dtype=np.complex128)
+    return ControllerParts(controller=controller, omega_rad_s=omega, seen=ones, logged=ones)
+
+
+def slow_yaw(w: FloatArray) -> ComplexArray:
+    return np.asarray(20.0 / (1j * w + 0.5) * np.exp(-0.02j * w))
+
+
+def test_the_rate_loop_crosses_over_far_above_the_angle_gain() -> None:
+    """Without that rule this yaw would be given an angle gain at its crossover."""
+    flown = replace(FLOWN, derivative_s2=0.0, command_cutoff_hz=2.0)
+    found = propose("yaw", uncertain_plant(slow_yaw, None, band_rad_s=(0.5, 60.0), draws=30), flown).proposed
+    assert np.quantile(found.rate.crossover_rad_s, 0.1) >= 3.0 * found.gains.A
+
+
+def test_a_shape_that_leaves_no_room_between_its_least_and_largest_gain_is_refused() -> None:
+    """A battery that sags takes a quarter of the gain, and a loop with a strong integral swings then."""
+    parts, plants = bare_parts(), vehicle(frequency_grid(FLOWN))[None]
+    flown, wishes = judged(parts, plants, Gains.of(FLOWN)), Wishes(most_up=1e3, most_down=1e-3, noise=1e3)
+    answers = {}
+    for a in np.geomspace(1.0, 12.0, 60):
+        unit = Gains(P=1.0, I=a, D=0.015, A=4.0)
+        pairs = [
+            _bounds(plants * loop, wishes, margin)
+            for loop, margin in ((parts.rate(unit), wishes.phase_margin_rad), (parts.whole(unit), None))
+        ]
+        room = min(high[0] for _, high in pairs) / max(max(low[0] for low, _ in pairs), 1e-9)
+        answers[room] = _gain(parts, plants, 0, _Shape(a, 0.015, 4.0), flown, wishes)
+    narrow = [k for room, k in answers.items() if 1.02 < room < 1.28]
+    assert narrow
+    assert all(k is None for k in narrow)
+    assert any(k is not None for room, k in answers.items() if room > 1.5)
+
+
+def test_several_flights_lead_to_a_goal_that_keeps_the_limits() -> None:
+    """A quarter of the gains: the first flight doubles them, the second goes on, each inside the limits."""
+    soft = Gains(P=0.03, I=0.03, D=0.0006, A=1.5).on(FLOWN)
+    wishes, parts = Wishes(), bare_parts()
+    first = propose("roll", known(), soft, parts=parts)
+    steps = steps_beyond("roll", known(), first, parts=parts, wishes=wishes)
+    assert len(steps) == 2
+    path = [first.flown, first.proposed, *steps]
+    for before, after in pairwise(path[:3]):
+        assert after.gains.P <= 2.0001 * before.gains.P
+        assert after.gains.A <= 2.0001 * before.gains.A
+        assert after.gains.D <= 2.0001 * before.gains.D
+    for one in path[1:]:
+        assert np.quantile(one.whole.sensitivity_peak, 0.95) <= 1.72
+        assert one.whole.stable.all()
+        assert one.noise <= 2.0 * first.flown.noise * 1.001
+    stiffness = [float(np.median(one.attitude_rms)) for one in path]
+    assert stiffness == sorted(stiffness, reverse=True)
+    assert flights_between(path[1].gains, path[3].gains, wishes) >= 2
+
+
+def test_a_proposal_that_no_step_ends_has_no_further_flights() -> None:
+    best = propose("roll", known(), FLOWN, wishes=Wishes(most_up=16.0, noise=10.0)).proposed.gains
+    softer = Gains(P=0.7 * best.P, I=0.7 * best.I, D=0.7 * best.D, A=best.A).on(FLOWN)
+    first = propose("roll", known(), softer, parts=bare_parts())
+    assert first.changed
+    assert steps_beyond("roll", known(), first, parts=bare_parts(), wishes=Wishes()) == ()
+
+
+def test_robustness_is_told_in_words() -> None:
+    assert robustness_in_words(1.4).startswith("M_s up to 1.4, soft: the loop stays stable if its gain grows 3.5 times")
+    assert "29° of phase" in robustness_in_words(2.0)
+    assert "firm" in robustness_in_words(2.0)
+    assert "AutoTune" in robustness_in_words(2.5)

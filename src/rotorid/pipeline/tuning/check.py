@@ -27,7 +27,7 @@ from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.results import IdentifiedModel, Records
 from rotorid.pipeline.settings import as_records
 from rotorid.pipeline.tuning.proposal import AxisTuning, TuneSettings, tune
-from rotorid.tuning.bands import BAND_OVER_CROSSOVER
+from rotorid.tuning.bands import BAND_OVER_CROSSOVER, SWEEP_OVER_CROSSOVER
 from rotorid.tuning.loops import quantities
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
@@ -406,10 +406,10 @@ def _undecided(figures: Sequence[ComparedFigure]) -> str:
 
 
 def _sweep_to(figures: Sequence[ComparedFigure], now: AxisTuning) -> float:
-    """Upper end of a sweep that shows the loop: three times its crossover."""
+    """Upper end of a sweep that shows the loop: a multiple of its crossover."""
     crossovers = [one for one in figures if (one.loop, one.name) == ("whole", "crossover_rad_s")]
     crossover = crossovers[0].measured.value if crossovers else now.proposal.flown.rate.usual_crossover_rad_s
-    return max(3.0 * crossover, now.plant.band_rad_s[1])
+    return max(SWEEP_OVER_CROSSOVER * crossover, now.plant.band_rad_s[1])
 
 
 def _further(axis: Axis, sweep: str, now: AxisTuning) -> str:

@@ -35,7 +35,7 @@ from rotorid.tuning.files import parameter_files
 from rotorid.tuning.firmware import Parameter, parameters_of, ranges_of, rounded, scaled, written
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.tuning.plant import UncertainPlant
-from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, judged, propose
+from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, flights_between, judged, propose, steps_beyond
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -118,6 +118,31 @@ class TuneSettings(Immutable):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class PathStep(Immutable):
+    """Gains of one of several flights.
+
+    Parameters
+    ----------
+    flight
+        Which one: the proposed gains are those of the first.
+    goal
+        Whether no further step follows.
+    judged
+        The gains, and what they do on every draw of today's plant.
+    parameters
+        The same by the firmware's names.
+    """
+
+    flight: int
+    goal: bool
+    judged: Judged
+    parameters: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        self._set(parameters=self.parameters)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class AxisTuning(Immutable):
     """An axis: its controller, its plant, the flown gains and the proposed ones, and what both do.
 
@@ -142,6 +167,9 @@ class AxisTuning(Immutable):
         Seconds, and the attitude's answer to a step of its set-point under both gains, ``(draws, n)`` each.
     parts
         What each gain does, with the filters of the proposal.
+    path
+        The flights to the gains that keep the limits of the loop alone, the proposed ones first and the goal last;
+        empty where one flight reaches them.
     prices
         What every filter of the proposed loop costs.
     ends
@@ -160,6 +188,7 @@ class AxisTuning(Immutable):
     step_s: FloatArray
     steps: Mapping[str, FloatArray]
     parts: ControllerParts
+    path: tuple[PathStep, ...] = ()
     prices: tuple[FilterPrice, ...] = ()
     ends: Mapping[str, Judged] = field(default_factory=dict)
     noise_seen: bool = False
@@ -170,6 +199,7 @@ class AxisTuning(Immutable):
             loops=self.loops,
             responses=self.responses,
             steps=self.steps,
+            path=tuple(self.path),
             prices=tuple(self.prices),
             ends=self.ends,
         )
@@ -194,6 +224,8 @@ class TuningProposal(Immutable):
         What straightens the curve of thrust, where a fit of ``physical.motors`` came.
     scale
         Full scale over the size of the vehicle, where it is known.
+    robustness
+        Largest sensitivity peak that was asked for.
     files, rollback_files
         Name of each file to its text: proposed gains, and the flown ones.
     findings
@@ -211,6 +243,7 @@ class TuningProposal(Immutable):
     rollback_files: Mapping[str, str]
     findings: tuple[Finding, ...]
     provenance: Provenance
+    robustness: float = 1.7
 
     def __post_init__(self) -> None:
         self._set(axes=self.axes, files=self.files, rollback_files=self.rollback_files)
@@ -309,6 +342,9 @@ def tune(
             findings=worst_first(findings) or [refusal("not_tuned", "all axes", "No axis can be tuned.")],
         )
     axes, shared = _axes(known, chosen, thrust)
+    axes = {
+        axis: replace(one, path=_path(axis, known[axis], one.proposal, chosen, thrust)) for axis, one in axes.items()
+    }
     findings += shared
     findings += [
         one for axis, tuned in axes.items() for one in _said(axis, tuned, wishes_of(tuned.controller, chosen, thrust))
@@ -407,6 +443,34 @@ def _axis(
         ends={name: _judged(known, end, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
         noise_seen=parts.rate_noise is not None,
         **_steps(flown, then, plant, found),
+    )
+
+
+def _path(
+    axis: Axis, known: KnownAxis, found: AxisProposal, settings: TuneSettings, thrust: ThrustLinearization | None
+) -> tuple[PathStep, ...]:
+    """The flights to the goal, gains as the firmware will hold them; an angle gain of two axes stays as proposed."""
+    wishes = _wishes(known.controller, settings, thrust)
+    if (angle := _angle(known)) is not None and angle.shared:
+        wishes = replace(wishes, angle_1_s=found.proposed.gains.A)
+    beyond = steps_beyond(
+        axis,
+        known.plant,
+        found,
+        parts=known.parts,
+        flown_parts=None if known.then is None else known.flown_parts,
+        ends=tuple(at_ends(known.controller, known.parts).values()),
+        wishes=wishes,
+    )
+    if not beyond:
+        return ()
+    steps = [found.proposed]
+    steps += [_judged(known, known.parts, rounded(known.controller, one.gains)) for one in beyond]
+    flights = [1, *range(2, len(beyond) + 1)]
+    flights.append(flights[-1] + max(1, flights_between(steps[-2].gains, steps[-1].gains, wishes)))
+    return tuple(
+        PathStep(flight=flight, goal=one is steps[-1], judged=one, parameters=written(known.controller, one.gains))
+        for flight, one in zip(flights, steps, strict=True)
     )
 
 
@@ -536,6 +600,7 @@ def _together(
         axes=axes,
         thrust=thrust,
         scale=settings.scale or _scale(given),
+        robustness=settings.robustness,
         files=files,
         rollback_files=make(old, role="rollback"),
         findings=worst_first(findings),
