@@ -208,7 +208,7 @@ KINDS: Mapping[str, Kind] = {
     "check_undecided": Kind(
         "warning",
         "Not enough data to check gains",
-        "A flight with proposed gains does not show its loop well enough to say whether it is what was foretold.",
+        "A flight with proposed gains does not show its loop well enough to compare it with the prediction.",
     ),
     "clock_disorder": Kind(
         "warning",

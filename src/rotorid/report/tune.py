@@ -43,10 +43,17 @@ _OF_ATTITUDE: Mapping[str, tuple[str, str, float]] = {
     "attitude_bandwidth_rad_s": ("Attitude bandwidth", "rad/s", 1.0),
     "phase_delay_s": ("Phase delay of the attitude", "ms", 1e3),
 }
-PATH_MARGINS = ("sensitivity_peak", "crossover_rad_s", "phase_margin_deg")
+PATH_MARGINS: Mapping[str, str] = {
+    "sensitivity_peak": "M_s",
+    "crossover_rad_s": "Crossover [rad/s]",
+    "phase_margin_deg": "Phase margin [°]",
+}
 _NOTHING = (MISSING, "")
 _SENSITIVITY = "Sensitivity to disturbances"
 _DRAWS_ON_PAGE = 12
+_WORTH_A_FACTOR = 1.5
+"""A change by more is said as a factor, a smaller one in percent."""
+
 _DIGITS = 6
 
 
@@ -130,7 +137,7 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
         files=list(proposal.files.items()),
         rollback=list(proposal.rollback_files.items()),
         thrust=_thrust(document),
-        path_margins=[_named(name) for name in PATH_MARGINS],
+        path_margins=list(PATH_MARGINS.values()),
         remarks=finding_rows(document.findings),
         pictures=[picture for one in axes for picture in (*one.pictures, one.by_hand)],
         further_script="tune.js",
@@ -330,11 +337,19 @@ def tune_sentences(document: TuneDocument) -> tuple[str, ...]:
             sentences.append(f"The gains of {axis} stay as they were flown{why}.")
             continue
         ratio, peak = one.attitude_ratio, one.proposed_whole.get("sensitivity_peak")
-        held = f" The sensitivity peak will be {_told(peak)}." if peak is not None else ""
+        held = f" Predicted peak sensitivity M_s: {_told(peak)}." if peak is not None else ""
         sentences.append(
-            f"With the proposed gains {axis} gives way to a moment by {_told(ratio, 100.0, ' %')} of what it did.{held}"
+            f"With the new gains, a disturbance tilts the vehicle in {axis} {_less(ratio)} than today.{held}"
         )
     return tuple(sentences)
+
+
+def _less(ratio: QuantityDocument) -> str:
+    """A deviation over that of today, for people."""
+    if ratio.value <= 1.0 / _WORTH_A_FACTOR:
+        return f"{1.0 / ratio.value:.2g} times less"
+    change = 100.0 * (ratio.value - 1.0)
+    return f"{abs(change):.0f} % {'less' if change < 0.0 else 'more'}"
 
 
 def _axis(axis: str, document: AxisTuneDocument, one: AxisTuning, scale: float | None) -> TunedAxis:

@@ -120,7 +120,7 @@ def test_a_test_signal_at_the_mixer_overrules_the_plant() -> None:
     found = checked(injected=measured)
     assert found.contradicted
     assert found.verdict == "inside_limits"
-    assert "another loop than the identified plant" in found.sentence
+    assert "contradicts the identified plant" in found.sentence
     assert "before the next proposal" in found.advice
     assert not any(one.decided for one in found.figures if one.loop == "rate")
     assert {one.method for one in found.figures if one.loop == "whole"} == {"injection"}
@@ -161,4 +161,4 @@ def test_nothing_more_to_gain_is_not_said_of_a_plant_that_was_not_seen() -> None
     short = replace(kept, plant=replace(kept.plant, band_rad_s=(1.0, 30.0)))
     found = checked(now=short, injected=agreed)
     assert found.verdict == "as_foretold"
-    assert "Whether more can be gained is not known: the plant was measured up to 30 rad/s." in found.advice
+    assert "The plant was measured only up to 30 rad/s, so a further step is not known." in found.advice

@@ -259,6 +259,7 @@ def _checked(
         for name, measured in injected.items()
         if name in before.whole
     ]
+    figures.sort(key=lambda one: (list(_LOOP).index(one.loop), list(COMPARED).index(one.name)))
     logged = {name: value for name, (value, _) in now.parameters.items()}
     gains = _which(before, logged)
     unstable = not contradicted and not bool(np.median(judged.rate.stable * judged.whole.stable))
@@ -351,46 +352,43 @@ def _words(
 ) -> tuple[str, str]:
     """What came of it and what to do next, in sentences."""
     peak = next((one for one in figures if (one.loop, one.name) == ("whole", "sensitivity_peak")), None)
-    told = f" Its sensitivity peak is {peak.measured.value:.2f}." if peak is not None and peak.decided else ""
+    told = f" Its peak sensitivity M_s is {peak.measured.value:.2f}." if peak is not None and peak.decided else ""
     other = (
-        f" The test signal at the mixer shows another loop than the identified plant of {axis}, which may be wrong in "
-        "both flights."
+        f" The test signal at the mixer contradicts the identified plant of {axis}, which may be wrong in both flights."
         if contradicted
         else ""
     )
     sweep = f"Fly a sweep of {axis} up to {_sweep_to(figures, now):.0f} rad/s"
     if verdict == "other_gains":
         old = gains == "flown"
-        which = "the gains of the first flight" if old else "gains that are neither the proposed nor the old ones"
-        todo = (
-            "Load the proposed file, and fly again" if old else "Propose anew from this log, or load the proposed file"
-        )
-        return f"In this log {axis} flies {which}: nothing can be checked.{told}", f"{todo}."
+        which = "the gains of the first flight" if old else "neither the proposed nor the old gains"
+        todo = "Load the proposed file, and fly again" if old else "Tune from this log, or load the proposed file"
+        return f"This log was flown with {which} of {axis}, so nothing can be checked.{told}", f"{todo}."
     names = _named([one for one in figures if one.decided and not one.inside])
     if verdict == "cannot_tell":
-        missed = f" Not what was foretold: {names}." if names else ""
+        missed = f" These differ from the prediction: {names}." if names else ""
         return (
-            f"Not enough data to check {axis}; too uncertain: {_undecided(figures)}.{missed}{other}",
-            f"{sweep}, with these gains if the vehicle flies calmly, else with the rollback file, and check again.",
+            f"Not enough data to check {axis}: the {_undecided(figures)} is too uncertain.{missed}{other}",
+            f"{sweep} and check again: with these gains if the vehicle flies calmly, else with the rollback file.",
         )
     if verdict == "as_foretold":
         return (
-            f"The loop of {axis} is what was foretold.{told}{other}",
+            f"The {axis} loop is as predicted.{told}{other}",
             f"Keep these gains. {_further(axis, sweep, now)}",
         )
     if verdict == "worse":
         why = f" ({names})" if names else ""
         return (
-            f"The loop of {axis} is not what was foretold{why}, and less robust than it should be.{told}{other}",
+            f"The {axis} loop is less robust than it should be, and not as predicted{why}.{told}{other}",
             "Go back to the old gains with the rollback file, and fly a longer sweep before the next proposal.",
         )
     following = (
         f"{sweep} before the next proposal."
         if contradicted
-        else f"The next proposal should be made from this log. {_further(axis, sweep, now)}"
+        else f"Use this log for the next proposal. {_further(axis, sweep, now)}"
     )
     return (
-        f"The loop of {axis} is not what was foretold ({names}), and inside its limits.{told}{other}",
+        f"The {axis} loop is robust, but not as predicted ({names}).{told}{other}",
         f"These gains can stay. {following}",
     )
 
@@ -402,7 +400,7 @@ def _named(figures: Sequence[ComparedFigure]) -> str:
 def _undecided(figures: Sequence[ComparedFigure]) -> str:
     """Figures of the whole loop that decide nothing, or are not there."""
     decided = {one.name for one in figures if one.loop == "whole" and one.decided}
-    return ", ".join(words for name, words in COMPARED.items() if name not in decided)
+    return " or the ".join(words for name, words in COMPARED.items() if name not in decided)
 
 
 def _sweep_to(figures: Sequence[ComparedFigure], now: AxisTuning) -> float:
@@ -418,7 +416,7 @@ def _further(axis: Axis, sweep: str, now: AxisTuning) -> str:
         return "A further step is open: rotorid tune on this log proposes it."
     if not _band_reaches_peak(now):
         end = f"{now.plant.band_rad_s[1]:.0f} rad/s"
-        return f"Whether more can be gained is not known: the plant was measured up to {end}. {sweep}."
+        return f"The plant was measured only up to {end}, so a further step is not known. {sweep}."
     return f"No better gains of {axis} were found inside the limits."
 
 
