@@ -15,6 +15,7 @@ import numpy as np
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, SimulatedFlight
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.pipeline.simulation import everyday_plan
+from rotorid.signal.oscillations import check_oscillations
 from rotorid.simulation.multirotor import PERFECT
 from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, piloted
 from rotorid.simulation.wind import CALM, Wind
@@ -168,9 +169,7 @@ def plan_of(case: Case, craft: Aircraft) -> FlightPlan | None:
 def fly(case: Case) -> SimulatedFlight:
     """The flight as the autopilot had it, at every turn of its loop."""
     craft = case.craft
-    return fly_multirotor(
-        craft, plan_of(case, craft), duration_s=case.duration_s, wind=case.wind, seed=case.seed
-    )
+    return fly_multirotor(craft, plan_of(case, craft), duration_s=case.duration_s, wind=case.wind, seed=case.seed)
 
 
 @cache
@@ -199,7 +198,7 @@ def frequency_hz(flight: SimulatedFlight, axis: Axis) -> float:
 
 
 def record_of(case: Case, *, log_hz: float, jitter: float = 0.0, seed: int = 0) -> FlightRecord:
-    """The flight as its logger picks it: the first turn of the loop at or after each stamp, which may be late at random.
+    """The flight as its logger picks it: turns of the loop at or after stamps, which may be late at random.
 
     Parameters
     ----------
@@ -223,7 +222,8 @@ def record_of(case: Case, *, log_hz: float, jitter: float = 0.0, seed: int = 0) 
         name="loops",
         time_s=flight.time_s[picked],
         channels=tuple(
-            Channel(name=row, unit=STANDARD_UNITS[row], source=RATE_SOURCES[kind] if row in RATES else row) for row in rows
+            Channel(name=row, unit=STANDARD_UNITS[row], source=RATE_SOURCES[kind] if row in RATES else row)
+            for row in rows
         ),
         values=np.stack([flight.columns[row][picked] for row in rows]),
     )
@@ -284,9 +284,9 @@ def limit_cycles() -> tuple[Case, ...]:
         ("ardupilot_quad", ("roll",), 1.0, 1.0, 0.08, 0.02),
         ("betaflight_quad", ("roll",), 8.0, 0.0, 0.0, 0.0),
         ("betaflight_quad", ("pitch",), 5.6, 0.0, 0.01, 0.002),
-        ("betaflight_quad", ("roll",), 5.6, 5.6, 0.01, 0.004),
+        ("betaflight_quad", ("roll",), 5.6, 5.6, 0.01, 0.0025),
         ("betaflight_quad", ("pitch",), 5.6, 5.6, 0.01, 0.004),
-        ("betaflight_quad", both, 5.6, 5.6, 0.02, 0.003),
+        ("betaflight_quad", both, 5.6, 5.6, 0.01, 0.003),
         ("betaflight_quad", ("roll",), 2.8, 0.0, 0.02, 0.005),
         ("betaflight_quad", ("pitch",), 5.6, 5.6, 0.02, 0.005),
         ("betaflight_quad", both, 4.0, 8.0, 0.02, 0.005),
@@ -355,3 +355,103 @@ def hard_flights() -> tuple[Case, ...]:
                 )
                 number += 1
     return tuple(cases)
+
+
+def slow_swings() -> tuple[Case, ...]:
+    """24 flights whose integral or angle loop is too quick for the rate loop, hands off and with sticks."""
+    table = (
+        # vehicle, factor of P, of I, of D, of the angle gain
+        ("x500", 0.1, 10.0, 0.0, 1.0),
+        ("x500", 0.2, 3.0, 0.0, 1.0),
+        ("x500", 0.2, 1.0, 0.5, 3.0),
+        ("px4_quad", 0.05, 3.0, 0.0, 1.0),
+        ("px4_quad", 0.1, 3.0, 0.0, 1.0),
+        ("px4_quad", 0.2, 10.0, 0.0, 1.0),
+        ("px4_quad", 1.0, 20.0, 1.0, 1.0),
+        ("ardupilot_quad", 0.05, 3.0, 0.0, 1.0),
+        ("ardupilot_quad", 0.1, 10.0, 0.0, 1.0),
+        ("betaflight_quad", 0.1, 1.0, 1.0, 1.0),
+        ("betaflight_quad", 0.1, 3.0, 0.0, 1.0),
+        ("betaflight_quad", 0.2, 10.0, 0.0, 1.0),
+    )
+    return tuple(
+        Case(
+            vehicle=vehicle,
+            proportional=p,
+            integral=i,
+            derivative=d,
+            angle=a,
+            wind_m_s=3.0,
+            gusts_m_s=0.5,
+            stick=stick,
+            seed=700 + number,
+        )
+        for stick in (0.0, 0.4)
+        for number, (vehicle, p, i, d, a) in enumerate(table)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """What was said of one record of a flight."""
+
+    right: bool
+    frequency_due: bool
+    frequency_right: bool
+
+
+def logged_rates_hz(case: Case) -> tuple[float, ...]:
+    """The rates of logs that its autopilot can write."""
+    return tuple(rate for rate in LOG_RATES_HZ if rate <= LOOP_HZ[case.craft.autopilot.kind])
+
+
+def score(case: Case, *, log_hz: float, jitter: float = 0.0) -> Score:
+    """Whether the axes that swing by themselves are found, and no others, the strongest with its frequency.
+
+    The frequency is due where the rate of the log exceeds 2.5 times it; a stated one always has to be right.
+    """
+    check = check_oscillations(record_of(case, log_hz=log_hz, jitter=jitter, seed=case.seed))
+    true = swings(case)
+    named = {one.axis for one in check.found}
+    if not named:
+        return Score(right=not true, frequency_due=False, frequency_right=True)
+    strongest = max(check.found, key=lambda one: one.rms)
+    frequency = frequency_hz(fly(case), strongest.axis)
+    stated = strongest.frequency_hz
+    due = log_hz > 2.5 * frequency
+    near = stated is not None and abs(stated / frequency - 1.0) <= 0.05
+    return Score(
+        right=strongest.axis in true and named <= set(true),
+        frequency_due=due,
+        frequency_right=near or (not due and stated is None),
+    )
+
+
+def with_gains_of(case: Case, axis: Axis, gains: dict[str, tuple[float, float]]) -> Case:
+    """The case with the gains that were proposed for an axis, as factors."""
+    kind = case.craft.autopilot.kind
+    pattern, names = GAIN_NAMES[kind]
+    proposed = {name: new / old for name, (old, new) in gains.items()}
+
+    def factor(letter: str) -> float:
+        own = {pattern.format(names[axis], letter), f"{letter.lower()}_{axis}"}
+        return next((value for name, value in proposed.items() if name in own), 1.0)
+
+    angle = next((value for name, value in proposed.items() if name in ANGLE_NAMES), 1.0)
+    return replace(
+        case,
+        proportional=case.proportional * factor("P"),
+        integral=case.integral * factor("I"),
+        derivative=case.derivative * factor("D"),
+        angle=case.angle * angle,
+    )
+
+
+ANGLE_NAMES = (
+    "MC_ROLL_P",
+    "MC_PITCH_P",
+    "ATC_ANG_RLL_P",
+    "ATC_ANG_PIT_P",
+    "angle_level_strength",
+    "levelPID_P",
+)

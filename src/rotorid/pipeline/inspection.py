@@ -453,7 +453,9 @@ def inspect(record: FlightRecord) -> Inspection:
         channels=tuple(channel for topic in record.topics for channel in _channels(topic)),
         excitations=tuple(logged(record, maneuver) for maneuver in _in_time(*found.values())),
         supports=supports(record, found, candidates),
-        findings=worst_first((*record.findings, *_still(record), *remarks, *consistency.findings)),
+        findings=worst_first(
+            (*record.findings, *_still(record), *remarks, *_oscillations(record, flight), *consistency.findings)
+        ),
         vehicle=record.status.vehicle,
         candidates=tuple(logged(record, maneuver, CandidateManeuver) for maneuver in _in_time(*candidates.values())),
         flights=_flights(flight) if flight else (),
@@ -497,6 +499,13 @@ def _flight(record: FlightRecord) -> tuple[Airborne | None, tuple[Finding, ...]]
         unknown = remark("airborne", "log", f"When the vehicle flew is not known: {error.came.rstrip('.')}.")
         return None, tuple(never) or (unknown,)
     return found, found.findings
+
+
+def _oscillations(record: FlightRecord, flight: Airborne | None) -> tuple[Finding, ...]:
+    """Axes that swing by themselves: nothing else that such a log shows of its loops can be trusted."""
+    from rotorid.pipeline.oscillations import oscillation_findings, reviewed_oscillations
+
+    return oscillation_findings(reviewed_oscillations(record)) if flight is not None else ()
 
 
 def _still(record: FlightRecord) -> Iterator[Finding]:

@@ -338,7 +338,7 @@ def _move(record: FlightRecord, axis: Axis, flights: Intervals, power: _Power) -
         return (
             f"The log has less than {0.5 * (_FEWEST_WINDOWS + 1) * length_s:.0f} s of {name} in the air without tests."
         )
-    sizes = np.array([_rms(_above(command, window, above_hz)) for window in windows])
+    sizes = np.array([_size(command, window, above_hz) for window in windows])
     limited = power.limited_share
     run = _longest_run(command, windows, sizes, power)
     if float(np.median(sizes)) <= LARGEST_RMS and run:
@@ -451,6 +451,12 @@ def _injected(record: FlightRecord, axis: Axis, start_s: float, stop_s: float) -
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+def _size(samples: _Samples, window: slice, above_hz: float) -> float:
+    """Spread of a window above a frequency; all of its spread where even that is small, which costs a tenth."""
+    whole = float(np.std(samples.values[window]))
+    return _rms(_above(samples, window, above_hz)) if whole > LARGEST_RMS else whole
 
 
 def _above(samples: _Samples, window: slice, above_hz: float) -> FloatArray:
