@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rotorid.errors import InsufficientDataError, UsageError
@@ -14,6 +15,7 @@ from rotorid.pipeline.designs import plan_with
 from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
 from rotorid.pipeline.tuning.bands import designed_for_tune
 from rotorid.pipeline.tuning.proposal import tune
+from rotorid.plans.ardupilot import system_id
 from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.simulation.wind import Wind
 from rotorid.vehicles.px4 import with_gains
@@ -59,12 +61,37 @@ def test_tune_asks_for_no_wider_band_after_the_flight_that_was_designed_for_it(
     assert asked
     assert max(asked.values()) < 180.0
     designed = designed_for_tune(usual, record=read(first))
-    low, high = designed.plan.band_rad_s
-    assert low == 2.0
-    assert high == pytest.approx(needed_rad_s, rel=0.15)
+    assert designed.plan.band_of("roll") == designed.plan.band_of("pitch") == designed.plan.band_rad_s
+    assert designed.plan.band_rad_s == (2.0, pytest.approx(needed_rad_s, rel=0.15))
     flown, planned = (one.autopilot.rates.proportional for one in (craft, designed.aircraft))
     assert planned == pytest.approx(flown)
     assert bands_asked_for(logged(craft, designed, tmp_path / "wide.BIN")) == {}
+
+
+def test_each_axis_has_the_band_of_its_own_loop(tmp_path: Path) -> None:
+    plan = PlanChoices(shape="logarithmic_sweep", axes=("roll", "yaw"), duration_s=20.0, wind=GUSTY)
+    choices = DesignChoices(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=plan)
+    hover = tmp_path / "hover.BIN"
+    write_log(hover, fly_multirotor(choices.aircraft, duration_s=20.0, seed=5), format="bin")
+    designed = designed_for_tune(choices, record=read(hover)).plan
+    (_, yaw), (_, roll) = designed.band_of("yaw"), designed.band_of("roll")
+    assert designed.band_rad_s[1] == roll
+    assert yaw < 0.3 * roll
+    sweeps = plan_with(choices.aircraft, designed, {"roll": 0.05, "yaw": 0.1}).inputs
+    assert [one.band_rad_s for one in sweeps] == [(2.0, roll), (2.0, yaw)]
+    # The firmware's own chirp is the planned one, at its fast end too.
+    stops_hz = [system_id(one).stop_hz for one in sweeps]
+    assert stops_hz == pytest.approx([roll / (2.0 * np.pi), yaw / (2.0 * np.pi)])
+
+
+def test_set_points_that_are_sent_end_where_a_period_has_ten_of_them(tmp_path: Path) -> None:
+    plan = PlanChoices(axes=("roll",), wind=GUSTY)
+    choices = DesignChoices(vehicle="px4_quad", kinds=("pilot_sweep",), plan=plan)
+    hover = tmp_path / "hover.ulg"
+    write_log(hover, fly_multirotor(choices.aircraft, duration_s=20.0, seed=5), format="ulg")
+    assert designed_for_tune(choices, record=read(hover)).plan.band_rad_s == (2.0, 62.0)
+    inside = replace(choices, plan=replace(plan, entry="command"))
+    assert designed_for_tune(inside, record=read(hover)).plan.band_rad_s[1] > 62.0
 
 
 def test_what_has_no_gains_is_refused() -> None:

@@ -408,7 +408,7 @@ def _input(
     settings = {"noise_fraction": 0.1} if shape == "pilot_sweep" else {}
     if shape == "logarithmic_sweep":
         # As ArduPilot flies it: two cycles of the lowest frequency, and a slow fade.
-        constant_s = 4.0 * math.pi / choices.band_rad_s[0]
+        constant_s = 4.0 * math.pi / choices.band_of(axis)[0]
         settings = {
             "constant_s": constant_s,
             "fade_in_s": min(5.0, 0.1 * duration_s),
@@ -426,7 +426,7 @@ def _input(
         amplitude=-amplitude if shape in STEPS and repeat % 2 else amplitude,
         duration_s=duration_s,
         sample_rate_hz=_rate_hz(aircraft, choices),
-        band_rad_s=None if shape in STEPS else choices.band_rad_s,
+        band_rad_s=None if shape in STEPS else choices.band_of(axis),
         entry=_entry(aircraft, choices, axis, shape),
         seed=choices.seed + AXES.index(axis) + len(AXES) * repeat,
         **settings,

@@ -22,7 +22,7 @@ import numpy as np
 from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark
-from rotorid.data.record import AXES, FlightRecord, Intervals, TimeHistory
+from rotorid.data.record import AXES, FlightRecord, Intervals, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.flight_settings import DesignChoices
 from rotorid.pipeline.review.flown import Flown, flown
@@ -47,6 +47,9 @@ _FASTEST_M_S = 40.0
 _WINDOW_S = 2.0
 _LEAST_HZ = 12.0
 """Slower motion is the vehicle's, not the sensor's."""
+
+_SLOW_RAD_S = 0.8 * 2.0 * math.pi * _LEAST_HZ
+"""Test inputs that end below it leave the noise alone."""
 
 _NARROW = 4.0
 """Mean over median density, above which the fast part of a rate is a line and no noise."""
@@ -223,13 +226,20 @@ _SILENT = Sensors(gyro_noise_rad_s=0.0, accelerometer_noise_m_s2=0.0, attitude_n
 
 
 def _quiet(flight: Flown) -> Intervals:
-    """Parts of the flights without test inputs."""
+    """Parts of the flights in which no test input reaches the frequencies of the noise."""
     axes: tuple[Axis, ...] = AXES  # type: ignore[assignment]
-    tested = [(one.start_s - 1.0, one.stop_s + 1.0) for axis in axes for one in find_excitations(flight.record, axis)]
+    tested = [
+        one for axis in axes for one in find_excitations(flight.record, axis) if _fastest_rad_s(one) > _SLOW_RAD_S
+    ]
     kept = _inner(flight.flights)
-    for start_s, stop_s in tested:
-        kept = tuple(part for interval in kept for part in _without(interval, start_s, stop_s))
+    for one in tested:
+        kept = tuple(part for interval in kept for part in _without(interval, one.start_s - 1.0, one.stop_s + 1.0))
     return kept
+
+
+def _fastest_rad_s(maneuver: Maneuver) -> float:
+    """Upper end of its band; infinite where it has none, as steps."""
+    return maneuver.band_rad_s[1] if maneuver.band_rad_s is not None else math.inf
 
 
 def _without(interval: tuple[float, float], start_s: float, stop_s: float) -> Sequence[tuple[float, float]]:

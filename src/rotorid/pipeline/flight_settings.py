@@ -314,6 +314,8 @@ class PlanChoices(Immutable):
         Whether random binary signals excite all axes at the same time.
     interface
         Of a vehicle that is reached by its set-points alone.
+    bands
+        By axis, of those that are flown on their own in another band than ``band_rad_s``.
     wind
         The wind that the amplitudes allow for.
     seed
@@ -398,6 +400,7 @@ class PlanChoices(Immutable):
         ),
     ] = False
     interface: "Interface | None" = None
+    bands: "Mapping[Axis, tuple[float, float]]" = field(default_factory=dict)
     wind: "Wind" = field(default_factory=_calm)
     seed: Seed = 0
 
@@ -426,7 +429,11 @@ class PlanChoices(Immutable):
                     f"the amplitude {axis}={size:g} came",
                     needed=f"a positive one for one of the axes that are flown: {', '.join(self.axes)}",
                 )
-        self._set(axes=tuple(self.axes), amplitudes=self.amplitudes)
+        self._set(axes=tuple(self.axes), amplitudes=self.amplitudes, bands=self.bands)
+
+    def band_of(self, axis: "Axis") -> tuple[float, float]:
+        """Lowest and highest frequency of an axis that is flown on its own."""
+        return self.bands.get(axis, self.band_rad_s)
 
     def _require_taken(self) -> None:
         """Refuse test inputs at a place that a vehicle behind its set-points does not have."""

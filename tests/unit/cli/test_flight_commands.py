@@ -71,6 +71,28 @@ def test_a_previous_result_is_the_prior_of_the_next_plan(designed: Path, tmp_pat
     # 113.1 for the vehicle of the library.
     assert expected["value"] == pytest.approx(113.1 * 0.025 / 0.032, rel=0.02)
     assert expected["expected"] == pytest.approx(expected["value"], rel=0.02)
+    tuned = ("--axis", "roll", "--amplitude", "roll=0.3", "--entry", "command", "--for-tune", tmp_path / "result")
+    ran = rotorid("design", "log_sweep", "--vehicle", "px4_quad", *tuned, "--json", "--out", tmp_path / "tune")
+    assert ran.code == 0, ran.err
+    planned = json.loads(ran.out)
+    low, high = planned["plans"][0]["inputs"][0]["band_rad_s"]
+    assert low == 2.0
+    assert 40.0 < high < 90.0
+    assert planned["plans"][0]["predictions"][0]["parameters"]["L_roll"]["value"] == expected["value"]
+
+
+def test_a_log_gives_its_gains_its_noise_and_says_so(designed: Path, tmp_path: Path) -> None:
+    assert rotorid("simulate", "px4_quad", "--plan", designed / "plan.json", "--out", tmp_path / "first").code == 0
+    given = ("--axis", "roll", "--amplitude", "roll=0.3", "--duration", "30")
+    ran = rotorid(
+        "design", "sweep", "--vehicle", "px4_quad", *given, "--gains", tmp_path / "first" / "flight.ulg",
+        "--out", tmp_path / "next",
+    )  # fmt: skip
+    assert ran.code == 0
+    assert "From flight.ulg: wind 0." in ran.err
+    document = json.loads((tmp_path / "next" / "design.json").read_text())
+    assert document["provenance"]["settings"]["gyro_noise_rad_s"] == pytest.approx(0.066, rel=0.1)
+    assert "air_of_log" in {finding["kind"] for finding in document["findings"]}
 
 
 def test_several_kinds_are_compared(tmp_path: Path) -> None:
@@ -138,6 +160,11 @@ def test_numbers_of_a_vehicle_change_what_is_true(tmp_path: Path) -> None:
         (("design", "sweep", "--vehicle", "x500", "--reach", "L_rol=2"), "free parameter"),
         (("design", "sweep", "--vehicle", "x500", "--entry", "sticks"), "did you mean stick"),
         (("design", "sweep", "sweep", "--vehicle", "x500"), "each once"),
+        (("design", "sweep", "--vehicle", "x500", "--for-tune", "no.ulg", "--band", "1:9"), "--for-tune and --band"),
+        (
+            ("design", "sweep", "--vehicle", "x500", "--for-tune", "no.ulg", "--gains", "no.ulg"),
+            "--for-tune and --gains",
+        ),
         (("design", "sweep", "--vehicle", "x500", "--limit", "tilt=-3"), "a limit of tilt of -3 deg came"),
         (("design", "sweep", "--vehicle", "x500", "--model", "rate.roll,rate.rol"), "'rate.rol'"),
         (("simulate", "x500", "--turbulence", "-1"), "turbulence of -1 m/s"),

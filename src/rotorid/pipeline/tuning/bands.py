@@ -38,7 +38,7 @@ def designed_for_tune(
 ) -> DesignChoices:
     """Choices of a design whose sweeps have the band that ``tune`` needs from the gains of a log or a result.
 
-    Every axis is swept over the widest band that one of them needs. Gains, noise and wind are those of the log.
+    Each axis is swept over its own; axes at the same time over the widest. Gains, noise and wind are those of the log.
 
     Parameters
     ----------
@@ -72,12 +72,16 @@ def designed_for_tune(
     loop = aircraft_loop(craft, filtered=True)
     if choices.prior is not None:
         loop = with_prior(loop, choices.prior)
-    highest = max(_highest_rad_s(axis, controllers[axis], craft, loop) for axis in axes)
     logged_hz = log_rate_hz(format_of(craft.autopilot.kind), craft.autopilot.rate_hz)
-    entries = {choices.plan.entry or default_entry(craft, axis) for axis in axes}
-    most = min(_LOGGED * np.pi * logged_hz, np.inf if entries == {"command"} else _SENT_RAD_S)
-    highest = float(min(np.ceil(highest), np.floor(most)))
-    return replace(choices, plan=replace(choices.plan, band_rad_s=(LOWEST_RAD_S, highest)))
+    bands: dict[Axis, tuple[float, float]] = {}
+    for axis in axes:
+        sent = (choices.plan.entry or default_entry(craft, axis)) != "command"
+        most = min(_LOGGED * np.pi * logged_hz, _SENT_RAD_S if sent else np.inf)
+        highest = _highest_rad_s(axis, controllers[axis], craft, loop)
+        bands[axis] = (LOWEST_RAD_S, float(min(np.ceil(highest), np.floor(most))))
+    # Axes that are flown at the same time share the widest.
+    widest = (LOWEST_RAD_S, max(high for _, high in bands.values()))
+    return replace(choices, plan=replace(choices.plan, band_rad_s=widest, bands=bands))
 
 
 def _with_gains_of(choices: DesignChoices, models: Sequence[IdentifiedModel]) -> DesignChoices:
