@@ -193,6 +193,7 @@ def _document(
                 exported=one.exported,
                 difference_percent=None if one.held == "not" else finite(one.difference_percent),
                 held=one.held,
+                identified_std=one.identified_std,
             )
             for one in exported.compared
         ],
@@ -222,7 +223,7 @@ def _print(document: ExportDocument, folder: Path) -> None:
     """The round trip, what was given and taken from defaults, what was left out, how to start."""
     from rich.table import Table
 
-    from rotorid.exports.target import percent_text
+    from rotorid.exports.target import identified_text, percent_text
 
     console = output_console()
 
@@ -237,7 +238,8 @@ def _print(document: ExportDocument, folder: Path) -> None:
     for one in document.quantities:
         percent = "" if one.difference_percent is None else percent_text(one.difference_percent)
         unit = "" if one.unit == "1" else one.unit
-        table.add_row(one.name, f"{one.identified:.5g}", f"{one.exported:.5g}", unit, percent, _HELD[one.held])
+        was = identified_text(one.identified, one.identified_std)
+        table.add_row(one.name, was, f"{one.exported:.5g}", unit, percent, _HELD[one.held])
     if document.quantities:
         console.print(table)
     for title, numbers in (("given", document.given), ("default", document.defaults)):

@@ -39,7 +39,7 @@ class FileDocument(Document):
 
 
 class ComparedDocument(Document):
-    """A quantity as it was identified, and as the equations of the target have it at hover."""
+    """A quantity as it was identified, with one standard deviation, and as the target's equations have it at hover."""
 
     name: str
     unit: str
@@ -47,6 +47,7 @@ class ComparedDocument(Document):
     exported: float
     difference_percent: float | None
     held: Literal["exact", "approximated", "not"]
+    identified_std: float | None = None
 
 
 class DrawsDocument(Document):

@@ -272,6 +272,13 @@ def _thrust(vehicle: JoinedVehicle, defaults: dict[str, VehicleNumber], findings
             "thrust in hover is held and its slope is not."
         )
         findings.append(warn("export_compromise", "propExpo", message, expo=curve.expo))
+    controller = vehicle.controller
+    if controller is not None and controller.autopilot == "ArduPilot":
+        message = (
+            f"Outputs do what they did in flight. SITL's autopilot asks the motors for {gain:.3f} times its demand, "
+            "for density alone; what the autopilot that flew made up for voltage is not in SITL's loops."
+        )
+        findings.append(remark("export_compromise", "MOT_BAT_VOLT_MAX", message, gain=gain))
     return _Thrust(
         expo=curve.expo, hover_share=curve.hover_share, spin_min=low, spin_max=high, exact=curve.exact, gain=gain
     )
@@ -285,7 +292,8 @@ def _straightened(vehicle: JoinedVehicle, known: Straightening, gain: float, fin
     message = (
         f"The vehicle is known by demands of thrust, for which its autopilot asked {flown_gain:.3f} times as much of "
         f"the motors, to make up for voltage and density. SITL asks for {gain:.3f} times as much, for density alone "
-        "(MOT_BAT_VOLT_MAX is 0). hoverThrOut makes up for the difference: demands do what they did in flight."
+        "(MOT_BAT_VOLT_MAX is 0). hoverThrOut makes up for the difference: demands do what they did in flight, to "
+        "about 1 %, as well as SITL's barometer knows the density."
     )
     findings.append(remark("export_compromise", "hoverThrOut", message, flown_gain=flown_gain, gain=gain))
     share = gain * vehicle.hover_output
@@ -517,11 +525,6 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, thrust: _Thrust) -> list
         full_n = vehicle.hover_force_n / thrust.hover_share
         form = f"of SITL's form with an expo of {thrust.expo:.3g}"
         said += full_thrust_words(form, full_n, body.rotors.thrust_at(thrust.spin_max))
-    said.append(
-        f"SITL's autopilot asks its motors for {thrust.gain:.3f} times its demand, to make up for density by its "
-        "barometer: the output in hover and the gains by demands are certain to about 1 %."
-        + ("" if thrust.of_demands else " What the autopilot that flew made up for voltage is not in its loops.")
-    )
     if vehicle.altitude_m is None:
         said.append(
             f"The altitude of the flight is not known: thrust is as identified at {_HOME_M:g} m, where SITL starts."

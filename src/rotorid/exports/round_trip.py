@@ -163,7 +163,8 @@ def compared(
     """Rows of the round trip: gains, hover output, lag, delay, and the derivatives that are known.
 
     A gain is what all rotors together do when each moves in proportion to what it does on that axis, the most effective
-    by one output.
+    by one output. The output in hover is compared with the mean that the result states of its flights, not with what
+    follows from the numbers that were exported.
 
     Parameters
     ----------
@@ -183,14 +184,19 @@ def compared(
 def _rows(
     vehicle: JoinedVehicle, identified: HoverMotion, exported: HoverMotion, held: Mapping[str, Held], *, delay: bool
 ) -> Iterable[Compared]:
+    spread = _spread(vehicle)
+
     def row(name: str, unit: str, was: float, is_now: float, usual: Held = "exact") -> Compared:
-        return Compared(name=name, unit=unit, identified=was, exported=is_now, held=held.get(name, usual))
+        kind = held.get(name, usual)
+        return Compared(
+            name=name, unit=unit, identified=was, exported=is_now, held=kind, identified_std=spread.get(name)
+        )
 
     for name, (axis, unit) in _GAINS.items():
-        was = identified.by_output[axis]
-        pattern = was / np.abs(was).max() if np.abs(was).max() > _NOTHING else np.zeros_like(was)
-        yield row(name, unit, float(was @ pattern), float(exported.by_output[axis] @ pattern))
-    yield row(HOVER, "1", identified.hover_output, exported.hover_output)
+        yield row(name, unit, _gain(identified, axis), float(exported.by_output[axis] @ _pattern(identified, axis)))
+    stated = vehicle.stated_hover_output
+    close = abs(stated / identified.hover_output - 1.0) <= _SAME_HOVER
+    yield row(HOVER, "1", stated, exported.hover_output, "exact" if close else "approximated")
     if identified.lag_s is not None:
         name = f"{LAG} and {DELAY}" if delay and DELAY in vehicle.numbers else LAG
         now = exported.lag_s
@@ -200,9 +206,45 @@ def _rows(
             identified=identified.lag_s,
             exported=0.0 if now is None else now,
             held="not" if now is None else held.get(LAG, "exact"),
+            identified_std=_std_of(vehicle, "T_motor", *([DELAY] if name != LAG else [])),
         )
     if (late := vehicle.numbers.get(DELAY)) is not None and late.value > 0.0 and not delay:
         yield row(DELAY, "s", late.value, 0.0, "not")
     for name, (i, j, unit) in _DERIVATIVES.items():
         if name in vehicle.numbers:
             yield row(name, unit, float(identified.by_motion[i, j]), float(exported.by_motion[i, j]))
+
+
+_SAME_HOVER = 0.005
+"""Share by which the output of the flights may differ from that by mass and thrust, and is still held exactly."""
+
+
+def _pattern(motion: HoverMotion, axis: int) -> FloatArray:
+    """How much each rotor moves for an axis, the most effective by one."""
+    effect = motion.by_output[axis]
+    most = float(np.abs(effect).max())
+    return effect / most if most > _NOTHING else np.zeros_like(effect)
+
+
+def _gain(motion: HoverMotion, axis: int) -> float:
+    return float(motion.by_output[axis] @ _pattern(motion, axis))
+
+
+def _std_of(vehicle: JoinedVehicle, *names: str) -> float | None:
+    stds = [vehicle.numbers[name].std for name in names if name in vehicle.numbers]
+    return float(np.hypot.reduce([one for one in stds if one])) if any(stds) else None
+
+
+def _spread(vehicle: JoinedVehicle) -> dict[str, float]:
+    """One standard deviation of each row: of derivatives their own, of what follows from several over the draws."""
+    found = {name: std for name in (*_DERIVATIVES, DELAY) if (std := _std_of(vehicle, name)) is not None}
+    bodies = [(one, one.multirotor) for one in vehicle.draws if one.multirotor is not None]
+    if len(bodies) < _FEWEST_DRAWS:
+        return found
+    motions = [identified_motion(one, body, lag_s=None) for one, body in bodies]
+    rows = {name: [_gain(motion, axis) for motion in motions] for name, (axis, _) in _GAINS.items()}
+    rows[HOVER] = [motion.hover_output for motion in motions]
+    return found | {name: float(np.std(values, ddof=1)) for name, values in rows.items()}
+
+
+_FEWEST_DRAWS = 20

@@ -44,6 +44,8 @@ class Compared(Immutable):
         Whether the target holds it exactly, as well as its form allows, or not at all.
     size
         What a difference is measured by, where not the identified value: for quantities that may be zero.
+    identified_std
+        One standard deviation of the identified value; ``None`` where none is stated.
 
     Examples
     --------
@@ -57,6 +59,7 @@ class Compared(Immutable):
     exported: float
     held: Held
     size: float | None = None
+    identified_std: float | None = None
 
     @property
     def difference_percent(self) -> float:
@@ -191,10 +194,22 @@ def table_lines(compared: Sequence[Compared]) -> list[str]:
     rows = [("quantity", "identified", "exported", "difference", "held")]
     for one in compared:
         unit = "" if one.unit in ("", "1") else f" {one.unit}"
+        was = identified_text(one.identified, one.identified_std)
         told = difference_text(one)
-        rows.append((one.name, f"{one.identified:.5g}{unit}", f"{one.exported:.5g}{unit}", told, _WORDS[one.held]))
+        rows.append((one.name, f"{was}{unit}", f"{one.exported:.5g}{unit}", told, _WORDS[one.held]))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def identified_text(value: float, std: float | None) -> str:
+    """A value with its standard deviation, where one is stated.
+
+    Examples
+    --------
+    >>> identified_text(0.363352, 0.00412), identified_text(0.05, None)
+    ('0.36335 ± 0.0041', '0.05')
+    """
+    return f"{value:.5g} ± {std:.2g}" if std else f"{value:.5g}"
 
 
 def difference_text(one: Compared) -> str:

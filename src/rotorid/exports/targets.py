@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from rotorid.data.base import Immutable
-from rotorid.errors import UsageError
+from rotorid.errors import ModelError, UsageError
 from rotorid.exports.target import ExportChoices, Exported
 
 if TYPE_CHECKING:
@@ -199,9 +199,10 @@ def export_draws(
     import numpy as np
 
     from rotorid.exports.draws import draws, require_possible
+    from rotorid.pipeline.joined import joined_vehicle
 
     def made(drawn: Sequence[IdentifiedModel]) -> Exported:
-        vehicle = joined(drawn, choices, given=given, layout=layout)
+        vehicle = joined_vehicle(drawn, given=given, name=choices.names, layout=layout)
         require_possible(vehicle)
         return export(vehicle, target, choices)
 
@@ -215,10 +216,31 @@ def joined(
     given: Mapping[str, float] | None = None,
     layout: RotorLayout | None = None,
 ) -> JoinedVehicle:
-    """What is exported, under the name that was chosen."""
+    """What is exported, under the name that was chosen, with draws for the intervals of what follows from it."""
     from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
 
     if isinstance(what, JoinedVehicle):
         return what
     models = what if isinstance(what, Sequence) else [what]
-    return joined_vehicle(models, given=given, name=choices.names, layout=layout)
+    vehicle = joined_vehicle(models, given=given, name=choices.names, layout=layout)
+    if vehicle.multirotor is None or not any(model.bounds.names for model in models):
+        return vehicle
+    import numpy as np
+
+    from rotorid.exports.draws import draws, require_possible
+
+    def made(drawn: Sequence[IdentifiedModel]) -> JoinedVehicle:
+        one = joined_vehicle(drawn, given=given, name=choices.names, layout=layout)
+        require_possible(one)
+        return one
+
+    try:
+        drawn, _ = draws(models, _DRAWS, made, rng=np.random.default_rng(0))
+    except ModelError:
+        # Known too badly for an interval: the numbers themselves are written with their own.
+        return vehicle
+    return replace(vehicle, draws=tuple(drawn))
+
+
+_DRAWS = 100
+"""Of which a standard deviation is known to 7 %."""

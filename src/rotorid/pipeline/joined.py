@@ -154,6 +154,9 @@ class JoinedVehicle(Immutable):
         Gains of the first log that held some.
     altitude_m
         Of the flight above sea level, where known.
+    draws
+        The same joined from results drawn from their covariance, as many as an interval takes; none where nothing was
+        drawn.
     findings
         Remarks.
     """
@@ -164,10 +167,25 @@ class JoinedVehicle(Immutable):
     models: tuple[IdentifiedModel, ...] = ()
     controller: ControllerSettings | None = None
     altitude_m: float | None = None
+    draws: tuple[JoinedVehicle, ...] = field(default=(), repr=False)
     findings: tuple[Finding, ...] = field(default=())
 
     def __post_init__(self) -> None:
-        self._set(numbers=self.numbers, models=tuple(self.models), findings=tuple(self.findings))
+        self._set(
+            numbers=self.numbers, models=tuple(self.models), draws=tuple(self.draws), findings=tuple(self.findings)
+        )
+
+    @property
+    def stated_hover_output(self) -> float:
+        """Mean output in hover that a result states of its flights; by mass and thrust, where none does.
+
+        Raises
+        ------
+        UsageError
+            The vehicle is not known in full.
+        """
+        motors = (model.motors for model in self.models if model.motors is not None)
+        return next((one.hover_output for one in motors if one.outputs != "speed"), self.hover_output)
 
     @property
     def hover_output(self) -> float:

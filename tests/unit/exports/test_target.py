@@ -119,3 +119,29 @@ def test_files_are_written_into_their_folders(tmp_path: object) -> None:
     exported.write(folder)
     found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     assert found == set(exported.files)
+
+
+def test_rows_state_the_spread_of_the_results_and_hover_is_that_of_the_flights() -> None:
+    """Thrust and mass known to 1 %, with terms that nobody correlates: gains are no better than their parts."""
+    exported = export([motors(I_zz=0.038), hover()], "px4-sih")
+    rows = {one.name: one for one in exported.compared}
+    assert rows["hover output"].identified == pytest.approx(0.5233)
+    for name in ("vertical", "roll", "pitch", "yaw"):
+        gain = rows[f"{name} acceleration per output"]
+        assert gain.identified_std is not None
+        assert 0.002 < gain.identified_std / gain.identified < 0.03
+    lag = rows["motor lag"]
+    assert lag.identified_std == pytest.approx(0.01 * lag.identified)
+    assert " ± " in table_lines([lag])[1]
+
+
+@pytest.mark.parametrize(("stated", "held"), [(0.5077, "exact"), (0.5233, "approximated")])
+def test_a_hover_that_mass_and_thrust_do_not_give_is_not_exact(stated: float, held: str) -> None:
+    """The output that follows from exported numbers is that of the export by construction: it says nothing."""
+    model = motors(I_zz=0.038)
+    assert model.motors is not None
+    exported = export(replace(model, motors=replace(model.motors, hover_output=stated)), "mujoco")
+    (found,) = (one for one in exported.compared if one.name == "hover output")
+    assert (found.identified, found.held) == (stated, held)
+    assert found.exported == pytest.approx(0.5077, rel=1e-3)
+    assert found.difference_percent == pytest.approx(100.0 * (0.5077 / stated - 1.0), abs=0.1)
