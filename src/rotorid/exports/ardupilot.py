@@ -39,6 +39,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import ModelError
 from rotorid.exports.arrangement import Arranged, arranged, refuse_tilted
+from rotorid.exports.estimates import instead_of_default
 from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, VERTICAL, YAW, compared, identified_motion, linearized
 from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
 from rotorid.exports.thrust import HoverThrust, expo_thrust, full_thrust_words
@@ -369,7 +370,9 @@ def _momentum_drag(
     """``mdrag_coef`` of the drag over mass, which is it times the root of ``scale``."""
     known = [-vehicle.numbers[name].value for name in ("X_u", "Y_v") if name in vehicle.numbers]
     if not known:
-        return _usual("mdrag_coef", defaults)
+        sizes = dict.fromkeys(("X_u", "Y_v", "Z_w"), 1.0 / math.sqrt(scale))
+        seen = instead_of_default(vehicle, sizes, "mdrag_coef", _USUAL["mdrag_coef"][0], "1", findings)
+        return _usual("mdrag_coef", defaults) if seen is None else seen
     drag = float(np.mean(known)) / math.sqrt(scale)
     if drag < 0.0:
         message = f"mdrag_coef would be {drag:.3g}, which pushes instead of braking; it was set to zero."
@@ -404,7 +407,7 @@ def _rotation_rate(
         if name in vehicle.numbers
     ]
     if not rest:
-        return _usual("refRotRate", defaults)
+        return _unknown_rotation_rate(vehicle, body, per_rotor, defaults, findings)
     mean = float(np.mean(rest))
     if mean <= 0.0:
         message = (
@@ -414,6 +417,27 @@ def _rotation_rate(
         findings.append(warn("export_compromise", "refRotRate", message, excess_1_s=-mean))
         return 0.0
     return _DAMPING / mean
+
+
+def _unknown_rotation_rate(
+    vehicle: JoinedVehicle,
+    body: Multirotor,
+    per_rotor: float,
+    defaults: dict[str, VehicleNumber],
+    findings: list[Finding],
+) -> float:
+    """``refRotRate`` where neither roll nor pitch is known: of what is seen of any axis, or SITL's own."""
+    hubs, inertia = body.rotors.layout.positions, np.diag(body.inertia_kg_m2)
+    levers = {"L_p": (1, 2, inertia[0]), "M_q": (0, 2, inertia[1]), "N_r": (0, 1, inertia[2])}
+    drags = [per_rotor * float((hubs[:, i] ** 2 + hubs[:, j] ** 2).sum()) / about for i, j, about in levers.values()]
+    usual = _DAMPING / _USUAL["refRotRate"][0]
+    of_drag = float(np.mean(drags[:2]))
+    total = instead_of_default(
+        vehicle, dict.fromkeys(levers, 1.0), "damping of rates", usual + of_drag, "1/s", findings
+    )
+    if total is None:
+        return _usual("refRotRate", defaults)
+    return _DAMPING / (total - of_drag) if total > of_drag else 0.0
 
 
 # The equations

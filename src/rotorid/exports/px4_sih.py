@@ -32,6 +32,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import ModelError
 from rotorid.exports.arrangement import Arranged, arranged, refuse_tilted
+from rotorid.exports.estimates import instead_of_default
 from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, YAW, compared, identified_motion, linearized
 from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
 from rotorid.exports.thrust import full_thrust_words, sih_lag
@@ -179,8 +180,10 @@ def _parameters(
     findings: list[Finding] = []
     roll_m, pitch_m = _levers(body)
     lag_s = lag_of(vehicle, choices)
-    drag = _mean_drag(vehicle, {"X_u": body.mass_kg, "Y_v": body.mass_kg}, "SIH_KDV", "N s/m", defaults, findings)
-    damping = _mean_drag(vehicle, {"L_p": inertia[0, 0], "M_q": inertia[1, 1]}, "SIH_KDW", "N m s", defaults, findings)
+    masses = dict.fromkeys(("X_u", "Y_v", "Z_w"), body.mass_kg)
+    inertias = {"L_p": float(inertia[0, 0]), "M_q": float(inertia[1, 1]), "N_r": float(inertia[2, 2])}
+    drag = _mean_drag(vehicle, masses, "SIH_KDV", "N s/m", defaults, findings)
+    damping = _mean_drag(vehicle, inertias, "SIH_KDW", "N m s", defaults, findings)
     if lag_s is None:
         defaults["SIH_T_TAU"] = _default(_USUAL_LAG_S, "s", "SIH_T_TAU")
     values = {
@@ -261,10 +264,13 @@ def _mean_drag(
     defaults: dict[str, VehicleNumber],
     findings: list[Finding],
 ) -> float:
-    """One coefficient for several axes: the mean of what is known, else the rate of SIH's own vehicle."""
-    known = [-vehicle.numbers[name].value * size for name, size in sizes.items() if name in vehicle.numbers]
+    """One coefficient for several axes: the mean of the first two, else what is seen of any, else that of SIH's own."""
+    level = dict(list(sizes.items())[:2])
+    known = [-vehicle.numbers[name].value * size for name, size in level.items() if name in vehicle.numbers]
     if not known:
-        value = _USUAL_RATE_1_S * float(np.mean(list(sizes.values())))
+        value = _USUAL_RATE_1_S * float(np.mean(list(level.values())))
+        if (seen := instead_of_default(vehicle, sizes, parameter, value, unit, findings)) is not None:
+            return seen
         defaults[parameter] = _default(value, unit, f"{_USUAL_RATE_1_S:g} 1/s as SIH's own vehicle has it")
         return value
     mean = float(np.mean(known))

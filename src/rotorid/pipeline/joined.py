@@ -148,6 +148,9 @@ class JoinedVehicle(Immutable):
         The rigid body with its rotors; ``None`` where one of mass, inertia, thrust, arm and torque constant is missing.
     numbers
         By the names of :data:`UNITS`; what is not known is absent.
+    dropped
+        Motion derivatives that fits dropped and nothing else knows, as they were before, with the least that their
+        errors can be.
     models
         What it was joined from.
     controller
@@ -164,6 +167,7 @@ class JoinedVehicle(Immutable):
     name: str
     multirotor: Multirotor | None
     numbers: Mapping[str, VehicleNumber]
+    dropped: Mapping[str, VehicleNumber] = field(default_factory=dict)
     models: tuple[IdentifiedModel, ...] = ()
     controller: ControllerSettings | None = None
     altitude_m: float | None = None
@@ -172,7 +176,11 @@ class JoinedVehicle(Immutable):
 
     def __post_init__(self) -> None:
         self._set(
-            numbers=self.numbers, models=tuple(self.models), draws=tuple(self.draws), findings=tuple(self.findings)
+            numbers=self.numbers,
+            dropped=self.dropped,
+            models=tuple(self.models),
+            draws=tuple(self.draws),
+            findings=tuple(self.findings),
         )
 
     @property
@@ -339,6 +347,7 @@ def joined_vehicle(
         name=name,
         multirotor=body,
         numbers=numbers,
+        dropped=_dropped(models, numbers),
         models=tuple(models),
         controller=next((one.controller for one in (*flown, *models) if one.controller is not None), None),
     )
@@ -630,6 +639,22 @@ def _of_airframe(model: IdentifiedModel) -> dict[str, VehicleNumber]:
         known_s = first.known_filters_s or 0.0
         own_s = max(first.input_delay_s + first.output_delay_s - known_s, 0.0)
         found["delay"] = VehicleNumber(value=own_s, unit="s", source="derived", std=_delay_std(model), of=of)
+    return found
+
+
+def _dropped(models: Sequence[IdentifiedModel], numbers: Mapping[str, VehicleNumber]) -> dict[str, VehicleNumber]:
+    """Derivatives that a reduction took out of the models, by their last estimates and Cramér–Rao bounds."""
+    found = {}
+    for model in models:
+        for step in model.fit.reduction:
+            name, percent = step.parameter, step.cramer_rao_percent
+            if step.action != "dropped" or name not in MOTION or name in numbers or not percent:
+                continue
+            if _UNIT_WORDS.get(model.parameters[name].unit, model.parameters[name].unit) != UNITS[name]:
+                continue
+            std = abs(step.value_before) * percent / 100.0
+            of = f"dropped from {_label(model)}"
+            found[name] = VehicleNumber(value=step.value_before, unit=UNITS[name], source="identified", std=std, of=of)
     return found
 
 
