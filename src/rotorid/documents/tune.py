@@ -12,7 +12,8 @@ from rotorid.data.quantity import Quantity
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.review import QuantityDocument
 from rotorid.pipeline.results import Refused
-from rotorid.pipeline.tuning.proposal import SWEEP_OVER_CROSSOVER, AxisTuning, PathStep, TuningProposal
+from rotorid.pipeline.tuning.proposal import AxisTuning, PathStep, TuningProposal
+from rotorid.tuning.bands import SWEEP_OVER_CROSSOVER
 from rotorid.tuning.loops import over_draws, quantities
 from rotorid.tuning.proposal import Judged, robustness_in_words
 from rotorid.typing import Axis

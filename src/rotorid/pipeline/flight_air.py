@@ -130,9 +130,7 @@ def flown_as(choices: DesignChoices, record: FlightRecord) -> DesignChoices:
     UsageError
         The log holds no gains, or those of another autopilot.
     """
-    chosen = replace(
-        choices, gains=record.parameters, gains_source=record.source.name, firmware=record.source.firmware
-    )
+    chosen = replace(choices, gains=record.parameters, gains_source=record.source.name, firmware=record.source.firmware)
     air = logged_air(record, chosen.aircraft, height_m=choices.plan.wind.height_m)
     calm = not choices.plan.wind.speed_m_s and not choices.plan.wind.turbulence_m_s
     plan = replace(choices.plan, wind=air.wind) if calm and air.wind is not None else choices.plan

@@ -451,7 +451,7 @@ def _path(
     axis: Axis, known: KnownAxis, found: AxisProposal, settings: TuneSettings, thrust: ThrustLinearization | None
 ) -> tuple[PathStep, ...]:
     """The flights to the goal, gains as the firmware will hold them; an angle gain of two axes stays as proposed."""
-    wishes = _wishes(known.controller, settings, thrust)
+    wishes = wishes_of(known.controller, settings, thrust)
     if (angle := _angle(known)) is not None and angle.shared:
         wishes = replace(wishes, angle_1_s=found.proposed.gains.A)
     beyond = steps_beyond(
