@@ -384,7 +384,7 @@ def _from_outside(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     known = {f"{axis}_command", f"{axis}_excitation"} if declared else {f"{axis}_command"}
     names = [name for name in excitation_signals(record, axis) if name not in known]
     found = _purposeful(record, axis, names)
-    if any(maneuver.kind in RICH_KINDS for maneuver in declared):
+    if any(maneuver.kind in RICH_KINDS for maneuver in record.declared if maneuver.axis == axis):
         rich = [m for m in found if m.kind in RICH_KINDS]
         found = (*rich, *(m for m in _short_on_trim(record, axis, names) if not _any_shared(m, rich)))
     others = tuple(m for m in found if not _any_shared(m, declared))
@@ -503,8 +503,10 @@ def _short_on_trim(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tu
     """Doublets and multisteps in the first signal that shows any, about what a pilot holds against the wind meanwhile.
 
     The trim is the median over 3 s before and after, so that what is looked for is shorter than that. Beside what a log
-    declares, such maneuvers only verify.
+    declares, such maneuvers only verify: what is half as large as the largest of them and more, before the first run
+    that is declared and after the last one. Smaller pushes, and those during a run, are corrections.
     """
+    begin_s, end_s = min(m.start_s for m in record.declared), max(m.stop_s for m in record.declared)
     for name in names:
         for topic, row in record.holding(name):
             finite = np.isfinite(topic.values[row])
@@ -514,8 +516,17 @@ def _short_on_trim(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tu
             grid = np.arange(time_s[0], time_s[-1] + _TRIM_STEP_S, _TRIM_STEP_S)
             edges = np.searchsorted(time_s, [grid - _TRIM_S, grid + _TRIM_S])
             trim = [np.median(values[low : max(high, low + 1)]) for low, high in edges.T]
-            moved = _in_signal(time_s, values - np.interp(time_s, grid, trim), axis, name, rest=0.0)
-            short = [m for m in moved if m.kind in ("doublet", "multistep") and not _by_autopilot(record, m)]
+            motion = values - np.interp(time_s, grid, trim)
+            motion[(time_s > begin_s) & (time_s < end_s)] = 0.0
+            least = 0.5 * float(np.abs(motion).max())
+            moved = _in_signal(time_s, motion, axis, name, rest=0.0)
+            short = [
+                m
+                for m in moved
+                if m.kind in ("doublet", "multistep")
+                and not _by_autopilot(record, m)
+                and float(np.abs(motion[(time_s >= m.start_s) & (time_s <= m.stop_s)]).max()) >= least
+            ]
             if found := _level_flight(record, short):
                 return found
     return ()
