@@ -11,6 +11,8 @@ import pytest
 
 import rotorid
 from rotorid.pipeline import tune
+from rotorid.pipeline.review.flown import flown
+from rotorid.pipeline.review.margins import margins
 from rotorid.signal.excitations import find_excitations, rich_excitations, verifying_excitations
 from rotorid.typing import Axis, FloatArray
 
@@ -157,3 +159,14 @@ def test_a_plan_in_offboard_mode_gives_the_simulator_back(
         estimate = found_roll.parameters[name]
         assert estimate.std is not None
         assert abs(estimate.value - truth) < 2.0 * estimate.std, name
+
+
+def test_a_short_sweep_reviews_as_a_wide_one_measures(log: Callable[[str], rotorid.FlightRecord]) -> None:
+    """One vehicle with the same gains: what lies beyond 50 rad/s follows from the plant and the known gyro filter."""
+    short, wide = (margins(flown(log(name)))[0] for name in (CARD, WIDE))
+    for axis in AXES:
+        assert "sensitivity_peak" in short[axis].by_model
+        assert "sensitivity_peak" not in wide[axis].by_model
+        for name in ("crossover_rad_s", "phase_margin_deg", "gain_margin_db", "sensitivity_peak"):
+            told, measured = short[axis].numbers[name], wide[axis].numbers[name]
+            assert abs(told.value - measured.value) < 2.0 * np.hypot(told.std, measured.std), (axis, name)

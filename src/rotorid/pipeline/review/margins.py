@@ -28,7 +28,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import LOWEST_RATE_HZ, TimeHistory
 from rotorid.data.response import FrequencyResponse
-from rotorid.errors import InsufficientDataError
+from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.delay.estimate import AIRFRAME_ORDERS, FASTEST_GROWTH_RAD_S, LONGEST_S
 from rotorid.fitting.delay.fit import (
     LateLag,
@@ -50,9 +50,13 @@ from rotorid.models.controller import RateController
 from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, logged_axis, usual_throttle
 from rotorid.pipeline.review.flown import LEAST_MOTION_S, Flown, loop_response
 from rotorid.pipeline.review.values import Instrument, MarginReview, Untold
-from rotorid.spectral.derived import LARGEST_ERROR, LEAST_COHERENCE, Estimated, LogCurve, log_curve
+from rotorid.signal.autopilot_filters import known_filters
+from rotorid.signal.excitations import rich_excitations
+from rotorid.signal.filters import KnownFilter
+from rotorid.spectral.derived import LARGEST_ERROR, LEAST_COHERENCE, Estimated, LogCurve, corrected, log_curve
 from rotorid.spectral.loops import at_points, sensitivity, series
 from rotorid.spectral.margins import LoopMargins, disturbance_rejection, loop_margins
+from rotorid.spectral.windows import trusted_to_rad_s
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 
 NUMBERS = (
@@ -178,7 +182,8 @@ def _margins(flight: Flown, axis: Axis) -> tuple[MarginReview, list[Untold]]:
     flown = _nearest(settings, seen)
     acting = {name: acting_on(flight.record, one.rate_loop, source=source) for name, one in flown.items()}
     plant = _without_trap(plant, list(acting.values()), axis)
-    model = None if way.rests else _late_lag(plant, histories[0].sample_rate_hz)
+    filters = known_filters(flight.record, source)
+    model = None if way.rests else _late_lag(plant, histories[0].sample_rate_hz, filters)
     each = {name: _numbers(plant, controller, model, rests=way.rests) for name, controller in acting.items()}
     main, *_ = each
     told = each[main]
@@ -264,9 +269,16 @@ def _coherence(histories: Sequence[TimeHistory], one: str, other: str) -> float:
 
 
 def _plant(flight: Flown, axis: Axis, way: _Way, histories: Sequence[TimeHistory]) -> FrequencyResponse:
-    return loop_response(
+    plant = loop_response(
         flight, reference=f"{axis}_command", answer=RATE_OF[axis], instrument=way.channel, histories=histories
     )
+    bands = [m.band_rad_s for m in rich_excitations(flight.record, axis) if m.signal == way.channel and m.band_rad_s]
+    if not way.channel.endswith("_excitation") or not bands:
+        return plant
+    # Beyond the end of a sweep leakage and feedback are coherent too.
+    low, top = min(band[0] for band in bands), trusted_to_rad_s(max(band[1] for band in bands), plant.windows_s)
+    inside = np.flatnonzero((plant.omega_rad_s >= low) & (plant.omega_rad_s <= top))
+    return at_points(plant, inside) if inside.size else plant
 
 
 def _without_trap(plant: FrequencyResponse, controllers: Sequence[LoggedController], axis: Axis) -> FrequencyResponse:
@@ -679,12 +691,17 @@ _UNITS: Mapping[str, str] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Model(Immutable):
-    """A late lag fitted to the plant, with draws of its coefficients, shape ``(draws, p)``."""
+    """A late lag fitted to the plant, with draws of its coefficients, shape ``(draws, p)``.
+
+    The filters between the motion and the logged rate are known: a lag that stood in for them would say that they let
+    through beyond the band what they take away.
+    """
 
     lag: LateLag
     theta: FloatArray
     draws: FloatArray
     band_rad_s: tuple[float, float]
+    filters: tuple[KnownFilter, ...] = ()
 
     def numbers(self, controller: LoggedController) -> dict[str, Quantity]:
         """What the model says of the loop, as far as it has it; of a crossover only near the band."""
@@ -693,6 +710,8 @@ class _Model(Immutable):
             top = min(top, _MOST_OF_RATE * 2.0 * math.pi / controller.controller.step_s)
         omega = np.geomspace(max(self.band_rad_s[0], 1.0), top, _GRID_POINTS)
         C = controller.response(omega)
+        for known in self.filters:
+            C = C * known.response(omega)
         best, *drawn = [_read(omega, self.lag.response(theta, omega)[0] * C) for theta in (self.theta, *self.draws)]
         return {
             name: quantity
@@ -739,8 +758,13 @@ def _read(omega_rad_s: FloatArray, loop: ComplexArray) -> dict[str, float]:
     return found
 
 
-def _late_lag(plant: FrequencyResponse, sample_rate_hz: float) -> _Model | None:
-    """A lag with a delay that explains the plant, or ``None`` where none does."""
+def _late_lag(plant: FrequencyResponse, sample_rate_hz: float, filters: tuple[KnownFilter, ...] = ()) -> _Model | None:
+    """A lag with a delay that explains the plant without its known filters, or ``None`` where none does."""
+    try:
+        plant = corrected(plant, {plant.outputs[0]: filters}) if filters else plant
+    except UsageError:
+        # A filter left too little at the end of the band to be taken off; then a lag has to stand in for it.
+        filters = ()
     used = (plant.random_error <= LARGEST_ERROR) & (plant.coherence >= LEAST_COHERENCE)
     used[0, 0] &= _together(used[0, 0])
     if np.count_nonzero(used) < _FEWEST_POINTS:
@@ -765,6 +789,7 @@ def _late_lag(plant: FrequencyResponse, sample_rate_hz: float) -> _Model | None:
         theta=best.solution.theta,
         draws=_draws(best),
         band_rad_s=(float(points.omega_rad_s[0]), float(points.omega_rad_s[-1])),
+        filters=filters,
     )
 
 
