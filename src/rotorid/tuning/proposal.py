@@ -57,6 +57,9 @@ _GOAL_UP = 16.0
 _MOST = 0.5
 """Of the draws, more have to say that flown gains break a limit where the plant was not seen."""
 
+_CALMER = 0.1
+"""Share of an integral with which it swings no loop any more."""
+
 _QUIET = 0.01
 """Of the range of a command: noise below it is no matter."""
 
@@ -280,7 +283,8 @@ def propose(
                 break
     if best is None:
         if hot := _flown_broken(flown, plant, wishes):
-            reasons.append(f"the flown gains do not keep {hot}: lower P and D by hand, and fly the sweep again")
+            lower = "I" if _swings_slowly(flown, flown_parts or parts, plants) else "P and D"
+            reasons.append(f"the flown gains do not keep {hot}: lower {lower} by hand, and fly the sweep again")
         return AxisProposal(
             axis=axis, controller=controller, flown=flown, proposed=flown, better=1.0, reasons=tuple(reasons)
         )
@@ -378,6 +382,13 @@ def _capped(gains: Gains, flown: Gains, wishes: Wishes) -> bool:
 def _over(one: Judged, other: Judged) -> float:
     """Attitude under a moment with one set of gains over that with another: the median over the draws."""
     return float(np.median(one.attitude_rms / other.attitude_rms))
+
+
+def _swings_slowly(flown: Judged, parts: ControllerParts, plants: _Plants) -> bool:
+    """Whether a loop is unstable since its integral is too strong for P and A: with less of it, it is not."""
+    calmer = judged(parts, plants.drawn, replace(flown.gains, I=_CALMER * flown.gains.I), from_rad_s=plants.from_rad_s)
+    before, after = (float(np.mean(one.rate.stable * one.whole.stable)) for one in (flown, calmer))
+    return before < _MOST < after
 
 
 def judged(parts: ControllerParts, plants: ComplexArray, gains: Gains, *, from_rad_s: float = 0.0) -> Judged:

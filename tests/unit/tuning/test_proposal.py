@@ -96,6 +96,18 @@ def test_flown_gains_with_too_much_integral_are_unstable_and_come_down() -> None
     assert found.proposed.whole.stable.all() or not found.changed
 
 
+def test_the_advice_names_the_gain_that_swings_the_loop() -> None:
+    """Slow swings are those of the integral, fast ones those of P and D."""
+    none = Wishes(most_up=1.0, most_down=1.0, angle_down=1.0, noise=0.1)
+    slow = Gains(P=0.03, I=0.5, D=0.001, A=3.0).on(FLOWN)
+    fast = Gains(P=1.5, I=0.3, D=0.02, A=5.0).on(FLOWN)
+    for controller, name in ((slow, "lower I by hand"), (fast, "lower P and D by hand")):
+        found = propose("roll", known(), controller, wishes=none)
+        assert not found.changed
+        assert not found.flown.whole.stable.any()
+        assert any(name in reason for reason in found.reasons)
+
+
 def test_soft_gains_are_raised_and_hold_on_other_draws() -> None:
     found = propose("roll", known(), FLOWN)
     assert found.changed
