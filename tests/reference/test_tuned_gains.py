@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 import rotorid
+from rotorid.cli.tune import _print
 from rotorid.data.quantity import Quantity
+from rotorid.documents.tune import tune_document
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline import TuningProposal, check_tuning, tune
 from rotorid.pipeline.tuning.check import Foretold
+from rotorid.report.tune import render_tune
 from rotorid.tuning.loops import quantities
 
 SWEEP = "ardupilot_sitl/x_calm_roll.BIN"
@@ -153,3 +156,23 @@ def test_the_path_of_the_wide_sweep_ends_where_a_second_step_was_flown(wide: Tun
     assert np.median(goal.judged.attitude_rms) < 0.85 * np.median(path[0].judged.attitude_rms)
     # Only the first flight comes as a file.
     assert "ATC_ANG_RLL_P,6" in wide.files["proposed.param"]
+
+
+def test_the_path_stands_on_the_terminal_on_the_page_and_in_the_document(
+    wide: TuningProposal, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = tune_document(wide)
+    first, goal = document.axes["roll"].path
+    assert (first.flight, first.goal, goal.flight, goal.goal) == (1, False, 2, True)
+    assert first.gains["ATC_ANG_RLL_P"] == document.axes["roll"].gains["ATC_ANG_RLL_P"].proposed
+    assert goal.attitude_ratio.value < first.attitude_ratio.value
+    assert document.robustness.startswith("M_s up to 1.7, recommended")
+    _print(document, tmp_path)
+    shown = capsys.readouterr().out
+    assert "path of roll" in shown
+    assert "2, goal" in shown
+    assert "limit: M_s up to 1.7" in shown
+    page = render_tune(wide, title="Gains")
+    assert "The way to the goal" in page
+    assert "recommended: the loop stays stable" in page
+    assert "tilts the vehicle in roll 6.2 times less than today" in page
