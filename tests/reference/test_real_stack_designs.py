@@ -11,6 +11,7 @@ from scipy.signal import coherence
 
 import rotorid
 from rotorid.data.flight_plan import FlightPlan
+from rotorid.data.record import Maneuver
 from rotorid.excitation.plan import sequence, together
 from rotorid.models.library import rate_model
 from rotorid.pipeline.designs import expected_values
@@ -136,3 +137,17 @@ def test_the_band_for_tune_is_one_that_was_flown_and_held(unpacked: Callable[[st
     # at 40; the usual one ends at 50, and of the gains that oscillate three times the crossover is 490.
     assert low == pytest.approx(1.9, abs=0.2)
     assert 1.5 * 40.4 < high < 130.0
+
+
+def test_the_bounds_that_are_foretold_are_stated_of_the_flight(
+    guided: rotorid.FlightRecord, foretold: FlightPlan
+) -> None:
+    craft = with_gains(aircraft("ardupilot_quad"), guided.parameters, source="the log")
+    segment = Maneuver(axis="roll", kind="multisine", start_s=BEGIN_S + 4.0, stop_s=BEGIN_S + 44.0)
+    settings = rotorid.IdentifySettings(segments=(segment,), instruments=("phi_setpoint",), estimate="joint")
+    found = rotorid.identify(guided, "rate.roll", settings=settings).parameters
+    model = rate_model("rate.roll")
+    told = predict(model, expected_values(model, craft), aircraft_loop(craft), foretold)
+    for name in ("L_roll", "L_p"):
+        assert 0.5 < told[name].std / found[name].std_random < 2.0
+    assert abs(found["L_roll"].value - 437.2) < 2.0 * found["L_roll"].std

@@ -549,7 +549,7 @@ _FOLLOWED = 0.9
 def not_followed(one: Designed, craft: Aircraft) -> list[Finding]:
     """The warning that an autopilot smooths the attitude set-points of a plan until another test input flies."""
     shaping = craft.autopilot.shaping
-    flown = shaped_plan(one.planned.plan, shaping, craft.autopilot.rate_hz)
+    flown = as_flown(craft, one.planned.plan)
     found: list[Finding] = []
     for asked, flies in zip(one.planned.plan.inputs, flown.inputs, strict=True):
         if flies is asked or asked.axis in {finding.where for finding in found}:
@@ -596,7 +596,7 @@ def _designed(
     kind: Shape,
 ) -> Designed:
     planned = plan_for(craft, replace(choices.plan, shape=kind))
-    excited = _as_flown(craft, tested(planned.plan, kind))
+    excited = as_flown(craft, tested(planned.plan, kind))
     told = []
     for model in models:
         _PROGRESS.info(f"what the {kind.replace('_', ' ')} will tell about {model.name}")
@@ -617,7 +617,7 @@ def tested(plan: FlightPlan, kind: Shape) -> FlightPlan:
     return replace(plan, inputs=tuple(one for one in plan.inputs if one.shape == kind))
 
 
-def _as_flown(craft: Aircraft, plan: FlightPlan) -> FlightPlan:
+def as_flown(craft: Aircraft, plan: FlightPlan) -> FlightPlan:
     """A plan with the set-points that fly, which are those that the log shows."""
     return shaped_plan(plan, craft.autopilot.shaping, craft.autopilot.rate_hz)
 
@@ -658,7 +658,7 @@ def _shortest(
 
     def lasting(duration_s: float) -> FlightPlan:
         wish = replace(choices.plan, shape=kind, duration_s=duration_s, amplitudes=sizes, doublets=False)
-        return _as_flown(craft, plan_with(craft, wish, sizes))
+        return as_flown(craft, plan_with(craft, wish, sizes))
 
     found: dict[str, Shortest] = {}
     for model in models:

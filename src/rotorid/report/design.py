@@ -20,7 +20,7 @@ from rotorid.data.findings import worst_first
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, SimulatedFlight
 from rotorid.documents.design import DesignDocument
 from rotorid.errors import UsageError
-from rotorid.pipeline.designs import STEPS, Designed, Planned, Told
+from rotorid.pipeline.designs import STEPS, Designed, Planned, Told, as_flown
 from rotorid.pipeline.flight_settings import DesignChoices
 from rotorid.planning.amplitude import Limits, Reached
 from rotorid.planning.duration import Shortest
@@ -443,7 +443,7 @@ class ExpectedPictures:
 
 
 def flown(one: Designed, choices: DesignChoices) -> SimulatedFlight:
-    """The flight whose extremes the plan holds, once more: the same wind and the same noise."""
+    """One of the flights whose usual extremes the plan holds, once more: the first draw of wind and noise."""
     from rotorid.simulation.multirotor_flight import fly_multirotor
 
     return fly_multirotor(choices.aircraft, one.planned.plan, wind=choices.plan.wind, seed=choices.plan.seed)
@@ -512,15 +512,16 @@ def input_channel(one: PlannedInput) -> str:
     return f"{(RATE_OF if one.entry == 'rate_setpoint' else ANGLE_OF)[one.axis]}_setpoint"
 
 
-def spectrum_picture(plan: FlightPlan, *, key: str) -> Picture:
-    """What the test inputs excite; of those that are repeated the first."""
-    first: dict[tuple[str, str], PlannedInput] = {}
-    for one in plan.inputs:
-        first.setdefault((one.axis, one.shape), one)
+def spectrum_picture(plan: FlightPlan, flies: FlightPlan, *, key: str) -> Picture:
+    """What the test inputs excite as they fly; of those that are repeated the first."""
+    first: dict[tuple[str, str], tuple[PlannedInput, bool]] = {}
+    for sent, one in zip(plan.inputs, flies.inputs, strict=True):
+        # What an autopilot shapes has no lines any more.
+        first.setdefault((one.axis, one.shape), (one, one.shape == "multisine" and one is sent))
     shapes = {one.shape for one in plan.inputs}
     inputs = []
-    for one in first.values():
-        omega, values = density(one)
+    for one, lines in first.values():
+        omega, values = density(one, lines=lines)
         words = f"{one.axis} {kind_words(one.shape)}" if len(shapes) > 1 else one.axis
         inputs.append(
             Excited(
@@ -529,7 +530,7 @@ def spectrum_picture(plan: FlightPlan, *, key: str) -> Picture:
                 omega_rad_s=omega,
                 density=values,
                 band_rad_s=one.band_rad_s,
-                lines=one.shape == "multisine",
+                lines=lines,
             )
         )
     return in_all_units(
@@ -539,14 +540,14 @@ def spectrum_picture(plan: FlightPlan, *, key: str) -> Picture:
     )
 
 
-def density(one: PlannedInput) -> tuple[FloatArray, FloatArray]:
+def density(one: PlannedInput, *, lines: bool = False) -> tuple[FloatArray, FloatArray]:
     """One-sided spectral density of a test input in rad/s and SI units squared per hertz, each shape ``(f,)``.
 
-    That of a multisine stands at its lines, those from a tenth of the largest amplitude: it is their power over the
-    distance to their neighbors. Others are averaged in bins of a tenth of their frequency or four lines, whichever is
-    wider.
+    That of lines, as a multisine has them, stands at those from a tenth of the largest amplitude: it is their power
+    over the distance to their neighbors. Others are averaged in bins of a tenth of their frequency or four lines,
+    whichever is wider.
     """
-    lines, rate_hz = one.shape == "multisine", one.sample_rate_hz
+    rate_hz = one.sample_rate_hz
     # Behind the last period of a multisine stands a zero.
     values = one.values[:-1] if lines else one.values
     size = values.size
@@ -732,7 +733,7 @@ def _plan_section(one: Designed, choices: DesignChoices, *, anchor: str) -> Plan
         inputs=input_rows(one.planned),
         reached=reached_rows(one.planned.reached, choices.plan.limits),
         flight=flight_picture(plan, flown(one, choices), choices.plan.limits, key=f"{anchor}-flight"),
-        spectrum=spectrum_picture(plan, key=f"{anchor}-spectrum"),
+        spectrum=spectrum_picture(plan, as_flown(choices.aircraft, plan), key=f"{anchor}-spectrum"),
         models=tuple(
             _model_section(told, choices, anchor=f"{anchor}-model-{number}") for number, told in enumerate(one.told)
         ),

@@ -348,7 +348,7 @@ def test_the_flight_is_the_one_whose_extremes_are_told(alone: Page) -> None:
 
 def test_the_density_of_a_multisine_holds_its_power_at_its_lines() -> None:
     for one in multisines().inputs:
-        omega, values = density(one)
+        omega, values = density(one, lines=True)
         lines = omega * 10.0 / (2.0 * math.pi)
         np.testing.assert_allclose(lines, np.round(lines), atol=1e-9)
         assert BAND[0] <= omega[0] < omega[-1] <= BAND[1]
