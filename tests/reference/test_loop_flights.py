@@ -21,9 +21,8 @@ from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.io.parameters import parameters_changed
-from rotorid.models.autopilots.reading import rate_controller
 from rotorid.models.controller import RateController
-from rotorid.pipeline.preparation.controllers import logged_controller
+from rotorid.pipeline.preparation.controllers import logged_axis, logged_controller
 from rotorid.pipeline.preparation.loops import MODEL_ERROR
 from rotorid.signal.clock import resample
 from rotorid.signal.filters import combined_response
@@ -148,6 +147,13 @@ def px4(unpacked: Callable[[str], Path]) -> tuple[FlightRecord, list[TimeHistory
     return record, list(histories)
 
 
+def px4_controller(record: FlightRecord) -> RateController:
+    """The controller of roll as everything takes it from a log: by the firmware that its commands show."""
+    found = logged_axis(record, "roll_command", source="vehicle_angular_velocity.xyz[0]")
+    assert found is not None
+    return found.controller
+
+
 def px4_plant(omega_rad_s: FloatArray) -> ComplexArray:
     s = 1j * omega_rad_s
     return 113.1 / ((0.048 * s + 1.0) * (s + 1.0)) * np.exp(-5.3e-3 * s)
@@ -157,8 +163,7 @@ def test_px4_plant_with_its_gains_makes_the_rate_loop(
     px4: tuple[FlightRecord, list[TimeHistory]],
 ) -> None:
     record, histories = px4
-    controller = rate_controller(record.parameters, "roll")
-    assert controller is not None
+    controller = px4_controller(record)
     plant = frequency_response(histories, inputs=["roll_command"], outputs=["p"], instruments=["roll_stick"], **PX4)
     C = controller.rate_loop.response(plant.omega_rad_s)
     loop = series(plant, C)
@@ -176,8 +181,7 @@ def test_px4_error_is_not_all_that_the_controller_sees(
     px4: tuple[FlightRecord, list[TimeHistory]],
 ) -> None:
     record, histories = px4
-    controller = rate_controller(record.parameters, "roll")
-    assert controller is not None
+    controller = px4_controller(record)
     found = error_loop(histories, setpoint="p_setpoint", output="p", instrument="roll_stick", **PX4)
     omega = found.omega_rad_s
     s = 1j * omega
@@ -208,8 +212,7 @@ def test_px4_controller_cannot_be_read_from_a_calm_flight(
 
 def test_px4_attitude_bandwidth_is_that_of_its_loops_behind_a_late_stick(unpacked: Callable[[str], Path]) -> None:
     record = rotorid.read(unpacked("px4_sitl/roll.ulg"))
-    controller = rate_controller(record.parameters, "roll")
-    assert controller is not None
+    controller = px4_controller(record)
     histories = resample(
         record, channels=("roll_command", "phi"), auxiliary=("roll_stick",), start_s=40.54, stop_s=122.54
     ).histories

@@ -5,6 +5,7 @@ from __future__ import annotations
 from rotorid.data.record import FlightRecord
 from rotorid.io.ardupilot import advice as ardupilot
 from rotorid.io.px4 import advice as px4
+from rotorid.io.px4.versions import firmware_shown
 
 _OTHER_LOGGING = "log it, or name its source with --map"
 _STICKS = "sweep the {axis} stick, slow to fast, for a minute or more"
@@ -25,7 +26,7 @@ def logging_advice(record: FlightRecord, rate_hz: float) -> str:
         case "ArduPilot":
             return ardupilot.logging_advice(record.parameters, record.source.firmware, rate_hz)
         case "PX4":
-            return px4.logging_advice(record.parameters, record.source.firmware)
+            return px4.logging_advice(record.parameters, _px4_firmware(record))
         case _:
             return _OTHER_LOGGING
 
@@ -44,7 +45,7 @@ def sensor_advice(record: FlightRecord, rate_hz: float) -> str:
         case "ArduPilot":
             return ardupilot.sensor_advice(record.parameters, record.source.firmware, rate_hz)
         case "PX4":
-            return px4.logging_advice(record.parameters, record.source.firmware)
+            return px4.logging_advice(record.parameters, _px4_firmware(record))
         case "Betaflight":
             return "set blackbox_sample_rate to 1 kHz and more"
         case _:
@@ -57,7 +58,7 @@ def raw_gyro_advice(record: FlightRecord) -> str:
         case "ArduPilot":
             return ardupilot.raw_gyro_advice(record.parameters, record.source.firmware)
         case "PX4":
-            return px4.raw_gyro_advice(record.parameters, record.source.firmware)
+            return px4.raw_gyro_advice(record.parameters, _px4_firmware(record))
         case "Betaflight":
             return "set debug_mode = GYRO_SCALED, or log gyroUnfilt from 4.4 on"
         case _:
@@ -70,7 +71,7 @@ def motor_advice(record: FlightRecord) -> str:
         case "ArduPilot":
             return ardupilot.motor_advice(record.parameters)
         case "PX4":
-            return px4.motor_advice(record.source.firmware)
+            return px4.motor_advice(_px4_firmware(record))
         case "Betaflight":
             return "enable the motors in the blackbox (blackbox_disable_motors = OFF)"
         case _:
@@ -101,3 +102,9 @@ def flying_advice(record: FlightRecord) -> str:
 
 def _autopilot(record: FlightRecord) -> str:
     return record.source.format.partition(" ")[0]
+
+
+def _px4_firmware(record: FlightRecord) -> str:
+    """The firmware by its name, and by what the log holds: builds without tags call themselves 1.8.0."""
+    sources = (channel.source.partition("[")[0] for topic in record.topics for channel in topic.channels)
+    return firmware_shown(record.source.firmware, (*sources, *record.parameters))

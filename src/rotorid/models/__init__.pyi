@@ -1,5 +1,6 @@
 from rotorid.models.autopilots.reading import axis_controller as axis_controller
 from rotorid.models.autopilots.reading import rate_controller as rate_controller
+from rotorid.models.autopilots.versions import firmware_candidates as firmware_candidates
 from rotorid.models.autopilots.settings import AxisController as AxisController
 from rotorid.models.autopilots.settings import described as described
 from rotorid.models.black_box import black_box_pairs as black_box_pairs

@@ -277,8 +277,8 @@ def stepped(controller: RateController, *, step_s: float, driven: Driven) -> Ste
     Each step integrates the angle, filters the rate set-point :math:`A (r - \int y)`, filters the error, differences
     and filters the derivative, integrates the error, adds what is fed forward, and filters the command. First-order
     filters are :math:`x_k = x_{k-1} + \frac{h}{h + 1/\omega_c} (v_k - x_{k-1})`, integrals
-    :math:`x_k = x_{k-1} + h v_k`, as PX4 and ArduPilot have them. All of it is within the order of the step of
-    :meth:`RateController.response`; the delay of the controller is not part of it.
+    :math:`x_k = x_{k-1} + h v_k`, as ArduPilot has them, and one step late for PX4. All of it is within the order of
+    the step of :meth:`RateController.response`; the delay of the controller is not part of it.
 
     Parameters
     ----------
@@ -356,9 +356,11 @@ class _Program:
         damped = low_pass(damped, through(3, -rate), own.error_cutoff_hz)
         now = error if own.derivative_of_error else damped
         slope = low_pass(slope, through(4, (now - seen) / step_s), own.derivative_cutoff_hz)
+        before_integral = integral
         integral += step_s * error
         proportional = low_pass(proportional, own.proportional_s * error, own.proportional_cutoff_hz)
         ahead = own.feedforward * target + own.feedforward_derivative_s * (target - before_target) / step_s
-        total = proportional + own.integral * integral + own.derivative_s2 * slope + ahead
+        summed = before_integral if own.late_integral else integral
+        total = proportional + own.integral * summed + own.derivative_s2 * slope + ahead
         command = low_pass(command, total, own.command_cutoff_hz)
         return [angle, integral, target, error, damped, now, slope, proportional, command, *after]

@@ -23,6 +23,9 @@ from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
 STEP_RATE_HZ = 1000.0
 """Airframe and controller advance at least as often as this."""
 
+_OF_A_STEP = 0.05
+"""Of a step: logs whose rate is that of the program are off by less."""
+
 ALIKE_TIC = 0.1
 """Of a controller that is the one that flew; no guideline of the field."""
 
@@ -355,10 +358,12 @@ def _later(values: FloatArray, delay: float) -> FloatArray:
 def controller_alone(
     loop: Loop, rate: FloatArray, command: FloatArray, *, filtered: Filter, sample_rate_hz: float
 ) -> LoopScores:
-    """How well a controller makes the measured command of the measured rate and set-point.
+    """How well a controller makes the measured command of the measured rate and set-point, step by step.
 
-    This needs no model of the airframe: it says whether the controller is the one that flew. Offset, angle and integral
-    at the beginning are estimated.
+    This needs no model of the airframe: it says whether the controller is the one that flew. It runs at the rate of its
+    own program, where that is known, on samples that go straight from one to the next. Offset, angle and integral at
+    the beginning are estimated. A program whose rate loop runs before its angle loop takes the set-point of the step
+    before.
 
     Parameters
     ----------
@@ -373,14 +378,16 @@ def controller_alone(
     """
     from rotorid.simulation.linear_kernels import recursion
 
-    fine = max(1, math.ceil(STEP_RATE_HZ / sample_rate_hz - 1e-9))
+    step_rate_hz = 1.0 / loop.controller.step_s if loop.controller.step_s > 0.0 else STEP_RATE_HZ
+    fine = max(1, math.ceil(step_rate_hz / sample_rate_hz - _OF_A_STEP))
     samples = np.arange(rate.size)
     grid = np.arange((rate.size - 1) * fine + 1) / fine
+    older = 1.0 / fine if loop.controller.late_angle and loop.driven == "rate" else 0.0
     own = stepped(loop.controller, step_s=1.0 / (fine * sample_rate_hz), driven=loop.driven)
     late = grid - loop.controller.delay_s * sample_rate_hz
     driving = np.stack(
         [
-            np.interp(grid, samples, loop.setpoint - loop.setpoint.mean()),
+            np.interp(grid - older, samples, loop.setpoint - loop.setpoint.mean()),
             np.interp(late, samples, rate - rate.mean()),
         ]
     )

@@ -75,7 +75,12 @@ def test_it_is_as_much_as_thrust_bends() -> None:
 
 def test_without_attitude_or_command_nothing_is_known() -> None:
     plain, asked = response(), response("phi_setpoint")
-    assert with_lean_errors(plain, *flown(("phi",)), factor=1.0) is plain
+    assert with_lean_errors(plain, *flown(("theta",)), factor=1.0) is plain
+    # Pitch rests at its trim, so that roll alone shows all of the lean.
+    found, whole = (with_lean_errors(plain, *flown(angles), factor=1.0) for angles in (("phi",), ("phi", "theta")))
+    assert found.lean_errors is not None
+    assert whole.lean_errors is not None
+    np.testing.assert_allclose(found.lean_errors, whole.lean_errors)
     assert with_lean_errors(asked, *flown(), factor=1.0) is asked
 
 

@@ -14,6 +14,7 @@ from rotorid.pipeline.preparation.consistency import Consistency, Stretch
 from rotorid.pipeline.preparation.unchecked import (
     USUAL_BIAS,
     USUAL_LEAN,
+    USUAL_OTHER_LEAN,
     USUAL_SCALE,
     USUAL_SLOPE,
     unchecked_scales,
@@ -48,6 +49,8 @@ LOOKED_AT = {"lean_errors": 0.001 * np.ones((1, OMEGA.size)), "slope_changes": 0
     ("source", "known", "feedback", "alike", "own"),
     [
         ("roll_command", (), False, USUAL_SLOPE, USUAL_LEAN),
+        ("roll_command", ("lean_errors", "theta"), False, USUAL_SLOPE, USUAL_LEAN),
+        ("roll_command", ("lean_errors", "phi"), False, USUAL_SLOPE, USUAL_OTHER_LEAN),
         ("pitch_command", ("slope_changes",), False, 0.0, USUAL_LEAN),
         ("roll_command", ("lean_errors",), False, USUAL_SLOPE, 0.0),
         ("yaw_command", (), False, USUAL_SLOPE, 0.0),  # nothing leans in yaw
@@ -59,8 +62,13 @@ LOOKED_AT = {"lean_errors": 0.001 * np.ones((1, OMEGA.size)), "slope_changes": 0
 def test_what_was_not_looked_at_has_its_usual_size(
     source: str, known: tuple[str, ...], feedback: bool, alike: float, own: float
 ) -> None:
-    looked_at = {name: LOOKED_AT[name] for name in known}
-    found, findings = with_unchecked_errors(response(source, **looked_at), curvature=1.0, feedback=feedback)
+    looked_at = {name: LOOKED_AT[name] for name in known if name in LOOKED_AT}
+    angles = [name for name in ("phi", "theta") if name in known] or (
+        ["phi", "theta"] if "lean_errors" in known else []
+    )
+    found, findings = with_unchecked_errors(
+        response(source, **looked_at), angles=angles, curvature=1.0, feedback=feedback
+    )
     if not alike and not own:
         assert (found.unchecked_errors, findings) == (None, ())
         return
@@ -71,7 +79,7 @@ def test_what_was_not_looked_at_has_its_usual_size(
 
 
 def test_thrust_in_proportion_to_its_command_leaves_nothing_to_look_at() -> None:
-    found, findings = with_unchecked_errors(response(), curvature=0.0, feedback=False)
+    found, findings = with_unchecked_errors(response(), angles=[], curvature=0.0, feedback=False)
     assert found.unchecked_errors is None
     assert findings == ()
 

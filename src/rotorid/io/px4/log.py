@@ -24,6 +24,7 @@ from rotorid.io.px4.advice import logging_advice
 from rotorid.io.px4.sensors import SENSOR_FIELDS, sensor_topics
 from rotorid.io.px4.status import STATUS_FIELDS, status_of
 from rotorid.io.px4.ulog import MAGIC, extract
+from rotorid.io.px4.versions import firmware_shown
 from rotorid.typing import AnyArray, FloatArray
 
 FORMAT = "PX4 ULog"
@@ -386,7 +387,8 @@ def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any], firmware: str
     yield from _dropouts(facts["dropouts"])
     if changed := facts.get("changed"):
         yield parameters_changed(changed, "Parameters changed in the log")
-    advice = logging_advice(facts["parameters"], firmware)
+    sources = (channel.source.partition("[")[0] for topic in topics for channel in topic.channels)
+    advice = logging_advice(facts["parameters"], firmware_shown(firmware, (*sources, *facts["parameters"])))
     remedy = f"{capital(advice)}."
     yield from _missing(topics, remedy)
     yield from _slow(topics, remedy)

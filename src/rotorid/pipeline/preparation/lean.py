@@ -19,8 +19,9 @@ exact linearization. Models of one axis lay that on the speed derivatives, which
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -32,7 +33,8 @@ from rotorid.pipeline.preparation.while_moving import Watched, mean_while_moving
 from rotorid.pipeline.results import Segment
 from rotorid.typing import FloatArray
 
-_ANGLES = ("phi", "theta")
+ANGLES: Mapping[str, str] = MappingProxyType({"roll_command": "phi", "pitch_command": "theta"})
+"""Inputs that make a vehicle lean, and the angle by which it does."""
 
 _SHARE = 0.6
 """Root mean square of a share of which nothing but zero to one is known: 1/√3, rounded."""
@@ -48,18 +50,20 @@ def with_lean_errors(
     response
         Measured responses.
     flights
-        Logs and maneuvers behind them. Where a log holds no attitude nothing is known, and the response stays as it is.
+        Logs and maneuvers behind them. An input whose own angle a log lacks has no error here, but its usual one
+        (:mod:`rotorid.pipeline.preparation.unchecked`).
     segments
         Their data.
     factor
         How thrust bends, see :func:`rotorid.pipeline.preparation.thrust_slope.curvature`.
     """
     records = {flight.record.source.name: flight.record for flight in flights}
-    names = [name for name in response.inputs if is_command(name)]
-    if not names or factor == 0.0 or not all(set(_ANGLES) <= set(record.channel_names) for record in records.values()):
+    angles = logged_angles(records.values())
+    names = [name for name in response.inputs if is_command(name) and ANGLES.get(name, "phi") in angles]
+    if not names or factor == 0.0:
         return response
     parts = [
-        Watched.of(segment.history, names, _squared_lean(records[segment.record], segment.history.time_s))
+        Watched.of(segment.history, names, _squared_lean(records[segment.record], segment.history.time_s, angles))
         for segment in segments
         if segment.record in records
     ]
@@ -72,7 +76,13 @@ def with_lean_errors(
     return replace(response, lean_errors=errors)
 
 
-def _squared_lean(record: FlightRecord, time_s: FloatArray) -> FloatArray:
+def logged_angles(records: Iterable[FlightRecord]) -> tuple[str, ...]:
+    """Angles of the lean that all of some logs hold."""
+    held = [set(record.channel_names) for record in records]
+    return tuple(name for name in ANGLES.values() if all(name in names for names in held))
+
+
+def _squared_lean(record: FlightRecord, time_s: FloatArray, names: Sequence[str]) -> FloatArray:
     """Square of the lean about its mean, in rad² and at most one, shape ``(n,)``."""
-    angles = [np.interp(time_s, record[name].time_s, record[name].values) for name in _ANGLES]
+    angles = [np.interp(time_s, record[name].time_s, record[name].values) for name in names]
     return np.asarray(np.minimum(sum((angle - angle.mean()) ** 2 for angle in angles), 1.0))

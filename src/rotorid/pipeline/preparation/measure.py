@@ -32,7 +32,7 @@ from rotorid.pipeline.preparation.instruments import (
     no_instrument,
     open_loop,
 )
-from rotorid.pipeline.preparation.lean import with_lean_errors
+from rotorid.pipeline.preparation.lean import logged_angles, with_lean_errors
 from rotorid.pipeline.preparation.segments import cut, histories, holds, require_known, source_of, with_surroundings
 from rotorid.pipeline.preparation.thrust_slope import curvature, with_slope_changes
 from rotorid.pipeline.preparation.unchecked import unchecked_scales, with_unchecked_errors
@@ -324,7 +324,8 @@ def _measured(
     if any(is_command(name) for name in inputs):
         bent = curvature([record for record, _ in flights], [one for one in flights if one.maneuver.axis == "thrust"])
         known = with_lean_errors(with_slope_changes(known, records, bent), flights, segments, bent)
-    known, left = with_unchecked_errors(known, curvature=bent, feedback=unknown)
+    angles = logged_angles(record for record, _ in flights)
+    known, left = with_unchecked_errors(known, angles=angles, curvature=bent, feedback=unknown)
     measured = Measured(
         response=known,
         direct=direct if joint else None,

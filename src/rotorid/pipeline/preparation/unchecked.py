@@ -6,7 +6,8 @@ to be well, so each of these errors is taken as unknown, with the size that it h
 sweeps of real autopilot stacks on which it was looked at, in simulation and in wind, and of 12 flights of real vehicles
 for the gyro):
 
-- *lean*: 1.5 % times the curvature of thrust, of responses to roll and pitch;
+- *lean*: 1.5 % times the curvature of thrust, of responses to roll and pitch; 0.2 % where the other angle alone is
+  missing;
 - *slope of thrust*: 1.5 % times that curvature, of all responses to an input alike;
 - *scale of a gyro*: 1 %, the tolerance of its data sheet;
 - *feedback*: :math:`1.3\,\% \sqrt{\max(1, 5/\omega)}`, where commands contain feedback and no instrument is logged.
@@ -18,7 +19,7 @@ intervals so, and not narrower ones.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,22 +29,21 @@ from rotorid.data.findings import Finding, remark
 from rotorid.data.response import FrequencyResponse
 from rotorid.pipeline.preparation.consistency import Consistency
 from rotorid.pipeline.preparation.instruments import is_command
+from rotorid.pipeline.preparation.lean import ANGLES
 from rotorid.typing import FloatArray
 
-USUAL_LEAN, USUAL_SLOPE = 0.015, 0.015
-"""Relative error by lean, and by the change of the slope of thrust, at a curvature of one."""
+USUAL_LEAN, USUAL_OTHER_LEAN, USUAL_SLOPE = 0.015, 0.002, 0.015
+"""Relative error at a curvature of one, by the lean that an input makes, by the lean about the other axis (3° in wind),
+and by the change of the slope of thrust."""
 
 USUAL_SCALE = 0.01
 """Relative error of the scale of a gyro; a check that is less certain is none."""
 
 USUAL_BIAS, _BIAS_GROWS_BELOW_RAD_S = 0.013, 5.0
 
-_LEANING = ("roll_command", "pitch_command")
-"""Inputs that make a vehicle lean."""
-
 
 def with_unchecked_errors(
-    response: FrequencyResponse, *, curvature: float, feedback: bool
+    response: FrequencyResponse, *, angles: Collection[str], curvature: float, feedback: bool
 ) -> tuple[FrequencyResponse, tuple[Finding, ...]]:
     """A response with the usual size of the errors that could not be looked at, and the remarks on them.
 
@@ -51,13 +51,15 @@ def with_unchecked_errors(
     ----------
     response
         With ``lean_errors`` and ``slope_changes`` where the log shows them.
+    angles
+        Which of ``phi`` and ``theta`` the logs hold.
     curvature
         How thrust bends, see :func:`rotorid.pipeline.preparation.thrust_slope.curvature`.
     feedback
         Whether inputs may contain feedback that no instrument takes out.
     """
     commands = np.array([is_command(name) for name in response.inputs])
-    leaning = np.array([name in _LEANING for name in response.inputs])
+    lean = USUAL_LEAN * curvature * np.array([_unseen_lean(response, name, angles) for name in response.inputs])
     frequencies = response.omega_rad_s
     nothing = np.zeros((len(response.inputs), frequencies.size))
     slope, own = nothing.copy(), nothing.copy()
@@ -67,9 +69,9 @@ def with_unchecked_errors(
         findings.append(
             _remark("slope", "thrust_command is not logged as a share of full thrust", USUAL_SLOPE * curvature)
         )
-    if response.lean_errors is None and leaning.any() and curvature > 0.0:
-        own[leaning] = USUAL_LEAN * curvature
-        findings.append(_remark("lean", "phi and theta are not both logged", USUAL_LEAN * curvature))
+    if lean.any():
+        own += lean[:, None]
+        findings.append(_remark("lean", "phi and theta are not both logged", float(lean.max())))
     if feedback:
         grown = np.sqrt(np.maximum(1.0, _BIAS_GROWS_BELOW_RAD_S / frequencies))
         own = np.hypot(own, USUAL_BIAS * grown)
@@ -77,6 +79,15 @@ def with_unchecked_errors(
     if not findings:
         return response, ()
     return replace(response, unchecked_errors=np.stack([slope, own])), tuple(findings)
+
+
+def _unseen_lean(response: FrequencyResponse, name: str, angles: Collection[str]) -> float:
+    """Share of the usual error by lean that nothing shows of an input."""
+    if name not in ANGLES:
+        return 0.0
+    if ANGLES[name] not in angles or response.lean_errors is None:
+        return 1.0
+    return 0.0 if set(ANGLES.values()) <= set(angles) else USUAL_OTHER_LEAN / USUAL_LEAN
 
 
 def unchecked_scales(

@@ -22,6 +22,7 @@ from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.models.autopilots.betaflight import NAME as BETAFLIGHT
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.pipeline.checking.controllers import Controllers
@@ -344,6 +345,9 @@ def explained(flown: FlownAxis, model: IdentifiedModel) -> list[Finding]:
     if found is None:
         return [_unchecked(axis, f"The log holds no set-point of {axis}")]
     _, setpoint, scores = found
+    if not scores.alike and flown.controller.autopilot == BETAFLIGHT:
+        # iterm relax, a D that moves and limits make much of a command in freestyle: this is no other controller.
+        return [_unchecked(axis, f"D and the integral of {axis} move in flight, and the command with them")]
     if not scores.alike:
         message = (
             f"With its gains the {axis} controller does not make the logged command of {setpoint} and the rate: TIC "
