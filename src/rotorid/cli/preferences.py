@@ -101,13 +101,13 @@ def read_preferences(file: Path) -> Preferences:
     UsageError
         As :func:`preferences`.
     """
-    import tomllib
+    from rotorid.io.documents import parse_toml
 
     try:
         if file.stat().st_size > _MOST_BYTES:
             raise UsageError(f"{file} is larger than a file of settings", needed="a few lines")
         text = file.read_text(encoding="utf-8")
-        told = tomllib.loads(text)
+        told = parse_toml(text)
     # ValueError is Python's word for a name that no file can have, too.
     except (OSError, ValueError) as error:
         raise _unreadable(file, getattr(error, "strerror", None) or " ".join(str(error).split())) from None

@@ -391,7 +391,7 @@ class Cluster:
                     told = self._told(future)
                     if "answer" in told and told["version"] == __version__:
                         yield LogAnswer.from_json(told["answer"])
-                    elif "unseen" in told and Path(task.place.address).exists():
+                    elif "unseen" in told and task.place.is_file:
                         again.append((task, Path(task.place.address).read_bytes()))
                     elif "lost" in told:
                         again.append((task, None))

@@ -56,6 +56,14 @@ class Place(Immutable):
         """Whether fsspec is needed to reach it."""
         return is_remote(self.address)
 
+    @property
+    def is_file(self) -> bool:
+        """Whether it is a file of this machine by itself; the name of a member may be longer than one of a file."""
+        try:
+            return not self.remote and Path(self.address).is_file()
+        except OSError:
+            return False
+
 
 def is_remote(address: str) -> bool:
     """Whether an address names a store.
@@ -175,7 +183,7 @@ def fetched(place: Place) -> Iterator[Path]:
             yield copy
         return
     archive, _, member = place.address.rpartition(MEMBER)
-    if not archive or Path(place.address).exists():
+    if not archive or place.is_file:
         yield Path(place.address)
         return
     with scratch_folder() as folder:

@@ -148,7 +148,7 @@ class Fleet:
         first: dict[str, Place] = {}
         left, moved = [], []
         for place in places:
-            if sizes[_size(place.mark)] < 2 or place.remote or not Path(place.address).is_file():
+            if sizes[_size(place.mark)] < 2 or not place.is_file:
                 left.append(place)
                 continue
             content = sha256_of(Path(place.address))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
@@ -16,6 +15,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rotorid.errors import UsageError
+from rotorid.io.documents import parse_toml
 
 SCHEMA: Final = "rotorid.project/1"
 
@@ -215,10 +215,10 @@ def read_project(path: Path) -> Project:
     try:
         if path.stat().st_size > 1 << 20:
             raise UsageError(f"{path.name} is larger than a project file", needed="at most 1 MiB")
-        return Project.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        why = getattr(error, "strerror", None) or re.sub(r"\s+", " ", str(error))
-        raise UsageError(f"{path.name} cannot be read: {why}", needed="a project file of rotorid lab") from None
+        return Project.model_validate(parse_toml(path.read_text(encoding="utf-8")))
     except ValidationError as error:
         wrong = first_wrong(error.errors())
         raise UsageError(f"{path.name}: {wrong}", needed="a project file of rotorid lab") from None
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or re.sub(r"\s+", " ", str(error))
+        raise UsageError(f"{path.name} cannot be read: {why}", needed="a project file of rotorid lab") from None

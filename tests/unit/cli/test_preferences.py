@@ -36,7 +36,8 @@ def test_what_it_says_is_read(tmp_path: Path) -> None:
      ('# mine\n"color" = 1\ntheme = "dark"\n[lab]\nport = 1', r"sets 'color' in line 2 and 'lab' in line 4, which are"),
      ("lab.port = 1", "'lab' in line 1"), ("frequency = [", "cannot be read"), ("theme = {}", "'light' or 'dark'"),
      ("\0", "cannot be read"), ('out = "~nosuch/x"', "out = '~nosuch/x' in line 1; needed: a folder that there can be"),
-     ('out = "a\\u0000b"', "in line 1; needed: a folder"), ('out = ""', "needed: a folder")],
+     ('out = "a\\u0000b"', "in line 1; needed: a folder"), ('out = ""', "needed: a folder"),
+     ("x = " + "[" * 3000, "64 deep")],
 )  # fmt: skip
 def test_what_is_wrong_is_said_with_its_place(text: str, said: str, tmp_path: Path) -> None:
     file = _file(tmp_path, text)

@@ -148,3 +148,14 @@ def test_settings_out_of_range(wrong: dict[str, object]) -> None:
 def test_sizes_that_are_none(text: str) -> None:
     with pytest.raises(UsageError, match="memory"):
         parse_memory(text)
+
+
+def test_a_member_whose_name_no_file_can_have_is_one_log_without_an_answer(tmp_path: Path) -> None:
+    name = "x" * 300 + ".csv"
+    with zipfile.ZipFile(tmp_path / "long.zip", "w") as archive:
+        archive.writestr("a.csv", "1")
+        archive.writestr(name, "1")
+    _, place = places_of([tmp_path / "long.zip"])
+    assert not place.is_file
+    with pytest.raises(LogError, match="cannot be unpacked"), fetched(place):
+        pass

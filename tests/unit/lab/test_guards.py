@@ -287,7 +287,12 @@ def test_a_project_comes_back(tmp_path: Path) -> None:
     assert read_project(file) == project
     words = arguments(steps[0], project.logs, [])
     assert words[2:] == ["--model", "rate.roll", "--segment", "roll:40:52.5", "--band", "1:100"]
-    for text in ("x", "schema = 1", 'schema = "rotorid.project/1"\nlogs = []\n[[steps]]\nverb = "rm"'):
+    for text in (
+        "x",
+        "x = " + "[" * 3000,
+        "schema = 1",
+        'schema = "rotorid.project/1"\nlogs = []\n[[steps]]\nverb = "rm"',
+    ):
         file.write_text(text, encoding="utf-8")
         with pytest.raises(UsageError):
             read_project(file)
