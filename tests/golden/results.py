@@ -127,7 +127,7 @@ CASES: dict[str, Case] = {
         "identify @crazyflie/log10 --model physical.motors --fix m=0.027 --fix tau_accel=0 --segment thrust:35:65"
     ),
     # what the data cannot support
-    "refused_too_slow": Case("identify @ardupilot/erle_brain3.BIN --model rate.roll"),
+    "refused_only_short": Case("identify @ardupilot/erle_brain3.BIN --model rate.roll"),
     "refused_inverse_controller": Case("identify @px4/zmr250 --model rate.yaw --segment yaw:10:60"),
     # the other commands
     "response": Case("response @ardupilot_sitl/x_calm_roll.BIN --inputs roll_command --outputs p,ay"),
