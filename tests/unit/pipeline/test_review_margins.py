@@ -13,7 +13,7 @@ from rotorid.models.autopilots.betaflight import BASE, TOP
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.controller import RateController
 from rotorid.pipeline.review.flown import flown
-from rotorid.pipeline.review.margins import margins
+from rotorid.pipeline.review.margins import _read, margins
 from rotorid.pipeline.review.values import MarginReview, Untold
 from rotorid.typing import ComplexArray, FloatArray
 
@@ -166,3 +166,11 @@ def test_a_command_that_the_terms_do_not_make_has_no_margins() -> None:
     found, (only,) = reviewed(changed(record(), "roll_command", slice(None), 0.0))
     assert found is None
     assert "does not follow the sum" in only.why
+
+
+def test_a_model_below_a_half_turn_at_its_crossover_has_no_peak() -> None:
+    """With too strong an integral it is unstable, whatever the size of its sensitivity."""
+    s = 1j * np.geomspace(0.5, 600.0, 500)
+    for loop in (100.0 / s * (0.002 + 1.0 / s) * (1.0 + 8.0 / s) * np.exp(-0.01 * s), 20.0 / s**2 / (1.0 + 0.05 * s)):
+        assert set(_read(s.imag, loop)) == {"crossover_rad_s"}
+    assert "sensitivity_peak" in _read(s.imag, 10.0 / s * np.exp(-0.02 * s))

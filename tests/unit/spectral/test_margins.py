@@ -272,6 +272,23 @@ def test_delay_margin_of_a_negative_phase_margin_is_one_turn_more() -> None:
     assert crossover.delay_margin_s.value == pytest.approx((2.5 * math.pi - 2.0) / 5.0, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("loop", "margin_deg"),
+    [
+        (lambda s: 100.0 / s * (0.002 + 1.0 / s) * (1.0 + 8.0 / s) * np.exp(-0.01 * s), -40.9),
+        (lambda s: 20.0 / (s**2 * (1.0 + 0.05 * s)), -12.3),
+    ],
+)
+def test_a_loop_whose_integral_is_too_strong_has_no_margin_of_hundreds_of_degrees(
+    loop: Callable[[ComplexArray], ComplexArray], margin_deg: float
+) -> None:
+    """Its phase never rises above -180 degrees, on whatever branch it is."""
+    omega = np.geomspace(0.5, 100.0, 120)
+    found = loop_margins(response(omega, loop(1j * omega))).phase_margin_rad
+    assert found is not None
+    assert math.degrees(found.value) == pytest.approx(margin_deg, abs=1.0)
+
+
 def test_margins_pickle() -> None:
     margins = loop_margins(response(OMEGA, unstable_plant_loop(OMEGA)))
     assert pickle.loads(pickle.dumps(margins)) == margins

@@ -432,11 +432,11 @@ def _read(omega_rad_s: FloatArray, values: ComplexArray) -> dict[str, float]:
         omega = float(np.exp(x[k] + share * (x[k + 1] - x[k])))
         # From the opposite of minus one, so that no turn lies between the two points.
         margin = float(np.angle(-values[k]) + share * np.angle(values[k + 1] / values[k]))
-        found |= {
-            "crossover_rad_s": omega,
-            "phase_margin_rad": margin,
-            "delay_margin_s": margin % (2.0 * np.pi) / omega,
-        }
+        found |= {"crossover_rad_s": omega, "phase_margin_rad": margin}
+        # Below -180 degrees at its last crossover a loop is unstable: no delay and no factor brings it to -1.
+        if margin <= 0.0:
+            return found
+        found["delay_margin_s"] = margin / omega
     turns = np.flatnonzero((values.imag[:-1] < 0.0) & (values.imag[1:] >= 0.0) & (values.real[:-1] < 0.0))
     for k in turns[:1]:
         share = values.imag[k] / (values.imag[k] - values.imag[k + 1])

@@ -745,9 +745,14 @@ def _read(omega_rad_s: FloatArray, loop: ComplexArray) -> dict[str, float]:
         share = math.log(abs(loop[k])) / math.log(abs(loop[k]) / abs(loop[k + 1]))
         omega = float(omega_rad_s[k] * (omega_rad_s[k + 1] / omega_rad_s[k]) ** share)
         margin = float(np.angle(-loop[k]) + share * np.angle(loop[k + 1] / loop[k]))
-        found["crossover_rad_s"] = omega
-        if margin > 0.0:
-            found |= {"phase_margin_deg": math.degrees(margin), "delay_margin_s": margin / omega}
+        # Below -180 degrees at its last crossover a loop is unstable, and its other numbers are no margins.
+        if margin <= 0.0:
+            return {"crossover_rad_s": omega}
+        found |= {
+            "crossover_rad_s": omega,
+            "phase_margin_deg": math.degrees(margin),
+            "delay_margin_s": margin / omega,
+        }
     passes = (loop.imag[:-1] < 0.0) & (loop.imag[1:] >= 0.0) & (loop.real[:-1] < 0.0)
     for k in np.flatnonzero(passes):
         share = loop.imag[k] / (loop.imag[k] - loop.imag[k + 1])
