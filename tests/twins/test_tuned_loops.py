@@ -32,10 +32,11 @@ from rotorid.pipeline import (
 )
 from rotorid.pipeline.preparation.loops import loop_by_injection
 from rotorid.report.files import write_tuning, write_tuning_check
+from rotorid.simulation import Wind
 from rotorid.simulation.hover_flight import OUTPUTS
 from rotorid.simulation.linearization import linearize
 from rotorid.simulation.multirotor_flight import Aircraft
-from rotorid.tuning import loop_figures
+from rotorid.tuning import Gains, judged, loop_figures
 from rotorid.typing import FloatArray
 from rotorid.vehicles.catalog import VehicleEntry, aircraft
 from rotorid.vehicles.px4 import with_gains
@@ -231,3 +232,23 @@ def test_the_loop_by_injection_is_that_of_the_simulator(tmp_path: Path) -> None:
     assert np.degrees(numbers["phase_margin_rad"].value) == pytest.approx(
         np.degrees(np.median(told.phase_margin_rad)), abs=1.5
     )
+
+
+def test_gains_that_count_as_unstable_swing_in_flight(tmp_path: Path) -> None:
+    """An integral too strong for P and A, by the plant of another flight: M_s may be 1.9, and the vehicle swings."""
+    craft = aircraft("px4_quad")
+    one = tune(records=rotorid.read(fly(craft, tmp_path, seed=5)), axes=("roll",)).axes["roll"]
+    drawn, known_from = one.plant.drawn(one.omega_rad_s), one.plant.known_from_rad_s
+    for gains, stable in (
+        (Gains(P=0.15, I=0.2, D=0.003, A=4.0), True),
+        (Gains(P=0.02, I=0.4, D=0.0005, A=6.0), False),
+        (Gains(P=0.05, I=0.8, D=0.0005, A=6.0), False),
+    ):
+        found = judged(one.parts, drawn, gains, from_rad_s=known_from).whole
+        assert found.stable.all() if stable else not found.stable.any()
+        names = dict(zip(NAMES["px4"], gains.as_dict().values(), strict=True))
+        flown = with_gains(craft, names, source="the test")
+        entry = VehicleEntry(name=craft.name, summary="", source="", make=lambda flown=flown: flown)
+        run = fly_run(SimulateChoices(vehicle=entry, duration_s=20.0, wind=Wind(turbulence_m_s=0.5), seed=1), 0)
+        roll = np.degrees(run.flown.columns["phi"])
+        assert (np.std(roll[roll.size // 2 :]) < 3.0) == stable
