@@ -130,6 +130,9 @@ def _parameters(case: Case, kind: str, known: object) -> dict[str, float]:
         for letter, factor in factors.items():
             name = pattern.format(names[axis], letter)
             parameters[name] = factor * parameters[name]
+        if kind != "betaflight":
+            name = {"px4": "MC_{}_P", "ardupilot": "ATC_ANG_{}_P"}[kind].format(names[axis])
+            parameters[name] = case.angle * parameters[name]
     if kind == "betaflight":
         parameters["pid_process_denom"] = 1e6 / (parameters["looptime"] * LOOP_HZ[kind])
     if kind == "ardupilot":

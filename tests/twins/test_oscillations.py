@@ -115,7 +115,7 @@ def stopped(case: Case, log_hz: float) -> tuple[str, ...]:
     return tuple(axis for axis in swings(replace(changed, wind_m_s=0.0, gusts_m_s=0.0, stick=0.0)) if axis in case.axes)
 
 
-@pytest.mark.parametrize("case", [*FEW[:2], *FEW[4:6]], ids=lambda c: f"{c.vehicle}-{c.seed}")
+@pytest.mark.parametrize("case", [*FEW[:2], *FEW[4:6], slow_swings()[2]], ids=lambda c: f"{c.vehicle}-{c.seed}")
 @pytest.mark.parametrize("log_hz", [10.0, 400.0])
 def test_the_proposed_gains_end_the_oscillation(case: Case, log_hz: float) -> None:
     assert stopped(case, log_hz) == ()

@@ -195,8 +195,25 @@ def test_a_pilot_and_kicks_are_no_slow_swing() -> None:
     # The set-point leads, the attitude follows with a lag: their difference is large, and follows the set-point.
     driven = signals | {"phi_setpoint": np.radians(12.0) * wave(0.9, phase=1.0)}
     assert axes(check_oscillations(record(driven, 50.0))) == []
-    kicks = slow_swing(12.0, np.exp(-(TIME_S % 10.0) / 1.0))
+    kicks = slow_swing(12.0, np.exp(-(TIME_S % 10.0) / 3.0))
     assert axes(check_oscillations(record(kicks, 50.0))) == []
+
+
+def test_gusts_and_a_wandering_line_are_no_slow_swing() -> None:
+    """A fifth of the power in one line, and all of it in one that moves from 0.5 to 3 Hz."""
+    broad = np.interp(TIME_S, np.arange(0.0, 61.0, 0.1), np.random.default_rng(3).standard_normal(610))
+    gusts = slow_swing(1.5) | {"phi": slow_swing(1.5)["phi"] + np.radians(4.0) * broad}
+    assert axes(check_oscillations(record(gusts, 50.0))) == []
+    moving = np.radians(6.0) * np.sin(2.0 * np.pi * (0.5 * TIME_S + 0.5 * 2.5 / FLIGHT_S * TIME_S**2))
+    assert axes(check_oscillations(record(still() | {"phi": moving}, 50.0))) == []
+
+
+def test_motors_that_idle_in_a_dive_are_at_no_limit() -> None:
+    """In acro the throttle is cut, all motors idle at their end, and the sticks go on."""
+    dives = np.where(TIME_S % 20.0 < 9.0, 1.0, 0.0)
+    sticks = 0.25 * wave(1.7)
+    motors = {name: (1.0 - dives) * (0.4 + 0.5 * sign * sticks) for name, sign in (("motor_1", 1.0), ("motor_2", -1.0))}
+    assert axes(check_oscillations(record(still() | {"roll_command": sticks, **motors}, 10.0))) == []
 
 
 def test_a_test_input_is_no_oscillation() -> None:
