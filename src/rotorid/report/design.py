@@ -22,7 +22,7 @@ from rotorid.documents.design import DesignDocument
 from rotorid.errors import UsageError
 from rotorid.pipeline.designs import STEPS, Designed, Planned, Told, as_flown
 from rotorid.pipeline.flight_settings import DesignChoices
-from rotorid.planning.amplitude import Limits, Reached
+from rotorid.planning.amplitude import Amplitude, Limits, Reached
 from rotorid.planning.duration import Shortest
 from rotorid.planning.prediction import PredictedParameter, Prediction
 from rotorid.plot.design import (
@@ -127,8 +127,15 @@ def _input_row(planned: Planned, one: PlannedInput) -> InputRow:
         amplitude=f"{significant(one.amplitude)} {symbol}".strip(),
         words=amplitude_words(one),
         limited="given" if found is None else _LIMITS.get(limit, limit) if limit else "no limit up to 1",
-        alone=f"alone up to {significant(found.value)} {symbol}".strip() if found is not None and limit else "",
+        alone=_alone(found, symbol) if found is not None and limit else "",
     )
+
+
+def _alone(found: Amplitude, symbol: str) -> str:
+    """The amplitude that an axis may have, and what single flights may where they differ."""
+    low, high = found.spread
+    differ = f", single flights {significant(low)} to {significant(high)}" if high > _DIFFER * low > 0.0 else ""
+    return f"alone up to {significant(found.value)} {symbol}".strip() + differ
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -428,6 +435,9 @@ def wind_words(wind: Wind) -> str:
 
 _BINS_PER_DECADE = 25
 _LEAST_LINES = 4
+_DIFFER = 1.05
+"""Largest over smallest amplitude of single flights, above which both are stated."""
+
 _LONG_S = 60.0
 _STEP_TURNS = 6.0
 _LEAST_SHARE = 0.1
