@@ -212,5 +212,8 @@ def test_logs_that_swing_differently_may_be_of_other_batteries() -> None:
 def test_a_linear_vehicle_depends_on_no_swing() -> None:
     found = identify([swept_twice(0.0)], "rate.roll")
     assert "amplitude_dependent" not in {one.kind for one in found.findings}
-    assert found["L_p"].std is not None
-    assert found["L_p"].std < 0.1
+    # The log shows neither attitude nor thrust nor an instrument, whose errors count; a drag that bends counts more.
+    straight, bent = found["L_p"].std, identify([swept_twice(0.1)], "rate.roll")["L_p"].std
+    assert straight is not None
+    assert bent is not None
+    assert straight < 0.6 * bent
