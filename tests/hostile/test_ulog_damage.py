@@ -60,6 +60,15 @@ def test_every_flipped_bit_in_a_size_or_type_of_data_is_seen_and_costs_little(in
         assert sum(item.stop - item.start for item in found.damage) < 2000
 
 
+@pytest.mark.parametrize("place", [1, 4, 12, -3])
+def test_a_message_of_an_unknown_type_costs_nothing_but_itself(intact: bytes, place: int) -> None:
+    """Among the definitions, too, where no data message is known yet by which to find the way again."""
+    at = message_starts(intact)[place]
+    found = walk(intact[:at] + struct.pack("<HB", 3, ord("Z")) + b"abc" + intact[at:])
+    assert [(item.start, item.stop) for item in found.damage] == [(at, at + 6)]
+    assert [part.positions.size for part in found.streams] == [part.positions.size for part in walk(intact).streams]
+
+
 def test_around_the_damage_only_true_samples_are_read(intact: bytes, tmp_path: Path) -> None:
     whole = read_bytes(tmp_path, intact)
     # From the start of a message on: inside of one, noise would stand in a payload, which has no checksum.

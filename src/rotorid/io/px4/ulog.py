@@ -458,7 +458,16 @@ class _Walker:
         return position, "" if position == stop else "the file ends inside a message"
 
     def resume(self, position: int, stop: int) -> int:
-        """Next place after ``position`` where data messages follow each other; ``stop`` when there is none."""
+        """Next place after ``position`` where data messages follow each other; ``stop`` when there is none.
+
+        A message of an unknown type, as newer firmware may write, ends where its size says if others follow there:
+        among the definitions no data message could tell where to go on.
+        """
+        if position + _HEADER.size <= stop:
+            size, letter, _ = _HEADER.unpack_from(self.view, position)
+            after = position + MESSAGE_HEADER_BYTES + size
+            if letter != _DATA and letter not in _PAYLOADS and after < stop and self._is_chain(after, stop):
+                return after
         at = position + 1
         while at + _HEADER.size <= stop:
             block = self._block_at(at, stop)
