@@ -465,7 +465,7 @@ class _Walker:
         """
         if position + _HEADER.size <= stop:
             size, letter, _ = _HEADER.unpack_from(self.view, position)
-            after = position + MESSAGE_HEADER_BYTES + size
+            after = position + MESSAGE_HEADER_BYTES + int(size)
             if letter != _DATA and letter not in _PAYLOADS and after < stop and self._is_chain(after, stop):
                 return after
         at = position + 1
