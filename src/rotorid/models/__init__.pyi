@@ -1,8 +1,8 @@
 from rotorid.models.autopilots.reading import axis_controller as axis_controller
 from rotorid.models.autopilots.reading import rate_controller as rate_controller
-from rotorid.models.autopilots.versions import firmware_candidates as firmware_candidates
 from rotorid.models.autopilots.settings import AxisController as AxisController
 from rotorid.models.autopilots.settings import described as described
+from rotorid.models.autopilots.versions import firmware_candidates as firmware_candidates
 from rotorid.models.black_box import black_box_pairs as black_box_pairs
 from rotorid.models.black_box import from_state_space as from_state_space
 from rotorid.models.controller import RateController as RateController
