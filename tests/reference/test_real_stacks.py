@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -170,3 +171,30 @@ def test_a_short_sweep_reviews_as_a_wide_one_measures(log: Callable[[str], rotor
         for name in ("crossover_rad_s", "phase_margin_deg", "gain_margin_db", "sensitivity_peak"):
             told, measured = short[axis].numbers[name], wide[axis].numbers[name]
             assert abs(told.value - measured.value) < 2.0 * np.hypot(told.std, measured.std), (axis, name)
+
+
+# By injection: peak sensitivity, crossover in rad/s, phase margin in degrees; one peak lies beyond the band of 50 rad/s.
+INJECTED = {
+    (TUNED, "roll"): (1.25, 16.2, 47.0),
+    (TUNED, "pitch"): (None, 32.5, 49.0),
+    (WIDE, "roll"): (1.88, 61.0, 78.0),
+    (WIDE, "pitch"): (1.88, 61.0, 78.0),
+}
+
+
+@pytest.mark.parametrize(("name", "axis"), INJECTED)
+def test_the_broken_loop_by_injection_has_the_margins_that_were_flown(
+    name: str, axis: Axis, log: Callable[[str], rotorid.FlightRecord]
+) -> None:
+    found = rotorid.response(log(name), inputs=[f"{axis}_command"], outputs=["p" if axis == "roll" else "q"])
+    loop = found.loops[axis]
+    peak, crossover, margin = INJECTED[name, axis]
+    assert abs(loop.numbers["crossover_rad_s"].value - crossover) < 2.0 * loop.numbers["crossover_rad_s"].std + 0.1
+    phase = loop.numbers["phase_margin_rad"]
+    assert abs(math.degrees(phase.value) - margin) < 2.0 * math.degrees(phase.std) + 0.5
+    if peak is None:
+        assert "disturbance_rejection_peak" not in loop.numbers
+        assert loop.bounds["disturbance_rejection_peak"].value < 1.51
+    else:
+        seen = loop.numbers["disturbance_rejection_peak"]
+        assert abs(seen.value - peak) < 2.0 * seen.std + 0.01

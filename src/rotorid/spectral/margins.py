@@ -296,10 +296,13 @@ def _rejection_bounds(curve: LogCurve, results: Mapping[str, Estimated | None]) 
     if not curve.bands:
         return {}
     end, bounds = curve.at(curve.bands[-1][1]), {}
-    omega, height = end.omega_rad_s, math.exp(end.value.real)
+    omega = end.omega_rad_s
     highest = max(float(curve.grid(band)[1].real.max()) for band in curve.bands)
-    if results["peak"] is None and end.value.real >= max(highest, 0.0) - _SAME:
-        bounds["peak"] = Bound(value=height, std=height * curve.std(end.weights), at_least=True, omega_rad_s=omega)
+    x, logarithms = curve.grid(curve.bands[-1])
+    top = curve.at(float(x[int(np.argmax(logarithms.real))]))
+    if results["peak"] is None and top.value.real >= max(highest, 0.0) - _SAME and top.value.real > 0.0:
+        height = math.exp(top.value.real)
+        bounds["peak"] = Bound(value=height, std=height * curve.std(top.weights), at_least=True, omega_rad_s=omega)
     if results["bandwidth_rad_s"] is None and highest < _MINUS_3_DB:
         bounds["bandwidth_rad_s"] = Bound(value=omega, std=0.0, at_least=True, omega_rad_s=omega)
     return bounds
@@ -351,8 +354,15 @@ def _rejection_bandwidth(curve: LogCurve) -> tuple[Estimated | None, str]:
     return None, _missing("no rise through −3 dB", curve)
 
 
+_TO_END = 60
+"""Places between a peak and the end of its band that are compared with it."""
+
+
 def _peak(curve: LogCurve) -> Local | None:
-    """The highest point of the curve, if it is not at the end of a band."""
+    """The highest point of the curve, if it is not at the end of a band, and lies above its upper end beyond doubt.
+
+    Where the end is as high within its error, the curve may rise on beyond it.
+    """
     best: Local | None = None
     highest = -math.inf
     for band in curve.bands:
@@ -360,8 +370,16 @@ def _peak(curve: LogCurve) -> Local | None:
         k = int(np.argmax(logarithms.real))
         if logarithms[k].real > highest:
             highest = float(logarithms[k].real)
-            best = None if k in (0, x.size - 1) else curve.at(float(x[k]))
+            top = curve.at(float(x[k]))
+            best = None if k in (0, x.size - 1) or not _falls_after(curve, top, band[1]) else top
     return best
+
+
+def _falls_after(curve: LogCurve, top: Local, end: float) -> bool:
+    """Whether the curve lies lower somewhere between a point and the end of its band, beyond doubt (95 %)."""
+    x = np.linspace(top.x, end, _TO_END)[1:]
+    found = [curve.at(float(one)) for one in x]
+    return any(top.value.real - one.value.real > TWO_SIDED_95 * curve.std(one.weights - top.weights) for one in found)
 
 
 def _peak_reach(curve: LogCurve, top: Local) -> float:

@@ -347,3 +347,21 @@ def test_a_sensitivity_that_stays_low_bounds_the_bandwidth_from_below() -> None:
     assert found.bandwidth_rad_s is None
     assert found.bounds["bandwidth_rad_s"].value == pytest.approx(5.0)
     assert "peak" not in found.bounds
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_peak_that_noise_makes_near_the_end_of_a_rising_sensitivity_is_none(seed: int) -> None:
+    """The band ends below the peak: where noise turns the last points down, the curve may rise on all the same."""
+    omega = np.geomspace(0.8, 24.0, 40)
+    exact = unstable_plant_loop(omega)
+    truth = 1.0 / np.abs(1.0 + unstable_plant_loop(FINE))
+    assert truth[FINE <= 24.0].max() < 0.9 * truth.max()
+    rng = np.random.default_rng(seed)
+    relative = 0.02**2 * np.eye(omega.size)
+    noise = 0.02 * (rng.standard_normal(omega.size) + 1j * rng.standard_normal(omega.size)) / math.sqrt(2.0)
+    seen = disturbance_rejection(sensitivity(response(omega, exact * (1.0 + noise), relative)))
+    assert seen.peak is None
+    bound = seen.bounds["peak"]
+    assert bound.at_least
+    # The largest of some noisy points: three deviations are passed once in some hundred.
+    assert bound.value < truth[FINE <= 24.0].max() + 3.0 * bound.std
