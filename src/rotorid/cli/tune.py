@@ -263,9 +263,9 @@ def _print_check(document: TuneCheckDocument, folder: Path) -> None:
             table.add_column(name, justify="right" if name in ("foretold", "measured") else "left")
         for row in one.figures:
             words = f"{_WORDS.get(row.name, row.name)}, {'rate loop' if row.loop == 'rate' else 'with the angle loop'}"
-            told = compared_words(row)
+            result = compared_words(row)
             measured = (_told(row.foretold), _told(row.measured), METHODS[row.method])
-            table.add_row(words, *measured, "" if told == "as foretold" else told)
+            table.add_row(words, *measured, "" if result == "as foretold" else result)
         console.print(table)
         console.print(f"{one.sentence} {one.advice}", highlight=False, markup=False)
     print_findings(document.findings)

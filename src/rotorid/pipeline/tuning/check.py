@@ -45,7 +45,7 @@ crossover or peak is off by more flies otherwise. Good flights know a crossover 
 WIDEST_PHASE_DEG = 6.0
 """The same of a phase margin; good flights know it to 2.5 degrees."""
 
-_APART = 3.0
+_MOST_DEVIATIONS = 3.0
 """Standard deviations between two estimates of a figure beyond which one is wrong; three figures are looked at."""
 
 _PEAK_SLACK = 1.03
@@ -245,14 +245,14 @@ def _checked(
 ) -> CheckedAxis:
     judged = now.proposal.flown
     rate, whole = quantities(judged.rate), quantities(judged.whole)
-    contradicted = any(_apart(whole[name], measured) for name, measured in injected.items() if name in whole)
+    contradicted = any(_contradict(whole[name], measured) for name, measured in injected.items() if name in whole)
     # A plant that the test signal confirms at the crossover may say what its peak is a little above its band.
-    seen_peak = "crossover_rad_s" in injected or _band_reaches_peak(now)
+    peak_measured = "crossover_rad_s" in injected or _band_reaches_peak(now)
     figures = [
-        _compared(loop, name, told[name], seen[name], trusted=not contradicted, seen_peak=seen_peak)
-        for loop, told, seen in (("rate", before.rate, rate), ("whole", before.whole, whole))
+        _compared(loop, name, predicted[name], measured[name], trusted=not contradicted, peak_measured=peak_measured)
+        for loop, predicted, measured in (("rate", before.rate, rate), ("whole", before.whole, whole))
         for name in COMPARED
-        if name in told and name in seen and (loop, name) not in {("whole", other) for other in injected}
+        if name in predicted and name in measured and not (loop == "whole" and name in injected)
     ]
     figures += [
         _compared("whole", name, before.whole[name], measured, method=_INJECTION)
@@ -285,10 +285,10 @@ def _compared(
     *,
     method: str = _MODEL,
     trusted: bool = True,
-    seen_peak: bool = True,
+    peak_measured: bool = True,
 ) -> ComparedFigure:
     inside = _inside(foretold, measured)
-    narrow = _narrow(name, foretold) and _narrow(name, measured) and (seen_peak or name != "sensitivity_peak")
+    narrow = _narrow(name, foretold) and _narrow(name, measured) and (peak_measured or name != "sensitivity_peak")
     return ComparedFigure(
         loop=loop,
         name=name,
@@ -309,9 +309,9 @@ def _band_reaches_peak(now: AxisTuning) -> bool:
     return now.plant.band_rad_s[1] >= BAND_OVER_CROSSOVER * now.proposal.flown.rate.usual_crossover_rad_s
 
 
-def _apart(one: Quantity, other: Quantity) -> bool:
+def _contradict(one: Quantity, other: Quantity) -> bool:
     """Whether two estimates of one figure exclude each other."""
-    return abs(one.value - other.value) > _APART * math.hypot(one.std, other.std)
+    return abs(one.value - other.value) > _MOST_DEVIATIONS * math.hypot(one.std, other.std)
 
 
 def _verdict(figures: Sequence[ComparedFigure], robustness: float, *, unstable: bool) -> str:
@@ -352,7 +352,7 @@ def _words(
 ) -> tuple[str, str]:
     """What came of it and what to do next, in sentences."""
     peak = next((one for one in figures if (one.loop, one.name) == ("whole", "sensitivity_peak")), None)
-    told = f" Its peak sensitivity M_s is {peak.measured.value:.2f}." if peak is not None and peak.decided else ""
+    peak_words = f" Its peak sensitivity M_s is {peak.measured.value:.2f}." if peak is not None and peak.decided else ""
     other = (
         f" The test signal at the mixer contradicts the identified plant of {axis}, which may be wrong in both flights."
         if contradicted
@@ -363,7 +363,7 @@ def _words(
         old = gains == "flown"
         which = "the gains of the first flight" if old else "neither the proposed nor the old gains"
         todo = "Load the proposed file, and fly again" if old else "Tune from this log, or load the proposed file"
-        return f"This log was flown with {which} of {axis}, so nothing can be checked.{told}", f"{todo}."
+        return f"This log was flown with {which} of {axis}, so nothing can be checked.{peak_words}", f"{todo}."
     names = _named([one for one in figures if one.decided and not one.inside])
     if verdict == "cannot_tell":
         missed = f" These differ from the prediction: {names}." if names else ""
@@ -373,13 +373,13 @@ def _words(
         )
     if verdict == "as_foretold":
         return (
-            f"The {axis} loop is as predicted.{told}{other}",
+            f"The {axis} loop is as predicted.{peak_words}{other}",
             f"Keep these gains. {_further(axis, sweep, now)}",
         )
     if verdict == "worse":
         why = f" ({names})" if names else ""
         return (
-            f"The {axis} loop is less robust than it should be, and not as predicted{why}.{told}{other}",
+            f"The {axis} loop is less robust than it should be, and not as predicted{why}.{peak_words}{other}",
             "Go back to the old gains with the rollback file, and fly a longer sweep before the next proposal.",
         )
     following = (
@@ -388,7 +388,7 @@ def _words(
         else f"Use this log for the next proposal. {_further(axis, sweep, now)}"
     )
     return (
-        f"The {axis} loop is robust, but not as predicted ({names}).{told}{other}",
+        f"The {axis} loop is robust, but not as predicted ({names}).{peak_words}{other}",
         f"These gains can stay. {following}",
     )
 
