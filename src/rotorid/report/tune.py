@@ -43,10 +43,10 @@ _OF_ATTITUDE: Mapping[str, tuple[str, str, float]] = {
     "attitude_bandwidth_rad_s": ("Attitude bandwidth", "rad/s", 1.0),
     "phase_delay_s": ("Phase delay of the attitude", "ms", 1e3),
 }
-PATH_MARGINS: Mapping[str, str] = {
-    "sensitivity_peak": "M_s",
-    "crossover_rad_s": "Crossover [rad/s]",
-    "phase_margin_deg": "Phase margin [°]",
+PATH_MARGINS: Mapping[str, tuple[str, str]] = {
+    "sensitivity_peak": ("M_s", ""),
+    "crossover_rad_s": ("Crossover", "rad/s"),
+    "phase_margin_deg": ("Phase margin", "°"),
 }
 _NOTHING = (MISSING, "")
 _SENSITIVITY = "Sensitivity to disturbances"
