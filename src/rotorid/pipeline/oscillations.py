@@ -29,9 +29,11 @@ from rotorid.errors import UsageError
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.pipeline.preparation.controllers import logged_axis
 from rotorid.signal.oscillations import LARGEST_LIMITED, Oscillation, check_oscillations
-from rotorid.tuning.firmware import ranges_of, scaled, written
+from rotorid.tuning.firmware import parameters_of, ranges_of, scaled, written
 from rotorid.tuning.loops import Gains
 from rotorid.typing import Axis
+
+RATE_GAINS = ("P", "I", "D")
 
 LOWERED = 1.0 / 3.0
 """Of the gains that flew."""
@@ -63,8 +65,8 @@ class OscillationReview(Immutable):
         Of the attitude against its set-point, for a slow swing.
     gains
         Parameter to its value as flown and as proposed for the next flight; empty where the log has no gains.
-    by_integral
-        Whether I makes most of the command at this frequency, so that P and D may stay.
+    lower
+        Letters of the gains to lower: P, I and D of the rate loop, A of the angle loop.
     """
 
     axis: Axis
@@ -74,7 +76,7 @@ class OscillationReview(Immutable):
     at_limit_percent: float | None
     error_rms_rad: float | None = None
     gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    by_integral: bool = False
+    lower: tuple[str, ...] = RATE_GAINS
 
     def __post_init__(self) -> None:
         self._set(gains=self.gains)
@@ -101,11 +103,7 @@ def _reviewed(record: FlightRecord, found: Oscillation) -> OscillationReview:
     axis = found.axis
     source = record[RATE_OF[axis]].channel.source if RATE_OF[axis] in record else ""
     controller = logged_axis(record, f"{axis}_command", source=source)
-    gains: dict[str, tuple[float, float]] = {}
-    by_integral = False
-    if controller is not None:
-        by_integral = _by_integral(controller, found.frequency_hz)
-        gains = lowered(controller, found.frequency_hz)
+    gains = lowered(controller, found.frequency_hz) if controller is not None else {}
     return OscillationReview(
         axis=axis,
         loop=found.loop,
@@ -114,7 +112,7 @@ def _reviewed(record: FlightRecord, found: Oscillation) -> OscillationReview:
         at_limit_percent=found.at_limit_percent,
         error_rms_rad=found.error_rms_rad,
         gains=gains,
-        by_integral=by_integral,
+        lower=_letters(controller, gains) if controller is not None and gains else RATE_GAINS,
     )
 
 
@@ -156,6 +154,13 @@ def lowered(controller: AxisController, frequency_hz: float | None) -> dict[str,
         for name, value in values.items()
         if not math.isclose(value, controller.gains[name], rel_tol=1e-6)
     }
+
+
+def _letters(controller: AxisController, changed: Mapping[str, tuple[float, float]]) -> tuple[str, ...]:
+    """Which gains the changed parameters hold; those that the parameters of an axis do not name are ends of D."""
+    names = {one.name: letter for letter, one in parameters_of(controller).items()}
+    found = {names.get(name, "D") for name in changed}
+    return tuple(letter for letter in "PIDA" if letter in found)
 
 
 def _inside(wanted: Gains, flown: Gains, ranges: dict[str, tuple[float, float]]) -> Gains:
@@ -214,8 +219,21 @@ def remedy(one: OscillationReview) -> str:
     >>> remedy(one)
     'Lower P, I and D of roll to a third before the next flight.'
     """
-    letters = "I" if one.by_integral else "P, I and D"
     if not one.gains:
-        return f"Lower {letters} of {one.axis} to a third before the next flight."
+        return f"Lower {gain_words((one,))} of {one.axis} to a third before the next flight."
     values = ", ".join(f"{name} from {flown:.4g} to {new:.4g}" for name, (flown, new) in one.gains.items())
-    return f"Lower {letters} of {one.axis} before the next flight: {values}."
+    return f"Lower {gain_words((one,))} of {one.axis} before the next flight: {values}."
+
+
+def gain_words(found: tuple[OscillationReview, ...]) -> str:
+    """The gains to lower of some axes, in words.
+
+    Examples
+    --------
+    >>> one = OscillationReview(axis="roll", loop="attitude", frequency_hz=0.9, rms=0.3, at_limit_percent=0.0,
+    ...                         lower=("I", "A"))
+    >>> gain_words((one,))
+    'I and the angle gain'
+    """
+    letters = [letter for letter in "PIDA" if any(letter in one.lower for one in found)]
+    return listed(["the angle gain" if letter == "A" else letter for letter in letters])

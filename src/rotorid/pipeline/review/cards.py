@@ -12,7 +12,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.display import capital, listed
 from rotorid.data.quantity import Quantity
 from rotorid.data.trust import RICH_KINDS
-from rotorid.pipeline.oscillations import describe, motors_limited
+from rotorid.pipeline.oscillations import describe, gain_words, motors_limited
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.review.motors import MUCH_AT_FULL, WORTH_SAYING
 from rotorid.pipeline.review.values import Review
@@ -255,9 +255,8 @@ def _shaking(review: Review) -> Card:
     axes = [one.axis for one in found]
     first = max(found, key=lambda one: one.rms)
     number = "" if first.frequency_hz is None else f"{listed(axes)} {first.frequency_hz:.1f} Hz"
-    letters = "I" if all(one.by_integral for one in found) else "P, I and D"
     how = "as listed below" if any(one.gains for one in found) else "to a third"
-    sentence = f"{describe(found)} Lower {letters} of {listed(axes)} before the next flight, {how}."
+    sentence = f"{describe(found)} Lower {gain_words(found)} of {listed(axes)} before the next flight, {how}."
     return Card(
         key="margins",
         title="How close is it to shaking?",
