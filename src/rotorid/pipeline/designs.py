@@ -178,10 +178,9 @@ def plan_for(aircraft: Aircraft, choices: PlanChoices, *, name: str = "") -> Pla
             doublets |= _searched(aircraft, choices, group, "doublet", _doublet_s(choices), found)
     plan = plan_with(aircraft, choices, sizes, doublets=doublets, name=name)
     _PROGRESS.info("flying the whole plan")
-    factor, whole = _together(aircraft, plan, choices)
-    if factor < 1.0:
-        plan = _all_scaled(plan, factor)
-    return Planned(plan=plan, amplitudes=found, reached=whole)
+    plan = _together(aircraft, plan, choices)
+    flights = [fly_multirotor(aircraft, plan, wind=choices.wind, seed=seed) for seed in _seeds(aircraft, choices)]
+    return Planned(plan=plan, amplitudes=found, reached=usual_reached([reached(flight) for flight in flights]))
 
 
 _ALIKE = 0.02
@@ -247,16 +246,10 @@ def _searched(
     return dict.fromkeys(group, _rounded(_MARGIN * common.value))
 
 
-def _together(aircraft: Aircraft, plan: FlightPlan, choices: PlanChoices) -> tuple[float, Reached]:
-    """Factor that brings the whole plan back into the limits, one where it is there, and what it then reaches."""
-
-    def flown(factor: float) -> Reached:
-        scaled = plan if factor == 1.0 else _all_scaled(plan, factor)
-        flights = [fly_multirotor(aircraft, scaled, wind=choices.wind, seed=seed) for seed in _seeds(aircraft, choices)]
-        return usual_reached([reached(flight) for flight in flights])
-
+def _together(aircraft: Aircraft, plan: FlightPlan, choices: PlanChoices) -> FlightPlan:
+    """The whole plan, its inputs smaller by one factor where together they would pass a limit."""
     if choices.amplitudes.keys() >= set(choices.axes):
-        return 1.0, flown(1.0)
+        return plan
     whole = common_amplitude(
         aircraft,
         [lambda factor: _all_scaled(plan, factor)],
@@ -265,7 +258,10 @@ def _together(aircraft: Aircraft, plan: FlightPlan, choices: PlanChoices) -> tup
         wind=choices.wind,
         seeds=_seeds(aircraft, choices),
     )
-    return whole.value, flown(whole.value)
+    if whole.value >= 1.0:
+        return plan
+    rounded = [_rounded(whole.value * abs(one.amplitude)) / abs(one.amplitude) for one in plan.inputs]
+    return replace(plan, inputs=tuple(_scaled(*pair) for pair in zip(plan.inputs, rounded, strict=True)))
 
 
 def _largest(
