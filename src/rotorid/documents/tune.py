@@ -13,7 +13,6 @@ from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.review import QuantityDocument
 from rotorid.pipeline.results import Refused
 from rotorid.pipeline.tuning.proposal import AxisTuning, PathStep, TuningProposal
-from rotorid.tuning.bands import SWEEP_OVER_CROSSOVER
 from rotorid.tuning.loops import over_draws, quantities
 from rotorid.tuning.proposal import Judged, robustness_in_words
 from rotorid.typing import Axis
@@ -164,7 +163,7 @@ def _axis(one: AxisTuning) -> AxisTuneDocument:
         noise_ratio=proposed.noise / flown.noise,
         noise_flown=flown.noise if one.noise_seen else None,
         gains={name: GainDocument(flown=before, proposed=after) for name, (before, after) in one.parameters.items()},
-        path=[_step(step, flown) for step in one.path],
+        path=[_step(step, flown, one.needed_rad_s) for step in one.path],
         filters=[FilterPriceDocument.model_validate(price) for price in one.prices],
         ends={name: quantity_documents(quantities(end.rate)) for name, end in one.ends.items()},
         reasons=list(proposal.reasons),
@@ -172,7 +171,7 @@ def _axis(one: AxisTuning) -> AxisTuneDocument:
     )
 
 
-def _step(step: PathStep, flown: Judged) -> PathStepDocument:
+def _step(step: PathStep, flown: Judged, sweep_to_rad_s: float) -> PathStepDocument:
     one = step.judged
     return PathStepDocument(
         flight=step.flight,
@@ -182,7 +181,7 @@ def _step(step: PathStep, flown: Judged) -> PathStepDocument:
         whole=quantity_documents(quantities(one.whole)),
         attitude_ratio=QuantityDocument.model_validate(over_draws(one.attitude_rms / flown.attitude_rms, "1")),
         noise_ratio=one.noise / flown.noise,
-        sweep_to_rad_s=SWEEP_OVER_CROSSOVER * one.rate.usual_crossover_rad_s,
+        sweep_to_rad_s=sweep_to_rad_s,
     )
 
 

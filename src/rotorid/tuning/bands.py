@@ -21,9 +21,7 @@ from rotorid.typing import Axis, ComplexArray, FloatArray
 BAND_OVER_CROSSOVER = 1.5
 """A plant that was not measured so far beyond the crossover of its loop is the model's there."""
 
-SWEEP_OVER_CROSSOVER = 3.0
-"""Upper end of a sweep over the crossover of the loop that it is to show."""
-
+_WHOLE_OVER_CROSSOVER = 3.0
 _BEYOND_REVERSAL = 1.5
 """No loop crosses over where a proportional gain alone has lost 180 degrees, and none matters so far beyond it."""
 
@@ -65,7 +63,7 @@ def needed_band(
     (2.0, True)
     """
     found = propose(axis, certain_plant(plant), controller, parts=parts, ends=ends, wishes=wishes)
-    highest = min(SWEEP_OVER_CROSSOVER * crossover_rad_s(found.proposed), _reversal_rad_s(plant, parts))
+    highest = min(_WHOLE_OVER_CROSSOVER * crossover_rad_s(found.proposed), _reversal_rad_s(plant, parts))
     return LOWEST_RAD_S, max(highest, 2.0 * LOWEST_RAD_S)
 
 

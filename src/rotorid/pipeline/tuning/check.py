@@ -27,7 +27,7 @@ from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.results import IdentifiedModel, Records
 from rotorid.pipeline.settings import as_records
 from rotorid.pipeline.tuning.proposal import AxisTuning, TuneSettings, tune
-from rotorid.tuning.bands import BAND_OVER_CROSSOVER, SWEEP_OVER_CROSSOVER
+from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.loops import quantities
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
@@ -358,7 +358,7 @@ def _words(
         if contradicted
         else ""
     )
-    sweep = f"Fly a sweep of {axis} up to {_sweep_to(figures, now):.0f} rad/s"
+    sweep = f"Fly a sweep of {axis} up to {max(now.needed_rad_s, now.plant.band_rad_s[1]):.0f} rad/s"
     if verdict == "other_gains":
         old = gains == "flown"
         which = "the gains of the first flight" if old else "neither the proposed nor the old gains"
@@ -401,13 +401,6 @@ def _undecided(figures: Sequence[ComparedFigure]) -> str:
     """Figures of the whole loop that decide nothing, or are not there."""
     decided = {one.name for one in figures if one.loop == "whole" and one.decided}
     return " or the ".join(words for name, words in COMPARED.items() if name not in decided)
-
-
-def _sweep_to(figures: Sequence[ComparedFigure], now: AxisTuning) -> float:
-    """Upper end of a sweep that shows the loop: a multiple of its crossover."""
-    crossovers = [one for one in figures if (one.loop, one.name) == ("whole", "crossover_rad_s")]
-    crossover = crossovers[0].measured.value if crossovers else now.proposal.flown.rate.usual_crossover_rad_s
-    return max(SWEEP_OVER_CROSSOVER * crossover, now.plant.band_rad_s[1])
 
 
 def _further(axis: Axis, sweep: str, now: AxisTuning) -> str:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -168,6 +168,8 @@ class AxisTuning(Immutable):
         Seconds, and the attitude's answer to a step of its set-point under both gains, ``(draws, n)`` each.
     parts
         What each gain does, with the filters of the proposal.
+    wishes
+        What is asked of the gains.
     path
         The flights to the gains that keep the limits of the loop alone, the proposed ones first and the goal last;
         empty where one flight reaches them.
@@ -189,6 +191,7 @@ class AxisTuning(Immutable):
     step_s: FloatArray
     steps: Mapping[str, FloatArray]
     parts: ControllerParts
+    wishes: Wishes = field(default_factory=Wishes)
     path: tuple[PathStep, ...] = ()
     prices: tuple[FilterPrice, ...] = ()
     ends: Mapping[str, Judged] = field(default_factory=dict)
@@ -204,6 +207,13 @@ class AxisTuning(Immutable):
             prices=tuple(self.prices),
             ends=self.ends,
         )
+
+    @cached_property
+    def needed_rad_s(self) -> float:
+        """Upper end of the sweep on which the gains of the goal can be proposed and checked."""
+        ends = tuple(at_ends(self.controller, self.parts).values())
+        plant, controller = self.plant.response, self.parts.controller
+        return needed_band(self.proposal.axis, plant, controller, self.parts, wishes=self.wishes, ends=ends)[1]
 
     @property
     def changed(self) -> bool:
@@ -347,9 +357,7 @@ def tune(
         axis: replace(one, path=_path(axis, known[axis], one.proposal, chosen, thrust)) for axis, one in axes.items()
     }
     findings += shared
-    findings += [
-        one for axis, tuned in axes.items() for one in _said(axis, tuned, wishes_of(tuned.controller, chosen, thrust))
-    ]
+    findings += [one for axis, tuned in axes.items() for one in _said(axis, tuned)]
     if chosen.filters:
         findings += require_filters_hold(
             {axis: known[axis] for axis, tuned in axes.items() if not tuned.proposal.changed},
@@ -415,6 +423,7 @@ def _axis(
     flown, plant, then, controller, parts = known.flown, known.plant, known.then, known.controller, known.parts
     omega, drawn = known.omega_rad_s, known.drawn()
     ends = at_ends(controller, parts)
+    wishes = replace(wishes_of(controller, settings, thrust), angle_1_s=angle_1_s)
     found = propose(
         axis,
         plant,
@@ -422,7 +431,7 @@ def _axis(
         parts=parts,
         flown_parts=None if then is None else known.flown_parts,
         ends=tuple(ends.values()),
-        wishes=replace(wishes_of(controller, settings, thrust), angle_1_s=angle_1_s),
+        wishes=wishes,
     )
     if found.changed:
         found = replace(found, proposed=_judged(known, parts, rounded(controller, found.proposed.gains)))
@@ -440,6 +449,7 @@ def _axis(
         loops=_loops(drawn, sets),
         responses=_responses(omega, drawn, sets),
         parts=parts,
+        wishes=wishes,
         prices=prices(then or flown.record, controller, parts, plant.response(omega), found.proposed.gains),
         ends={name: _judged(known, end, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
         noise_seen=parts.rate_noise is not None,
@@ -496,7 +506,7 @@ def _with_end(gains: Gains, end: ControllerParts) -> Gains:
     return replace(gains, D=end.controller.derivative_s2)
 
 
-def _said(axis: Axis, tuned: AxisTuning, wishes: Wishes) -> list[Finding]:
+def _said(axis: Axis, tuned: AxisTuning) -> list[Finding]:
     """Why the gains stay, what binds, and what a better flight would tell."""
     found, plant = tuned.proposal, tuned.plant
     said = []
@@ -507,8 +517,7 @@ def _said(axis: Axis, tuned: AxisTuning, wishes: Wishes) -> list[Finding]:
     crossover = found.proposed.rate.usual_crossover_rad_s
     top = plant.band_rad_s[1]
     if crossover * BAND_OVER_CROSSOVER > top:
-        ends = tuple(at_ends(tuned.controller, tuned.parts).values())
-        _, needed = needed_band(axis, plant.response, tuned.parts.controller, tuned.parts, wishes=wishes, ends=ends)
+        needed = tuned.needed_rad_s
         # A sweep that was flown so far is trusted a little less far.
         if needed > _NEARLY * top:
             message = (
