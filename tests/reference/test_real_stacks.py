@@ -173,7 +173,7 @@ def test_a_short_sweep_reviews_as_a_wide_one_measures(log: Callable[[str], rotor
             assert abs(told.value - measured.value) < 2.0 * np.hypot(told.std, measured.std), (axis, name)
 
 
-# By injection: peak sensitivity, crossover in rad/s, phase margin in degrees; one peak lies beyond 50 rad/s.
+# By injection: peak sensitivity, crossover in rad/s, phase margin in degrees; one peak lies beyond the band.
 INJECTED = {
     (TUNED, "roll"): (1.25, 16.2, 47.0),
     (TUNED, "pitch"): (None, 32.5, 49.0),
