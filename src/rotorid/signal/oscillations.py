@@ -6,7 +6,8 @@ not in gusts, with moving sticks or after a chopped throttle, is *how much of it
 - **Limit cycle.** The command of an axis spreads by more than 0.1 of its range (root mean square above 2 Hz, 0.8 Hz in
   slow logs) in the usual second of powered flight, while a motor is at a limit in more than a quarter of all samples.
   Neither needs the log to be fast: samples that are picked too rarely fold a line to another frequency, and keep its
-  size. Where the log is fast enough to show lines, one line has to hold most of the spread.
+  size. In a slow log 0.35 of the range counts without limits too, since no stick does that all the time. Where the log
+  is fast enough to show lines, one line has to hold a good part of the spread: pure noise is none.
 - **Line without limits.** Where the motors do not reach their limits, or are not logged, the same spread counts where
   one line holds most of it that the set-point of the rate does not have.
 - **Slow swing.** Too much integral swings below some 5 Hz and saturates nothing but the integral. Attitude less its
@@ -43,11 +44,14 @@ Loop: TypeAlias = Literal["rate", "attitude"]
 """Where an oscillation shows: in the command of the rate loop, or in the attitude less its set-point."""
 
 LARGEST_RMS = 0.10
-"""Of a command in the usual window, as a share of its range: stable flights reach 0.22 with full sticks and limits in
-less than 0.22 of the samples; limit cycles begin at 0.11."""
+"""Of a command in the usual window, as a share of its range: stable flights reach 0.25 with full sticks, and limits in
+0.23 of the samples; limit cycles begin at 0.11."""
+
+HUGE_RMS = 0.35
+"""No stick moves a command so much all the time: slow logs need no motor at a limit from here on."""
 
 LARGEST_LIMITED = 0.25
-"""Share of powered samples with a motor at a limit: stable flights reach 0.22, limit cycles begin at 0.39."""
+"""Share of powered samples with a motor at a limit: stable flights reach 0.23, limit cycles begin at 0.39."""
 
 POWERED = 0.1
 """Mean output of the motors from which they count: in a dive without throttle all of them idle at their limit."""
@@ -55,9 +59,10 @@ POWERED = 0.1
 LARGEST_ERROR_RAD = np.radians(2.0)
 """Of the attitude against its set-point."""
 
-_LINE, _SLOW_LINE, _PURE_LINE = 0.6, 0.3, 0.7
-"""Share of the power in one line: of a command (0.92 and more in limit cycles, up to 0.56 in stable flights), of the
-attitude (0.32 and more in slow swings, up to 0.22 in stable flights), and for an attitude that is nothing else."""
+_LIMITED_LINE, _FREE_LINE, _SLOW_LINE, _PURE_LINE = 0.3, 0.6, 0.3, 0.7
+"""Share of the power in one line: of a command with a motor at its limit (0.92 and more in limit cycles, 0.39 where
+much noise is on them), of one without limits (up to 0.56 in stable flights), of the attitude (0.32 and more in slow
+swings, up to 0.22 in stable flights), and of an attitude that is nothing else."""
 
 _DRIVEN = 0.25
 """Power of a set-point at the line over that of the answer, above which the set-point makes the line."""
@@ -299,7 +304,8 @@ def _looks(record: FlightRecord, flights: Intervals, power: _Power) -> dict[Axis
     strongest = max((look.rms for look in looks.values() if isinstance(look, Oscillation)), default=0.0)
     for move in known:
         look = looks[move.axis]
-        if isinstance(look, Oscillation) and look.rms < _BESIDE * strongest:
+        weaker = look.rms < _BESIDE * strongest if isinstance(look, Oscillation) else move.size > 0.5 * LARGEST_RMS
+        if strongest > 0.0 and weaker:
             # Motors at their limits take from every axis.
             looks[move.axis] = f"{capital(move.axis)} moves with the axis that oscillates more."
         elif look is None:
@@ -397,10 +403,13 @@ def _swing(record: FlightRecord, move: _Move, flights: Intervals, power: _Power)
     if move.size > LARGEST_RMS:
         line = _line(command, command, move.windows, _band_hz(command)) if move.fast else None
         limited = move.limited > LARGEST_LIMITED
-        if line is not None and line.share > _LINE and (limited or not _driven(record, axis, line, part, power)):
+        if line is not None and (
+            (limited and line.share > _LIMITED_LINE)
+            or (line.share > _FREE_LINE and not _driven(record, axis, line, part, power))
+        ):
             swung = command.within(first_s, last_s)
             return replace(found, frequency_hz=_frequency_hz(record, swung, line.frequency_hz, axis, part))
-        if not move.fast and limited:
+        if not move.fast and (limited or move.size > HUGE_RMS):
             return found
     if slow is None:
         return None
@@ -415,6 +424,8 @@ def _why_unchecked(record: FlightRecord, move: _Move) -> str | None:
             f"{name} has {rate_hz:.0f} samples a second in a file that no autopilot wrote; if they are means, they "
             "hide an oscillation."
         )
+    if move.fast and move.size > LARGEST_RMS and move.limited > LARGEST_LIMITED:
+        return f"{name} uses its whole range in no single line: noise reaches the motors. Lower D, or filter more."
     if not move.fast and move.size > LARGEST_RMS:
         return (
             f"{name} moves much (rms {move.size:.2f} of its range), and a log of {rate_hz:.0f} Hz does not show "

@@ -169,7 +169,20 @@ def test_noise_in_saturated_motors_is_no_oscillation() -> None:
     loud = noise(0.4, 7)
     signals = still() | {"roll_command": loud}
     signals |= {"motor_1": np.clip(0.4 + loud, 0.0, 1.0), "motor_2": np.clip(0.4 - loud, 0.0, 1.0)}
-    assert axes(check_oscillations(record(signals, 400.0))) == []
+    check = check_oscillations(record(signals, 400.0))
+    assert axes(check) == []
+    # It is not calm either.
+    assert "noise reaches the motors" in check.unchecked["roll"]
+    # A line under as much noise is one.
+    cycle = {name: loud + values if name == "roll_command" else values for name, values in swinging(17.0).items()}
+    assert axes(check_oscillations(record(cycle, 400.0))) == ["roll"]
+
+
+def test_a_huge_swing_needs_no_limits_in_a_slow_log() -> None:
+    free = swinging(17.3, amplitude=0.6, hover=0.5) | {"motor_1": still()["motor_1"], "motor_2": still()["motor_2"]}
+    assert axes(check_oscillations(record(free, 10.0))) == ["roll"]
+    smaller = swinging(17.3, amplitude=0.4, hover=0.5)
+    assert "roll" in check_oscillations(record(smaller, 10.0)).unchecked
 
 
 def slow_swing(size_deg: float, envelope: FloatArray | float = 1.0) -> dict[str, FloatArray]:
