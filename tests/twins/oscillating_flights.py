@@ -17,7 +17,7 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, S
 from rotorid.pipeline.simulation import everyday_plan
 from rotorid.signal.oscillations import check_oscillations
 from rotorid.simulation.multirotor import PERFECT
-from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, piloted
+from rotorid.simulation.multirotor_flight import Aircraft, LostError, changed, fly_multirotor, piloted
 from rotorid.simulation.wind import CALM, Wind
 from rotorid.typing import Axis, FloatArray
 from rotorid.vehicles.catalog import aircraft
@@ -392,6 +392,53 @@ def slow_swings() -> tuple[Case, ...]:
         for stick in (0.0, 0.4)
         for number, (vehicle, p, i, d, a) in enumerate(table)
     )
+
+
+def beyond_the_limit() -> Iterator[Case]:
+    """Gains 1.1 and 1.5 times those at which roll begins to swing, of vehicles that served to choose nothing.
+
+    Those of the library with their own and three other lags and delays, each without D, with its own and twice as much;
+    what turns over, or swings below 4 Hz, is left out.
+    """
+    number = 0
+    for vehicle in ("px4_quad", "x500", "iris", "ardupilot_quad", "betaflight_quad"):
+        for lag_s, delay_s in ((0.0, 0.0), (0.01, 0.002), (0.02, 0.005), (0.04, 0.01)):
+            for derivative in (0.0, 1.0, 2.0):
+                base = Case(vehicle=vehicle, lag_s=lag_s, delay_s=delay_s, wind_m_s=4.0, gusts_m_s=0.8)
+                critical = _critical(replace(base, wind_m_s=0.0), derivative)
+                for factor in (1.1, 1.5):
+                    gain = factor * critical
+                    case = _with_gains(base, gain, derivative)
+                    case = replace(case, stick=0.3 * (number % 2), seed=number)
+                    number += 1
+                    if _flies(case) and frequency_hz(fly(case), "roll") >= 4.0:
+                        yield case
+
+
+def _with_gains(case: Case, gain: float, derivative: float) -> Case:
+    return replace(case, proportional=gain, integral=gain, derivative=gain * derivative)
+
+
+def _critical(case: Case, derivative: float) -> float:
+    """Factor on the gains of roll from which it swings, within 4 %."""
+    low, high = 0.3, 30.0
+    for _ in range(7):
+        middle = float(np.sqrt(low * high))
+        changed_case = _with_gains(case, middle, derivative)
+        if not _flies(changed_case, still=True) or "roll" in swings(changed_case):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def _flies(case: Case, *, still: bool = False) -> bool:
+    """Whether the vehicle stays in the air."""
+    try:
+        swings(case) if still else fly(case)
+    except LostError:
+        return False
+    return True
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,7 @@ from tests.twins.oscillating_flights import (
     AXES,
     Case,
     Score,
+    beyond_the_limit,
     calm_flights,
     fly,
     frequency_hz,
@@ -136,6 +137,21 @@ def test_limit_cycles_are_found() -> None:
     assert frequency >= 0.95
     # A frequency that is stated is never an image.
     assert all(one.frequency_right for *_, one in found if not one.frequency_due)
+
+
+@pytest.mark.slow
+def test_gains_just_beyond_the_limit_are_never_calm() -> None:
+    """Flights that chose no limit of the check: roll is found, or a stronger axis is and roll is left unchecked."""
+    looks = [
+        ("roll" in [one.axis for one in check.found], "roll" in check.calm)
+        for case in beyond_the_limit()
+        for log_hz in logged_rates_hz(case)
+        for check in [check_oscillations(record_of(case, log_hz=log_hz))]
+    ]
+    found, calm = np.mean(looks, axis=0)
+    assert len(looks) > 350
+    assert found >= 0.95
+    assert calm == 0.0
 
 
 @pytest.mark.slow
