@@ -473,14 +473,27 @@ def data_quality(
 
 
 def sensor_agreement(flights: Sequence[Flight]) -> tuple[Consistency, ...]:
-    """Whether sensors and clocks agree over the longest maneuver of each axis, in each log."""
+    """Whether sensors and clocks agree over the longest maneuver of each axis, in each log.
+
+    Of short maneuvers the flight from the first to the last is looked at, and nothing is remarked on.
+    """
     records = {id(record): record for record, _ in flights}
     groups = [(record, [m for r, m in flights if r is record]) for record in records.values()]
-    return tuple(
-        check_consistency(record, stretches(record, maneuvers))
-        for record, maneuvers in groups
-        if max(maneuver.duration_s for maneuver in maneuvers) >= SHORTEST_S
-    )
+    return tuple(found for group in groups if (found := _agreement(*group)) is not None)
+
+
+def _agreement(record: FlightRecord, maneuvers: Sequence[Maneuver]) -> Consistency | None:
+    if max(maneuver.duration_s for maneuver in maneuvers) >= SHORTEST_S:
+        return check_consistency(record, stretches(record, maneuvers))
+    axes = tuple(axis for axis in AXES if any(maneuver.axis == axis for maneuver in maneuvers))
+    start_s, stop_s = min(one.start_s for one in maneuvers), max(one.stop_s for one in maneuvers)
+    if stop_s - start_s < SHORTEST_S:
+        return None
+    checks: list[tuple[Stretch, KinematicCheck]] = []
+    whole = _middle(axes, start_s, stop_s)  # type: ignore[arg-type]
+    for found, _ in _kinematics(record, whole):
+        checks += [(whole, check) for check in found]
+    return Consistency(checks=tuple(checks))
 
 
 def sensor_errors(agreement: Sequence[Consistency], outputs: Sequence[str]) -> FloatArray | None:

@@ -408,7 +408,7 @@ def _joined(
     return Measured(
         response=replace(
             response,
-            sensor_errors=_largest_errors(parts, outputs),
+            sensor_errors=_largest_errors(parts, response.outputs),
             slope_changes=_largest(parts, response, lambda one: one.slope_changes),
             lean_errors=_largest(parts, response, lambda one: one.lean_errors),
             unchecked_errors=_unchecked(parts, response),
@@ -435,8 +435,9 @@ def _largest_errors(parts: Sequence[Measured], outputs: Sequence[str]) -> FloatA
     errors = np.zeros((len(outputs), 2))
     for part in parts:
         if part.response.sensor_errors is not None:
-            rows = [outputs.index(name) for name in part.response.outputs]
-            errors[rows] = np.maximum(errors[rows], part.response.sensor_errors)
+            for name, own in zip(part.response.outputs, part.response.sensor_errors, strict=True):
+                if name in outputs:
+                    errors[outputs.index(name)] = np.maximum(errors[outputs.index(name)], own)
     return errors
 
 
