@@ -55,6 +55,7 @@ from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
 from rotorid.pipeline.summary import PairCost
 from rotorid.reduction.guided import fit_and_drop
 from rotorid.signal.excitations import find_excitations
+from rotorid.spectral.derived import selected
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 from rotorid.verification.sampled import LowPass
 from rotorid.verification.scores import j_rms, nrmse_fit_percent, rms, theil_inequality
@@ -152,19 +153,7 @@ def _of_inputs(settings: MeasureSettings, inputs: Sequence[str], swept: Sequence
 
 def _of_outputs(data: FrequencyResponse, count: int) -> FrequencyResponse:
     """The responses of the first outputs only."""
-    if len(data.outputs) == count:
-        return data
-    between = data.output_correlation
-    return replace(
-        data,
-        outputs=data.outputs[:count],
-        values=data.values[:count],
-        coherence=data.coherence[:count],
-        random_error=data.random_error[:count],
-        covariance=data.covariance[:count],
-        output_correlation=None if between is None else between[:, :count, :count],
-        disturbance=None,
-    )
+    return data if len(data.outputs) == count else selected(data, outputs=data.outputs[:count])
 
 
 def _model(structure: LinearStructure, parameters: ParameterSet, data: FrequencyResponse) -> ComplexArray:
