@@ -1,0 +1,64 @@
+"""Twelve logs, each command once: what two of them answer is one answer, and what they propose runs."""
+
+from __future__ import annotations
+
+import lzma
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from tests.agreement.answers import Ran, answers, contradictions, next_commands, run, run_all
+
+pytestmark = pytest.mark.slow
+
+LOGS = (
+    "px4_sitl/roll.ulg",
+    "px4_sitl/verify.ulg.xz",
+    "px4/sample.ulg",
+    "ardupilot_sitl/x_wind_rollpitch.BIN.xz",
+    "ardupilot_sitl/x_calm_verify.BIN.xz",
+    "ardupilot/erle_brain3.BIN",
+    "everyday/arducopter_462_log_4.bin.xz",
+    "betaflight/smooth_tune.BBL",
+    "everyday/betaflight_431_freestyle.bbl.xz",
+    "crazyflie/log10",
+    "s500/roll_sweeps.csv",
+    "s500/pitch_doublets.csv",
+)
+
+SEVERAL_LOOPS = "review, response and tune each measure the loop in their own way"
+ORDINARY = "inspect asks for an excitation, while review and identify take an ordinary flight whole"
+DISAGREE = {
+    "px4_sitl/roll.ulg": f"{SEVERAL_LOOPS}; {ORDINARY}",
+    "px4_sitl/verify.ulg.xz": ORDINARY,
+    "ardupilot_sitl/x_wind_rollpitch.BIN.xz": SEVERAL_LOOPS,
+    "ardupilot_sitl/x_calm_verify.BIN.xz": ORDINARY,
+    "betaflight/smooth_tune.BBL": ORDINARY,
+    "everyday/betaflight_431_freestyle.bbl.xz": ORDINARY,
+}
+"""Logs of which commands contradict each other, and why."""
+
+
+@pytest.fixture(scope="module", params=LOGS)
+def flown(
+    request: pytest.FixtureRequest, shared_data: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[str, Path, dict[str, Ran]]]:
+    """A log, the folder it was copied to, and what each command left there."""
+    source, folder = shared_data / request.param, tmp_path_factory.mktemp("agreement")
+    packed = source.suffix == ".xz"
+    log = folder / (source.stem if packed else source.name)
+    log.write_bytes(lzma.decompress(source.read_bytes()) if packed else source.read_bytes())
+    yield request.param, folder, run_all(Path(log.name), folder)
+
+
+def test_two_commands_give_one_answer(flown: tuple[str, Path, dict[str, Ran]], request: pytest.FixtureRequest) -> None:
+    name, _, ran = flown
+    if reason := DISAGREE.get(name):
+        request.applymarker(pytest.mark.xfail(reason=reason, raises=AssertionError, strict=True))
+    assert contradictions(answers(ran)) == {}
+
+
+def test_what_is_proposed_next_runs(flown: tuple[str, Path, dict[str, Ran]]) -> None:
+    _, folder, ran = flown
+    failed = {" ".join(words): code for words in next_commands(ran) if (code := run([*words, "--quiet"], folder).code)}
+    assert failed == {}
