@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import lzma
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -42,13 +41,13 @@ DISAGREE = {
 @pytest.fixture(scope="module", params=LOGS)
 def flown(
     request: pytest.FixtureRequest, shared_data: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[tuple[str, Path, dict[str, Ran]]]:
+) -> tuple[str, Path, dict[str, Ran]]:
     """A log, the folder it was copied to, and what each command left there."""
     source, folder = shared_data / request.param, tmp_path_factory.mktemp("agreement")
     packed = source.suffix == ".xz"
     log = folder / (source.stem if packed else source.name)
     log.write_bytes(lzma.decompress(source.read_bytes()) if packed else source.read_bytes())
-    yield request.param, folder, run_all(Path(log.name), folder)
+    return request.param, folder, run_all(Path(log.name), folder)
 
 
 def test_two_commands_give_one_answer(flown: tuple[str, Path, dict[str, Ran]], request: pytest.FixtureRequest) -> None:
