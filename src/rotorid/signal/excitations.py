@@ -223,11 +223,14 @@ def _stands_still(record: FlightRecord, maneuver: Maneuver) -> bool:
 def find_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     """Excitations of one axis: those that the log declares, and those that its signals show beside them.
 
-    The first signal of :func:`excitation_signals` that shows any is taken. An interval is active while the signal
-    leaves its resting value by more than a tenth of its largest motion; rests of up to 1.6 s belong to it. Sweeps are
-    told by half periods that shrink or grow steadily, random binary signals by two levels without a trend, multisines
-    by a period that they repeat, doublets and multisteps by few switches. Where nothing of an axis was excited and
-    single motors were, as on a rig, their test inputs count to the axis that turns most.
+    The first signal of :func:`excitation_signals` that shows any is taken, and of those inside of it the sweeps and
+    multisines that go on far beyond what it shows. An interval is active while the signal leaves its resting value by
+    more than a tenth of its largest motion; rests of up to 1.6 s belong to it. Sweeps have half periods that shrink or
+    grow steadily, also on a drift that is slower than 2 s, random binary signals two levels without a trend and more
+    than an octave of half periods, multisines a period that they repeat, doublets and multisteps few switches. Beside
+    what a log declares, pushes that are large and come before its first run or after its last one are doublets and
+    multisteps, about the trim of the stick. Where nothing of an axis was excited and single motors were, as on a rig,
+    their test inputs count to the axis that turns most.
 
     Sticks that move on the ground excite nothing, and who turns over flies a figure: neither is an excitation, nor is
     what the log declares in a signal that stands still.
@@ -632,9 +635,12 @@ def _in_signal(
             continue
         kind, band = classify(part_time, part)
         start_s, stop_s = float(part_time[0]), float(part_time[-1])
-        drifting = _sweep_in_drift(part_time, part) if kind == "other" else None
-        if drifting is not None:
+        drifting = _sweep_in_drift(part_time, part) if kind in ("other", "sweep") else None
+        if drifting is not None and kind == "other":
             kind, (start_s, stop_s, band) = "sweep", drifting
+        elif drifting is not None and band is not None:
+            # What drifts hides half periods where the sweep is fast.
+            band = band[0], max(band[1], drifting[2][1])
         maneuvers.append(Maneuver(axis=axis, kind=kind, start_s=start_s, stop_s=stop_s, band_rad_s=band, signal=name))
     return maneuvers
 

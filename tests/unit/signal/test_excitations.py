@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Status, Topic
+from rotorid.excitation.sticks import everyday_stick
 from rotorid.excitation.sweep import logarithmic_sweep, pilot_sweep
 from rotorid.excitation.switching import doublet, three_two_one_one
 from rotorid.signal.excitations import (
@@ -302,3 +303,59 @@ def test_a_plan_of_attitudes_is_found_as_it_flew(seed: int, noise: float) -> Non
     guided = replace(quiet, status=Status(modes=(("guided", 229.0, 279.0),)))
     kinds = [maneuver.kind for maneuver in find_excitations(guided, "roll")]
     assert kinds == (["multisine"] if noise == 0.0 else [])
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("turn", [1, -1])
+def test_a_sweep_on_a_drift_is_found(seed: int, turn: int) -> None:
+    """What keeps the place in wind is as large as the sweep, and slower."""
+    sweep = embedded(chirp())[::turn]
+    rng = np.random.default_rng(seed)
+    slow = np.convolve(rng.standard_normal(sweep.size + 1200), np.hanning(1201), "valid")[: sweep.size]
+    (found,) = [m for m in find(sweep + 0.08 * slow / slow.std(), channel="phi_setpoint") if m.kind == "sweep"]
+    assert found.band_rad_s is not None
+    # Below a period of some 4 s the sweep goes with the drift.
+    assert found.band_rad_s[0] < 3.0
+    assert found.band_rad_s[1] == pytest.approx(BAND[1], rel=0.225)
+    assert found.duration_s > 30.0
+
+
+def test_a_busy_pilot_flies_no_sweep() -> None:
+    """Nobody tests anything: of 24 flights of two minutes none holds a sweep or a random binary signal."""
+    for seed in range(24):
+        rate_hz = (10.0, 50.0)[seed % 2]
+        rng = np.random.default_rng(seed)
+        stick = everyday_stick(level=0.5, duration_s=120.0, sample_rate_hz=rate_hz, rng=rng)
+        topic = Topic(
+            name="sticks",
+            time_s=np.arange(stick.size) / rate_hz,
+            channels=(Channel(name="roll_stick", unit="1"),),
+            values=stick[None],
+        )
+        flight = FlightRecord(source=Source(name="a", format="", sha256=""), topics=(topic,))
+        assert rich_excitations(flight, "roll") == (), seed
+
+
+def test_doublets_by_hand_do_not_hide_the_sweep_of_a_program() -> None:
+    pair = doublet(amplitude=0.3, pulse_s=0.3, sample_rate_hz=RATE_HZ)
+    swept, flown = embedded(chirp()), np.concatenate([pair, rest(8.0)])
+    stick = np.concatenate([0.0 * swept, flown])
+    inner = np.concatenate([swept, 0.5 * flown])
+    both = record({"roll_stick": stick, "phi_setpoint": inner})
+    found = find_excitations(both, "roll")
+    assert [(m.kind, m.signal) for m in found] == [("sweep", "phi_setpoint"), ("doublet", "roll_stick")]
+    # A stick that corrects slowly meanwhile shows a slow sweep of its own, which is the pilot's answer.
+    answer = embedded(
+        logarithmic_sweep(
+            amplitude=0.2,
+            band_rad_s=(BAND[0], 6.0),
+            duration_s=30.0,
+            sample_rate_hz=RATE_HZ,
+            constant_s=5.0,
+        )
+    )
+    slow = np.zeros(stick.size)
+    slow[: answer.size] = answer[: stick.size]
+    answered = record({"roll_stick": slow, "phi_setpoint": inner})
+    assert [m.kind for m in find(slow, channel="roll_stick")] == ["sweep"]
+    assert [m.signal for m in rich_excitations(answered, "roll")] == ["phi_setpoint"]
