@@ -174,18 +174,20 @@ def uncertain_plant(
     return UncertainPlant(model=model, band_rad_s=band_rad_s, knots=knots, mean=mean, misfits=mean + spread)
 
 
-def certain_plant(model: Callable[[FloatArray], ComplexArray]) -> UncertainPlant:
-    """A plant that is known exactly at all frequencies, as one draw.
+def certain_plant(model: Callable[[FloatArray], ComplexArray], *, lowest_rad_s: float = _LEAST_RAD_S) -> UncertainPlant:
+    """A plant that is known exactly, as one draw.
 
     Parameters
     ----------
     model
         Its response by frequencies in rad/s.
+    lowest_rad_s
+        Lower end of the band in which it counts as known; below it modes of the speed may act.
     """
     knots = np.log([_LEAST_RAD_S, _MOST_RAD_S])
     none = np.zeros(knots.size, dtype=np.complex128)
     return UncertainPlant(
-        model=model, band_rad_s=(_LEAST_RAD_S, _MOST_RAD_S), knots=knots, mean=none, misfits=none[None]
+        model=model, band_rad_s=(lowest_rad_s, _MOST_RAD_S), knots=knots, mean=none, misfits=none[None]
     )
 
 

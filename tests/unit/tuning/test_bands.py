@@ -62,3 +62,14 @@ def test_gains_that_cross_over_beyond_all_motion_ask_for_no_such_band() -> None:
     found = propose("roll", certain_plant(plant), controller, parts=parts)
     assert 3.0 * crossover_rad_s(found.flown) > 350.0
     assert needed_band("roll", plant, controller, parts)[1] < 200.0
+
+
+def test_modes_of_the_speed_below_the_sweep_do_not_change_the_band() -> None:
+    def drifting(omega: FloatArray) -> ComplexArray:
+        s, speed, moment = 1j * omega, 0.3, 3.0
+        return np.asarray(plant(omega) * (s + 2.0) * s * (s + speed) / ((s + 2.0) * s * (s + speed) + 9.81 * moment))
+
+    controller = flown(0.25)
+    parts = parts_of(controller)
+    alone, moving = (needed_band("roll", one, controller, parts)[1] for one in (plant, drifting))
+    assert moving == pytest.approx(alone, rel=0.15)
