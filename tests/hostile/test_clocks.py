@@ -41,6 +41,7 @@ SPREAD: Mapping[str, FloatArray] = MappingProxyType(
     {
         "three samples in a year": np.array([0.0, 1.0, 2.0]) * 1.5e7,
         "a jump of thirty years": NUMBERS * 0.004 + 1e9 * (NUMBERS >= 200),
+        "two flights thirty years apart": NUMBERS * 0.1 + 1e9 * (NUMBERS >= 200),
         "slower and slower": 1e9 * (NUMBERS / 400.0) ** 3,
         "microseconds in clusters": np.repeat(NUMBERS[:40] * 0.05, 10) + np.tile(NUMBERS[:10] * 2e-6, 40),
     }

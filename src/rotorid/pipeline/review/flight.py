@@ -64,6 +64,9 @@ _COUNTED: Mapping[int, str] = {3: "tri", 4: "quad", 6: "hexa", 8: "octa", 12: "d
 _TREND_S = 20.0
 """The resistance of the battery is that of what changes faster."""
 
+_BLOCK_S = 10.0
+"""Where the battery was not logged for so long, nothing is put between its samples."""
+
 _LEAST_CURRENT_A = 0.5
 """A current that hardly ever exceeds this is not logged."""
 
@@ -209,7 +212,11 @@ def _battery(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quanti
 
 def _resistance(time_s: FloatArray, volts: FloatArray, stamps: FloatArray, amperes: FloatArray) -> Quantity | None:
     """Volts per ampere of the fast changes, on ten samples a second, with the spread between parts of the flight."""
-    clock = np.arange(max(time_s[0], stamps[0]), min(time_s[-1], stamps[-1]), 0.1)
+    first_s, last_s = max(time_s[0], stamps[0]), min(time_s[-1], stamps[-1])
+    # In blocks that have samples: between flights a log may be silent for years.
+    blocks = np.unique(np.floor((stamps[stamps >= first_s] - first_s) / _BLOCK_S))
+    clock = first_s + np.add.outer(_BLOCK_S * blocks, np.arange(0.0, _BLOCK_S, 0.1)).ravel()
+    clock = clock[clock < last_s]
     if clock.size < 100:
         return None
     pair: FloatArray = np.stack([_averaged(clock, time_s, volts), _averaged(clock, stamps, amperes)])
