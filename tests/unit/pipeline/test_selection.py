@@ -259,6 +259,9 @@ def test_the_band_of_a_stick_ends_where_its_power_does() -> None:
     assert 5.0 < high < 13.0
     assert band_of_instrument([whole], "roll_excitation")[1] > 20.0
     assert band_of_instrument([whole], "yaw_stick") == (0.0, np.inf)
+    # A stick that was named and never moved has no band, and is no reason to stop.
+    idle = Flight(log_of(roll_command=CHIRP, p=CHIRP, roll_stick=np.full(TIME_S.size, 0.1)), whole.maneuver)
+    assert band_of_instrument([idle], "roll_stick") == (0.0, np.inf)
 
 
 def in_closed_loop(name: str, *, injected: bool, seed: int) -> FlightRecord:

@@ -237,7 +237,7 @@ def band_of_instrument(flights: Sequence[Flight], name: str) -> tuple[float, flo
     flights
         Maneuvers and their logs.
     name
-        The instrument. One that no log holds has no limits.
+        The instrument. One that no log holds, or that stands still, has no limits.
     """
     edges = np.geomspace(_LOWEST_RAD_S, _LOWEST_RAD_S * 2.0**_OCTAVES, _OCTAVES + 1, dtype=np.float64)
     powers = [found for flight in flights if (found := _octaves(flight, name, edges)).size]
@@ -251,9 +251,9 @@ def band_of_instrument(flights: Sequence[Flight], name: str) -> tuple[float, flo
 
 
 def _octaves(flight: Flight, name: str, edges_rad_s: FloatArray) -> FloatArray:
-    """Power of a channel between frequencies, shape ``(edges - 1,)``; empty where it has too few samples."""
+    """Power of a channel between frequencies, shape ``(edges - 1,)``; empty where it stands still or has few samples."""
     for samples in flight.samples(name):
-        if samples.values.size > _FEWEST_SAMPLES:
+        if samples.values.size > _FEWEST_SAMPLES and np.ptp(samples.values) > 0.0:
             step_s = even_step_s(samples.time_s)
             grid = np.arange(samples.time_s[0], samples.time_s[-1], step_s)
             values = np.interp(grid, samples.time_s, samples.values)
