@@ -309,7 +309,7 @@ def _looks(record: FlightRecord, flights: Intervals, power: _Power) -> dict[Axis
             # Motors at their limits take from every axis.
             looks[move.axis] = f"{capital(move.axis)} moves with the axis that oscillates more."
         elif look is None:
-            looks[move.axis] = _why_unchecked(record, move)
+            looks[move.axis] = _why_unchecked(record, move, flights, power)
     return looks
 
 
@@ -326,6 +326,23 @@ class _Move(NamedTuple):
     @property
     def fast(self) -> bool:
         return self.command.rate_hz >= _FAST_HZ
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """From the first window to the end of the last one."""
+        stamps = self.command.time_s
+        return float(stamps[self.windows[0].start]), float(stamps[self.windows[-1].stop - 1])
+
+    def part(self, flights: Intervals) -> Intervals:
+        """Flights within the windows."""
+        first_s, last_s = self.span_s
+        return tuple(
+            (max(start, first_s), min(stop, last_s)) for start, stop in flights if start < last_s and stop > first_s
+        )
+
+    def line(self) -> _Line | None:
+        """The strongest line of the command."""
+        return _line(self.command, self.command, self.windows, _band_hz(self.command))
 
 
 def _move(record: FlightRecord, axis: Axis, flights: Intervals, power: _Power) -> _Move | str:
@@ -387,10 +404,7 @@ def _limited_in(command: _Samples, window: slice, power: _Power) -> float:
 def _swing(record: FlightRecord, move: _Move, flights: Intervals, power: _Power) -> Oscillation | None:
     """The oscillation of an axis by its command or by its attitude."""
     command, axis = move.command, move.axis
-    first_s, last_s = (float(command.time_s[place]) for place in (move.windows[0].start, move.windows[-1].stop - 1))
-    part = tuple(
-        (max(start, first_s), min(stop, last_s)) for start, stop in flights if start < last_s and stop > first_s
-    )
+    part = move.part(flights)
     slow = _attitude_swing(record, axis, flights, power)
     found = Oscillation(
         axis=axis,
@@ -401,13 +415,13 @@ def _swing(record: FlightRecord, move: _Move, flights: Intervals, power: _Power)
         error_rms_rad=slow.rms if slow is not None else None,
     )
     if move.size > LARGEST_RMS:
-        line = _line(command, command, move.windows, _band_hz(command)) if move.fast else None
+        line = move.line() if move.fast else None
         limited = move.limited > LARGEST_LIMITED
         if line is not None and (
             (limited and line.share > _LIMITED_LINE)
-            or (line.share > _FREE_LINE and not _driven(record, axis, line, part, power))
+            or (line.share > _FREE_LINE and _driven(record, axis, line, part, power) is False)
         ):
-            swung = command.within(first_s, last_s)
+            swung = command.within(*move.span_s)
             return replace(found, frequency_hz=_frequency_hz(record, swung, line.frequency_hz, axis, part))
         if not move.fast and (limited or move.size > HUGE_RMS):
             return found
@@ -416,7 +430,7 @@ def _swing(record: FlightRecord, move: _Move, flights: Intervals, power: _Power)
     return replace(found, loop="attitude", rms=move.distance, frequency_hz=slow.frequency_hz)
 
 
-def _why_unchecked(record: FlightRecord, move: _Move) -> str | None:
+def _why_unchecked(record: FlightRecord, move: _Move, flights: Intervals, power: _Power) -> str | None:
     """Why a log in which an axis does not swing does not show that it is calm; ``None`` where it does."""
     name, rate_hz = f"{move.axis}_command", move.command.rate_hz
     if rate_hz < _SURE_HZ and not record.source.format.startswith(_LOGGERS):
@@ -426,6 +440,13 @@ def _why_unchecked(record: FlightRecord, move: _Move) -> str | None:
         )
     if move.fast and move.size > LARGEST_RMS and move.limited > LARGEST_LIMITED:
         return f"{name} uses its whole range in no single line: noise reaches the motors. Lower D, or filter more."
+    if move.fast and move.size > LARGEST_RMS and (line := move.line()) is not None:
+        driven = _driven(record, move.axis, line, move.part(flights), power)
+        # Without motors nobody knows of limits, which make a weaker line one.
+        weaker = np.isnan(move.limited) and line.share > _LIMITED_LINE and not driven
+        if weaker or (line.share > _FREE_LINE and driven is None):
+            missing = "motor outputs" if driven is False else "rate and its set-point"
+            return f"{name} swings in one line, and without the {missing} the log does not show what makes it."
     if not move.fast and move.size > LARGEST_RMS:
         return (
             f"{name} moves much (rms {move.size:.2f} of its range), and a log of {rate_hz:.0f} Hz does not show "
@@ -583,14 +604,14 @@ def _of_line(time_s: FloatArray, values: FloatArray, frequency_hz: float) -> flo
     return float(np.mean((waves @ weights) ** 2))
 
 
-def _driven(record: FlightRecord, axis: Axis, line: _Line, flights: Intervals, power: _Power) -> bool:
-    """Whether the set-point of the rate makes the line of the command; so too where that is not known."""
+def _driven(record: FlightRecord, axis: Axis, line: _Line, flights: Intervals, power: _Power) -> bool | None:
+    """Whether the set-point of the rate makes the line of the command; ``None`` where that is not known."""
     rate, setpoint = (_samples(record, name, flights) for name in (RATE_OF[axis], f"{RATE_OF[axis]}_setpoint"))
     if rate is None or setpoint is None:
-        return True
+        return None
     windows = _powered(rate, _LINE_WINDOW_S, power)
     own = _line(rate, setpoint, windows, (0.5 * line.frequency_hz, 2.0 * line.frequency_hz))
-    return own is None or own.driven > _DRIVEN
+    return None if own is None else own.driven > _DRIVEN
 
 
 def _powered(samples: _Samples, length_s: float, power: _Power) -> list[slice]:

@@ -165,6 +165,23 @@ def test_a_line_without_limits_counts_when_no_setpoint_makes_it() -> None:
     assert found.at_limit_percent is None
 
 
+@pytest.mark.parametrize("lost", ["p", "p_setpoint"])
+@pytest.mark.parametrize("motors", [True, False])
+def test_a_line_of_which_the_set_point_is_not_known_is_not_calm(lost: str, motors: bool) -> None:
+    signals = swinging(7.0, amplitude=0.3, hover=0.5)
+    kept = {name: one for name, one in signals.items() if name != lost and (motors or not name.startswith("motor"))}
+    check = check_oscillations(record(kept, 400.0))
+    assert (axes(check), "roll" in check.calm) == ([], False)
+    assert "without the rate and its set-point" in check.unchecked["roll"]
+
+
+def test_a_line_in_much_noise_needs_the_motors() -> None:
+    loud = noise(0.4, 7)
+    cycle = {name: loud + values if name == "roll_command" else values for name, values in swinging(17.0).items()}
+    check = check_oscillations(record({name: one for name, one in cycle.items() if "motor" not in name}, 400.0))
+    assert (axes(check), "motor outputs" in check.unchecked.get("roll", "")) == ([], True)
+
+
 def test_noise_in_saturated_motors_is_no_oscillation() -> None:
     loud = noise(0.4, 7)
     signals = still() | {"roll_command": loud}
