@@ -35,6 +35,9 @@ from rotorid.typing import Axis
 
 RATE_GAINS = ("P", "I", "D")
 
+_USUAL: Mapping[str, tuple[str, ...]] = {"rate": RATE_GAINS, "attitude": ("I", "A")}
+"""Gains to lower where the log has none. A slow swing with too much integral swings on with all of them lowered."""
+
 LOWERED = 1.0 / 3.0
 """Of the gains that flew."""
 
@@ -81,6 +84,11 @@ class OscillationReview(Immutable):
     def __post_init__(self) -> None:
         self._set(gains=self.gains)
 
+    @property
+    def lower_words(self) -> str:
+        """The gains to lower, in words."""
+        return gain_words((self,))
+
 
 def reviewed_oscillations(record: FlightRecord) -> tuple[OscillationReview, ...]:
     """The axes of a flight that swing, with the gains for the next one.
@@ -112,7 +120,7 @@ def _reviewed(record: FlightRecord, found: Oscillation) -> OscillationReview:
         at_limit_percent=found.at_limit_percent,
         error_rms_rad=found.error_rms_rad,
         gains=gains,
-        lower=_letters(controller, gains) if controller is not None and gains else RATE_GAINS,
+        lower=_letters(controller, gains) if controller is not None and gains else _USUAL[found.loop],
     )
 
 
@@ -220,9 +228,9 @@ def remedy(one: OscillationReview) -> str:
     'Lower P, I and D of roll to a third before the next flight.'
     """
     if not one.gains:
-        return f"Lower {gain_words((one,))} of {one.axis} to a third before the next flight."
+        return f"Lower {one.lower_words} of {one.axis} to a third before the next flight."
     values = ", ".join(f"{name} from {flown:.4g} to {new:.4g}" for name, (flown, new) in one.gains.items())
-    return f"Lower {gain_words((one,))} of {one.axis} before the next flight: {values}."
+    return f"Lower {one.lower_words} of {one.axis} before the next flight: {values}."
 
 
 def gain_words(found: tuple[OscillationReview, ...]) -> str:
