@@ -190,14 +190,19 @@ def step_name(step: PathStepDocument) -> str:
     return f"{step.flight}, proposed" if step.flight == 1 else f"{step.flight}, goal" if step.goal else f"{step.flight}"
 
 
+_WORTH_A_FACTOR = 1.0 / 1.5
+"""A deviation over another one, up to which it is said as a factor, and beyond in percent."""
+
+
 def path_sentence(one: AxisTuneDocument) -> str:
     """How the path of an axis is flown."""
     first, *_, goal = one.path
-    softer = first.attitude_ratio.value / goal.attitude_ratio.value
+    left = goal.attitude_ratio.value / first.attitude_ratio.value
+    less = f"{1.0 / left:.2g} times" if left <= _WORTH_A_FACTOR else f"{100.0 * (1.0 - left):.0f} %"
     return (
         "A gain at most doubles in one flight. Fly the proposed gains with a sweep up to "
         f"{goal.sweep_to_rad_s:.0f} rad/s, check that flight, and tune again. With the goal a disturbance tilts the "
-        f"vehicle {softer:.2g} times less than with the proposed gains."
+        f"vehicle {less} less than with the proposed gains."
     )
 
 

@@ -1,0 +1,20 @@
+"""What is said of the way to the goal."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from rotorid.documents.tune import path_sentence
+
+
+def step(ratio: float) -> SimpleNamespace:
+    return SimpleNamespace(attitude_ratio=SimpleNamespace(value=ratio), sweep_to_rad_s=120.0)
+
+
+@pytest.mark.parametrize(("goal", "words"), [(0.25, "2 times less"), (0.48, "4 % less"), (0.35, "30 % less")])
+def test_a_small_gain_is_said_in_percent_and_never_as_one_time(goal: float, words: str) -> None:
+    way: Any = SimpleNamespace(path=[step(0.5), step(goal)])
+    assert path_sentence(way).endswith(f"tilts the vehicle {words} than with the proposed gains.")
