@@ -105,6 +105,12 @@ def test_the_commands_say_which_filter_the_derivative_had(flew: str, declared: s
     assert (found.name == declared) == alike
 
 
+def test_a_log_that_names_no_firmware_calls_it_nothing() -> None:
+    (finding,) = flown_firmware(flight(PX4, flew=OLD, declared="")).findings
+    assert finding.message.startswith("The log does not name its firmware; PX4 1.11 or older flew: ")
+    assert "that of the newest version" in finding.message
+
+
 @pytest.mark.parametrize("declared", [OLD, NEW])
 def test_a_tie_goes_to_the_declared_version(declared: str) -> None:
     none = PX4 | {"MC_ROLLRATE_D": 0.0, "MC_PITCHRATE_D": 1e-6}

@@ -380,17 +380,20 @@ def _contradicted(record: FlightRecord, name: str, unexplained: dict[str, float]
     if name in unexplained and declared in unexplained:
         why = (
             f"its controller leaves {100.0 * unexplained[name]:.0f} % of the logged commands unexplained, that of "
-            f"{declared} {100.0 * unexplained[declared]:.0f} %"
+            f"{declared or 'the newest version'} {100.0 * unexplained[declared]:.0f} %"
         )
     else:
         why = "the log holds topics or parameters that the version which it names does not have"
-    message = f"The log calls its firmware {declared}, but {name} flew: {why}. Its controller was taken."
+    called = f"The log calls its firmware {declared}, but" if declared else "The log does not name its firmware;"
+    message = f"{called} {name} flew: {why}. Its controller was taken."
     numbers = {"unexplained": unexplained[name]} if name in unexplained else {}
     return (warn("firmware_contradicted", record.source.name, message, **numbers),)
 
 
 def _nothing_explains(record: FlightRecord, unexplained: dict[str, float]) -> Finding:
-    each = ", ".join(f"{100.0 * share:.0f} % with that of {name}" for name, share in unexplained.items())
+    each = ", ".join(
+        f"{100.0 * share:.0f} % with that of {name or 'the newest version'}" for name, share in unexplained.items()
+    )
     message = (
         f"No known controller makes the logged roll and pitch commands of set-point and rate: {each} stay unexplained. "
         "Gains changed in flight, motors were at their limits, or the controller has parts that are not modeled."
