@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from rotorid.pipeline.oscillations import remedy, reviewed_oscillations
 from tests.unit.signal.test_oscillations import record, slow_swing, swinging
+
+from rotorid.pipeline.oscillations import remedy, reviewed_oscillations
 
 
 def test_gains_that_are_not_logged_are_named_by_the_kind_of_swing() -> None:

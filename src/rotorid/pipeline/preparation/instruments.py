@@ -251,7 +251,7 @@ def band_of_instrument(flights: Sequence[Flight], name: str) -> tuple[float, flo
 
 
 def _octaves(flight: Flight, name: str, edges_rad_s: FloatArray) -> FloatArray:
-    """Power of a channel between frequencies, shape ``(edges - 1,)``; empty where it stands still or has few samples."""
+    """Power of a channel between frequencies, shape ``(edges - 1,)``; empty where it rests or has few samples."""
     for samples in flight.samples(name):
         if samples.values.size > _FEWEST_SAMPLES and np.ptp(samples.values) > 0.0:
             step_s = even_step_s(samples.time_s)
