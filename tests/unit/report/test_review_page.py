@@ -17,6 +17,7 @@ from rotorid.data.quantity import Quantity
 from rotorid.documents.base import to_json
 from rotorid.documents.review import ReviewDocument, review_arrays, review_document
 from rotorid.errors import UsageError
+from rotorid.pipeline.oscillations import OscillationReview
 from rotorid.pipeline.provenance import LoggedManeuver
 from rotorid.pipeline.review.cards import Card, cards
 from rotorid.pipeline.review.motors import _findings
@@ -206,6 +207,13 @@ def test_power_prints_the_interval_of_the_thrust() -> None:
     told = card_of(replace(seen, flight=replace(seen.flight, thrust_to_weight=little)), "power")
     assert told.state == "cannot"
     assert "1.6 (1.2 to 2.4) times" in told.sentence
+
+
+def test_nothing_more_is_asked_of_loops_that_swing() -> None:
+    swing = OscillationReview(axis="roll", loop="rate", frequency_hz=22.9, rms=0.54, at_limit_percent=98.2)
+    seen = replace(made_review("my flight.ulg"), models={})
+    assert list(next_commands(seen))
+    assert not list(next_commands(replace(seen, oscillations=(swing,))))
 
 
 def test_next_commands_can_be_pasted() -> None:

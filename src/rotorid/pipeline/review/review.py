@@ -262,14 +262,14 @@ def next_commands(seen: Review) -> Iterator[str]:
     stands = [name for name, model in seen.models.items() if isinstance(model, IdentifiedModel)]
     if stands:
         yield f"rotorid identify {log} --model {','.join(stands)}"
+    if seen.oscillations:
+        # The log shows the limits of its loops, and a sweep on top of them would not be a safe flight.
+        return
     for loop in seen.loops.values():
         instrument = " --estimate direct" if loop.instrument == "direct" else ""
         yield f"rotorid response {log} --inputs {loop.reference} --outputs {loop.answer}{instrument}"
         break
     axes = [axis for name, axis in AXIS_OF.items() if name not in stands]
-    if seen.oscillations:
-        # A sweep on top of it would not be a safe flight.
-        return
     if seen.models_sought and axes and seen.flight.flights and seen.vehicle.kind in ("", "multirotor"):
         craft = _craft(seen.vehicle.autopilot)
         # A design takes gains of logs of these two.
