@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.io.registry import read, write_log
+from rotorid.models.autopilots.reading import axis_controller
+from rotorid.models.autopilots.settings import described
 from rotorid.pipeline.designs import plan_with
 from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
+from rotorid.pipeline.summary import ControllerSettings
 from rotorid.pipeline.tuning.bands import designed_for_tune
 from rotorid.pipeline.tuning.proposal import tune
 from rotorid.plans.ardupilot import system_id
@@ -92,6 +97,14 @@ def test_set_points_that_are_sent_end_where_a_period_has_ten_of_them(tmp_path: P
     assert designed_for_tune(choices, record=read(hover)).plan.band_rad_s == (2.0, 62.0)
     inside = replace(choices, plan=replace(plan, entry="command"))
     assert designed_for_tune(inside, record=read(hover)).plan.band_rad_s[1] > 62.0
+
+
+def test_the_firmware_of_a_result_is_that_of_the_plan() -> None:
+    choices = DesignChoices(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=PlanChoices(axes=("roll",)))
+    flew = axis_controller(choices.aircraft.autopilot.parameters, "roll", firmware="ArduCopter V4.6.2")
+    assert flew is not None
+    model: Any = SimpleNamespace(controller=ControllerSettings(**described([flew])))
+    assert designed_for_tune(choices, models=(model,)).firmware == "ArduCopter V4.6.2"
 
 
 def test_what_has_no_gains_is_refused() -> None:

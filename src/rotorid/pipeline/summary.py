@@ -161,8 +161,10 @@ class ControllerSettings:
 
     Parameters
     ----------
-    autopilot, firmware
-        As the log has them.
+    autopilot
+        As the log has it.
+    firmware
+        The one whose controller flew, which may be another one than the log names.
     loop_rate_hz
         Steps per second; ``None`` where the log does not say.
     gains, filters

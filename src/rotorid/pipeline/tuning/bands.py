@@ -88,7 +88,8 @@ def _with_gains_of(choices: DesignChoices, models: Sequence[IdentifiedModel]) ->
     known = next((model.controller for model in models if model.controller is not None), None)
     if known is None:
         raise InsufficientDataError("the result holds no gains", needed="a log with the parameters of its autopilot")
-    return replace(choices, gains={**known.gains, **known.filters}, gains_source="the result")
+    firmware = known.firmware or choices.firmware
+    return replace(choices, gains={**known.gains, **known.filters}, gains_source="the result", firmware=firmware)
 
 
 def _highest_rad_s(axis: Axis, controller: AxisController, craft: Aircraft, loop: LoopModel) -> float:
