@@ -49,6 +49,8 @@ from rotorid.typing import Axis
 _PROGRESS = logs.getLogger("rotorid.progress")
 _STEPS = ("flight", "logging", "oscillations", "loops", "margins", "noise", "motors", "models")
 
+_END_FIRST = "end the oscillation first"
+
 _VEHICLES = {
     "PX4": "px4_quad",
     "ArduPilot": "ardupilot_quad",
@@ -145,7 +147,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
     calm: tuple[Axis, ...] = ()
     if air is not None:
         swinging, calm = part("oscillations", lambda: _oscillations(record), (swinging, calm))
-        closed = part("loops", lambda: loops(air), closed)
+        closed = part("loops", lambda: _loops_of(air, swinging), closed)
         broken = part("margins", lambda: _margins_of(air, swinging), broken)
         widths = {
             name: loop.numbers["bandwidth_90deg_rad_s"].value
@@ -157,8 +159,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
     kind, *_ = vehicle(record)
     if air is not None and models:
         if motors_limited(swinging):
-            why = "Motors at their limits answer to no command, so a model would show the limits and not the vehicle."
-            untold.append(Untold(what="models", why=why, remedy="end the oscillation first"))
+            untold.append(_hidden_by_limits("models", swinging))
         else:
             found = part("models", lambda: _models(record, _craft(kind.autopilot)), found)
     summary, untold = _with_thrust_of(found, summary, untold)
@@ -209,13 +210,28 @@ def _oscillations(
     return (reviewed_oscillations(record), check.calm), untold
 
 
+def _hidden_by_limits(what: str, swinging: tuple[OscillationReview, ...]) -> Untold:
+    """What no axis of a flight shows: motors at their limits answer to no command, of a calm axis neither."""
+    why = f"{describe(swinging)} The log then shows the limits of the motors and not the vehicle."
+    return Untold(what=what, why=why, remedy=_END_FIRST)
+
+
+def _loops_of(
+    flight: Flown, swinging: tuple[OscillationReview, ...]
+) -> tuple[dict[str, LoopReview], Sequence[Untold]]:
+    """Loops as flown, unless motors at their limits hide all of them."""
+    return ({}, [_hidden_by_limits("loops", swinging)]) if motors_limited(swinging) else loops(flight)
+
+
 def _margins_of(
     flight: Flown, swinging: tuple[OscillationReview, ...]
-) -> tuple[dict[Axis, MarginReview], list[Untold]]:
+) -> tuple[dict[Axis, MarginReview], Sequence[Untold]]:
     """Margins of the axes that do not swing: what a log shows of a swinging loop is its limits, not its plant."""
-    axes = tuple(RATE_OF) if motors_limited(swinging) else tuple(one.axis for one in swinging)
+    if motors_limited(swinging):
+        return {}, [_hidden_by_limits("margins", swinging)]
+    axes = tuple(one.axis for one in swinging)
     why = f"{describe(swinging)} The log then shows the limits of the loop and not its margins." if axes else ""
-    missing = [Untold(what=f"margins.{axis}", why=why, remedy="end the oscillation first") for axis in axes]
+    missing = [Untold(what=f"margins.{axis}", why=why, remedy=_END_FIRST) for axis in axes]
     if len(axes) == len(RATE_OF):
         return {}, missing
     found, untold = margins(flight)
