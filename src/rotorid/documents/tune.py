@@ -200,7 +200,7 @@ def path_sentence(one: AxisTuneDocument) -> str:
     left = goal.attitude_ratio.value / first.attitude_ratio.value
     less = f"{1.0 / left:.2g} times" if left <= _WORTH_A_FACTOR else f"{100.0 * (1.0 - left):.0f} %"
     return (
-        "A gain at most doubles in one flight. Fly the proposed gains with a sweep up to "
+        "P, D and A (angle) at most double in one flight. Fly the proposed gains with a sweep up to "
         f"{goal.sweep_to_rad_s:.0f} rad/s, check that flight, and tune again. With the goal a disturbance tilts the "
         f"vehicle {less} less than with the proposed gains."
     )
