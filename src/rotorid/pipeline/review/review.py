@@ -216,9 +216,7 @@ def _hidden_by_limits(what: str, swinging: tuple[OscillationReview, ...]) -> Unt
     return Untold(what=what, why=why, remedy=_END_FIRST)
 
 
-def _loops_of(
-    flight: Flown, swinging: tuple[OscillationReview, ...]
-) -> tuple[dict[str, LoopReview], Sequence[Untold]]:
+def _loops_of(flight: Flown, swinging: tuple[OscillationReview, ...]) -> tuple[dict[str, LoopReview], Sequence[Untold]]:
     """Loops as flown, unless motors at their limits hide all of them."""
     return ({}, [_hidden_by_limits("loops", swinging)]) if motors_limited(swinging) else loops(flight)
 
