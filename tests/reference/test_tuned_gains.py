@@ -14,6 +14,7 @@ from rotorid.data.quantity import Quantity
 from rotorid.documents.tune import tune_document
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline import TuningProposal, check_tuning, tune
+from rotorid.pipeline.preparation.selection import excited_pairs
 from rotorid.pipeline.tuning.check import Foretold
 from rotorid.report.tune import render_tune
 from rotorid.tuning.loops import quantities
@@ -178,3 +179,9 @@ def test_the_path_stands_on_the_terminal_on_the_page_and_in_the_document(
     assert "P, D and A (angle) at most double in one flight" in page
     assert "recommended: the loop stays stable" in page
     assert "tilts the vehicle in roll 6.2 times less than today" in page
+
+
+def test_a_sweep_at_the_mixer_needs_no_channels_to_be_named(shared_data: Path) -> None:
+    """Its set-points rest: the excited pairs are those of the commands."""
+    found = excited_pairs([rotorid.read(shared_data / WIDE)])
+    assert found == (("roll_command", "p"), ("pitch_command", "q"))

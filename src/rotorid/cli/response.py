@@ -26,7 +26,7 @@ def response_command(
             "--inputs",
             metavar="CHANNEL,...",
             rich_help_panel="Channels",
-            help="What drives, such as roll_command. [default: the set-points in which excitations stand]",
+            help="What drives, such as roll_command. [default: the excited set-points, else commands]",
         ),
     ] = None,
     outputs: Annotated[
@@ -52,7 +52,7 @@ def response_command(
     if (inputs is None) is not (outputs is None):
         raise UsageError(
             f"{'--outputs' if inputs is None else '--inputs'} came alone",
-            needed="--inputs and --outputs, or neither for the set-points in which excitations stand",
+            needed="--inputs and --outputs, or neither for what was excited",
         )
     channels = {
         "inputs": () if inputs is None else _channels(inputs, "--inputs"),

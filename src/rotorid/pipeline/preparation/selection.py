@@ -410,7 +410,7 @@ def default_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...
 
 
 def excited_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...]:
-    """Every set-point in which excitations stand, with its response.
+    """Every set-point in which excitations stand, with its response; else the commands that were excited at the mixer.
 
     Raises
     ------
@@ -418,19 +418,27 @@ def excited_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...
         None has any.
     """
     setpoints = [(name, name.removesuffix(_SETPOINT)) for name in STANDARD_UNITS if name.endswith(_SETPOINT)]
-    logged = [pair for pair in setpoints if all(set(pair) <= set(record.channel_names) for record in records)]
     found = tuple(
-        (name, answer)
-        for name, answer in logged
-        if any(_is_rich(maneuver) for record in records for maneuver in _shown_in(record, name))
+        pair
+        for pair in setpoints
+        if _all_log(records, pair)
+        and any(_is_rich(maneuver) for record in records for maneuver in _shown_in(record, pair[0]))
+    ) or tuple(
+        (f"{axis}_command", rate)
+        for axis, rate in RATE_OF.items()
+        if _all_log(records, (f"{axis}_command", rate)) and any(rich_excitations(record, axis) for record in records)
     )
     if not found:
         names = ", ".join(record.source.name for record in records)
         raise UsageError(
-            f"no inputs and outputs came, and no set-point of {names} holds an excitation",
-            needed="--inputs and --outputs with their names, such as roll_command and p",
+            f"no excitation was found in {names}",
+            needed="the pair to measure, such as --inputs roll_command --outputs p",
         )
     return found
+
+
+def _all_log(records: Sequence[FlightRecord], pair: tuple[str, str]) -> bool:
+    return all(set(pair) <= set(record.channel_names) for record in records)
 
 
 def chosen_maneuvers(
