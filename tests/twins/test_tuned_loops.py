@@ -125,6 +125,12 @@ def test_the_second_flight_is_what_was_foretold(tmp_path: Path) -> None:
     old = check_tuning(foretold, found.records[0], found.models[:1])
     assert (old.axes["roll"].verdict, old.axes["roll"].gains) == ("other_gains", "flown")
     assert [one.kind for one in old.findings if one.severity == "warning"] == ["other_gains"]
+    assert "the old gains of roll" in old.axes["roll"].sentence
+    # What a ground station rounds is still the proposal; what lies a hundredth off is not.
+    for off, gains in ((1.002, "proposed"), (1.01, "other")):
+        typed = {name: off * value for name, value in foretold["roll"].proposed.items()}
+        rounded = check_tuning({"roll": replace(foretold["roll"], proposed=typed)}, found.records[1], found.models[1:])
+        assert rounded.axes["roll"].gains == gains
     # A proposal that promised another loop is not fulfilled by this flight.
     promised = foretold["roll"]
     higher = {

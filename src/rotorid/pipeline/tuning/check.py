@@ -52,7 +52,8 @@ _PEAK_SLACK = 1.03
 """Largest sensitivity peak over the one that was asked for, up to which a loop counts as robust."""
 
 _LOOP = {"rate": "the rate loop", "whole": "the loop with the angle loop"}
-_SAME = 1e-4
+_SAME = 5e-3
+"""Relative difference up to which gains are the same: a ground station rounds them, and no figure would show it."""
 
 PEAK_WIDER = 1.5
 """Factor of the interval of a peak that is read off a measured sensitivity, as the review has it."""
@@ -336,7 +337,7 @@ def _inside(foretold: Quantity, measured: Quantity) -> bool:
 
 
 def _which(before: Foretold, logged: Mapping[str, float]) -> str:
-    """Which gains a log has: a firmware keeps them as numbers of 32 bits."""
+    """Which gains a log has."""
 
     def alike(told: Mapping[str, float]) -> bool:
         shared = [name for name in told if name in logged]
@@ -361,7 +362,7 @@ def _words(
     sweep = f"Fly a sweep of {axis} up to {max(now.needed_rad_s, now.plant.band_rad_s[1]):.0f} rad/s"
     if verdict == "other_gains":
         old = gains == "flown"
-        which = "the gains of the first flight" if old else "neither the proposed nor the old gains"
+        which = "the old gains" if old else "neither the proposed nor the old gains"
         todo = "Load the proposed file, and fly again" if old else "Tune from this log, or load the proposed file"
         return f"This log was flown with {which} of {axis}, so nothing can be checked.{peak_words}", f"{todo}."
     names = _named([one for one in figures if one.decided and not one.inside])
