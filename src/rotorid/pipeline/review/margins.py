@@ -227,6 +227,8 @@ class _Way(NamedTuple):
 _BAND_RAD_S = (5.0, 60.0)
 """Where loops cross: instruments are compared by their coherence there."""
 
+_ATTITUDES = ("phi_setpoint", "theta_setpoint", "psi_setpoint")
+
 _WINDOW_S = 4.0
 """Length of the windows of all spectra here."""
 
@@ -242,11 +244,20 @@ def _ways(flight: Flown, axis: Axis) -> list[_Way]:
     moved_s = flight.moving_s(channel, flight.during(kind)) if channel else 0.0
     if moved_s >= LEAST_MOTION_S:
         return [_Way(kind, channel), *(way for way in driven if kind != "direct")]
+    if swept := _swept_attitude(flight, axis):
+        return [_Way("stick", swept)]
     if driven and kind != "direct":
         # Gusts move the set-point through the outer loops: little, and with the error that this deserves.
         return [driven[0]._replace(rests=True)]
     why = f"moved for {moved_s:.0f} s only" if channel else "is not logged"
     raise _CannotError(f"The {axis} stick {why}, and nothing else tells command and gusts apart.", _MOVE)
+
+
+def _swept_attitude(flight: Flown, axis: Axis) -> str:
+    """The set-point of the attitude, where a program excited it while the stick rested; empty where none did."""
+    signals = {one.signal for one in rich_excitations(flight.record, axis)}
+    swept = [name for name in _ATTITUDES if name in signals and flight.moving_s(name) >= LEAST_MOTION_S]
+    return swept[0] if swept else ""
 
 
 def _histories(flight: Flown, axis: Axis, ways: Sequence[_Way]) -> tuple[TimeHistory, ...]:
