@@ -254,11 +254,12 @@ def require(vehicle: JoinedVehicle, *names: str, target: str) -> Multirotor:
             needed=f"them for {target}",
             remedy="add a result of physical.motors, which holds them, or name a layout with --layout",
         )
+    follows = "kappa" in asked and "kappa_per_I_zz" in known
     words = ", ".join(f"{name} ({', '.join(filter(None, (UNITS[name], _MEANINGS.get(name))))})" for name in asked)
     raise UsageError(
         f"{words} of {vehicle.name} {'are' if len(asked) > 1 else 'is'} not known",
         needed=f"{'them' if len(asked) > 1 else 'it'} for {target}{_yaw_words(asked, known)}",
-        remedy=" ".join(f"--set {name}=…" for name in asked if name != "I_zz" or "kappa" not in asked),
+        remedy=" ".join(f"--set {name}=…" for name in asked if name != "I_zz" or not follows),
     )
 
 
