@@ -158,10 +158,13 @@ def _print(seen: Review, file: Path) -> None:
 
 
 def _warnings(findings: Sequence[Finding]) -> list[tuple[str, str]]:
-    """Severity and words of warnings and errors, the worst first; of one kind all but the first fold into it."""
+    """Severity and words of warnings and errors, the worst first; of one kind all but the first fold into it.
+
+    What was found of a plan that was asked for is shown, be it a remark.
+    """
     kinds: dict[tuple[str, str], dict[str, None]] = {}
     for one in worst_first(findings):
-        if one.severity != "info":
+        if one.severity != "info" or one.kind.startswith("plan_"):
             kinds.setdefault((one.severity, one.kind), {})[one.message] = None
     lines = []
     for (severity, kind), messages in kinds.items():

@@ -87,6 +87,8 @@ def test_the_command_line_compares_a_log_with_a_plan(
     kinds = {one["kind"]: one["message"] for one in json.loads(ran.out)["findings"]}
     assert kinds["plan_firmware"].startswith("ArduCopter 4.7 flies this plan")
     assert kinds["plan_not_flown"] == "The plan has 1 sweep of yaw, the log has none."
+    # Who asks sees the answer on the terminal too, be it that all is well.
+    assert "ArduCopter 4.7 flies this plan" in rotorid(verb, unpacked(CARD_FLIGHT), "--plan", place, *options).out
     ran = rotorid(verb, unpacked(CARD_FLIGHT), "--plan", tmp_path / "none.json", *options)
     assert ran.code == 2
 
