@@ -67,6 +67,7 @@ def test_the_log_of_a_build_without_tags_has_the_controller_that_flew(
     found = flown_firmware(logs[axis])
     assert found.name == "PX4 1.16 or newer"
     assert [finding.kind for finding in found.findings] == ["firmware_contradicted"]
+    assert "firmware_contradicted" in {finding.kind for finding in rotorid.inspect(logs[axis]).findings}
     wrong, right = found.unexplained["PX4 1.8.0 (beta)"], found.unexplained[found.name]
     assert right < 0.1 < EXPLAINED < wrong
 

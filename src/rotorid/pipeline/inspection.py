@@ -21,6 +21,7 @@ from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
 from rotorid.io.advice import flying_advice, logging_advice
 from rotorid.models.library import RATE_AXES
 from rotorid.pipeline.preparation.consistency import ChannelSkew, check_consistency, stretches
+from rotorid.pipeline.preparation.controllers import flown_firmware
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axis_of, find_instrument, own_instrument
 from rotorid.pipeline.provenance import LoggedManeuver, logged
@@ -454,7 +455,14 @@ def inspect(record: FlightRecord) -> Inspection:
         excitations=tuple(logged(record, maneuver) for maneuver in _in_time(*found.values())),
         supports=supports(record, found, candidates),
         findings=worst_first(
-            (*record.findings, *_still(record), *remarks, *_oscillations(record, flight), *consistency.findings)
+            (
+                *record.findings,
+                *flown_firmware(record).findings,
+                *_still(record),
+                *remarks,
+                *_oscillations(record, flight),
+                *consistency.findings,
+            )
         ),
         vehicle=record.status.vehicle,
         candidates=tuple(logged(record, maneuver, CandidateManeuver) for maneuver in _in_time(*candidates.values())),
