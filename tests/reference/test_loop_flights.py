@@ -260,6 +260,10 @@ def test_a_margin_at_the_edge_of_the_band_is_a_bound_and_a_finding(
     assert finding.severity == "warning"
     assert "at least" in finding.message
     assert "rising" in finding.message
+    # Neither a bound nor what a model says beyond it goes without its error.
+    assert finding.message.count("±") == 2 * len(
+        loop.bounds.keys() & {"disturbance_rejection_peak", "phase_margin_rad"}
+    )
 
 
 def test_beyond_the_band_model_times_controller_goes_on(in_wind: tuple[FlightRecord, rotorid.Responses]) -> None:

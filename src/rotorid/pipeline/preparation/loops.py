@@ -464,7 +464,7 @@ def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
     told = [_said(name, bound) for name, bound in bounds.items()]
     end = next(iter(bounds.values())).omega_rad_s
     known = loop.beyond.numbers if loop.beyond else {}
-    further = [f"{_WORDS[name][0]} {_shown(name, known[name].value)}" for name in bounds if name in known]
+    further = [f"{_WORDS[name][0]} {_shown(name, known[name])}" for name in bounds if name in known]
     go_on = f" {_capital(_BY_MODEL)} {' and '.join(further)}; that was not measured." if further else ""
     make = remark if set(bounds) == {"gain_margin_up"} else warn
     numbers = {name: bound.value for name, bound in bounds.items()}
@@ -487,10 +487,12 @@ def _capital(words: str) -> str:
 
 def _said(name: str, bound: Bound) -> str:
     sign, still = ("at least", "rising") if bound.at_least else ("at most", "falling")
-    return f"its {_WORDS[name][0]} is {sign} {_shown(name, bound.value)}, still {still} there"
+    return f"its {_WORDS[name][0]} is {sign} {_shown(name, bound)}, still {still} there"
 
 
-def _shown(name: str, value: float) -> str:
+def _shown(name: str, one: Bound | Estimated) -> str:
+    """A margin in the unit of paper, ± one standard deviation."""
     _, factor, unit = _WORDS[name]
-    number = factor * value if factor else 20.0 * np.log10(value)
-    return f"{number:.1f}{'' if unit == '°' else ' '}{unit}"
+    number = factor * one.value if factor else 20.0 * np.log10(one.value)
+    std = one.std * (factor or 20.0 / (np.log(10.0) * one.value))
+    return f"{number:.1f} ± {std:.1f}{'' if unit == '°' else ' '}{unit}"

@@ -355,9 +355,11 @@ def _motors(review: Review) -> Card:
         )
         return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
     if motors_limited(review.oscillations):
+        # The share of the oscillation itself: another count would be another number for the same thing.
         axes = capital(listed([one.axis for one in review.oscillations]))
-        sentence = f"{_at_limits(numbers)} {axes} {'oscillates' if len(review.oscillations) == 1 else 'oscillate'}."
-        return Card(key="motors", title=title, state="look", number=number, sentence=sentence.strip())
+        most = max(one.at_limit_percent or 0.0 for one in review.oscillations)
+        sentence = f"{axes} {'oscillates' if len(review.oscillations) == 1 else 'oscillate'}: end that first."
+        return Card(key="motors", title=title, state="look", number=f"{most:.0f} % at a limit", sentence=sentence)
     uneven = None if imbalance is None else _Judged("", "imbalance", imbalance, good_below=LARGEST_IMBALANCE)
     left = None if headroom is None else _Judged("", "headroom", headroom, good_above=LEAST_HEADROOM)
     if uneven is not None and uneven.verdict == "look":
