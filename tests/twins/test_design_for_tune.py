@@ -94,9 +94,15 @@ def test_set_points_that_are_sent_end_where_a_period_has_ten_of_them(tmp_path: P
     choices = DesignChoices(vehicle="px4_quad", kinds=("pilot_sweep",), plan=plan)
     hover = tmp_path / "hover.ulg"
     write_log(hover, fly_multirotor(choices.aircraft, duration_s=20.0, seed=5), format="ulg")
-    assert designed_for_tune(choices, record=read(hover)).plan.band_rad_s == (2.0, 62.0)
+    designed = designed_for_tune(choices, record=read(hover))
+    assert designed.plan.band_rad_s == (2.0, 62.0)
+    # What tune asks for is more, and that is not hidden.
+    short = {one.where: one.numbers for one in designed.remarks if one.kind == "band_below_crossover"}
+    assert short["roll"]["planned_to_rad_s"] == 62.0 < short["roll"]["needed_rad_s"]
     inside = replace(choices, plan=replace(plan, entry="command"))
-    assert designed_for_tune(inside, record=read(hover)).plan.band_rad_s[1] > 62.0
+    designed = designed_for_tune(inside, record=read(hover))
+    assert designed.plan.band_rad_s[1] > 62.0
+    assert "band_below_crossover" not in {one.kind for one in designed.remarks}
 
 
 def test_the_firmware_of_a_result_is_that_of_the_plan() -> None:

@@ -117,7 +117,8 @@ def design_command(
     elif gains is not None:
         choices = flown_as(choices, read(gains))
     if not output.quiet:
-        for remark in choices.remarks:
+        # Warnings are printed with the other findings.
+        for remark in (one for one in choices.remarks if one.severity == "info"):
             say(remark.message)
     default = results_folder() / f"{choices.entry.name}-design"
     target = target_of(output, default, "design.json", paper)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rotorid.data.axes import RATE_OF
+from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.io.registry import format_of, log_rate_hz
@@ -74,14 +75,32 @@ def designed_for_tune(
         loop = with_prior(loop, choices.prior)
     logged_hz = log_rate_hz(format_of(craft.autopilot.kind), craft.autopilot.rate_hz)
     bands: dict[Axis, tuple[float, float]] = {}
+    short: list[Finding] = []
     for axis in axes:
         sent = (choices.plan.entry or default_entry(craft, axis)) != "command"
         most = min(_LOGGED * np.pi * logged_hz, _SENT_RAD_S if sent else np.inf)
         highest = _highest_rad_s(axis, controllers[axis], craft, loop)
         bands[axis] = (LOWEST_RAD_S, float(min(np.ceil(highest), np.floor(most))))
+        if highest > bands[axis][1]:
+            short.append(
+                _too_low(axis, highest, bands[axis][1], "set-points" if sent and most == _SENT_RAD_S else "the log")
+            )
     # Axes that are flown at the same time share the widest.
     widest = (LOWEST_RAD_S, max(high for _, high in bands.values()))
-    return replace(choices, plan=replace(choices.plan, band_rad_s=widest, bands=bands))
+    plan = replace(choices.plan, band_rad_s=widest, bands=bands)
+    return replace(choices, plan=plan, remarks=(*choices.remarks, *short))
+
+
+def _too_low(axis: Axis, needed_rad_s: float, most_rad_s: float, by: str) -> Finding:
+    """That a sweep ends below what ``tune`` needs, by set-points or a log that are too slow."""
+    return warn(
+        "band_below_crossover",
+        axis,
+        f"tune needs a sweep of {axis} up to {needed_rad_s:.0f} rad/s, and {by} of this autopilot can reach "
+        f"{most_rad_s:.0f} rad/s: beyond that, its margins will be the model's.",
+        needed_rad_s=needed_rad_s,
+        planned_to_rad_s=most_rad_s,
+    )
 
 
 def _with_gains_of(choices: DesignChoices, models: Sequence[IdentifiedModel]) -> DesignChoices:
