@@ -175,6 +175,8 @@ def test_the_path_stands_on_the_terminal_on_the_page_and_in_the_document(
     assert "limit: M_s up to 1.7" in shown
     page = render_tune(wide, title="Gains")
     assert "The way to the goal" in page
+    # Long names break where the page is narrow: the last column is not cut.
+    assert "ATC_<wbr>RAT_<wbr>RLL_<wbr>P</th>" in page
     # I grows tenfold here: it is no gain that a flight limits.
     assert "P, D and A (angle) at most double in one flight" in page
     assert "recommended: the loop stays stable" in page
