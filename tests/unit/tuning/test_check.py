@@ -145,6 +145,18 @@ def test_another_loop_whose_peak_is_unknown_is_not_inside_its_limits() -> None:
     assert found.verdict == "cannot_tell"
     assert "crossover of the loop with the angle loop" in found.sentence
     assert checked(whole=other).verdict == "inside_limits"
+    # What the rate loop alone has says nothing of the loop that flies.
+    assert checked(whole=unknown["whole"]).verdict == "cannot_tell"
+
+
+@pytest.mark.parametrize(("peak", "verdict"), [(1.73, "inside_limits"), (1.78, "worse")])
+def test_a_peak_may_be_three_percent_above_what_was_asked_for(peak: float, verdict: str) -> None:
+    measured = {
+        "crossover_rad_s": Quantity.normal(0.7 * WHOLE["crossover_rad_s"].value, 0.2, "rad/s"),
+        "phase_margin_deg": WHOLE["phase_margin_deg"],
+        "sensitivity_peak": Quantity.normal(peak, 0.02, "1"),
+    }
+    assert checked(injected=measured).verdict == verdict
 
 
 def test_an_unstable_loop_is_worse() -> None:

@@ -319,14 +319,14 @@ def _verdict(figures: Sequence[ComparedFigure], robustness: float, *, unstable: 
     """What the figures that decide something say together."""
     decided = [one for one in figures if one.decided]
     missed = [one for one in decided if not one.inside]
-    peaks = [one.measured for one in decided if one.name == "sensitivity_peak"]
+    peaks = [one for one in decided if one.name == "sensitivity_peak"]
     limit = _PEAK_SLACK * robustness
-    if unstable or (missed and any(one.value > limit for one in peaks)):
+    if unstable or (missed and any(one.measured.value > limit for one in peaks)):
         return "worse"
-    if missed:
-        robust = any(_narrow("sensitivity_peak", one) for one in peaks)
-        return "inside_limits" if robust else "cannot_tell"
     # The whole loop is what flies: each of its figures has to be known.
+    if missed:
+        robust = any(one.loop == "whole" and _narrow("sensitivity_peak", one.measured) for one in peaks)
+        return "inside_limits" if robust else "cannot_tell"
     whole = {one.name for one in decided if one.loop == "whole"}
     return "as_foretold" if whole == set(COMPARED) else "cannot_tell"
 
