@@ -42,6 +42,7 @@ from rotorid.report.frame import (
 )
 from rotorid.report.parts import FindingRow, finding_rows
 from rotorid.signal.airborne import told_by
+from rotorid.spectral.derived import log_curve
 
 LOOP_WORDS = {
     "p": "roll rate",
@@ -343,10 +344,13 @@ def _broken_loop(
     margin: MarginReview, marked: Sequence[Crossing], *, frequency: Frequency = "rad/s", magnitude: Magnitude = "dB"
 ) -> Figure:
     """The picture of a broken loop with the name of its axis, and 95 % intervals in its legend as all over the page."""
+    # Beyond what the numbers are read from, feedback and noise would look like a loop at −1.
+    x, bands = np.log(margin.loop.omega_rad_s), log_curve(margin.loop).bands
+    seen = np.any([(x >= low) & (x <= high) for low, high in bands], axis=0) if bands else np.ones(x.size, dtype=bool)
     figure = broken_loop(
-        margin.loop.omega_rad_s,
-        margin.loop.values[0, 0],
-        random_error=margin.loop.random_error[0, 0],
+        margin.loop.omega_rad_s[seen],
+        margin.loop.values[0, 0, seen],
+        random_error=margin.loop.random_error[0, 0, seen],
         gain_crossovers=marked,
         frequency=frequency,
         magnitude=magnitude,

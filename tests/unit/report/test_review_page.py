@@ -275,6 +275,18 @@ def test_pictures_of_broken_loops_name_their_axis_and_state_95_percent() -> None
         assert f"at {at} rad/s ({float(at) - 1.0:.1f} to {float(at) + 1.0:.1f})" in name
 
 
+def test_a_broken_loop_is_drawn_where_it_is_seen_alone() -> None:
+    seen = made_review()
+    one = seen.margins["roll"]
+    omega = one.loop.omega_rad_s
+    # Above 40 rad/s there is nothing but noise.
+    noisy = replace(one.loop, random_error=np.where(omega > 40.0, 0.6, one.loop.random_error))
+    figure = pictures_of([replace(seen, margins={"roll": replace(one, loop=noisy)})])["broken-roll"]
+    drawn = np.concatenate([np.asarray(trace["x"], dtype=float) for trace in figure["data"]])
+    assert omega[-1] > 60.0
+    assert 30.0 < drawn.max() <= 40.0
+
+
 def test_no_internal_names_stand_on_the_page() -> None:
     seen = made_review()
     share = Quantity(value=0.012, std=0.004, lower=0.004, upper=0.02, unit="1")
