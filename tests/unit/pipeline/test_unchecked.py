@@ -142,3 +142,12 @@ def test_what_contradicts_keeps_its_own_error() -> None:
     errors, _ = unchecked_scales([check("inconsistent", scale=1.08)], ["p", "q"], shown)
     assert errors is not None
     np.testing.assert_array_equal(errors, [[0.08, 0.0], [USUAL_SCALE, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("usual", "seen"),
+    [(USUAL_LEAN, 0.015), (USUAL_OTHER_LEAN, 0.002), (USUAL_SLOPE, 0.015), (USUAL_BIAS, 0.013), (USUAL_SCALE, 0.01)],
+)
+def test_usual_sizes_are_no_smaller_than_flights_that_show_them_have(usual: float, seen: float) -> None:
+    """95 % of 24 sweeps and 12 flights, and the data sheet of a gyro: with less, intervals are too narrow."""
+    assert seen <= usual < 1.5 * seen

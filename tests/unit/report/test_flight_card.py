@@ -21,7 +21,11 @@ from tests.unit.report.plan_sample import (
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
+from rotorid.pipeline.designs import Designed, Planned
+from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
+from rotorid.planning.amplitude import Reached
 from rotorid.plans.facts import HOLD, Autopilot, FlightFacts, PredictedBound, excited_s, throttle_by_hand
+from rotorid.report.files import _facts
 from rotorid.report.flight_card import MOST_BOUNDS, flight_card, flight_card_html, least_rate_hz
 from rotorid.report.printing import print_pages
 from rotorid.typing import Axis
@@ -184,6 +188,18 @@ def test_what_the_flight_does_not_tell_is_not_known() -> None:
     assert found["X_u"] == found["Y_v"] == ["not known", "", "–"]
     assert found["Z_w"] == ["−0.20 ± 0.19", "1/s", "95"]
     assert found["N_r"][0] == "0.00 ± 0.10"
+
+
+@pytest.mark.parametrize(("autopilot", "climb_m"), [("ArduPilot", 2.0), ("PX4", 0.1)])
+def test_a_hand_on_the_throttle_has_two_meters_of_height(autopilot: Autopilot, climb_m: float) -> None:
+    """The simulated pilot holds it to a tenth of a meter, which no hand does: the script would end every flight."""
+    reached = Reached(
+        tilt_rad=0.3, rate_rad_s=1.0, position_m=3.0, height_m=0.1, motor_low=0.4, motor_high=0.7, saturated=0.0
+    )
+    planned = Planned(plan=FlightPlan(name="one", inputs=(chirp("roll"),)), amplitudes={}, reached=reached)
+    designed = Designed(kind="logarithmic_sweep", planned=planned, told=(), shortest={}, wanted={})
+    choices = DesignChoices(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=PlanChoices(axes=("roll",)))
+    assert _facts(designed, choices, autopilot).climb_m == climb_m
 
 
 def test_models_are_told_apart_where_there_are_several() -> None:
