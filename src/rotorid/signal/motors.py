@@ -296,6 +296,12 @@ def at_limit(record: FlightRecord, history: MotorHistory) -> BoolArray:
     return np.asarray(near.any(axis=0))
 
 
+def range_is_known(record: FlightRecord, history: MotorHistory) -> bool:
+    """Whether a log says between which outputs its motors move: those of ArduPilot say it by parameters alone."""
+    own = history.kind == "output" and record.source.format.startswith(("ArduPilot", "MAVLink"))
+    return not own or linearization_of(record) is not None
+
+
 def in_flight(record: FlightRecord, time_s: FloatArray) -> BoolArray:
     """Which stamps lie in a flight; all of them where no flight can be told."""
     try:

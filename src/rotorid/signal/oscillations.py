@@ -37,7 +37,7 @@ from rotorid.data.record import FlightRecord, Intervals
 from rotorid.signal.airborne import airborne
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.filters import combined_response
-from rotorid.signal.motors import at_limit, in_flight, logged_outputs, or_none
+from rotorid.signal.motors import at_limit, in_flight, logged_outputs, or_none, range_is_known
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 
 Loop: TypeAlias = Literal["rate", "attitude"]
@@ -139,7 +139,7 @@ class Oscillation(Immutable):
     rms
         Of the command about its mean, as a share of its range, in the usual window.
     at_limit_percent
-        How much of the powered flight a motor was at a limit; ``None`` where motors are not logged.
+        How much of the powered flight a motor was at a limit; ``None`` where the log does not show it.
     error_rms_rad
         Of the attitude against its set-point; ``None`` for a limit cycle.
     """
@@ -221,12 +221,16 @@ class _Power(NamedTuple):
     time_s: FloatArray
     mean: FloatArray
     limited: BoolArray | None
+    range_known: bool = True
 
     @property
     def limited_share(self) -> float:
-        """Of the powered samples, NaN where motors are not logged."""
+        """Of the powered samples, NaN where motors are not logged, or may have limits that nobody knows."""
         powered = self.mean >= POWERED
-        return float(np.mean(self.limited[powered])) if self.limited is not None and powered.any() else np.nan
+        if self.limited is None or not powered.any():
+            return np.nan
+        share = float(np.mean(self.limited[powered]))
+        return share if self.range_known or share > LARGEST_LIMITED else np.nan
 
     def runs(self, start_s: float, stop_s: float) -> bool:
         """Whether the motors carry the vehicle for half of a window; believed where nothing is logged."""
@@ -239,7 +243,8 @@ def _power(record: FlightRecord) -> _Power:
     if history is not None:
         flying = in_flight(record, history.time_s)
         limited = at_limit(record, history)
-        return _Power(history.time_s[flying], history.values.mean(axis=0)[flying], limited[flying])
+        known = range_is_known(record, history)
+        return _Power(history.time_s[flying], history.values.mean(axis=0)[flying], limited[flying], known)
     if "thrust_command" in record:
         track = record["thrust_command"]
         kept = np.isfinite(track.values) & np.isfinite(track.time_s)

@@ -14,6 +14,7 @@ from rotorid.typing import FloatArray
 
 FLIGHT_S, FINE_HZ = 60.0, 8000.0
 FORMATS = {10.0: "ArduPilot DataFlash", 50.0: "PX4 ULog", 400.0: "ArduPilot DataFlash", 2000.0: "Betaflight blackbox"}
+RANGE = {"MOT_THST_EXPO": 0.0, "MOT_SPIN_MIN": 0.0, "MOT_SPIN_MAX": 1.0}
 TIME_S = np.arange(0.0, FLIGHT_S, 1.0 / FINE_HZ)
 
 
@@ -48,7 +49,13 @@ def still(hover: float = 0.4) -> dict[str, FloatArray]:
 
 
 def record(
-    signals: Mapping[str, FloatArray], rate_hz: float, *, kind: str = "", late: float = 0.0, means: bool = False
+    signals: Mapping[str, FloatArray],
+    rate_hz: float,
+    *,
+    kind: str = "",
+    late: float = 0.0,
+    means: bool = False,
+    ranged: bool = True,
 ) -> FlightRecord:
     """Signals as a logger picks them, each late by up to a share of a step; or their means."""
     step = round(FINE_HZ / rate_hz)
@@ -65,6 +72,7 @@ def record(
     return FlightRecord(
         source=Source(name="flight", format=kind or FORMATS[rate_hz], sha256=""),
         topics=(topic,),
+        parameters=RANGE if ranged else {},
         status=Status(vehicle="multirotor", armed=whole, in_air=whole, flagged_in="test"),
     )
 
@@ -173,6 +181,17 @@ def test_a_line_of_which_the_set_point_is_not_known_is_not_calm(lost: str, motor
     check = check_oscillations(record(kept, 400.0))
     assert (axes(check), "roll" in check.calm) == ([], False)
     assert "without the rate and its set-point" in check.unchecked["roll"]
+
+
+def test_motors_whose_range_is_not_known_are_at_no_limit_that_is_known() -> None:
+    signals = swinging(7.0, amplitude=0.3, hover=0.5)
+    signals |= {name: np.clip(signals[name], 0.3, 0.7) for name in ("motor_1", "motor_2")}
+    (found,) = check_oscillations(record(signals, 400.0, ranged=False)).found
+    assert found.at_limit_percent is None
+    noisy = signals | {"roll_command": signals["roll_command"] + noise(0.3, 7)}
+    assert check_oscillations(record(noisy, 400.0)).calm == ("roll", "pitch", "yaw")
+    check = check_oscillations(record(noisy, 400.0, ranged=False))
+    assert (axes(check), "roll" in check.calm) == ([], False)
 
 
 def test_a_line_in_much_noise_needs_the_motors() -> None:

@@ -35,7 +35,7 @@ from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.summary import ControllerSettings
 from rotorid.signal.autopilot_filters import controller_filters
 from rotorid.signal.filters import combined_response
-from rotorid.signal.motors import in_flight, linearization_of, logged_outputs, or_none
+from rotorid.signal.motors import in_flight, linearization_of, logged_outputs, or_none, range_is_known
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.typing import Axis, ComplexArray, FloatArray
 from rotorid.verification.time_domain import matched
@@ -267,7 +267,7 @@ def require_room(record: FlightRecord) -> list[Finding]:
     require_calm(record)
     history = or_none(logged_outputs, record)
     known = linearization_of(record) if history is not None and history.kind == "output" else None
-    if history is None or (known is None and record.source.format.startswith(("ArduPilot", "MAVLink"))):
+    if history is None or not range_is_known(record, history):
         why = "holds no outputs of all motors" if history is None else "does not say in which range its motors move"
         message = f"{record.source.name} {why}: whether a motor stood at a limit was not checked."
         return [remark("room_not_checked", record.source.name, message)]
