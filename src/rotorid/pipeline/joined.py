@@ -247,14 +247,17 @@ def require(vehicle: JoinedVehicle, *names: str, target: str) -> Multirotor:
         missing.append("c_1")
     if vehicle.multirotor is not None and not missing:
         return vehicle.multirotor
-    asked = _asked_for(missing, known)
+    of_motors = [model for model in vehicle.models if model.motors is not None]
+    asked = _asked_for(missing, from_motors=bool(of_motors) or "kappa_per_I_zz" in known)
     if not asked:
         raise UsageError(
             f"the places of the rotors of {vehicle.name} are not known",
             needed=f"them for {target}",
             remedy="add a result of physical.motors, which holds them, or name a layout with --layout",
         )
-    follows = "kappa" in asked and "kappa_per_I_zz" in known
+    # Motors that were seen in yaw tell the ratio of both as soon as their scale is known.
+    ratio = "kappa_per_I_zz" in known or any("N_r" in model.parameters for model in of_motors)
+    follows = ratio and "kappa" in asked
     words = ", ".join(f"{name} ({', '.join(filter(None, (UNITS[name], _MEANINGS.get(name))))})" for name in asked)
     raise UsageError(
         f"{words} of {vehicle.name} {'are' if len(asked) > 1 else 'is'} not known",
@@ -270,9 +273,8 @@ _MEANINGS = {
 }
 
 
-def _asked_for(missing: Sequence[str], known: Mapping[str, VehicleNumber]) -> list[str]:
+def _asked_for(missing: Sequence[str], *, from_motors: bool) -> list[str]:
     """Of what is missing, that which does not follow from the rest: mass gives the scale of thrust and inertia."""
-    from_motors = "T_motor" in known or "kappa_per_I_zz" in known
     follows = set(_SCALED[1:]) if "m" in missing and from_motors else set()
     if "arm" in missing and from_motors:
         follows |= {"I_xx", "I_yy"}

@@ -94,6 +94,16 @@ def test_torque_is_never_taken_from_a_default(target: str) -> None:
         export(joined_vehicle([], given=known, layout=library_layout("quad.x")), target)
 
 
+@pytest.mark.parametrize("target", SCALED)
+def test_the_lag_of_a_rate_model_is_no_model_of_the_motors(target: str) -> None:
+    """Neither inertia nor thrust follow from it: what it lacks is named in the first answer, and that is enough."""
+    found = joined_vehicle([model(ROLL)], given={"T_motor": 0.05}, layout=library_layout("quad.x"))
+    with pytest.raises(UsageError) as refused:
+        export(found, target)
+    for name in ("m", "I_xx", "I_yy", "I_zz", "kappa", "arm", "c_1"):
+        assert f"--set {name}=…" in str(refused.value)
+
+
 @pytest.mark.parametrize("target", LINEAR)
 def test_models_need_no_scale(target: str) -> None:
     assert export(vehicle(), target).files
