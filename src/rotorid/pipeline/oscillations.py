@@ -198,11 +198,14 @@ def describe(found: tuple[OscillationReview, ...]) -> str:
     >>> one = OscillationReview(axis="roll", loop="rate", frequency_hz=22.9, rms=0.54, at_limit_percent=98.2)
     >>> describe((one,))
     'Roll oscillates at 22.9 Hz, with a motor at a limit for 98 % of the flight.'
+    >>> describe((one, OscillationReview(axis="pitch", loop="rate", frequency_hz=5.0, rms=0.2, at_limit_percent=98.2)))
+    'Roll and pitch oscillate at 22.9 and 5.0 Hz, with a motor at a limit for 98 % of the flight.'
     """
     axes = capital(listed([one.axis for one in found]))
     verb = "oscillates" if len(found) == 1 else "oscillate"
     first = max(found, key=lambda one: one.rms)
-    at = f" at {first.frequency_hz:.1f} Hz" if first.frequency_hz is not None else ""
+    known = [f"{one.frequency_hz:.1f}" for one in found if one.frequency_hz is not None]
+    at = f" at {listed(known if len(set(known)) > 1 else known[:1])} Hz" if len(known) == len(found) else ""
     parts = []
     if first.at_limit_percent is not None and first.at_limit_percent >= 1.0:
         parts.append(f"with a motor at a limit for {first.at_limit_percent:.0f} % of the flight")
