@@ -452,6 +452,10 @@ class FlightRecord(Immutable):
             if row is not None:
                 yield topic, row
 
+    def rate_hz(self, name: str) -> float:
+        """Sample rate of the fastest copy of a channel; zero where the log holds none."""
+        return max((topic.sample_rate_hz for topic, _ in self.holding(name)), default=0.0)
+
     @property
     def start_s(self) -> float:
         """First stamp of any topic."""

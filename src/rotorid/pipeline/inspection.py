@@ -122,7 +122,7 @@ def _rig_support(record: FlightRecord, motors: Sequence[str], axes: Sequence[Axi
     instruments = [name for motor in motors if (name := own_instrument(flights, motor))] if flights else []
     unswept = [axis for axis in axes if not any(flight.axis == axis for flight in flights)]
     seen = [name for name in outputs if name in record.channel_names]
-    rate = min((_best_rate_hz(record, name) for name in (*motors, *seen)), default=0.0)
+    rate = min((record.rate_hz(name) for name in (*motors, *seen)), default=0.0)
     needs = (
         Need(need=", ".join(motors), there=not missing, found=f"{rate:.3g} Hz" if not missing else "not all logged"),
         Need(need=" or ".join(outputs), there=bool(seen), found=", ".join(seen) or "not logged"),
@@ -170,7 +170,7 @@ def segment_of(axis: str, start_s: float, stop_s: float) -> str:
 
 def _support(record: FlightRecord, input: str, output: str, found: _PerAxis, candidates: _PerAxis) -> Support:
     name = axis_of(input)
-    rates = {channel: _best_rate_hz(record, channel) for channel in (input, output)}
+    rates = {channel: record.rate_hz(channel) for channel in (input, output)}
     rich = rich_excitations(record, name)
     tried = max(candidates[name], key=lambda maneuver: maneuver.duration_s, default=None)
     moved = rich or ([tried] if tried else [])
@@ -181,11 +181,6 @@ def _support(record: FlightRecord, input: str, output: str, found: _PerAxis, can
         because = f"{len(rich)} rich excitation(s), {min(rates.values()):.0f} Hz, {estimate}"
         verdict = Support(possible=True, because=because, instrument=instrument)
     return replace(verdict, needs=_needs(rates, name, rich, instrument))
-
-
-def _best_rate_hz(record: FlightRecord, channel: str) -> float:
-    """Rate of the fastest topic that holds a channel; zero where none does."""
-    return max((topic.sample_rate_hz for topic, _ in record.holding(channel)), default=0.0)
 
 
 def _unlogged(record: FlightRecord, rates: Mapping[str, float]) -> Support | None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tests.unit.cli.commands import rotorid
 
 import rotorid as api
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import ModelError
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.several import identify_several, supported_models
@@ -55,6 +57,17 @@ def test_all_is_what_the_log_may_support(flight: Path) -> None:
     answers = identify_several(record, "all", band_rad_s=(12.0, 50.0))
     assert tuple(answers) == names
     assert isinstance(answers["rate.roll"], IdentifiedModel)
+
+
+@pytest.mark.parametrize(("rate_hz", "serves"), [(50.0, True), (39.0, False)])
+def test_ordinary_flying_serves_rate_models_from_forty_hertz_on(rate_hz: float, serves: bool) -> None:
+    time_s = np.arange(0.0, 60.0, 1.0 / rate_hz)
+    stick = 0.2 * np.sign(np.sin(0.9 * time_s) + np.sin(2.3 * time_s))
+    rows = {"roll_stick": stick, "roll_command": 0.05 * stick, "p": stick, "thrust_command": np.full_like(stick, 0.5)}
+    channels = tuple(Channel(name=name, unit=STANDARD_UNITS[name], source=name) for name in rows)
+    topic = Topic(name="log", time_s=time_s, channels=channels, values=np.stack(list(rows.values())))
+    record = FlightRecord(topics=(topic,), source=Source(name="ordinary.csv", format="CSV", sha256="0" * 64))
+    assert ("rate.roll" in supported_models([record])) is serves
 
 
 def test_a_parameter_of_no_model_is_said(flight: Path) -> None:

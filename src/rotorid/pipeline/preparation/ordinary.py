@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError
 from rotorid.models.library import RATE_AXES
 from rotorid.pipeline.preparation.flights import Flight
@@ -20,7 +20,8 @@ def ordinary_flights(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     Parameters
     ----------
     record
-        A log that holds the command of the axis and what answers it; of others nothing serves.
+        A log that holds the command of the axis and what answers it at 40 Hz or more; of others nothing serves. A
+        stick moves too slowly to show the gain by itself where neither lag nor delay can be seen.
     axis
         Which.
 
@@ -30,7 +31,7 @@ def ordinary_flights(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
         Of 20 s and more each, in order of time; empty where the log cannot tell of this axis.
     """
     model = next(one for one in RATE_AXES.values() if one.input == f"{axis}_command")
-    if model.input not in record.channel_names or model.output not in record.channel_names:
+    if min(record.rate_hz(name) for name in (model.input, model.output)) < LOWEST_RATE_HZ:
         return ()
     try:
         flights = airborne(record).intervals

@@ -256,7 +256,7 @@ def _outputs_there(structure: LinearStructure, records: Sequence[FlightRecord]) 
     sensed = [name for name in there if name in INERTIAL]
     if not sensed:
         return tuple(there)
-    fastest = min(max(_rate_hz(record, name) for name in sensed) for record in records)
+    fastest = min(max(record.rate_hz(name) for name in sensed) for record in records)
     return tuple(
         name
         for name in there
@@ -277,10 +277,6 @@ def _same_topic(record: FlightRecord, name: str, sensed: Sequence[str], fastest_
     return any(
         id(topic) in topics and topic.sample_rate_hz >= _SLOWEST_SHARE * fastest_hz for topic, _ in record.holding(name)
     )
-
-
-def _rate_hz(record: FlightRecord, name: str) -> float:
-    return max((topic.sample_rate_hz for topic, _ in record.holding(name)), default=0.0)
 
 
 def _holds(structure: LinearStructure, name: str, value: float) -> bool:

@@ -199,10 +199,7 @@ def _oscillations(
 ) -> tuple[tuple[tuple[OscillationReview, ...], tuple[Axis, ...]], list[Untold]]:
     """Axes that swing, axes that do not, and those that could not be checked."""
     check = check_oscillations(record)
-    rates = {
-        axis: max((topic.sample_rate_hz for topic, _ in record.holding(f"{axis}_command")), default=0.0)
-        for axis in RATE_OF
-    }
+    rates = {axis: record.rate_hz(f"{axis}_command") for axis in RATE_OF}
     untold = [
         Untold(what=f"oscillations.{axis}", why=why, remedy=logging_advice(record, rates[axis]))
         for axis, why in check.unchecked.items()
