@@ -57,7 +57,7 @@ def design_command(
         typer.Option(
             "--gains",
             rich_help_panel="Vehicle and autopilot",
-            help="A log of your own autopilot: its gains, noise and wind. A wind that you give stays.",
+            help="A log of your own autopilot: its gains, noise and wind. A wind above zero that you give stays.",
         ),
     ] = None,
     tuned: Annotated[

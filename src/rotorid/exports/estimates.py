@@ -37,7 +37,9 @@ def instead_of_default(
     findings
         Says what was taken.
     """
-    known = {name: one for name in sizes if (one := vehicle.numbers.get(name) or vehicle.dropped.get(name)) is not None}
+    found = {name: one for name in sizes if (one := vehicle.numbers.get(name) or vehicle.dropped.get(name)) is not None}
+    # Of an estimate without an interval it is not known what it excludes; what a person gives is certain.
+    known = {name: one for name, one in found.items() if one.std or one.source == "given"}
     if not known:
         return None
     value, std = _mean(

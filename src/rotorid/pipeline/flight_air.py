@@ -121,7 +121,7 @@ def flown_as(choices: DesignChoices, record: FlightRecord) -> DesignChoices:
     Parameters
     ----------
     choices
-        Where they name a wind, it stays.
+        A wind that they name stays; one of zero is that of the log.
     record
         A log of the autopilot of the vehicle.
 

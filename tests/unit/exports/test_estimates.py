@@ -17,7 +17,9 @@ from rotorid.pipeline.joined import JoinedVehicle, VehicleNumber, joined_vehicle
 from rotorid.pipeline.summary import ReductionStep
 
 
-def seen(known: dict[str, float], *unknown: str, dropped: bool = False, **values: tuple[float, float]) -> JoinedVehicle:
+def seen(
+    known: dict[str, float], *unknown: str, dropped: bool = False, **values: tuple[float, float | None]
+) -> JoinedVehicle:
     """A vehicle without some numbers, and with others that are known to a standard deviation."""
     given = {name: one for name, one in known.items() if name not in unknown}
     given |= {} if dropped else {name: value for name, (value, _) in values.items()}
@@ -39,12 +41,15 @@ def parameter(exported: Exported, name: str) -> float:
 AXES = ("X_u", "Y_v", "Z_w", "L_p", "M_q", "N_r")
 
 
-@pytest.mark.parametrize(("std", "taken"), [(0.1, True), (0.25, False)])
+@pytest.mark.parametrize(("std", "taken"), [(0.1, True), (0.25, False), (None, False)])
 @pytest.mark.parametrize(("axis", "name", "size"), [("Z_w", "SIH_KDV", 1.0), ("N_r", "SIH_KDW", 0.03)])
 def test_sih_takes_another_axis_where_its_own_vehicle_lies_far_away(
-    axis: str, name: str, size: float, std: float, taken: bool
+    axis: str, name: str, size: float, std: float | None, taken: bool
 ) -> None:
-    """SIH's own vehicle has 1 1/s of all: three deviations of 0.1 from 0.45, and within three of 0.25."""
+    """SIH's own vehicle has 1 1/s of all: three deviations of 0.1 from 0.45, and within three of 0.25.
+
+    A deviation that is not known excludes nothing.
+    """
     exported = to_sih(seen(SIH, *AXES, **{axis: (-0.45, std)}), ExportChoices())
     assert (name in exported.defaults) != taken
     assert [one.where for one in exported.findings if one.kind == "export_compromise"] == [name] * taken

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -174,3 +175,16 @@ def test_nothing_more_to_gain_is_not_said_of_a_plant_that_was_not_seen() -> None
     found = checked(now=short, injected=agreed)
     assert found.verdict == "as_foretold"
     assert "The plant was measured only up to 30 rad/s, so a further step is not known." in found.advice
+
+
+def test_a_peak_that_is_read_off_an_injection_is_half_as_wide_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    peak = SimpleNamespace(value=1.5, std=0.02)
+    rejection = SimpleNamespace(peak=peak, peak_omega_rad_s=SimpleNamespace(interval=(20.0, 30.0)))
+    margins = SimpleNamespace(gain_crossovers=(), phase_margin_rad=None)
+    loop = SimpleNamespace(omega_rad_s=np.array([1.0, 50.0]))
+    found = SimpleNamespace(loop=loop, margins=margins, rejection=rejection)
+    monkeypatch.setattr(check, "loop_by_injection", lambda axis, logs: found)
+    assert check._injected("roll", ())["sensitivity_peak"].std == pytest.approx(0.03)
+    # At the end of the band a peak is none.
+    loop.omega_rad_s = np.array([1.0, 30.0])
+    assert check._injected("roll", ()) == {}
