@@ -15,20 +15,26 @@ import subprocess
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 DIGITS = 4
 """Significant digits of a number on a page."""
 
+LOG, RESULTS = "{log}", "{results}"
 VERBS: Mapping[str, tuple[str, ...]] = {
-    "inspect": (),
-    "review": (),
-    "identify": ("--model", "all"),
-    "tune": (),
+    "inspect": ("inspect", LOG),
+    "review": ("review", LOG),
+    "identify": ("identify", LOG, "--model", "all"),
+    "tune": ("tune", LOG),
+    "tune results": ("tune", RESULTS),
+    "tune both": ("tune", LOG, RESULTS),
+    "fleet": ("fleet", LOG),
 }
-_AXES = {"p": "roll", "q": "pitch", "r": "yaw"}
+"""Name of a command to its words, with places of the log and of the folder in which ``identify`` left its results."""
+
+RATES = {"p": "roll", "q": "pitch", "r": "yaw"}
 
 Document: TypeAlias = Mapping[str, Any]
 
@@ -79,20 +85,44 @@ def run(words: Iterable[str], folder: Path) -> Ran:
 
 
 def run_all(log: Path, folder: Path, *further: str) -> dict[str, Ran]:
-    """Every verb of :data:`VERBS` on a log, and ``response`` of each axis that ``inspect`` can identify."""
-    ran = {
-        verb: run([verb, str(log), *further, *words, "--json", *_out(verb)], folder) for verb, words in VERBS.items()
-    }
+    """Every command of :data:`VERBS` on a log, and ``response`` of each axis that was excited on purpose.
+
+    Commands that need results run only where ``identify`` left some.
+    """
+    ran: dict[str, Ran] = {}
+    for name, words in VERBS.items():
+        if RESULTS not in words or ran["identify"].code == 0:
+            ran[name] = run([*_filled(words, log), *further, "--json", *_out(name)], folder)
+    ran["fleet"] = replace(ran["fleet"], document={**ran["fleet"].document, "rows": _rows(folder / _folder("fleet"))})
+    excited = {one["axis"] for one in ran["inspect"].document.get("excitations", ())}
     supports = ran["inspect"].document.get("supports", {})
-    for rate, axis in _AXES.items():
-        if supports.get(f"rate.{axis}", {}).get("possible"):
-            words = ["response", str(log), *further, "--inputs", f"{axis}_command", "--outputs", rate, "--json"]
-            ran[f"response {axis}"] = run([*words, *_out(f"response-{axis}")], folder)
+    for rate, axis in RATES.items():
+        if axis in excited and supports.get(f"rate.{axis}", {}).get("possible"):
+            words = ("response", LOG, "--inputs", f"{axis}_command", "--outputs", rate)
+            name = f"response {axis}"
+            ran[name] = run([*_filled(words, log), *further, "--json", *_out(name)], folder)
     return ran
 
 
+def _filled(words: Iterable[str], log: Path) -> list[str]:
+    places = {LOG: str(log), RESULTS: _folder("identify")}
+    return [places.get(word, word) for word in words]
+
+
+def _folder(name: str) -> str:
+    return f"out-{name.replace(' ', '-')}"
+
+
 def _out(name: str) -> list[str]:
-    return [] if name == "inspect" else ["--out", f"out-{name}"]
+    return [] if name == "inspect" else ["--out", _folder(name)]
+
+
+def _rows(folder: Path) -> list[dict[str, Any]]:
+    """Rows of the table of a fleet; none where it wrote no table."""
+    from pyarrow import parquet
+
+    table = folder / "fleet.parquet"
+    return list(parquet.read_table(table).to_pylist()) if table.exists() else []
 
 
 def answers(ran: Mapping[str, Ran]) -> list[Answer]:
@@ -130,6 +160,24 @@ def _flights(document: Document) -> _Pairs:
         yield f"flight {number}: stop, s", flight["stop_s"]
 
 
+def _log(document: Document) -> _Pairs:
+    """What every document says of the log itself."""
+    yield from _remarks(document.get("findings", ()), "log")
+    for key in ("autopilot", "battery"):
+        found = document.get(key)
+        if isinstance(found, str):
+            yield key, found
+    for key, volts in (document.get("battery") or {}).items():
+        yield f"battery: {key}", volts["value"] if isinstance(volts, dict) else volts
+
+
+def _remarks(findings: Iterable[Document], of: str) -> _Pairs:
+    """Numbers of the findings of a log, or of a model of it."""
+    for one in findings:
+        for name, number in one["numbers"].items():
+            yield f"{of}: {one['kind']} of {one['where']}: {name}", number
+
+
 def _parameters(result: Document) -> _Pairs:
     for name, parameter in result.get("parameters", {}).items():
         if parameter["value"] is not None:
@@ -137,30 +185,86 @@ def _parameters(result: Document) -> _Pairs:
             yield f"{result['model']}: {name} std", parameter["std"] if parameter["std"] is not None else "none"
 
 
+def _model(result: Document) -> _Pairs:
+    """A model that was identified, or refused."""
+    model = result["model"]
+    yield f"{model}: supported", str(bool(result.get("parameters")))
+    yield from _parameters(result)
+    yield from _remarks(result.get("findings", ()), model)
+    provenance = result.get("provenance") or {}
+    if result.get("parameters") and model.startswith("rate."):
+        yield f"{model}: instruments", ", ".join(provenance["instruments"])
+        for number, one in enumerate(provenance["maneuvers"], start=1):
+            yield f"{model}: maneuver {number}", f"{one['kind']} {one['start_s']:.2f} to {one['stop_s']:.2f} s"
+    controller = result.get("controller") or {}
+    if controller:
+        yield "firmware that flew", controller["firmware"]
+    for name, value in (controller.get("gains") or {}).items():
+        yield f"gain {name}", value
+
+
 def _inspect(document: Document) -> _Pairs:
     yield from _flights(document)
+    yield from _log(document)
     for model, support in document.get("supports", {}).items():
         yield f"{model}: supported", str(support["possible"])
+    for name, value in document.get("settings", {}).items():
+        if name.startswith(("MC_", "ATC_")):
+            yield f"gain {name}", value
 
 
 def _review(document: Document) -> _Pairs:
     yield from _flights(document)
+    yield from _log(document)
     for model, result in document.get("models", {}).items():
-        yield f"{model}: supported", str(bool(result.get("parameters")))
-        yield from _parameters(result)
+        yield from _model({"model": model, **result})
     for axis, margins in document.get("margins", {}).items():
         yield from _margins(axis, margins)
+    numbers = (document.get("motors") or {}).get("numbers", {})
+    if {"saturated_low_share", "saturated_high_share"} <= set(numbers):
+        for end in ("low", "high"):
+            yield f"motors at their {end}er limit, share", numbers[f"saturated_{end}_share"]["value"]
 
 
 def _identify(document: Document) -> _Pairs:
+    yield from _log(document)
     for result in document.get("results", [document] if "model" in document else []):
-        yield f"{result['model']}: supported", str(bool(result.get("parameters")))
-        yield from _parameters(result)
+        yield from _model(result)
 
 
 def _tune(document: Document) -> _Pairs:
+    if document.get("axes"):
+        yield from _log(document)
+        yield "firmware that flew", document["firmware"]
+    for axis in RATES.values():
+        yield f"{axis}: gains proposed", str(axis in document.get("axes", {}))
     for axis, tuned in document.get("axes", {}).items():
         yield from _margins(axis, tuned.get("flown") or {})
+        yield f"{axis}: filters", ", ".join(one["name"] for one in tuned["filters"])
+        for name, gain in tuned["gains"].items():
+            yield f"gain {name}", gain["flown"]
+            yield f"proposed gain {name}", gain["proposed"]
+        for key, one in (tuned.get("proposed") or {}).items():
+            yield f"{axis} rate loop as proposed: {key}", one["value"]
+
+
+def _fleet(document: Document) -> _Pairs:
+    """Rows of its table are estimates of one flight; a mean over one flight is its value."""
+    rows = document.get("rows", ())
+    if len({row["flight"] for row in rows}) > 1:
+        # Numbered flights of one log are identified one by one; other commands take them together.
+        return
+    for row in rows:
+        yield f"{row['model']}: {row['parameter']}", row["value"]
+        yield f"{row['model']}: {row['parameter']} std", row["std"] if row["std"] is not None else "none"
+    for model in sorted({row["model"] for row in rows}):
+        yield f"{model}: supported", "True"
+    for model, parameters in document.get("population", {}).items():
+        for name, found in parameters.items():
+            yield f"{model}: {name}", found["mean"]["value"]
+    for refused in document.get("failed", ()):
+        if refused.get("model"):
+            yield f"{refused['model']}: supported", "False"
 
 
 _MARGINS = {
@@ -190,6 +294,11 @@ _OF_RESPONSE: Mapping[str, tuple[str, Callable[[float], float]]] = {
 
 
 def _response(document: Document) -> _Pairs:
+    yield from _log({key: value for key, value in document.items() if key != "findings"})
+    axes = [name.removesuffix("_command") for name in document.get("inputs", ())]
+    if document.get("outputs") and len(axes) == 1:
+        yield from _remarks(document["findings"], f"rate.{axes[0]}")
+        yield f"rate.{axes[0]}: instruments", ", ".join(document["instruments"])
     for axis, loop in document.get("loops", {}).items():
         numbers = {**(loop.get("beyond") or {}).get("numbers", {}), **loop["numbers"]}
         for key, (words, converted) in _OF_RESPONSE.items():
@@ -202,5 +311,6 @@ _READ: Mapping[str, Callable[[Document], _Pairs]] = {
     "review": _review,
     "identify": _identify,
     "tune": _tune,
+    "fleet": _fleet,
     "response": _response,
 }
