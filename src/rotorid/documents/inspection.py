@@ -52,7 +52,7 @@ class CandidateDocument(ManeuverDocument):
 
 
 class BatteryDocument(Document):
-    """Voltage of the battery at both ends of its record, and the lowest in between."""
+    """Voltage of the battery at both ends of the flights, of the log where it never flew, and the lowest."""
 
     start_v: float
     stop_v: float

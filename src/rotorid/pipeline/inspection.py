@@ -26,6 +26,7 @@ from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axis_of, find_instrument, own_instrument
 from rotorid.pipeline.provenance import LoggedManeuver, logged
 from rotorid.signal.airborne import Airborne, airborne, told_by
+from rotorid.signal.battery import battery_voltages
 from rotorid.signal.excitations import (
     candidate_excitations,
     find_excitations,
@@ -316,7 +317,7 @@ class TimedCheck(KinematicCheck):
 
 @dataclass(frozen=True, kw_only=True)
 class Battery(Immutable):
-    """Voltage of the battery at both ends of its record, and the lowest in between."""
+    """Voltage of the battery at both ends of the flights, of the log where it never flew, and the lowest."""
 
     start_v: float
     stop_v: float
@@ -467,7 +468,7 @@ def inspect(record: FlightRecord) -> Inspection:
             for stretch, check in consistency.checks
         ),
         skews=consistency.skews,
-        battery=_battery(record),
+        battery=_battery(record, flight),
         settings={name: record.parameters[name] for name in _SETTINGS if name in record.parameters},
     )
 
@@ -525,12 +526,9 @@ def _flights(flight: Airborne) -> tuple[FlightInterval, ...]:
     )
 
 
-def _battery(record: FlightRecord) -> Battery | None:
-    for topic, row in record.holding("battery_voltage"):
-        volts = topic.values[row][np.isfinite(topic.values[row])]
-        if volts.size:
-            return Battery(start_v=float(volts[0]), stop_v=float(volts[-1]), lowest_v=float(volts.min()))
-    return None
+def _battery(record: FlightRecord, flight: Airborne | None) -> Battery | None:
+    volts = battery_voltages(record, flight.intervals if flight else ())
+    return Battery(**{name: one.value for name, one in volts.items()}) if volts else None
 
 
 def _gaps(time_s: FloatArray) -> IntArray:

@@ -145,7 +145,7 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
         return _found(record, intervals, status.flagged_in or "the log", by_flags=True)
     time_s, flying, carrying, seen_in = _flying(record)
     if status.armed is not None:
-        flying = flying & _inside(time_s, status.armed)
+        flying = flying & within(time_s, status.armed)
     by_thrust = carrying is not None
     return _found(record, _intervals(time_s, flying, carrying, margin_s), seen_in, by_thrust=by_thrust)
 
@@ -210,7 +210,8 @@ def _moves(record: FlightRecord, interval: tuple[float, float]) -> bool:
     return not looked_at
 
 
-def _inside(time_s: FloatArray, intervals: Intervals) -> BoolArray:
+def within(time_s: FloatArray, intervals: Intervals) -> BoolArray:
+    """Which stamps lie in one of the intervals."""
     inside = np.zeros(time_s.size, dtype=np.bool_)
     for start_s, stop_s in intervals:
         inside |= (time_s >= start_s) & (time_s <= stop_s)

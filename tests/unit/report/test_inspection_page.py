@@ -43,7 +43,7 @@ def flight() -> FlightRecord:
         topics=(
             topic(EVIL, time_s, roll_command=motion),
             topic("gyro", time_s[kept], p=motion[kept]),
-            topic("battery", time_s[::100], battery_voltage=np.linspace(16.0, 15.0, 40)),
+            topic("battery", time_s[::100], battery_voltage=np.linspace(17.0, 14.0, 40).clip(15.0, 16.0)),
         ),
         parameters={"LOG_BITMASK": 1.0, "UNINTERESTING": 2.0},
         findings=(Finding(kind="gap", severity="warning", where="gyro", message=EVIL),),

@@ -23,10 +23,10 @@ from rotorid.io.advice import logging_advice, raw_gyro_advice, wind_advice
 from rotorid.models.rotors import layout_of
 from rotorid.pipeline.review.motors import steady_windows, thrust_curve
 from rotorid.pipeline.review.values import FlightSummary, LoggingReview, Untold, VehicleReview
-from rotorid.signal.airborne import airborne
+from rotorid.signal.airborne import airborne, within
+from rotorid.signal.battery import battery_voltages
 from rotorid.signal.clock import even_step_s
 from rotorid.signal.motors import linearization_of, logged_outputs, or_none
-from rotorid.spectral.noise import in_any
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -72,9 +72,6 @@ _LEAST_CURRENT_A = 0.5
 
 _LEAST_CORRELATION = 0.3
 """Of voltage and current, below which no resistance is told."""
-
-_END_S = 2.0
-"""Length over which the voltages at start and stop are taken."""
 
 _PUNCH_S = 0.1
 """Length over which the specific force at full throttle is."""
@@ -179,21 +176,16 @@ def _in_air(record: FlightRecord, name: str, flights: Intervals) -> tuple[FloatA
     if name not in record:
         return np.zeros(0), np.zeros(0)
     track = record[name]
-    kept = in_any(track.time_s, flights) & np.isfinite(track.values)
+    kept = within(track.time_s, flights) & np.isfinite(track.values)
     return track.time_s[kept], track.values[kept]
 
 
 def _battery(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity], list[Untold]]:
-    time_s, volts = _in_air(record, "battery_voltage", flights)
-    if time_s.size < 5 or float(np.median(volts)) <= 0.5:
+    numbers = dict(battery_voltages(record, flights))
+    if not numbers:
         why = "The battery's voltage is not logged in the air."
         return {}, [Untold(what="flight.battery", why=why, remedy="turn on the battery monitor")]
-    numbers = {
-        "start_v": _mean(volts[time_s <= time_s[0] + _END_S], "V"),
-        "stop_v": _mean(volts[time_s >= time_s[-1] - _END_S], "V"),
-        # A single low sample may be noise: one in a thousand counts.
-        "lowest_v": _exact(float(np.percentile(volts, 0.1)), 0.01 * abs(float(np.median(volts))) * 0.2, "V"),
-    }
+    time_s, volts = _in_air(record, "battery_voltage", flights)
     stamps, amperes = _in_air(record, "battery_current", flights)
     if stamps.size < 20 or float(np.percentile(amperes, 90)) < _LEAST_CURRENT_A:
         why = "The battery's current is not logged."
@@ -280,7 +272,7 @@ def _thrust(record: FlightRecord, flights: Intervals) -> tuple[Quantity | None, 
                 None,
                 [Untold(what=f"flight.{part}", why=why) for part in ("hover_throttle", "thrust_to_weight")],
             )
-        inside = in_any(history.time_s, flights)
+        inside = within(history.time_s, flights)
         time_s, rows = history.time_s[inside], history.values[:, inside]
     throttle = rows.mean(axis=0)
     windows = _steady(record, flights, time_s, rows)
@@ -308,7 +300,7 @@ def _steady(record: FlightRecord, flights: Intervals, time_s: FloatArray, rows: 
     if history is not None:
         known = linearization_of(record) if history.kind == "output" else None
         low, high = (known.low, known.high) if known is not None else (0.0, 1.0)
-        inside = in_any(history.time_s, flights)
+        inside = within(history.time_s, flights)
         time_s, rows = history.time_s[inside], (history.values[:, inside] - low) / (high - low)
     found = steady_windows(record, flights, time_s, rows)
     return tuple((float(time_s[window][0]), float(time_s[window][-1])) for window in found)
