@@ -35,6 +35,7 @@ from rotorid.signal.excitations import (
     still_declarations,
 )
 from rotorid.signal.kinematics import KinematicCheck
+from rotorid.signal.motors import motor_limits
 from rotorid.typing import Axis, FloatArray, IntArray
 
 _SID_AXIS = {"roll": 10, "pitch": 11, "yaw": 12, "thrust": 13}
@@ -457,6 +458,7 @@ def inspect(record: FlightRecord) -> Inspection:
                 *_still(record),
                 *remarks,
                 *_oscillations(record, flight),
+                *motor_limits(record).remarks(),
                 *consistency.findings,
             )
         ),

@@ -28,7 +28,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.errors import UsageError
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.pipeline.preparation.controllers import logged_axis
-from rotorid.signal.oscillations import LARGEST_LIMITED, Oscillation, check_oscillations
+from rotorid.signal.oscillations import Oscillation, check_oscillations
 from rotorid.tuning.firmware import parameters_of, ranges_of, scaled, written
 from rotorid.tuning.loops import Gains
 from rotorid.typing import Axis
@@ -63,7 +63,9 @@ class OscillationReview(Immutable):
     rms
         Of the command about its mean, as a share of its range.
     at_limit_percent
-        How much of the powered flight a motor was at a limit; ``None`` where motors are not logged.
+        How much of the flight, or of its part that swings, a motor was at a limit; ``None`` where that is not known.
+    limited
+        Whether roll, pitch and yaw commands kept a motor there for so long that the log shows limits on all axes.
     error_rms_rad
         Of the attitude against its set-point, for a slow swing.
     gains
@@ -77,6 +79,7 @@ class OscillationReview(Immutable):
     frequency_hz: float | None
     rms: float
     at_limit_percent: float | None
+    limited: bool = False
     error_rms_rad: float | None = None
     gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     lower: tuple[str, ...] = RATE_GAINS
@@ -118,6 +121,7 @@ def _reviewed(record: FlightRecord, found: Oscillation) -> OscillationReview:
         frequency_hz=found.frequency_hz,
         rms=found.rms,
         at_limit_percent=found.at_limit_percent,
+        limited=found.limited,
         error_rms_rad=found.error_rms_rad,
         gains=gains,
         lower=_letters(controller, gains) if controller is not None and gains else _USUAL[found.loop],
@@ -218,7 +222,7 @@ def describe(found: tuple[OscillationReview, ...]) -> str:
 
 def motors_limited(found: tuple[OscillationReview, ...]) -> bool:
     """Whether motors are at their limits so much that the flight shows the limits on all axes, and not the vehicle."""
-    return any(one.at_limit_percent is not None and one.at_limit_percent > 100.0 * LARGEST_LIMITED for one in found)
+    return any(one.limited for one in found)
 
 
 def remedy(one: OscillationReview) -> str:

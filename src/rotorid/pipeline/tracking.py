@@ -32,6 +32,7 @@ from rotorid.pipeline.settings import IdentifySettings, as_records
 from rotorid.pipeline.several import AXIS_OF, settings_of
 from rotorid.signal.airborne import airborne
 from rotorid.signal.clock import resample
+from rotorid.signal.motors import motor_limits
 from rotorid.signal.stretch import stretch
 from rotorid.typing import Axis, FloatArray
 from rotorid.verification.tracking import BAND_HZ, RATE_HZ, STEP_SHARE, Tracking, require_length, track_gain
@@ -201,6 +202,7 @@ def track(
     piece = _longest_piece(log, axis, instrument, start_s, stop_s)
     signals, left_out = _signals(log, piece, axis, instrument), tuple(_left_out(piece, start_s, stop_s))
     start_s, stop_s = piece.start_s, piece.start_s + piece.duration_s
+    limits = motor_limits(log).during(((start_s, stop_s),)).remarks("the tracked flight")
     require_length(piece.duration_s, first_s, what="flight without a gap")
     fitted = model if isinstance(model, IdentifiedModel) else _reference(log, name, start_s, start_s + first_s)
     _PROGRESS.info(f"following {name}")
@@ -227,7 +229,7 @@ def track(
         trims=tuple(_trims(log, start_s, stop_s, first_s)),
         # What was remarked on a model that was given is of other logs.
         findings=worst_first(
-            [*log.findings, *left_out, *(beside if isinstance(model, IdentifiedModel) else _told(fitted))]
+            [*log.findings, *left_out, *limits, *(beside if isinstance(model, IdentifiedModel) else _told(fitted))]
         ),
         provenance=provenance([log], choices),
     )

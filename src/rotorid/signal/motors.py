@@ -26,12 +26,12 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from rotorid.data.base import Immutable, read_only
+from rotorid.data.base import Immutable, read_only, remembered
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Topic
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.signal.airborne import airborne
-from rotorid.typing import BoolArray, FloatArray
+from rotorid.signal.limits import MotorLimits, Range, limits_of
+from rotorid.typing import FloatArray
 
 COMMANDS = ("roll_command", "pitch_command", "yaw_command", "thrust_command")
 """Columns of a mixer."""
@@ -40,11 +40,8 @@ Kind: TypeAlias = Literal["output", "thrust_demand", "speed"]
 """``output``: what the motor controller receives; ``thrust_demand``: the share of the largest thrust that the autopilot
 wants, before it straightens the motor's curve; ``speed``: measured, rad/s."""
 
-_AT_LIMIT = 1e-3
-"""Distance from an end of the range of outputs that counts as at it."""
-
-_WORTH_SAYING = 1e-3
-"""Share of a flight at a limit that is remarked on; from ten times as much it is a warning."""
+_SCALED = ("Betaflight", "Crazyflie")
+"""Formats whose readers scale outputs from idle, or none, to full ones."""
 
 _FASTER = 1.5
 """Factor by which one rate must exceed another to count as the faster one."""
@@ -69,8 +66,6 @@ class MotorHistory(Immutable):
         Shape ``(motors, samples)``; 0 to 1, or rad/s.
     source
         Where they come from.
-    saturated_share
-        Part of the samples in flight in which a motor stood at a limit.
     findings
         What an engineer would remark on them.
     """
@@ -79,7 +74,6 @@ class MotorHistory(Immutable):
     time_s: FloatArray
     values: FloatArray
     source: str
-    saturated_share: float = 0.0
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
@@ -176,10 +170,55 @@ def logged_outputs(record: FlightRecord) -> MotorHistory:
     >>> history.kind, history.motors, [finding.kind for finding in history.findings]
     ('output', 2, ['rate_too_low'])
     """
+    return with_remarks(record, _outputs(record))
+
+
+def _outputs(record: FlightRecord) -> MotorHistory:
     time_s, values, source = on_common_stamps(record, motor_channels(record, "motor_"))
     # What PX4 logs is asked of the motors in thrust; THR_MDL_FAC bends it on its way out.
     kind: Kind = "thrust_demand" if record.source.format.startswith("PX4") else "output"
-    return with_remarks(record, MotorHistory(kind=kind, time_s=time_s, values=values, source=source))
+    return MotorHistory(kind=kind, time_s=time_s, values=values, source=source)
+
+
+@remembered
+def motor_limits(record: FlightRecord) -> MotorLimits:
+    """When each motor of a log was at a limit, and why: the answer of every command.
+
+    Parameters
+    ----------
+    record
+        The log. One without the outputs of all motors, without a flight or without their range gives limits that are
+        not known, and says why.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Source
+    >>> wave = 0.5 + 0.6 * np.sin(np.arange(0.0, 100.0, 0.01))
+    >>> values = np.clip(np.stack([wave, 1.0 - wave]), 0.0, 1.0)
+    >>> channels = tuple(Channel(name=f"motor_{number}", unit="1") for number in (1, 2))
+    >>> topic = Topic(name="motors", time_s=np.arange(wave.size) / 100.0, channels=channels, values=values)
+    >>> source = Source(name="log.bbl", format="Betaflight blackbox", sha256="")
+    >>> limits = motor_limits(FlightRecord(source=source, topics=(topic,)))
+    >>> round(limits.share, 2), round(limits.upper_share, 2), limits.causes["unknown"] == limits.share
+    (0.38, 0.38, True)
+    """
+    try:
+        outputs = _outputs(record)
+    except InsufficientDataError:
+        return limits_of(record, np.zeros(0), np.zeros((1, 0)), None)
+    return _limits_of(record, outputs)
+
+
+def _limits_of(record: FlightRecord, history: MotorHistory) -> MotorLimits:
+    return limits_of(record, history.time_s, history.values, _motor_range(record, history))
+
+
+def _motor_range(record: FlightRecord, history: MotorHistory) -> Range | None:
+    """Outputs of no and of full thrust; ``None`` where the log does not say them."""
+    if history.kind == "thrust_demand" or record.source.format.startswith(_SCALED):
+        return 0.0, 1.0
+    known = linearization_of(record)
+    return None if known is None else (known.low, known.high)
 
 
 def logged_speeds(record: FlightRecord) -> MotorHistory:
@@ -253,8 +292,7 @@ def on_common_stamps(record: FlightRecord, names: Sequence[str]) -> tuple[FloatA
 
 
 def with_remarks(record: FlightRecord, history: MotorHistory) -> MotorHistory:
-    """The history with its saturation and with remarks on its rate and saturation."""
-    share = saturated_share(record, history)
+    """The history with remarks on its rate and its limits."""
     findings = [*history.findings]
     rate_hz = history.sample_rate_hz
     if rate_hz < LOWEST_RATE_HZ:
@@ -268,48 +306,12 @@ def with_remarks(record: FlightRecord, history: MotorHistory) -> MotorHistory:
                 needed_hz=LOWEST_RATE_HZ,
             )
         )
-    if share > _WORTH_SAYING:
-        findings.append(
-            (warn if share > 10.0 * _WORTH_SAYING else remark)(
-                "saturation",
-                history.source,
-                f"A motor stood at a limit in {100.0 * share:.1f} % of the flight.",
-                saturated_share=share,
-            )
-        )
-    return replace(history, saturated_share=share, findings=tuple(findings))
-
-
-def saturated_share(record: FlightRecord, history: MotorHistory) -> float:
-    """Part of the samples in flight in which a motor stood at a limit; zero for measured speeds."""
-    if history.kind == "speed":
-        return 0.0
-    inside = in_flight(record, history.time_s)
-    return float(np.mean(at_limit(record, history)[inside])) if inside.any() else 0.0
-
-
-def at_limit(record: FlightRecord, history: MotorHistory) -> BoolArray:
-    """Samples in which a motor has no output left to give or to take, shape ``(samples,)``."""
-    known = linearization_of(record) if history.kind == "output" else None
-    low, high = (known.low, known.high) if known is not None else (0.0, 1.0)
-    near = (history.values <= low + _AT_LIMIT) | (history.values >= high - _AT_LIMIT)
-    return np.asarray(near.any(axis=0))
-
-
-def range_is_known(record: FlightRecord, history: MotorHistory) -> bool:
-    """Whether a log says between which outputs its motors move: those of ArduPilot say it by parameters alone."""
-    own = history.kind == "output" and record.source.format.startswith(("ArduPilot", "MAVLink"))
-    return not own or linearization_of(record) is not None
-
-
-def in_flight(record: FlightRecord, time_s: FloatArray) -> BoolArray:
-    """Which stamps lie in a flight; all of them where no flight can be told."""
-    try:
-        intervals = airborne(record).intervals
-    except InsufficientDataError:
-        return np.ones(time_s.size, dtype=np.bool_)
-    inside = [(time_s >= start) & (time_s <= stop) for start, stop in intervals]
-    return np.asarray(np.any(inside, axis=0))
+    if history.kind != "speed":
+        # Logged outputs are what the motors got; demands say it where no output is logged.
+        logged = motor_limits(record)
+        limits = _limits_of(record, history) if logged.unknown else logged
+        findings += limits.remarks()
+    return replace(history, findings=tuple(findings))
 
 
 def reconstructed_demands(record: FlightRecord, mixer: FloatArray) -> tuple[MotorHistory, Agreement | None]:
@@ -487,7 +489,8 @@ def agreement_of(record: FlightRecord, demands: MotorHistory, mixer: FloatArray)
     clock, step_s = demands.time_s, float(np.median(np.diff(demands.time_s)))
     margin_s = max(_SHIFTS) * step_s
     inside = (outputs.time_s >= clock[0] + margin_s) & (outputs.time_s <= clock[-1] - margin_s)
-    kept = inside & in_flight(record, outputs.time_s) & ~at_limit(record, outputs)
+    limits = motor_limits(record)
+    kept = inside & (limits.counted | ~limits.counted.any()) & ~limits.limited
     if np.count_nonzero(kept) < _FEWEST:
         return None
     stamps, share = outputs.time_s[kept], voltage_share(record, known, outputs.time_s[kept])

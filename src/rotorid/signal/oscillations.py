@@ -37,7 +37,8 @@ from rotorid.data.record import FlightRecord, Intervals
 from rotorid.signal.airborne import airborne
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.filters import combined_response
-from rotorid.signal.motors import at_limit, in_flight, logged_outputs, or_none, range_is_known
+from rotorid.signal.limits import POWERED
+from rotorid.signal.motors import motor_limits
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 
 Loop: TypeAlias = Literal["rate", "attitude"]
@@ -51,10 +52,8 @@ HUGE_RMS = 0.35
 """No stick moves a command so much all the time: slow logs need no motor at a limit from here on."""
 
 LARGEST_LIMITED = 0.25
-"""Share of powered samples with a motor at a limit: stable flights reach 0.23, limit cycles begin at 0.39."""
-
-POWERED = 0.1
-"""Mean output of the motors from which they count: in a dive without throttle all of them idle at their limit."""
+"""Share of powered samples in which roll, pitch and yaw commands keep a motor at a limit: stable flights reach 0.23,
+limit cycles begin at 0.39."""
 
 LARGEST_ERROR_RAD = np.radians(2.0)
 """Of the attitude against its set-point."""
@@ -139,7 +138,9 @@ class Oscillation(Immutable):
     rms
         Of the command about its mean, as a share of its range, in the usual window.
     at_limit_percent
-        How much of the powered flight a motor was at a limit; ``None`` where the log does not show it.
+        How much of the flight, or of its part that swings, a motor was at a limit; ``None`` where that is not known.
+    limited
+        Whether roll, pitch and yaw commands kept a motor there for so long that the log shows limits on all axes.
     error_rms_rad
         Of the attitude against its set-point; ``None`` for a limit cycle.
     """
@@ -149,6 +150,7 @@ class Oscillation(Immutable):
     frequency_hz: float | None
     rms: float
     at_limit_percent: float | None
+    limited: bool = False
     error_rms_rad: float | None = None
 
 
@@ -216,21 +218,23 @@ def check_oscillations(record: FlightRecord) -> OscillationCheck:
 
 
 class _Power(NamedTuple):
-    """Mean output of the motors or the thrust command, and whether a motor is at a limit, as far as it is known."""
+    """Mean output of the motors or the thrust command in flight, and where motors are at a limit as far as known."""
 
     time_s: FloatArray
     mean: FloatArray
-    limited: BoolArray | None
-    range_known: bool = True
+    at_limit: BoolArray | None
+    by_loop: BoolArray | None
 
-    @property
-    def limited_share(self) -> float:
-        """Of the powered samples, NaN where motors are not logged, or may have limits that nobody knows."""
-        powered = self.mean >= POWERED
-        if self.limited is None or not powered.any():
-            return np.nan
-        share = float(np.mean(self.limited[powered]))
-        return share if self.range_known or share > LARGEST_LIMITED else np.nan
+    def limited(self, start_s: float = -np.inf, stop_s: float = np.inf) -> tuple[float, float]:
+        """Share of a part of the flight with a motor at a limit, and share of its powered samples with one by a loop.
+
+        Not a number where limits are not known.
+        """
+        part = slice(*np.searchsorted(self.time_s, [start_s, stop_s]))
+        powered = self.mean[part] >= POWERED
+        if self.at_limit is None or self.by_loop is None or not powered.any():
+            return np.nan, np.nan
+        return float(np.mean(self.at_limit[part])), float(np.mean(self.by_loop[part][powered]))
 
     def runs(self, start_s: float, stop_s: float) -> bool:
         """Whether the motors carry the vehicle for half of a window; believed where nothing is logged."""
@@ -239,17 +243,21 @@ class _Power(NamedTuple):
 
 
 def _power(record: FlightRecord) -> _Power:
-    history = or_none(logged_outputs, record)
-    if history is not None:
-        flying = in_flight(record, history.time_s)
-        limited = at_limit(record, history)
-        known = range_is_known(record, history)
-        return _Power(history.time_s[flying], history.values.mean(axis=0)[flying], limited[flying], known)
+    limits = motor_limits(record)
+    flying = limits.counted
+    if limits.time_s.size:
+        known = not limits.unknown
+        return _Power(
+            limits.time_s[flying],
+            limits.mean[flying],
+            limits.limited[flying] if known else None,
+            limits.by_loop[flying] if known else None,
+        )
     if "thrust_command" in record:
         track = record["thrust_command"]
         kept = np.isfinite(track.values) & np.isfinite(track.time_s)
-        return _Power(track.time_s[kept], np.abs(track.values[kept]), None)
-    return _Power(np.zeros(0), np.zeros(0), None)
+        return _Power(track.time_s[kept], np.abs(track.values[kept]), None, None)
+    return _Power(np.zeros(0), np.zeros(0), None, None)
 
 
 class _Samples(NamedTuple):
@@ -304,7 +312,8 @@ def _looks(record: FlightRecord, flights: Intervals, power: _Power) -> dict[Axis
                 loop="rate",
                 frequency_hz=None,
                 rms=still.distance,
-                at_limit_percent=100.0 * still.limited,
+                at_limit_percent=100.0 * still.at_limit,
+                limited=True,
             )
     strongest = max((look.rms for look in looks.values() if isinstance(look, Oscillation)), default=0.0)
     for move in known:
@@ -326,6 +335,7 @@ class _Move(NamedTuple):
     windows: list[slice]
     size: float
     distance: float
+    at_limit: float
     limited: float
 
     @property
@@ -367,11 +377,12 @@ def _move(record: FlightRecord, axis: Axis, flights: Intervals, power: _Power) -
             f"The log has less than {0.5 * (_FEWEST_WINDOWS + 1) * length_s:.0f} s of {name} in the air without tests."
         )
     sizes = np.array([_size(command, window, above_hz) for window in windows])
-    limited = power.limited_share
+    at_limit, limited = power.limited()
     run = _longest_run(command, windows, sizes, power)
     if float(np.median(sizes)) <= LARGEST_RMS and run:
         windows, sizes = [windows[place] for place in run], sizes[run]
-        limited = float(np.mean([_limited_in(command, window, power) for window in windows]))
+        stamps = command.time_s
+        at_limit, limited = power.limited(stamps[windows[0].start], stamps[windows[-1].stop - 1])
     middle = float(np.median(command.values))
     return _Move(
         axis,
@@ -379,6 +390,7 @@ def _move(record: FlightRecord, axis: Axis, flights: Intervals, power: _Power) -
         windows,
         float(np.median(sizes)),
         float(np.median([_rms(command.values[window] - middle) for window in windows])),
+        at_limit,
         limited,
     )
 
@@ -389,21 +401,14 @@ def _longest_run(command: _Samples, windows: Sequence[slice], sizes: FloatArray,
     run: list[int] = []
     for place, window in enumerate(windows):
         follows = not run or window.start <= windows[run[-1]].stop
-        swings = sizes[place] > LARGEST_RMS and _limited_in(command, window, power) > LARGEST_LIMITED
+        start_s, stop_s = command.time_s[window.start], command.time_s[window.stop - 1]
+        swings = sizes[place] > LARGEST_RMS and power.limited(start_s, stop_s)[1] > LARGEST_LIMITED
         run = ([*run, place] if follows else [place]) if swings else []
         best = max(best, run, key=len)
     if not best:
         return []
     lasts_s = command.time_s[windows[best[-1]].stop - 1] - command.time_s[windows[best[0]].start]
     return best if lasts_s >= _LASTING_S and len(best) >= _FEWEST_WINDOWS else []
-
-
-def _limited_in(command: _Samples, window: slice, power: _Power) -> float:
-    """Share of a window with a motor at its limit; zero where motors are not logged."""
-    if power.limited is None:
-        return 0.0
-    first, last = np.searchsorted(power.time_s, [command.time_s[window.start], command.time_s[window.stop - 1]])
-    return float(np.mean(power.limited[first:last])) if last > first else 0.0
 
 
 def _swing(record: FlightRecord, move: _Move, flights: Intervals, power: _Power) -> Oscillation | None:
@@ -416,7 +421,8 @@ def _swing(record: FlightRecord, move: _Move, flights: Intervals, power: _Power)
         loop="rate",
         frequency_hz=slow.frequency_hz if slow is not None and slow.share > _PURE_LINE else None,
         rms=move.size,
-        at_limit_percent=None if np.isnan(move.limited) else 100.0 * move.limited,
+        at_limit_percent=None if np.isnan(move.at_limit) else 100.0 * move.at_limit,
+        limited=move.limited > LARGEST_LIMITED,
         error_rms_rad=slow.rms if slow is not None else None,
     )
     if move.size > LARGEST_RMS:
@@ -459,8 +465,8 @@ def _why_unchecked(record: FlightRecord, move: _Move, flights: Intervals, power:
         )
     if not move.fast and move.limited > LARGEST_LIMITED:
         return (
-            f"A motor is at a limit for {100.0 * move.limited:.0f} % of the flight, and a log of {rate_hz:.0f} Hz does "
-            f"not show whether {move.axis} oscillates."
+            f"A motor is at a limit for {100.0 * move.at_limit:.0f} % of the flight, and a log of {rate_hz:.0f} Hz "
+            f"does not show whether {move.axis} oscillates."
         )
     return None
 

@@ -7,13 +7,11 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import AXES, MOTORS, FlightRecord, Maneuver, TimeHistory
+from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.signal.limits import WARNED_SHARE, MotorLimits, limited_share
 from rotorid.signal.skew import CrossSpectrum, cross_spectrum
 from rotorid.typing import Axis, FloatArray
-
-SATURATED_SHARE = 0.01
-"""A channel at its limit for more than this share of a maneuver is worth a warning; a tenth of it, a remark."""
 
 OFF_AXIS_SHARE = 0.5
 """Another command that moves by more than this share of the excited one is worth a warning; half of it, a remark."""
@@ -25,7 +23,7 @@ SAG = 0.05
 """Thrust goes about with the square of the voltage: a change by this share moves gains by a tenth."""
 
 _REMARKED_SHARE = 0.1
-"""Share of the limit for a warning from which time at a limit is remarked on."""
+"""Share of that for a warning from which time at a limit is remarked on."""
 
 _LEAST_MOTION = 0.05
 """Share of the excited input from which another one counts as moved with it."""
@@ -34,31 +32,19 @@ _HARD_LIMIT = 1e-6
 """Distance from an end of the range that counts as at it."""
 
 _NORMALIZED = 1.5
-"""Above this, outputs are steps of a motor controller or microseconds, whose range is not known."""
+"""Above this, commands are steps of a motor controller or microseconds, whose range is not known."""
 
-_EDGE = 2e-4
-"""Share of the range of a channel within which samples count as at its end."""
-
-_PILED = 3.0
-"""So many times more samples at an end than beside it make a limit."""
-
-_LEAST_PILE = 10
-"""Values at an end, each as long as it is held, that such a limit needs at least."""
-
-_FEW_LEVELS = 16.0
-"""Widths of an end that the range of a channel has at least; a coarser channel is not judged."""
-
-_MOTORS = tuple(f"motor_{number}" for number in range(1, MOTORS + 1))
 _SENSORS = ("p", "q", "r", "ax", "ay", "az")
 
 
-def quality_findings(history: TimeHistory, *, axis: Axis, accounted: Collection[str] = ()) -> tuple[Finding, ...]:
+def quality_findings(
+    history: TimeHistory, *, axis: Axis, accounted: Collection[str] = (), limits: MotorLimits | None = None
+) -> tuple[Finding, ...]:
     r"""Remarks with numbers about the data of one maneuver.
 
     ``saturation``
-        Share of samples of a command or motor at a limit: 0, 1 (−1 and 1 for roll, pitch, yaw), or a value at which
-        samples pile up, see :func:`limited_share`. Motors that go below zero, as voltages about a trim do, have no end
-        at 0 or 1: there the pile-up alone counts.
+        Share of samples of a command at a limit: 0, 1 (−1 and 1 for roll, pitch, yaw), or a value at which samples
+        pile up, see :func:`rotorid.signal.limits.limited_share`; and share of those with a motor at one.
     ``sensor_clipping``
         The same pile-up at an end of an accelerometer or gyro.
     ``off_axis_input``
@@ -76,6 +62,8 @@ def quality_findings(history: TimeHistory, *, axis: Axis, accounted: Collection[
     accounted
         Commands whose effects are accounted for, because they are inputs of what is estimated: their motion is not
         remarked on.
+    limits
+        Of the motors of its log.
 
     Raises
     ------
@@ -95,7 +83,9 @@ def quality_findings(history: TimeHistory, *, axis: Axis, accounted: Collection[
     """
     if axis not in AXES:
         raise UsageError(f"the axis {axis!r} came", needed=f"one of {', '.join(AXES)}")
-    return (*_limits(history), *_other_axes(history, f"{axis}_command", accounted))
+    part = (history.start_s, float(history.time_s[-1]))
+    motors = () if limits is None else limits.during((part,)).remarks("the maneuver")
+    return (*_limits(history), *motors, *_other_axes(history, f"{axis}_command", accounted))
 
 
 def battery_sag(record: FlightRecord, maneuver: Maneuver) -> Finding | None:
@@ -127,55 +117,16 @@ def battery_sag(record: FlightRecord, maneuver: Maneuver) -> Finding | None:
     return None
 
 
-def limited_share(values: FloatArray) -> float:
-    r"""Share of samples that pile up at the lowest or highest value of a signal.
-
-    A smooth signal is as often within :math:`\epsilon` of its extreme as between :math:`\epsilon` and
-    :math:`4 \epsilon` away from it, since its peaks are parabolas, and a noisy one less often. Three times as often
-    is a limit, when ten values or more stand there. :math:`\epsilon` is 0.02 % of the range, or half a step of a signal
-    that comes in steps. A signal of few levels, like a random binary one, stands at its extremes on purpose and is
-    never taken for limited. Resampling smears a limit, so ask before.
-
-    Parameters
-    ----------
-    values
-        Shape ``(samples,)``.
-
-    Examples
-    --------
-    >>> wave = np.sin(np.linspace(0.0, 100.0, 10000))
-    >>> limited_share(wave), round(limited_share(np.minimum(wave, 0.9)), 3)
-    (0.0, 0.145)
-    """
-    finite = values[np.isfinite(values)]
-    span = float(np.ptp(finite)) if finite.size else 0.0
-    if span == 0.0:
-        return 0.0
-    levels = np.unique(finite)
-    edge = max(_EDGE * span, 0.5 * float(np.median(np.diff(levels))))
-    if _FEW_LEVELS * edge > span:
-        return 0.0
-    # A signal that holds each value for some samples has that many fewer values.
-    held = float(np.median(np.diff(np.flatnonzero(np.diff(finite, prepend=np.nan, append=np.nan)))))
-    share = 0.0
-    for away in (finite - levels[0], levels[-1] - finite):
-        near = int(np.count_nonzero(away <= edge))
-        beside = int(np.count_nonzero((away > edge) & (away <= 4.0 * edge)))
-        if near > max(_PILED * beside, _LEAST_PILE * held):
-            share += near / finite.size
-    return share
-
-
 def _limits(history: TimeHistory) -> Iterator[Finding]:
     """Channels at their limits, the worst first."""
     shares = {name: _saturated(name, history[name]) for name in history.names if _is_input(name)}
     clipped = {name: limited_share(history[name]) for name in history.names if name in _SENSORS}
     for name, share in sorted({**shares, **clipped}.items(), key=lambda item: -item[1]):
-        if share < _REMARKED_SHARE * SATURATED_SHARE:
+        if share < _REMARKED_SHARE * WARNED_SHARE:
             continue
         sensor = name in clipped
         place = "the end of its range" if sensor else "a limit"
-        yield (warn if share >= SATURATED_SHARE else remark)(
+        yield (warn if share >= WARNED_SHARE else remark)(
             "sensor_clipping" if sensor else "saturation",
             name,
             f"{name} stood at {place} for {share:.1%} of the maneuver.",
@@ -188,7 +139,7 @@ _FEW_VALUES = 4
 
 
 def _is_input(name: str) -> bool:
-    return name in _MOTORS or name in {f"{axis}_command" for axis in AXES}
+    return name in {f"{axis}_command" for axis in AXES}
 
 
 def _saturated(name: str, values: FloatArray) -> float:
@@ -199,11 +150,7 @@ def _saturated(name: str, values: FloatArray) -> float:
         return 0.0
     # A thrust that goes below zero is counted from hover, and zero is no end of its range.
     signed = float(np.mean(values < -_HARD_LIMIT)) >= _HARD_LIMIT
-    if signed and name in _MOTORS:
-        # Volts about a trim: where their range ends is not known.
-        return limited_share(values)
-    upward = name in _MOTORS or (name == "thrust_command" and not signed)
-    lowest = 0.0 if upward else -1.0
+    lowest = 0.0 if name == "thrust_command" and not signed else -1.0
     if np.abs(values).max() > _NORMALIZED:
         # Steps of a motor controller, or microseconds: where their range ends is not known.
         return limited_share(values)

@@ -158,7 +158,7 @@ def test_half_a_sample_of_a_slow_log_is_in_the_interval_of_its_delay() -> None:
 
 
 def test_feedforward_and_saturation_are_said() -> None:
-    motors = np.full(round(LENGTH_S * RATE_HZ), 0.5)
+    motors = 0.5 + 0.05 * np.random.default_rng(0).standard_normal(round(LENGTH_S * RATE_HZ))
     motors[::5] = 1.0
     found, _ = loops(flown(record(motors=motors, parameters={"MC_ROLLRATE_FF": 0.02})))
     assert {"feedforward", "saturation"} <= {finding.kind for finding in found["p"].findings}

@@ -127,7 +127,8 @@ def test_the_fast_and_true_source_is_chosen() -> None:
         for n in range(4)
     ]
     measured = motor_history(replace(fast, topics=(*fast.topics, *speeds)), MIXER)
-    assert (measured.kind, measured.motors, measured.saturated_share) == ("speed", 4, 0.0)
+    assert (measured.kind, measured.motors) == ("speed", 4)
+    assert "saturation" not in {finding.kind for finding in measured.findings}
     assert measured.names[0] == "motor_speed_1"
 
 
@@ -156,8 +157,8 @@ def test_saturation_is_counted_in_flight() -> None:
     record = flight(amplitude=1.2, steps=1)
     history = logged_outputs(record)
     expected = np.any((MIXER @ commands(1.2) <= 0.0) | (MIXER @ commands(1.2) / DENSITY >= 1.0), axis=0).mean()
-    assert history.saturated_share == pytest.approx(expected, abs=0.02)
-    assert [finding.kind for finding in history.findings] == ["saturation"]
+    (finding,) = history.findings
+    assert (finding.kind, finding.numbers["share"]) == ("saturation", pytest.approx(expected, abs=0.02))
     assert logged_outputs(flight(steps=1)).findings == ()
 
 

@@ -183,9 +183,17 @@ def test_a_line_of_which_the_set_point_is_not_known_is_not_calm(lost: str, motor
     assert "without the rate and its set-point" in check.unchecked["roll"]
 
 
-def test_motors_whose_range_is_not_known_are_at_no_limit_that_is_known() -> None:
+def test_outputs_pile_up_where_their_range_is_not_known() -> None:
     signals = swinging(7.0, amplitude=0.3, hover=0.5)
     signals |= {name: np.clip(signals[name], 0.3, 0.7) for name in ("motor_1", "motor_2")}
+    (found,) = check_oscillations(record(signals, 400.0, ranged=False)).found
+    assert found.at_limit_percent == pytest.approx(100.0 * np.mean(np.abs(0.3 * wave(7.0)) >= 0.2), abs=1.0)
+
+
+def test_motors_whose_range_is_not_known_are_at_no_limit_that_is_known() -> None:
+    signals = swinging(7.0, amplitude=0.3, hover=0.5)
+    # So coarse that no pile shows.
+    signals |= {name: np.round(signals[name], 1) for name in ("motor_1", "motor_2")}
     (found,) = check_oscillations(record(signals, 400.0, ranged=False)).found
     assert found.at_limit_percent is None
     noisy = signals | {"roll_command": signals["roll_command"] + noise(0.3, 7)}

@@ -10,7 +10,9 @@ import pytest
 from rotorid.data.findings import Finding
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.errors import UsageError
-from rotorid.signal.quality import battery_sag, led_share, limited_share, quality_findings
+from rotorid.signal.limits import limited_share
+from rotorid.signal.motors import motor_limits
+from rotorid.signal.quality import battery_sag, led_share, quality_findings
 from rotorid.typing import FloatArray
 
 RATE_HZ = 200.0
@@ -74,20 +76,19 @@ def test_both_ends_count() -> None:
     assert limited_share(values) == pytest.approx(np.mean((values == 1.0) | (values == -1.5)), abs=2e-3)
 
 
-def test_saturated_commands_motors_and_clipped_sensors_are_named_worst_first() -> None:
-    motor = np.clip(0.5 + 0.3 * noise(7), 0.0, 1.0)
+def test_saturated_commands_and_clipped_sensors_are_named_worst_first() -> None:
+    command = np.clip(0.6 * noise(7), -1.0, 1.0)
     found = findings(
         roll_command=0.1 * SWEEP,
-        motor_1=motor,
-        motor_2=np.minimum(0.5 + 0.1 * noise(8), 0.72),
-        motor_3=np.zeros(TIME_S.size),
+        yaw_command=command,
         ax=np.clip(10.0 * noise(9), -20.0, 20.0),
         p=SWEEP,
     )
-    assert list(found) == [("saturation", "motor_1"), ("sensor_clipping", "ax"), ("saturation", "motor_2")]
-    share = float(np.mean((motor == 0.0) | (motor == 1.0)))
-    # What lies within 0.02 % of a limit counts to it: at two ends, with a density of at most 0.4 / 0.3.
-    assert found["saturation", "motor_1"].numbers["share"] == pytest.approx(share, abs=6e-4)
+    limited = [(kind, where) for kind, where in found if kind in ("saturation", "sensor_clipping")]
+    assert limited == [("saturation", "yaw_command"), ("sensor_clipping", "ax")]
+    share = float(np.mean(np.abs(command) == 1.0))
+    # What lies within 0.02 % of a limit counts to it: at two ends, with a density of at most 0.4 / 0.6.
+    assert found["saturation", "yaw_command"].numbers["share"] == pytest.approx(share, abs=6e-4)
     assert {finding.severity for finding in found.values()} == {"warning"}
 
 
@@ -199,7 +200,28 @@ def test_a_thrust_that_is_counted_from_hover_has_no_stop_at_zero() -> None:
     assert findings("thrust", thrust_command=stuck)["saturation", "thrust_command"].numbers["share"] > 0.2
 
 
+def of_motors(**motors: FloatArray) -> Mapping[tuple[str, str], Finding]:
+    channels = tuple(Channel(name=name, unit="1") for name in motors)
+    topic = Topic(name="rig", time_s=TIME_S, channels=channels, values=np.stack(list(motors.values())))
+    record = FlightRecord(source=Source(name="rig.csv", format="CSV", sha256=""), topics=(topic,))
+    history = TimeHistory(
+        values=SWEEP[None], channels=(Channel(name="roll_command", unit="1"),), sample_rate_hz=RATE_HZ, start_s=0.0
+    )
+    found = quality_findings(history, axis="roll", limits=motor_limits(record))
+    return {(finding.kind, finding.where): finding for finding in found}
+
+
+def test_motors_at_a_limit_are_remarked_on_once() -> None:
+    motor = np.clip(0.5 + 0.3 * noise(7), 0.0, 1.0)
+    lower = np.minimum(0.5 + 0.1 * noise(8), 0.72)
+    numbers = of_motors(motor_1=motor, motor_2=lower, motor_3=np.zeros(TIME_S.size))["saturation", "motors"].numbers
+    share = float(np.mean((motor == 0.0) | (motor == 1.0) | (lower == 0.72)))
+    # A motor that never moves shows no end, and what lies within 0.02 % of an end counts to it.
+    assert numbers["share"] == pytest.approx(share, abs=1.5e-3)
+    assert numbers["upper_share"] == pytest.approx(float(np.mean((motor == 1.0) | (lower == 0.72))), abs=1.5e-3)
+
+
 def test_voltages_about_a_trim_have_no_stop_at_zero() -> None:
-    assert not findings(motor_3=0.6 * SWEEP + noise(7, 0.05))
-    assert ("saturation", "motor_3") in findings(motor_3=np.clip(0.6 * SWEEP, -0.5, 0.5))
-    assert ("saturation", "motor_3") in findings(motor_3=np.clip(0.6 * SWEEP + 0.5, 0.0, 1.0))
+    assert not of_motors(motor_1=0.6 * SWEEP + noise(7, 0.05))
+    assert ("saturation", "motors") in of_motors(motor_1=np.clip(0.6 * SWEEP, -0.5, 0.5))
+    assert ("saturation", "motors") in of_motors(motor_1=np.clip(0.6 * SWEEP + 0.5, 0.0, 1.0))

@@ -32,6 +32,7 @@ from rotorid.signal.kinematics import (
     derivative,
     kinematic_consistency,
 )
+from rotorid.signal.motors import motor_limits
 from rotorid.signal.quality import battery_sag, quality_findings
 from rotorid.signal.skew import Relation, TimeSkew, time_skew
 from rotorid.typing import Axis, FloatArray
@@ -461,10 +462,13 @@ def data_quality(
     flights: Sequence[Flight], segments: Sequence[Segment], inputs: Sequence[str], agreement: Sequence[Consistency]
 ) -> tuple[Finding, ...]:
     """Remarks on all maneuvers, each kind and place once; of several maneuvers the first that shows it speaks."""
+    limits = {record.source.name: motor_limits(record) for record, _ in flights}
     remarks = [
         finding
         for segment in segments
-        for finding in quality_findings(segment.history, axis=segment.maneuver.axis, accounted=inputs)
+        for finding in quality_findings(
+            segment.history, axis=segment.maneuver.axis, accounted=inputs, limits=limits.get(segment.record)
+        )
     ]
     sags = (battery_sag(record, maneuver) for record, maneuver in flights)
     remarks += [sag for sag in sags if sag and abs(sag.numbers["change_percent"]) >= _REMARKED_SAG_PERCENT]

@@ -26,7 +26,7 @@ from rotorid.pipeline.review.values import FlightSummary, LoggingReview, Untold,
 from rotorid.signal.airborne import airborne, within
 from rotorid.signal.battery import battery_voltages
 from rotorid.signal.clock import even_step_s
-from rotorid.signal.motors import linearization_of, logged_outputs, or_none
+from rotorid.signal.motors import linearization_of, logged_outputs, motor_limits, or_none
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -296,12 +296,9 @@ def _thrust(record: FlightRecord, flights: Intervals) -> tuple[Quantity | None, 
 
 def _steady(record: FlightRecord, flights: Intervals, time_s: FloatArray, rows: FloatArray) -> Intervals:
     """Seconds of steady flight: by the motors where they are logged, else by what asks for thrust."""
-    history = or_none(logged_outputs, record)
-    if history is not None:
-        known = linearization_of(record) if history.kind == "output" else None
-        low, high = (known.low, known.high) if known is not None else (0.0, 1.0)
-        inside = within(history.time_s, flights)
-        time_s, rows = history.time_s[inside], (history.values[:, inside] - low) / (high - low)
+    limits = motor_limits(record)
+    if limits.time_s.size:
+        time_s, rows = limits.time_s[limits.counted], limits.outputs[:, limits.counted]
     found = steady_windows(record, flights, time_s, rows)
     return tuple((float(time_s[window][0]), float(time_s[window][-1])) for window in found)
 

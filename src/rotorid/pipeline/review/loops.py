@@ -18,7 +18,7 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
-from rotorid.data.record import MOTORS, TimeHistory
+from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.io.advice import logging_advice
@@ -29,6 +29,7 @@ from rotorid.pipeline.review.flown import (
     loop_response,
 )
 from rotorid.pipeline.review.values import Instrument, LoopReview, StepCurve, Untold
+from rotorid.signal.motors import motor_limits
 from rotorid.spectral.impulse import (
     NUMBERS,
     ImpulseResponse,
@@ -63,9 +64,6 @@ _MOST_MISFIT = 3.0
 
 _SATURATED_SHARE = 0.05
 """Share of the flight with motors at their limits from which it is said beside the loops: yaw suffers first."""
-
-_LIMITS = (0.05, 0.95)
-"""Parts of a motor's range beyond which it stands at a limit."""
 
 _NEAR_PEAK = 0.6
 """Coherence at the resonance from which its size is told."""
@@ -165,7 +163,7 @@ def loops(flight: Flown) -> tuple[dict[str, LoopReview], tuple[Untold, ...]]:
     """
     found: dict[str, LoopReview] = {}
     untold: list[Untold] = []
-    saturated = _saturation(flight)
+    saturated = _saturation(flight.record)
     for loop in LOOPS:
         review, missing = loop_of(flight, loop)
         untold += missing
@@ -481,30 +479,13 @@ def _remarks(flight: Flown, loop: Loop, impulse: ImpulseResponse) -> Iterator[Fi
         )
 
 
-def _saturation(flight: Flown) -> tuple[Finding, ...]:
-    """What to say of motors that stood at their limits."""
-    names = [f"motor_{n}" for n in range(1, MOTORS + 1) if f"motor_{n}" in flight.record.channel_names]
-    samples = [flight.samples(name) for name in names]
-    low, high = _LIMITS
-    limited = count = 0
-    for parts in zip(*samples, strict=False):
-        if len({values.size for _, values in parts}) != 1:
-            continue
-        motors = np.stack([values for _, values in parts])
-        limited += int(np.count_nonzero(((motors <= low) | (motors >= high)).any(axis=0)))
-        count += motors.shape[1]
-    share = limited / count if count else 0.0
-    if share <= _SATURATED_SHARE:
+def _saturation(record: FlightRecord) -> tuple[Finding, ...]:
+    """What to say of motors that were at their limits."""
+    limits = motor_limits(record)
+    if not limits.share > _SATURATED_SHARE:
         return ()
-    return (
-        warn(
-            "saturation",
-            "motors",
-            f"A motor stood at 5 % or less or 95 % or more of its range for {100.0 * share:.0f} % of the time in the "
-            "air: the loops are those of this flight, and weaker than with room to both sides.",
-            share=share,
-        ),
-    )
+    then = "The loops are those of this flight, and weaker than with room to both sides."
+    return (limits.finding(warn, then=then),)
 
 
 def _by_size(

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,12 +27,17 @@ from rotorid.io.advice import motor_advice
 from rotorid.models.rotors import layout_of
 from rotorid.pipeline.review.flown import Flown, flown, loop_response
 from rotorid.pipeline.review.values import MotorReview, Untold
-from rotorid.signal.motors import MotorHistory, linearization_of, logged_outputs, logged_speeds, or_none
+from rotorid.signal.limits import AT_LIMIT, MotorLimits
+from rotorid.signal.motors import (
+    MotorHistory,
+    linearization_of,
+    logged_outputs,
+    logged_speeds,
+    motor_limits,
+    or_none,
+)
 from rotorid.spectral.noise import in_any
 from rotorid.typing import BoolArray, FloatArray
-
-HIGH, LOW = 0.95, 0.05
-"""Parts of a motor's range beyond which it stands at a limit."""
 
 WORTH_SAYING = 0.08
 """Imbalance over the mean from which it is worth a look."""
@@ -75,15 +79,6 @@ MUCH_AT_FULL = 0.05
 """Share of the flight with a motor at its upper limit from which it is said."""
 
 
-class _Outputs(NamedTuple):
-    """Motor outputs in the air as parts of the usable range, shape ``(motors, n)``."""
-
-    time_s: FloatArray
-    values: FloatArray
-    raw: FloatArray
-    rate_hz: float
-
-
 def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Untold, ...]]:
     """Limits, balance, headroom, loss of step, and the delay from output to gyro.
 
@@ -102,13 +97,17 @@ def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Untold, ...]]:
     numbers: dict[str, Quantity] = {}
     means: dict[str, Quantity] = {}
     pattern = ""
-    outputs = _outputs(record, flight.flights)
-    if outputs is None:
+    limits = motor_limits(record)
+    if not limits.counted.any():
         why = "The motor outputs are not logged in the air."
         untold.append(Untold(what="motors", why=why, remedy=motor_advice(record)))
     else:
-        numbers |= _limits(record, outputs)
-        steady = steady_windows(record, flight.flights, outputs.time_s, outputs.values)
+        numbers |= _limits(record, limits)
+        if limits.unknown:
+            why = f"The log {limits.unknown}."
+            untold += [Untold(what=f"motors.saturated_{end}_share", why=why) for end in ("high", "low")]
+        time_s, outputs = limits.time_s[limits.counted], limits.outputs[:, limits.counted]
+        steady = steady_windows(record, flight.flights, time_s, outputs)
         if len(steady) < _FEWEST_WINDOWS:
             why = f"The vehicle hovered quietly for {len(steady) * _WINDOW_S:.0f} s only."
             remedy = "hover for 20 s without touching the sticks"
@@ -126,47 +125,34 @@ def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Untold, ...]]:
     return MotorReview(means=means, numbers=numbers, pattern=pattern, events=events, findings=remarks), tuple(untold)
 
 
-def _outputs(record: FlightRecord, flights: Intervals) -> _Outputs | None:
-    history = or_none(logged_outputs, record)
-    if history is None:
-        return None
-    inside = in_any(history.time_s, flights)
-    if np.count_nonzero(inside) < 20:
-        return None
-    known = linearization_of(record) if history.kind == "output" else None
-    low, high = (known.low, known.high) if known is not None else (0.0, 1.0)
-    raw = history.values[:, inside]
-    return _Outputs(history.time_s[inside], (raw - low) / (high - low), raw, history.sample_rate_hz)
-
-
-def _limits(record: FlightRecord, outputs: _Outputs) -> dict[str, Quantity]:
-    """Share of the flight in which a motor stands at a limit, of each motor and by the axis that asks for most."""
-    high, low = (np.asarray(on) for on in (outputs.values >= HIGH, outputs.values <= LOW))
+def _limits(record: FlightRecord, limits: MotorLimits) -> dict[str, Quantity]:
+    """Share of the flight in which a motor is at a limit, of each motor and by the axis that asks for most."""
+    if limits.unknown:
+        return {}
     numbers = {
-        "saturated_high_share": _share(np.asarray(high.any(axis=0))),
-        "saturated_low_share": _share(np.asarray(low.any(axis=0))),
+        "saturated_high_share": _share(limits, np.asarray(limits.upper.any(axis=0))),
+        "saturated_low_share": _share(limits, np.asarray(limits.lower.any(axis=0))),
     }
-    for motor, (above, below) in enumerate(zip(high, low, strict=True), start=1):
-        numbers[f"motor_{motor}_high_share"] = _share(above)
-        numbers[f"motor_{motor}_low_share"] = _share(below)
+    for motor, (above, below) in enumerate(zip(limits.upper, limits.lower, strict=True), start=1):
+        numbers[f"motor_{motor}_high_share"] = _share(limits, above)
+        numbers[f"motor_{motor}_low_share"] = _share(limits, below)
     commands = []
     for axis in ("roll", "pitch", "yaw", "thrust"):
         if f"{axis}_command" not in record:
             return numbers
         track = record[f"{axis}_command"]
         kept = np.isfinite(track.values)
-        values = np.interp(outputs.time_s, track.time_s[kept], track.values[kept])
+        values = np.interp(limits.time_s, track.time_s[kept], track.values[kept])
         commands.append(np.abs(values - (np.median(values) if axis == "thrust" else 0.0)))
     asking = np.argmax(np.stack(commands), axis=0)
-    limited = high.any(axis=0) | low.any(axis=0)
     for place, axis in enumerate(("roll", "pitch", "yaw", "thrust")):
-        numbers[f"saturated_by_{axis}_share"] = _share(limited & (asking == place))
+        numbers[f"saturated_by_{axis}_share"] = _share(limits, limits.limited & (asking == place))
     return numbers
 
 
-def _share(on: BoolArray) -> Quantity:
-    """Part of the samples with the spread of its mean between tenths of the flight."""
-    value = float(np.mean(on))
+def _share(limits: MotorLimits, samples: BoolArray) -> Quantity:
+    """Share of the flight with the spread of its mean between tenths of it."""
+    value, on = limits.of(samples), samples[limits.counted]
     parts = [float(np.mean(part)) for part in np.array_split(on, 10) if part.size]
     std = float(np.std(parts, ddof=1)) / math.sqrt(len(parts)) if len(parts) > 1 else 0.0
     # None in n samples still leaves three in n possible.
@@ -187,7 +173,7 @@ def steady_windows(record: FlightRecord, flights: Intervals, time_s: FloatArray,
         Of the outputs, shapes ``(n,)`` and ``(motors, n)``.
     """
     mean = values.mean(axis=0)
-    running = mean[mean > LOW]
+    running = mean[mean > AT_LIMIT]
     if not running.size:
         return []
     usual = float(np.median(running))
@@ -210,7 +196,7 @@ def steady_windows(record: FlightRecord, flights: Intervals, time_s: FloatArray,
             first, last = np.searchsorted(time_s, [begin_s, begin_s + _WINDOW_S]).tolist()
             if last - first < 3 or abs(float(mean[first:last].mean()) / usual - 1.0) > _USUAL:
                 continue
-            if float(values[:, first:last].max()) >= HIGH or float(values[:, first:last].min()) <= LOW:
+            if values[:, first:last].max() >= 1.0 - AT_LIMIT or values[:, first:last].min() <= AT_LIMIT:
                 continue
             if all(_quiet(stamps, size, begin_s, most) for stamps, size, most in calm):
                 found.append(slice(first, last))
@@ -233,10 +219,10 @@ def _smooth(time_s: FloatArray, values: FloatArray, over_s: float) -> FloatArray
 
 
 def _balance(
-    record: FlightRecord, outputs: _Outputs, steady: list[slice]
+    record: FlightRecord, outputs: FloatArray, steady: list[slice]
 ) -> tuple[dict[str, Quantity], dict[str, Quantity], str]:
     """Mean outputs in steady flight, the largest difference from their mean, headroom, and the pattern."""
-    each = np.stack([outputs.values[:, window].mean(axis=1) for window in steady])
+    each = np.stack([outputs[:, window].mean(axis=1) for window in steady])
     usual = each.mean(axis=0)
     # Seconds that follow each other are alike: means over up to ten parts tell how much the mean is worth.
     parts = np.stack([part.mean(axis=0) for part in np.array_split(each, min(10, max(len(steady) // 2, 2)))])
@@ -480,7 +466,7 @@ def _findings(review: MotorReview) -> Iterator[Finding]:
     numbers = review.numbers
     high = numbers.get("saturated_high_share")
     if high is not None and high.value > MUCH_AT_FULL:
-        message = f"A motor stood at its upper limit in {100.0 * high.value:.1f} % of the flight."
+        message = f"A motor was at its upper limit for {100.0 * high.value:.1f} % of the flight."
         yield warn("saturation", "motors", message, saturated_share=high.value)
     imbalance = numbers.get("imbalance")
     if imbalance is not None and imbalance.value > WORTH_SAYING:

@@ -13,7 +13,7 @@ from rotorid.models.autopilots.settings import AxisController
 from rotorid.pipeline.preparation.controllers import logged_axis
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.tuning.filters import with_filters
-from rotorid.pipeline.tuning.flown import FlownAxis, explained, flown_axis, require_gains, require_room
+from rotorid.pipeline.tuning.flown import FlownAxis, explained, flown_axis, require_calm, require_gains, require_room
 from rotorid.pipeline.tuning.plants import plant_of, rate_model, require_known
 from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid, loop_figures
 from rotorid.tuning.plant import UncertainPlant
@@ -139,8 +139,10 @@ def known_axis(
     record = log_of(axis, logs)
     if record is not None:
         require_gains(axis, record)
-        findings += [one for one in require_room(record) if one not in findings]
+        require_calm(record)
     model = rate_model(axis, given, logs)
+    if record is not None:
+        findings += [one for one in require_room(record, model) if one not in findings]
     flown = flown_axis(axis, model, record)
     if record is None and filters:
         raise UsageError("--set came with results alone", needed="the log, whose parameters tell the filters")

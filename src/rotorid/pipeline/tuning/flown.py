@@ -35,19 +35,14 @@ from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.summary import ControllerSettings
 from rotorid.signal.autopilot_filters import controller_filters
 from rotorid.signal.filters import combined_response
-from rotorid.signal.motors import in_flight, linearization_of, logged_outputs, or_none, range_is_known
+from rotorid.signal.motors import motor_limits
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.typing import Axis, ComplexArray, FloatArray
 from rotorid.verification.time_domain import matched
 
 _MOST_SATURATED = 0.02
-"""Share of the flight with a motor at a limit above which nothing is proposed: its plant is that of a limit cycle."""
-
-_AT_LIMIT = (0.02, 0.98)
-"""Outputs of a motor, over the range in which it moves, at which it is."""
-
-_AIRBORNE = 0.1
-"""Mean output of the motors above which that counts."""
+"""Share of the time in which roll, pitch and yaw commands keep a motor at a limit above which nothing is proposed: the
+plant is that of a limit cycle."""
 
 _UNLIKE = 0.35
 """Relative error of what a controller makes of the rate, its median over the band, above which other gains flew."""
@@ -251,40 +246,39 @@ def _no_gains(axis: Axis) -> InsufficientDataError:
     )
 
 
-def require_room(record: FlightRecord) -> list[Finding]:
-    """Refuse a flight that oscillates or whose motors stood at their limits; a remark where they hide.
+def require_room(record: FlightRecord, model: IdentifiedModel | None = None) -> list[Finding]:
+    """Refuse a flight that oscillates or whose motors were at their limits; a remark where these are not known.
 
     Its plant is that of a limit cycle, and gains from it would be those of its limits.
 
-    An output counts by the range in which the autopilot moves it in flight: ArduPilot's go from ``MOT_SPIN_MIN`` to
-    ``MOT_SPIN_MAX`` alone.
+    Parameters
+    ----------
+    record
+        The log.
+    model
+        Its plant: limits count where it was measured. ``None`` for the flight as a whole.
 
     Raises
     ------
     InsufficientDataError
-        An axis oscillates, or a motor was at a limit for more than 2 % of the flight.
+        An axis oscillates, or a motor was at a limit for more than 2 % of the time.
     """
     require_calm(record)
-    history = or_none(logged_outputs, record)
-    known = linearization_of(record) if history is not None and history.kind == "output" else None
-    if history is None or not range_is_known(record, history):
-        why = "holds no outputs of all motors" if history is None else "does not say in which range its motors move"
-        message = f"{record.source.name} {why}: whether a motor stood at a limit was not checked."
+    limits = motor_limits(record)
+    own = () if model is None else [m for m in model.provenance.maneuvers if m.record == record.source.name]
+    if own:
+        limits = limits.during(tuple((maneuver.start_s, maneuver.stop_s) for maneuver in own))
+    if limits.unknown:
+        message = f"{record.source.name} {limits.unknown}: whether a motor was at a limit was not checked."
         return [remark("room_not_checked", record.source.name, message)]
-    low, high = (known.low, known.high) if known is not None else (0.0, 1.0)
-    shares = (history.values - low) / (high - low)
-    # On the ground all motors idle at the lower end.
-    flying = (history.values.mean(axis=0) > _AIRBORNE) & (shares > _AT_LIMIT[0]).any(axis=0)
-    flying &= in_flight(record, history.time_s)
-    limited = np.any((shares <= _AT_LIMIT[0]) | (shares >= _AT_LIMIT[1]), axis=0)
-    share = float(limited[flying].mean()) if flying.any() else 0.0
-    if share > _MOST_SATURATED:
-        message = f"A motor stood at a limit for {100.0 * share:.0f} % of the flight: lower the gains first."
+    # In a chop all motors are at their lower end, and in a punch at the upper one: gains make neither.
+    if limits.of(limits.by_loop) > _MOST_SATURATED:
+        part = "the analyzed maneuvers" if own else "the flight"
         raise InsufficientDataError(
-            f"a motor stood at a limit for {100.0 * share:.0f} % of the flight",
-            needed=f"at most {100.0 * _MOST_SATURATED:.0f} %, or the plant is that of a limit cycle",
+            f"a motor was at a limit for {100.0 * limits.share:.0f} % of {part}",
+            needed=f"at most {100.0 * _MOST_SATURATED:.0f} % by roll, pitch and yaw commands",
             remedy="lower the gains first",
-            findings=[refusal("saturation", record.source.name, message, share=share)],
+            findings=[limits.finding(refusal, part, "Lower the gains first.")],
         )
     return []
 
