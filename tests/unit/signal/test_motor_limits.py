@@ -23,7 +23,7 @@ PUNCH_S, SHAKE_S = (40.0, 43.0), (60.0, 66.0)
 
 
 def within(part: tuple[float, float]) -> BoolArray:
-    return np.asarray((TIME_S >= part[0]) & (TIME_S < part[1]))
+    return np.asarray((part[0] <= TIME_S) & (part[1] > TIME_S))
 
 
 CHOPS = within((20.0, 30.0)) & (TIME_S % 1.0 < 0.8)
