@@ -498,10 +498,10 @@ KINDS: Mapping[str, Kind] = {
     ),
     "record_too_short": Kind("warning", "The record is short", "The record is too short for what was asked."),
     "room_not_checked": Kind(
-        "info", "Limits of the motors", "Whether a motor stood at a limit was not checked before gains were proposed."
+        "info", "Limits of the motors", "Whether a motor was at a limit was not checked before gains were proposed."
     ),
     "rotor_layout": Kind("info", "Where the rotors are", "Where the rotors stand, as far as the log says."),
-    "saturation": Kind("warning", "Saturation", "Motors or commands stood at their limits."),
+    "saturation": Kind("warning", "Saturation", "Motors or commands were at their limits."),
     "seen_data": Kind(
         "warning",
         "Data that the model has seen",

@@ -24,9 +24,11 @@ from rotorid.signal.kinematics import reconstruct as reconstruct
 from rotorid.signal.kinematics import to_body as to_body
 from rotorid.signal.kinematics import to_heading as to_heading
 from rotorid.signal.kinematics import transport as transport
+from rotorid.signal.limits import MotorLimits as MotorLimits
 from rotorid.signal.motors import MotorHistory as MotorHistory
 from rotorid.signal.motors import expo_thrust as expo_thrust
 from rotorid.signal.motors import motor_history as motor_history
+from rotorid.signal.motors import motor_limits as motor_limits
 from rotorid.signal.motors import voltage_factor as voltage_factor
 from rotorid.signal.quality import battery_sag as battery_sag
 from rotorid.signal.quality import quality_findings as quality_findings

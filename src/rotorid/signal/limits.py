@@ -6,8 +6,8 @@ does not say the range, an end at which the outputs pile up is one; outputs that
 
 A motor is at a limit within 0.25 % of its range. Autopilots write whole steps of a pulse, 0.12 to 0.17 % of the range,
 and round down: the last step before ``MOT_SPIN_MAX`` is full output. All limits of the flights at hand lie within
-0.2 %, and up to 1 % hardly a sample follows: 97.7 % within 0.1 % and 98.0 % within 1 % in a limit cycle, 29.7 and
-30.2 % in freestyle.
+0.2 %, and up to 1 % hardly a sample follows: 97.7 % of the time within 0.1 % and 97.9 % within 1 % in a limit cycle,
+31.7 and 32.3 % in freestyle.
 
 Why a motor is at a limit shows in the thrust. Where the pilot chops the throttle, or all motors idle on the ground, the
 mean of the motors is near the lower end (``idle``); where full thrust is demanded it is near the upper one (``full``).
