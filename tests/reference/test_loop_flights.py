@@ -22,7 +22,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.io.parameters import parameters_changed
 from rotorid.models.controller import RateController
-from rotorid.pipeline.preparation.controllers import logged_axis, logged_controller
+from rotorid.pipeline.preparation.controllers import controllers_of, logged_controller
 from rotorid.pipeline.preparation.loops import MODEL_ERROR
 from rotorid.signal.clock import resample
 from rotorid.signal.filters import combined_response
@@ -149,7 +149,7 @@ def px4(unpacked: Callable[[str], Path]) -> tuple[FlightRecord, list[TimeHistory
 
 def px4_controller(record: FlightRecord) -> RateController:
     """The controller of roll as everything takes it from a log: by the firmware that its commands show."""
-    found = logged_axis(record, "roll_command", source="vehicle_angular_velocity.xyz[0]")
+    found = controllers_of(record).axis("roll")
     assert found is not None
     return found.controller
 

@@ -19,7 +19,7 @@ from rotorid.data.flight_plan import FlightPlan, PlannedInput, SimulatedFlight
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.models.rotors import library_layout
-from rotorid.pipeline.preparation.controllers import acting_on, logged_axis
+from rotorid.pipeline.preparation.controllers import acting_on, controllers_of
 from rotorid.pipeline.review.flown import flown
 from rotorid.pipeline.review.loops import LOOPS, loop_of
 from rotorid.pipeline.review.margins import margins
@@ -425,7 +425,7 @@ def scores(case: Case) -> dict[str, Score]:
     found = {name: Score(told=numbers.get(name), truth=value) for name, value in truth.numbers.items()}
     if case.acro:
         return found
-    settings = logged_axis(record, "roll_command", source="")
+    settings = controllers_of(record).axis("roll")
     assert settings is not None
     controller = acting_on(record, settings.controller.rate_loop, source="")
     omega = np.geomspace(2.0, truth.omega_rad_s[-1], 5_000)

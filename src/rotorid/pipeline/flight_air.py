@@ -25,6 +25,7 @@ from rotorid.data.findings import Finding, remark
 from rotorid.data.record import AXES, FlightRecord, Intervals, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.flight_settings import DesignChoices
+from rotorid.pipeline.preparation.controllers import controllers_of
 from rotorid.pipeline.review.flown import Flown, flown
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.signal.excitations import find_excitations
@@ -130,7 +131,8 @@ def flown_as(choices: DesignChoices, record: FlightRecord) -> DesignChoices:
     UsageError
         The log holds no gains, or those of another autopilot.
     """
-    chosen = replace(choices, gains=record.parameters, gains_source=record.source.name, firmware=record.source.firmware)
+    flown = controllers_of(record)
+    chosen = replace(choices, gains=flown.parameters, gains_source=record.source.name, firmware=flown.firmware.name)
     air = logged_air(record, chosen.aircraft, height_m=choices.plan.wind.height_m)
     calm = not choices.plan.wind.speed_m_s and not choices.plan.wind.turbulence_m_s
     plan = replace(choices.plan, wind=air.wind) if calm and air.wind is not None else choices.plan

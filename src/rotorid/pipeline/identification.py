@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 from rotorid.data.findings import refusal, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.models.autopilots.settings import described
 from rotorid.models.derived import require_useful
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.structure import LinearStructure
@@ -19,7 +18,8 @@ from rotorid.pipeline.derivation import derivation, derivation_findings
 from rotorid.pipeline.fits.methods import Fitted, Frequency, InTime, Method, Prepared
 from rotorid.pipeline.fits.motors.method import Motors
 from rotorid.pipeline.fits.time.nonlinear import Nonlinear
-from rotorid.pipeline.preparation.controllers import flown_firmware, logged_axis
+from rotorid.pipeline.preparation.controller_check import controller_findings
+from rotorid.pipeline.preparation.controllers import controllers_of
 from rotorid.pipeline.preparation.hover_physics import hover_of_vehicle
 from rotorid.pipeline.preparation.resolve import Model, answers_setpoints, nonlinear_of, resolve_model
 from rotorid.pipeline.provenance import Choices, provenance
@@ -128,7 +128,7 @@ def identify_by(
         findings=worst_first(
             [
                 *(finding for record in (*records, *verify) for finding in record.findings),
-                *(finding for record in records for finding in flown_firmware(record).findings),
+                *(finding for record in records for finding in controller_findings(record)),
                 *data.findings,
                 *method.remarks(data, fitted, told),
                 *derivation_findings(derived),
@@ -147,15 +147,7 @@ def identify_by(
 
 def controller_settings(records: Sequence[FlightRecord]) -> ControllerSettings | None:
     """The controller of roll, pitch and yaw of the first log that says anything of one."""
-    for record in records:
-        found = [
-            one
-            for axis in ("roll", "pitch", "yaw")
-            if (one := logged_axis(record, f"{axis}_command", source="")) is not None
-        ]
-        if found:
-            return ControllerSettings(**described(found))
-    return None
+    return next((known for record in records if (known := controllers_of(record).settings()) is not None), None)
 
 
 def _known(settings: Choices) -> Mapping[str, tuple[float, float]]:

@@ -21,7 +21,7 @@ from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
 from rotorid.io.advice import flying_advice, logging_advice
 from rotorid.models.library import RATE_AXES
 from rotorid.pipeline.preparation.consistency import ChannelSkew, check_consistency, stretches
-from rotorid.pipeline.preparation.controllers import flown_firmware
+from rotorid.pipeline.preparation.controller_check import controller_findings
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axis_of, find_instrument, own_instrument
 from rotorid.pipeline.provenance import LoggedManeuver, logged
@@ -454,7 +454,7 @@ def inspect(record: FlightRecord) -> Inspection:
         findings=worst_first(
             (
                 *record.findings,
-                *flown_firmware(record).findings,
+                *controller_findings(record),
                 *_still(record),
                 *remarks,
                 *_oscillations(record, flight),

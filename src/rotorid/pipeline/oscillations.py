@@ -20,14 +20,13 @@ from typing import Literal
 
 import numpy as np
 
-from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.display import capital, listed
 from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import UsageError
 from rotorid.models.autopilots.settings import AxisController
-from rotorid.pipeline.preparation.controllers import logged_axis
+from rotorid.pipeline.preparation.controllers import controllers_of
 from rotorid.signal.oscillations import Oscillation, check_oscillations
 from rotorid.tuning.firmware import parameters_of, ranges_of, scaled, written
 from rotorid.tuning.loops import Gains
@@ -112,8 +111,7 @@ def reviewed_oscillations(record: FlightRecord) -> tuple[OscillationReview, ...]
 def _reviewed(record: FlightRecord, found: Oscillation) -> OscillationReview:
     """An oscillation with the gains for the next flight, as far as the log has those that flew."""
     axis = found.axis
-    source = record[RATE_OF[axis]].channel.source if RATE_OF[axis] in record else ""
-    controller = logged_axis(record, f"{axis}_command", source=source)
+    controller = controllers_of(record).axis(axis)
     gains = lowered(controller, found.frequency_hz) if controller is not None else {}
     return OscillationReview(
         axis=axis,

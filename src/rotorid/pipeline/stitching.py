@@ -28,7 +28,7 @@ from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.controller import stepped
-from rotorid.pipeline.checking.controllers import Controllers, GivenController, no_controller, other_controller
+from rotorid.pipeline.checking.controllers import Controllers, GivenController, doubts_of, no_controller
 from rotorid.pipeline.joined_models import HALVES
 from rotorid.pipeline.preparation.flights import longest_flight
 from rotorid.pipeline.preparation.segments import built, with_ingredients
@@ -49,7 +49,6 @@ from rotorid.typing import Axis, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.verification.closed_loop import LoopScores, scored
 from rotorid.verification.sampled import low_pass
-from rotorid.verification.scores import GOOD_TIC
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -514,14 +513,15 @@ def _closed_axes(
 ) -> tuple[list[ClosedAxis], dict[str, str], list[Finding]]:
     """The loops that the log's controllers close, command to the channel that drives each, and doubts about them."""
     step_hz = steps_of(history.sample_rate_hz) * history.sample_rate_hz
-    closed, setpoints, findings = [], {}, []
+    closed: list[ClosedAxis] = []
+    setpoints: dict[str, str] = {}
+    findings: list[Finding] = []
     for axis in _FLOWN:
         found = flying.loop(axis, history, lambda rows: rows)
         if found is None:
             raise _unflown(record, no_controller(flying, [axis]))
-        loop, setpoint, alone = found
-        if alone.tic > GOOD_TIC:
-            findings.append(other_controller(record.source.name, axis, setpoint, alone))
+        loop, setpoint, _ = found
+        findings += doubts_of(flying, axis, found)[1]
         angle = _ANGLES.get(axis, "")
         if loop.controller.angle_1_s and angle in history.names:
             loop, setpoint = replace(loop, driven="angle", setpoint=history[angle]), angle

@@ -169,6 +169,8 @@ class ControllerSettings:
         Steps per second; ``None`` where the log does not say.
     gains, filters
         Parameters of the rate and angle loops, and of the filters in them.
+    throttle
+        Usual share of the throttle, by which Betaflight moves them; ``None`` for others.
     """
 
     autopilot: str
@@ -176,6 +178,7 @@ class ControllerSettings:
     loop_rate_hz: float | None
     gains: dict[str, float]
     filters: dict[str, float]
+    throttle: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

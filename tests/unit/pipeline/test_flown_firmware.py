@@ -11,7 +11,8 @@ import pytest
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.versions import firmware_candidates
-from rotorid.pipeline.preparation.controllers import FlownFirmware, flown_firmware, logged_axis
+from rotorid.pipeline.preparation.controller_check import controller_findings
+from rotorid.pipeline.preparation.controllers import FlownFirmware, controllers_of, flown_firmware
 from rotorid.typing import FloatArray
 
 RATE_HZ, LENGTH_S = 250.0, 60.0
@@ -93,7 +94,7 @@ def kinds(found: FlownFirmware) -> list[str]:
 def test_the_commands_say_which_filter_the_derivative_had(flew: str, declared: str) -> None:
     record = flight(PX4, flew=flew, declared=declared)
     found = flown_firmware(record)
-    axis = logged_axis(record, "roll_command", source="")
+    axis = controllers_of(record).axis("roll")
     expected = axis_controller(PX4, "roll", firmware=flew)
     assert axis is not None
     assert expected is not None
@@ -127,8 +128,12 @@ def test_what_a_log_holds_goes_before_its_name_where_the_commands_do_not_decide(
 
 
 def test_commands_that_no_candidate_makes_are_a_finding() -> None:
-    found = flown_firmware(flight(PX4, flew=NEW, declared=NEW, gain=2.0))
-    assert (found.name, kinds(found)) == (NEW, ["controller_unexplained"])
+    record = flight(PX4, flew=NEW, declared=NEW, gain=2.0)
+    assert (flown_firmware(record).name, kinds(flown_firmware(record))) == (NEW, [])
+    assert [(one.kind, one.where) for one in controller_findings(record)] == [
+        ("controller_unexplained", "roll"),
+        ("controller_unexplained", "pitch"),
+    ]
 
 
 def test_a_log_that_shows_no_commands_leaves_the_controller_unchecked() -> None:
@@ -142,9 +147,7 @@ def test_a_log_that_shows_no_commands_leaves_the_controller_unchecked() -> None:
 
 def test_other_filters_that_are_to_be_flown_do_not_change_which_firmware_flew() -> None:
     record = flight(PX4, flew=OLD, declared=NEW)
-    name = flown_firmware(record).name
-    then = replace(record, parameters=PX4 | {"IMU_DGYRO_CUTOFF": 60.0})
-    axis = logged_axis(then, "roll_command", source="", firmware=name)
+    axis = controllers_of(record).with_parameters(PX4 | {"IMU_DGYRO_CUTOFF": 60.0}).axis("roll")
     assert axis is not None
     assert [one.frequency_hz for one in axis.controller.derivative_filters] == [60.0]
 

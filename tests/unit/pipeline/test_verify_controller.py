@@ -69,7 +69,9 @@ class TestReading:
 
 
 def test_given_gains_go_before_logged_ones() -> None:
-    logged = FlightRecord(source=EMPTY.source, topics=(), parameters={"MC_ROLLRATE_P": 0.15})
+    logged = FlightRecord(
+        source=EMPTY.source, topics=(), parameters={"MC_ROLLRATE_P": 0.15, "MC_ROLLRATE_I": 0.2, "MC_ROLLRATE_D": 0.0}
+    )
     given = GivenController(controller=ROLL)
     assert Controllers(record=logged, given={"roll": given}).of("roll") == given
     found = Controllers(record=logged, given={}).of("roll")
@@ -86,7 +88,7 @@ def test_without_gains_a_finding_says_what_to_give(doublets: FlightRecord) -> No
 
 def test_what_is_missing_of_a_controller_is_said() -> None:
     known = Controllers(record=EMPTY, given={"roll": GivenController(controller=ROLL)})
-    assert "holds no gains of the pitch controller" in no_controller(known, ["pitch"]).message
+    assert "the log has no gains of the pitch controller that are known" in no_controller(known, ["pitch"]).message
     driven = no_controller(known, ["roll"]).message
     assert "holds the gains of the roll controller and not what drives it, phi_setpoint or p_setpoint" in driven
 

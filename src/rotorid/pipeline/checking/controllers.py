@@ -1,6 +1,6 @@
 """The controllers under which a model is flown: those of a log, from its parameters, or of a file of the user.
 
-How closely they explain the logged commands is told too: gains that do not are not those that flew.
+Gains that did not make the logged commands are not flown, and neither are those that predict them poorly.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from rotorid.errors import ModelError, UsageError
 from rotorid.io.documents import DocumentError, parse_toml, read_text
 from rotorid.models.controller import FILTERS, Driven, RateController
 from rotorid.models.toml_source import Source
-from rotorid.pipeline.preparation.controllers import logged_axis
+from rotorid.pipeline.preparation.controller_check import ControllerCheck, check_controller, check_given
+from rotorid.pipeline.preparation.controllers import controllers_of
 from rotorid.typing import Axis
 from rotorid.verification.closed_loop import Loop, LoopScores, controller_alone
 from rotorid.verification.sampled import Filter
@@ -137,10 +138,22 @@ class Controllers(Immutable):
         """The controller of an axis, where one is known."""
         if axis in self.given:
             return self.given[axis]
-        if axis not in RATE_OF:
-            return None
-        logged = logged_axis(self.record, f"{axis}_command", source=_source(self.record, RATE_OF[axis]))
+        logged = controllers_of(self.record).axis(axis)
         return GivenController(controller=logged.controller) if logged else None
+
+    def check(self, axis: Axis, loop: Loop, setpoint: str) -> ControllerCheck:
+        """Whether the controller of an axis made the commands of the log.
+
+        Parameters
+        ----------
+        axis
+            Of the controller.
+        loop, setpoint
+            As :meth:`loop` finds them.
+        """
+        if axis not in self.given:
+            return check_controller(self.record, axis)
+        return check_given(self.record, axis, loop.controller, setpoint=setpoint, driven=loop.driven)
 
     def channels(self, axes: Sequence[Axis]) -> tuple[str, ...]:
         """Channels that may drive the controllers of some axes, as far as they are logged.
@@ -197,11 +210,6 @@ class Controllers(Immutable):
         return min(tried, key=lambda item: item[2].tic, default=None)
 
 
-def _source(record: FlightRecord, channel: str) -> str:
-    """Where the first topic that has a channel has it from."""
-    return next((topic.channels[row].source for topic, row in record.holding(channel)), "")
-
-
 def _setpoints(axis: Axis, given: GivenController) -> list[tuple[str, Driven]]:
     """What may drive a controller, the outermost set-point first."""
     rate, angle = (f"{name}_setpoint" for name in (RATE_OF[axis], ANGLE_OF[axis]))
@@ -226,9 +234,11 @@ def no_controller(controllers: Controllers, axes: Sequence[Axis]) -> Finding:
     record, whose = controllers.record.source.name, " and ".join(axes)
     known = {axis: found for axis in axes if (found := controllers.of(axis)) is not None}
     table = f"[{axes[0]}]"
-    if len(known) < len(axes):
+    unknown = [axis for axis in axes if axis not in known]
+    if unknown:
+        why, _ = controllers_of(controllers.record).unknown_gains(unknown[0])
         message = (
-            f"Not flown in closed loop: {record} holds no gains of the {whose} controller. Give rotorid verify a "
+            f"Not flown in closed loop: {why[:1].lower()}{why[1:]}. Give rotorid verify a "
             f"--controller FILE.toml with a table {table} of proportional_s, integral, derivative_s2, angle_1_s and, "
             "where it is no standard one, the setpoint that drives it."
         )
@@ -244,8 +254,31 @@ def no_controller(controllers: Controllers, axes: Sequence[Axis]) -> Finding:
     return remark("no_controller", record, message)
 
 
-def other_controller(record: str, axis: Axis, setpoint: str, scores: LoopScores) -> Finding:
-    """The remark that the gains are not those that flew."""
+def doubts_of(controllers: Controllers, axis: Axis, found: tuple[Loop, str, LoopScores]) -> tuple[bool, list[Finding]]:
+    """Whether a controller may close its loop, and the remarks on it: gains that flew, and that predict the command.
+
+    Parameters
+    ----------
+    controllers
+        Of the log.
+    axis
+        Of the controller.
+    found
+        What :meth:`Controllers.loop` found.
+    """
+    loop, setpoint, scores = found
+    record = controllers.record.source.name
+    check = controllers.check(axis, loop, setpoint)
+    if check.verdict == "not made":
+        message = f"Not flown in closed loop: {check.why[:1].lower()}{check.why[1:]}."
+        return False, [remark("other_controller", f"{record}: {axis}", message, tic=scores.tic, **check.numbers)]
+    if scores.tic > GOOD_TIC:
+        return False, [*check.findings, _poor(record, axis, setpoint, scores)]
+    return True, list(check.findings)
+
+
+def _poor(record: str, axis: Axis, setpoint: str, scores: LoopScores) -> Finding:
+    """The remark that the controller alone predicts the command of a maneuver poorly."""
     return remark(
         "other_controller",
         f"{record}: {axis}",

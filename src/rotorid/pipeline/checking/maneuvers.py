@@ -20,7 +20,7 @@ from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.models.state_space import StateSpace
 from rotorid.pipeline.checking.candidate import Candidate
-from rotorid.pipeline.checking.controllers import Controllers, no_controller, other_controller
+from rotorid.pipeline.checking.controllers import Controllers, doubts_of, no_controller
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.instruments import axis_of, is_command
 from rotorid.pipeline.preparation.measure import Measured, default_band
@@ -218,13 +218,13 @@ def fly_maneuver(
         return None, ()
     tried = {axis: controllers.loop(axis, history, filtered) for axis in looped_axes(inputs, outputs)}
     found = {axis: item for axis, item in tried.items() if item is not None}
-    record = controllers.record.source.name
     if maneuver.axis not in found:
         return None, (no_controller(controllers, own),)
-    _, setpoint, scores = found[maneuver.axis]
-    if scores.tic > GOOD_TIC:
-        return None, (other_controller(record, maneuver.axis, setpoint, scores),)
-    closed = {axis: item for axis, item in found.items() if item[2].tic <= GOOD_TIC}
+    checks = {axis: doubts_of(controllers, axis, item) for axis, item in found.items()}
+    closes, remarks = checks[maneuver.axis]
+    if not closes:
+        return None, tuple(remarks)
+    closed = {axis: item for axis, item in found.items() if checks[axis][0]}
     loops = [loop for loop, _, _ in closed.values()]
     u = np.stack([history[name] for name in inputs])
     measured, predicted = closed_loop(
@@ -249,7 +249,7 @@ def fly_maneuver(
         setpoints={loop.command: name for loop, name, _ in closed.values()},
         controller_tic={loop.command: scores.tic for loop, _, scores in closed.values()},
     )
-    return flown, ()
+    return flown, tuple(remarks)
 
 
 REST_S = 0.5

@@ -13,24 +13,26 @@ set-point of the step before.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from types import MappingProxyType
 
 import numpy as np
 
-from rotorid.data.axes import RATE_OF
-from rotorid.data.base import remembered
+from rotorid.data.axes import RATE_OF, RATES
+from rotorid.data.base import Immutable, remembered
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import STANDARD_UNITS, FlightRecord, TimeHistory
+from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
+from rotorid.models.autopilots.betaflight import NAME as BETAFLIGHT
+from rotorid.models.autopilots.betaflight import OLDEST
 from rotorid.models.autopilots.reading import axis_controller
-from rotorid.models.autopilots.settings import AxisController
+from rotorid.models.autopilots.settings import AxisController, described, version_of
 from rotorid.models.autopilots.versions import firmware_candidates
-from rotorid.models.controller import RateController
-from rotorid.signal.airborne import airborne
+from rotorid.models.controller import Driven, RateController
+from rotorid.pipeline.preparation.command_relation import CommandRelation, command_relation
+from rotorid.pipeline.summary import ControllerSettings
 from rotorid.signal.autopilot_filters import controller_filters, known_filters
-from rotorid.signal.clock import resample
 from rotorid.signal.filters import KnownFilter, combined_response
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 
@@ -45,26 +47,26 @@ _LEAST_THRUST = 0.05
 _COMPARED: tuple[Axis, ...] = ("roll", "pitch")
 """Axes by which firmware is told apart: yaw flies without a derivative."""
 
-_WINDOW_S, _LEAST_WINDOWS, _LEAST_FREQUENCIES = 2.0, 8, 8
-_LONGEST_S = 300.0
-"""Of a longer flight the middle is compared."""
-
-_LOWEST_RAD_S, _NYQUIST_SHARE = 3.0, 0.8
-"""Below the one the angle loop moves the set-point, beyond the other a log folds the command."""
-
-_RELATED = 0.8
-"""Share of the command that set-point and rate explain together, whatever the controller, at a frequency that counts:
-elsewhere the log is too slow, or something else made the command."""
+_LEAST_WINDOWS = 8
 
 EXPLAINED = 0.35
 """Most of the command, as root mean square, that the controller which flew leaves unexplained. Those that flew leave
-3 to 15 %, and 28 % where the rate is logged at 24 Hz; other gains leave more."""
+3 to 14 %, and 24 % where the rate is logged at 24 Hz; other gains leave more."""
 
 _CLEARLY_BETTER, _DEVIATIONS = 0.8, 4.0
 """Another firmware than the likeliest is taken where it leaves at most this share of the unexplained power, and the
 difference is so many standard deviations of its mean over the windows."""
 
 _THROTTLE_STEP = 0.05
+
+_STEMS: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "roll": ("MC_ROLLRATE_", "ATC_RAT_RLL_"),
+        "pitch": ("MC_PITCHRATE_", "ATC_RAT_PIT_"),
+        "yaw": ("MC_YAWRATE_", "ATC_RAT_YAW_"),
+    }
+)
+"""What the names of the rate gains begin with."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +104,147 @@ class LoggedController:
         return np.asarray(self.controller.response(omega_rad_s, combined_response(self.seen, omega_rad_s)) / left)
 
 
+@dataclass(frozen=True, kw_only=True)
+class LogControllers(Immutable):
+    """The controllers of a log: gains and filters, and what a program makes of them.
+
+    Parameters
+    ----------
+    origin
+        Whose parameters these are, ``the parameters of flight.ulg``.
+    parameters
+        Of the autopilot.
+    firmware
+        The program that computed the controllers in flight.
+    loop_rate_hz
+        Its steps per second, where the log shows more than the parameters say; see
+        :func:`rotorid.models.autopilots.reading.axis_controller`.
+    throttle
+        Usual share of the throttle, by which Betaflight moves gains and filters.
+    """
+
+    origin: str
+    parameters: Mapping[str, float]
+    firmware: FlownFirmware
+    loop_rate_hz: float | None = None
+    throttle: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._set(parameters=self.parameters)
+
+    def axis(self, axis: str, *, throttle: float | None = None) -> AxisController | None:
+        """The controller of an axis; ``None`` where its gains are not known.
+
+        Parameters
+        ----------
+        axis
+            ``roll``, ``pitch`` or ``yaw``; others have none.
+        throttle
+            Share of the throttle; the usual one when not given.
+        """
+        if axis not in RATE_OF or self.missing(axis):
+            return None
+        return axis_controller(
+            self.parameters,
+            axis,  # type: ignore[arg-type]
+            firmware=self.firmware.name,
+            loop_rate_hz=self.loop_rate_hz,
+            throttle=self.throttle if throttle is None else throttle,
+        )
+
+    def missing(self, axis: str) -> tuple[str, ...]:
+        """Gains that an autopilot always has with those that are there: unknown, and not zero."""
+        for stem in _STEMS.get(axis, ()):
+            have = {f"{stem}{letter}" for letter in "PID"}
+            if have & self.parameters.keys():
+                return tuple(sorted(have - self.parameters.keys()))
+        return ()
+
+    def unknown_gains(self, axis: str) -> tuple[str, str]:
+        """Why the controller of an axis is not known, and what would help: the same words from every verb.
+
+        Parameters
+        ----------
+        axis
+            One of which :meth:`axis` has none.
+        """
+        if missing := self.missing(axis):
+            why = f"The {axis} controller is not known: {' and '.join(missing)} are missing among {self.origin}"
+            return why, "Log all parameters of the autopilot."
+        if f"{axis}PID_P" in self.parameters:
+            version = version_of(self.firmware.name)
+            if version is None:
+                why = (
+                    f"The gains of {axis} mean nothing without the version of the firmware, which the log does not name"
+                )
+                return why, "Give the log as the flight controller wrote it."
+            if version < OLDEST:
+                why = f"The {axis} controller of {self.firmware.name} is not known, which is older than 4.0"
+                return why, "Use a Betaflight of 4.0 or later."
+        why = f"The log has no gains of the {axis} controller that are known"
+        return why, "Log the parameters (PX4, ArduPilot), or use a Betaflight of 4.0 or later."
+
+    def settings(self) -> ControllerSettings | None:
+        """Gains and filters of roll, pitch and yaw, as results have them; ``None`` where none are known."""
+        found = [controller for axis in RATE_OF if (controller := self.axis(axis)) is not None]
+        if not found:
+            return None
+        moves = found[0].autopilot == BETAFLIGHT
+        return ControllerSettings(**described(found), throttle=self.throttle if moves else None)
+
+    def with_parameters(self, parameters: Mapping[str, float]) -> LogControllers:
+        """The same program with other parameters, which did not make the logged commands."""
+        return replace(self, parameters=parameters)
+
+
+def controllers_of_result(known: ControllerSettings) -> LogControllers:
+    """The controllers of a log by what a result of it says.
+
+    Parameters
+    ----------
+    known
+        As the result has it.
+    """
+    return LogControllers(
+        origin="the result",
+        parameters={**known.gains, **known.filters},
+        firmware=FlownFirmware(name=known.firmware, unexplained={}),
+        loop_rate_hz=known.loop_rate_hz,
+        throttle=known.throttle or 0.0,
+    )
+
+
+@remembered
+def controllers_of(record: FlightRecord) -> LogControllers:
+    """The controllers of a log, with the firmware that flew, its loop rate and the throttle that was flown.
+
+    This is the only place that reads the controller of a log.
+
+    Parameters
+    ----------
+    record
+        The log.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Source
+    >>> source = Source(name="flight.ulg", format="PX4 ULog", sha256="", firmware="PX4 1.11.3")
+    >>> gains = {"MC_ROLLRATE_P": 0.15, "MC_ROLLRATE_I": 0.2, "MC_ROLLRATE_D": 0.003, "IMU_DGYRO_CUTOFF": 30.0}
+    >>> flown = controllers_of(FlightRecord(source=source, topics=(), parameters=gains))
+    >>> flown.axis("roll").controller.proportional_s, flown.origin, flown.axis("thrust")
+    (0.15, 'the parameters of flight.ulg', None)
+    >>> [one.kind for one in flown.axis("roll").controller.derivative_filters]
+    ['Butterworth']
+    """
+    return LogControllers(
+        origin=f"the parameters of {record.source.name}",
+        parameters=record.parameters,
+        firmware=flown_firmware(record),
+        loop_rate_hz=_loop_rate_hz(record),
+        throttle=_usual_throttle(record),
+    )
+
+
 def logged_controller(record: FlightRecord, command: str, *, source: str) -> LoggedController | None:
     """The controller of a command as it acts on a logged rate; ``None`` where the log holds no gains.
 
@@ -115,35 +258,8 @@ def logged_controller(record: FlightRecord, command: str, *, source: str) -> Log
         Where the logged rate stands in the log. Of one whose filters are not known it is taken that the controller
         sees it as it is.
     """
-    found = logged_axis(record, command, source=source)
+    found = controllers_of(record).axis(command.removesuffix("_command"))
     return None if found is None else acting_on(record, found.controller, source=source)
-
-
-def logged_axis(
-    record: FlightRecord, command: str, *, source: str, throttle: float | None = None, firmware: str | None = None
-) -> AxisController | None:
-    """The controller of a command by the parameters of a log; ``None`` where it holds no gains.
-
-    The firmware is the one whose controller made the logged commands, see :func:`flown_firmware`.
-
-    Parameters
-    ----------
-    record, command, source
-        As for :func:`logged_controller`.
-    throttle
-        Share of the throttle that was flown, on which controllers of Betaflight depend; the usual one of the log when
-        not given.
-    firmware
-        Which firmware computes it, of a record whose parameters are not those that were flown; the one that flew the
-        log when not given.
-    """
-    return axis_controller(
-        record.parameters,
-        command.removesuffix("_command"),  # type: ignore[arg-type]
-        firmware=flown_firmware(record).name if firmware is None else firmware,
-        loop_rate_hz=_loop_rate_hz(record, source),
-        throttle=usual_throttle(record) if throttle is None else throttle,
-    )
 
 
 def acting_on(record: FlightRecord, controller: RateController, *, source: str) -> LoggedController:
@@ -162,7 +278,7 @@ def acting_on(record: FlightRecord, controller: RateController, *, source: str) 
     return LoggedController(controller=controller, seen=seen, logged=logged)
 
 
-def usual_throttle(record: FlightRecord) -> float:
+def _usual_throttle(record: FlightRecord) -> float:
     """Median of the throttle where there is any, from zero to one; zero where it is not logged.
 
     Betaflight moves filters and gains by the stick, before the mixer makes room for the other axes; other autopilots
@@ -197,8 +313,8 @@ class FlownFirmware:
         Candidate to the share of the logged commands that its controller leaves unexplained, as root mean square; empty
         where candidates compute the controller alike, or the log cannot decide.
     findings
-        ``firmware_contradicted`` where the name in the log is a wrong one, ``controller_unexplained`` where no
-        candidate made the commands, and ``controller_unchecked`` where that could not be checked.
+        ``firmware_contradicted`` where the name in the log is a wrong one, ``controller_unchecked`` where the log does
+        not show which firmware flew.
     """
 
     name: str
@@ -211,7 +327,7 @@ def flown_firmware(record: FlightRecord) -> FlownFirmware:
     """Which firmware computed the controller of a log, decided by the data.
 
     The candidates of :func:`rotorid.models.autopilots.versions.firmware_candidates` are compared over the flight, in
-    windows of 2 s, at the frequencies where set-point and rate explain the command. The likeliest of them (the declared
+    windows of 4 s, at the frequencies where set-point and rate explain the command. The likeliest of them (the declared
     one, unless the log holds what its version does not have) stays, unless another one leaves clearly less unexplained.
 
     Parameters
@@ -235,10 +351,7 @@ def flown_firmware(record: FlightRecord) -> FlownFirmware:
     better = sure and power[best].mean() <= _CLEARLY_BETTER * power[0].mean()
     explained = min(unexplained.values()) <= EXPLAINED
     name = differing[best] if better and explained else candidates[0]
-    findings = () if explained else (_nothing_explains(record, unexplained),)
-    return FlownFirmware(
-        name=name, unexplained=unexplained, findings=(*_contradicted(record, name, unexplained), *findings)
-    )
+    return FlownFirmware(name=name, unexplained=unexplained, findings=_contradicted(record, name, unexplained))
 
 
 def _differing(record: FlightRecord, candidates: Sequence[str]) -> tuple[str, ...]:
@@ -252,113 +365,102 @@ def _differing(record: FlightRecord, candidates: Sequence[str]) -> tuple[str, ..
     return tuple(found.values())
 
 
-class _Relation(NamedTuple):
-    """A logged signal of a controller and what goes into it, windows transformed: shapes ``(windows, f)``.
-
-    ``setpoint`` is missing where the signal is the term of the derivative, whose gain moves in flight.
-    """
-
-    omega_rad_s: FloatArray
-    signal: ComplexArray
-    rate: ComplexArray
-    setpoint: ComplexArray | None
-    throttle: FloatArray
-    source: str
-
-    @property
-    def usable(self) -> BoolArray:
-        """Frequencies at which what goes in explains the signal, by some linear relation."""
-        inside = [self.rate] if self.setpoint is None else [self.rate, self.setpoint]
-        stacked = np.stack(inside, axis=-1).transpose(1, 0, 2)
-        fitted = stacked @ (np.linalg.pinv(stacked) @ self.signal.T[..., None])
-        left = np.sum(np.abs(self.signal.T - fitted[..., 0]) ** 2, axis=1)
-        size = np.sum(np.abs(self.signal) ** 2, axis=0)
-        return np.asarray(left < (1.0 - _RELATED) * size)
-
-
 def _unexplained(record: FlightRecord, axis: Axis, names: Sequence[str]) -> Iterator[FloatArray]:
     """Power that each candidate leaves unexplained over the mean power of the signal, shape ``(names, windows)``."""
-    for one in _relations(record, axis):
-        usable = one.usable
-        if np.count_nonzero(usable) < _LEAST_FREQUENCIES:
-            continue
-        signal = one.signal[:, usable]
-        left = [np.sum(np.abs(signal - _made(record, axis, name, one)[:, usable]) ** 2, axis=1) for name in names]
-        yield np.asarray(left) / np.mean(np.sum(np.abs(signal) ** 2, axis=1))
-
-
-def _relations(record: FlightRecord, axis: Axis) -> Iterator[_Relation]:
-    rate, command, term = RATE_OF[axis], f"{axis}_command", f"{axis}_d_term"
-    names = (term, rate) if term in record.channel_names else (command, rate, f"{rate}_setpoint")
-    further = [name for name in ("thrust_stick", f"{axis}_excitation") if name in record.channel_names]
-    if not set(names) <= set(record.channel_names):
-        return
+    term = f"{axis}_d_term"
+    logged = term in record.channel_names
+    signal, setpoint = (term, None) if logged else (f"{axis}_command", f"{RATE_OF[axis]}_setpoint")
     try:
-        start_s, stop_s = airborne(record).longest
-        spare_s = max(stop_s - start_s - _LONGEST_S, 0.0)
-        flown = resample(
-            record, channels=(*names, *further), start_s=start_s + 0.5 * spare_s, stop_s=stop_s - 0.5 * spare_s
-        )
+        relation = command_relation(record, axis, (signal,), setpoint=setpoint)
     except InsufficientDataError:
         return
-    yield from (_relation(history, names) for history in flown.histories if history.duration_s > 2.0 * _WINDOW_S)
+    usable = relation.related(signal)
+    if not usable.any():
+        return
+    measured = relation.signals[signal]
+    left = []
+    for name in names:
+        flown = LogControllers(
+            origin="",
+            parameters=record.parameters,
+            firmware=FlownFirmware(name=name, unexplained={}),
+            loop_rate_hz=_loop_rate_hz(record),
+        )
+        paths = made_by_paths(record, relation, _at_throttle(flown, axis))
+        made = _with_own_gain(paths["d"], measured) if logged else sum(paths.values(), start=np.zeros_like(measured))
+        left.append(np.sum(np.abs(measured - made)[:, usable] ** 2, axis=1))
+    yield np.asarray(left) / np.mean(np.sum(np.abs(measured[:, usable]) ** 2, axis=1))
 
 
-def _relation(history: TimeHistory, names: Sequence[str]) -> _Relation:
-    rate_hz = history.sample_rate_hz
-    length = round(_WINDOW_S * rate_hz)
-    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(length, 1.0 / rate_hz), dtype=np.float64)
-    inside = (omega > _LOWEST_RAD_S) & (omega < _NYQUIST_SHARE * np.pi * rate_hz)
-    signal = history[names[0]]
-    excitation = f"{names[0].removesuffix('_command')}_excitation"
-    if excitation in history.names:
-        channel = history.channels[history.names.index(excitation)]
-        # In another unit it enters in front of the controller, and the set-point holds it.
-        if channel.unit == STANDARD_UNITS[names[0]]:
-            signal = signal - np.nan_to_num(history[excitation])
-    throttle = history["thrust_stick"] if "thrust_stick" in history.names else np.zeros(signal.size)
-    return _Relation(
-        omega_rad_s=omega[inside],
-        signal=_spectra(signal, length)[:, inside],
-        rate=_spectra(history[names[1]], length)[:, inside],
-        setpoint=_spectra(history[names[2]], length)[:, inside] if len(names) > 2 else None,
-        throttle=_cut(throttle, length).mean(axis=1),
-        source=history.channels[1].source,
-    )
+def _at_throttle(flown: LogControllers, axis: Axis) -> Callable[[float], RateController]:
+    def controller(throttle: float) -> RateController:
+        found = flown.axis(axis, throttle=throttle)
+        assert found is not None  # of these parameters another throttle made one
+        return found.controller
+
+    return controller
 
 
-def _cut(values: FloatArray, length: int) -> FloatArray:
-    """Windows that overlap by half, shape ``(windows, length)``."""
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(values, length)[:: length // 2])
+def made_by_paths(
+    record: FlightRecord,
+    relation: CommandRelation,
+    controller_at: Callable[[float], RateController],
+    *,
+    driven: Driven = "rate",
+) -> dict[str, ComplexArray]:
+    """What each path of a controller makes of set-point and rate, shapes ``(windows, f)``.
 
+    Parameters
+    ----------
+    record
+        The log.
+    relation
+        Set-point and rate; without a set-point, each path makes what it does of the rate.
+    controller_at
+        The controller at a throttle.
+    driven
+        What the set-point is.
 
-def _spectra(values: FloatArray, length: int) -> ComplexArray:
-    windows = _cut(values, length)
-    windows = windows - windows.mean(axis=1, keepdims=True)
-    return np.asarray(np.fft.rfft(windows * np.hanning(length + 2)[1:-1], axis=1))
-
-
-def _made(record: FlightRecord, axis: Axis, name: str, one: _Relation) -> ComplexArray:
-    """What the controller of a firmware makes of what went in, shape ``(windows, f)``."""
-    steps = np.round(one.throttle / _THROTTLE_STEP)
-    made = np.empty_like(one.rate)
+    Returns
+    -------
+    dict
+        ``p``, ``i``, ``d`` and ``f``, as far as the controller has them.
+    """
+    steps = np.round(relation.throttle / _THROTTLE_STEP)
+    found: dict[str, ComplexArray] = {}
     for step in np.unique(steps):
         rows = steps == step
-        flown = axis_controller(
-            record.parameters,
-            axis,
-            firmware=name,
-            loop_rate_hz=_loop_rate_hz(record, one.source),
-            throttle=float(step) * _THROTTLE_STEP,
-        )
-        assert flown is not None  # of these parameters another throttle made one
-        loop = flown.controller.rate_loop
-        if one.setpoint is None:
-            made[rows] = _with_own_gain(-loop.derivative_response(one.omega_rad_s) * one.rate[rows], one.signal[rows])
-        else:
-            late = np.exp(-1j * one.omega_rad_s * (loop.step_s if flown.controller.late_angle else 0.0))
-            of_rate = acting_on(record, loop, source=one.source).response(one.omega_rad_s) * one.rate[rows]
-            made[rows] = loop.setpoint_response(one.omega_rad_s) * late * one.setpoint[rows] - of_rate
+        for letter, part in _parts(controller_at(float(step) * _THROTTLE_STEP)).items():
+            made = found.setdefault(letter, np.zeros_like(relation.rate))
+            made[rows] = _made(record, relation, rows, part, driven)
+    return found
+
+
+def _parts(controller: RateController) -> dict[str, tuple[RateController, ...]]:
+    """The controller with one of its gains alone; what is fed forward is the whole less the rest."""
+    back = replace(controller, feedforward=0.0, feedforward_derivative_s=0.0)
+    parts = {
+        "p": (replace(back, integral=0.0, derivative_s2=0.0),) if back.proportional_s else (),
+        "i": (replace(back, proportional_s=0.0, derivative_s2=0.0),) if back.integral else (),
+        "d": (replace(back, proportional_s=0.0, integral=0.0),) if back.derivative_s2 else (),
+        "f": (controller, back) if controller != back else (),
+    }
+    return {letter: part for letter, part in parts.items() if part}
+
+
+def _made(
+    record: FlightRecord, relation: CommandRelation, rows: BoolArray, part: tuple[RateController, ...], driven: Driven
+) -> ComplexArray:
+    """What a controller makes, less what the others of its part make."""
+    omega = relation.omega_rad_s
+    made = np.zeros_like(relation.rate[rows])
+    for sign, controller in zip((1.0, -1.0), part, strict=False):
+        loop = controller if driven == "angle" else controller.rate_loop
+        made = made - sign * acting_on(record, loop, source=relation.source).response(omega) * relation.rate[rows]
+        if relation.setpoint is not None:
+            late = np.exp(-1j * omega * (loop.step_s if loop.late_angle else 0.0))
+            ahead = loop.angle_response(omega) if driven == "angle" else loop.setpoint_response(omega) * late
+            made = made + sign * ahead * relation.setpoint[rows]
     return made
 
 
@@ -390,23 +492,19 @@ def _contradicted(record: FlightRecord, name: str, unexplained: dict[str, float]
     return (warn("firmware_contradicted", record.source.name, message, **numbers),)
 
 
-def _nothing_explains(record: FlightRecord, unexplained: dict[str, float]) -> Finding:
-    each = ", ".join(
-        f"{100.0 * share:.0f} % with that of {name or 'the newest version'}" for name, share in unexplained.items()
-    )
-    message = (
-        f"No known controller makes the logged roll and pitch commands of set-point and rate: {each} stay unexplained. "
-        "Gains changed in flight, motors were at their limits, or the controller has parts that are not modeled."
-    )
-    return warn("controller_unexplained", record.source.name, message, unexplained=min(unexplained.values()))
+def _loop_rate_hz(record: FlightRecord) -> float | None:
+    """Rate of PX4's loop where the log shows it: a slow sensor holds it back, whatever ``IMU_GYRO_RATEMAX`` allows.
 
-
-def _loop_rate_hz(record: FlightRecord, source: str) -> float | None:
-    """Rate of the loop where the log shows it; the parameters say it otherwise."""
-    if "SCHED_LOOP_RATE" in record.parameters:
+    The parameters of ArduPilot and the header of Betaflight say it. ``sensor_combined`` is averaged for the estimator
+    where the log has ``vehicle_angular_velocity``, the rate that the controller takes.
+    """
+    if not record.source.firmware.startswith("PX4") and "MC_ROLLRATE_P" not in record.parameters:
         return None
-    rates = [
-        topic.sample_rate_hz for topic in record.topics if any(channel.source == source for channel in topic.channels)
-    ]
-    fastest = max(rates, default=0.0)
+    rates = {
+        channel.source.partition(".")[0]: topic.sample_rate_hz
+        for topic in record.topics
+        for channel in topic.channels
+        if channel.name in RATES
+    }
+    fastest = rates.get("vehicle_angular_velocity", max(rates.values(), default=0.0))
     return fastest if _EVERY_STEP_HZ <= fastest < np.inf else None

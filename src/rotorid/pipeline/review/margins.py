@@ -46,13 +46,8 @@ from rotorid.io.advice import logging_advice
 from rotorid.models.autopilots.betaflight import TOP
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
-from rotorid.pipeline.preparation.controller_check import (
-    ControllerMatch,
-    match_controller,
-    window_frequencies,
-    window_spectra,
-)
-from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, logged_axis, usual_throttle
+from rotorid.pipeline.preparation.controller_check import ControllerCheck, check_controller
+from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, controllers_of
 from rotorid.pipeline.review.flown import LEAST_MOTION_S, Flown, loop_response
 from rotorid.pipeline.review.values import Instrument, MarginReview, Untold
 from rotorid.signal.autopilot_filters import known_filters
@@ -146,13 +141,12 @@ def _require_logged(flight: Flown, axis: Axis) -> None:
         )
 
 
-def _logged_settings(flight: Flown, axis: Axis, *, source: str, throttle: float | None) -> AxisController:
-    settings = logged_axis(flight.record, f"{axis}_command", source=source, throttle=throttle)
+def _logged_settings(flight: Flown, axis: Axis) -> AxisController:
+    flown = controllers_of(flight.record)
+    settings = flown.axis(axis)
     if settings is None:
-        raise _CannotError(
-            f"The log holds no gains of the {axis} controller that are known.",
-            "Log the parameters (PX4, ArduPilot), or use a Betaflight of 4.0 or later.",
-        )
+        why, remedy = flown.unknown_gains(axis)
+        raise _CannotError(f"{why}.", remedy)
     return settings
 
 
@@ -161,12 +155,12 @@ def _margins(flight: Flown, axis: Axis) -> tuple[MarginReview, list[Untold]]:
     rate, command = RATE_OF[axis], f"{axis}_command"
     ways = _ways(flight, axis)
     histories = _histories(flight, axis, ways)
-    throttle, source = usual_throttle(flight.record), _source(histories, rate)
-    settings = _logged_settings(flight, axis, source=source, throttle=throttle)
+    source = _source(histories, rate)
+    settings = _logged_settings(flight, axis)
     way = max(ways, key=lambda one: _coherence(histories, one.channel, command)) if len(ways) > 1 else ways[0]
-    seen = match_controller(flight.record, axis, settings, histories, intervals=flight.during(way.kind))
-    if seen is not None and not seen.made:
-        raise _CannotError(*seen.refusal(axis))
+    seen = check_controller(flight.record, axis)
+    if seen.verdict == "not made" or (seen.verdict == "not checked" and seen.setpoint):
+        raise _CannotError(f"{seen.why}.", seen.remedy)
     plant = _plant(flight, axis, way, histories)
     flown = _nearest(settings, seen)
     acting = {name: acting_on(flight.record, one.rate_loop, source=source) for name, one in flown.items()}
@@ -188,11 +182,11 @@ def _margins(flight: Flown, axis: Axis) -> tuple[MarginReview, list[Untold]]:
         instrument=way.kind,
         numbers=told.numbers,
         by_model=told.by_model,
-        findings=tuple(_remarks(flight, axis, settings, seen, main)),
+        findings=(*seen.findings, *_remarks(flight, axis, settings, seen, main)),
         ends={name: one.numbers for name, one in each.items()} if len(each) > 1 else {},
         settings=settings,
-        throttle=throttle,
-        explained=seen.correlation if seen is not None else None,
+        throttle=controllers_of(flight.record).throttle,
+        explained=seen.correlation,
     )
     untold = [
         Untold(what=f"margins.{axis}.{name}", why=told.reasons[name], remedy=_MOVE if way.rests else _FASTER)
@@ -217,6 +211,9 @@ _BAND_RAD_S = (5.0, 60.0)
 """Where loops cross: instruments are compared by their coherence there."""
 
 _ATTITUDES = ("phi_setpoint", "theta_setpoint", "psi_setpoint")
+
+_WINDOW_S = 4.0
+"""Length of the windows of all spectra here."""
 
 
 def _ways(flight: Flown, axis: Axis) -> list[_Way]:
@@ -257,7 +254,7 @@ def _histories(flight: Flown, axis: Axis, ways: Sequence[_Way]) -> tuple[TimeHis
 
 def _coherence(histories: Sequence[TimeHistory], one: str, other: str) -> float:
     """Mean coherence of two channels where loops cross."""
-    x, y, omega = (*(window_spectra(histories, name) for name in (one, other)), window_frequencies(histories))
+    x, y, omega = (*(_spectra(histories, name) for name in (one, other)), _lines(histories))
     inside = (omega >= _BAND_RAD_S[0]) & (omega <= _BAND_RAD_S[1])
     power = np.mean(np.abs(x) ** 2, axis=0) * np.mean(np.abs(y) ** 2, axis=0)
     shared = np.abs(np.mean(x.conj() * y, axis=0)) ** 2
@@ -305,12 +302,43 @@ def _without_trap(plant: FrequencyResponse, controllers: Sequence[LoggedControll
     return at_points(plant, kept)
 
 
-def _nearest(settings: AxisController, seen: ControllerMatch | None) -> dict[str, RateController]:
+def _lines(histories: Sequence[TimeHistory]) -> FloatArray:
+    rate_hz = histories[0].sample_rate_hz
+    return np.asarray(2.0 * math.pi * np.fft.rfftfreq(_samples(histories), 1.0 / rate_hz))
+
+
+def _samples(histories: Sequence[TimeHistory]) -> int:
+    longest = max(int(history.values.shape[1]) for history in histories)
+    return min(int(_WINDOW_S * histories[0].sample_rate_hz), longest)
+
+
+def _spectra(histories: Sequence[TimeHistory], name: str) -> ComplexArray:
+    """Spectra of a channel in windows of four seconds that overlap by half, shape ``(windows, lines)``."""
+    count = _samples(histories)
+    taper = np.hanning(count)
+    found = []
+    for history in histories:
+        values = history[name]
+        sound = np.asarray(np.isfinite(history.values).all(axis=0))
+        for start in range(0, values.size - count + 1, max(count // 2, 1)):
+            part = slice(start, start + count)
+            if sound[part].all():
+                found.append(np.fft.rfft(taper * (values[part] - values[part].mean())))
+    if not found:
+        raise InsufficientDataError(
+            f"no {count / histories[0].sample_rate_hz:.3g} s of {name} without missing samples came",
+            needed="longer stretches of a flight",
+            remedy="fly longer, or log without gaps",
+        )
+    return np.array(found, dtype=np.complex128)
+
+
+def _nearest(settings: AxisController, seen: ControllerCheck) -> dict[str, RateController]:
     """The controllers at the ends between which it moves, that nearest to what flew first."""
     if not settings.ends:
         return {"": settings.controller}
     ends = dict(settings.ends)
-    own = seen.terms.get("d") if seen is not None else None
+    own = seen.terms.get("d")
     if own is None:
         return ends
     top = ends[TOP].derivative_s2
@@ -318,9 +346,9 @@ def _nearest(settings: AxisController, seen: ControllerMatch | None) -> dict[str
     return {name: ends[name] for name in order}
 
 
-def _as_flown(controller: RateController, seen: ControllerMatch | None) -> RateController | None:
+def _as_flown(controller: RateController, seen: ControllerCheck) -> RateController | None:
     """The controller with the integral that the flight shows of it; ``None`` where it shows none."""
-    if seen is None or "i" not in seen.terms or not controller.proportional_s:
+    if "i" not in seen.terms or not controller.proportional_s:
         return None
     return replace(controller, integral=controller.integral * min(max(seen.terms["i"].slope, 0.0), 1.0))
 
@@ -659,9 +687,7 @@ _MOVED = 0.2
 """How far the logged I term may fall short of what its gain makes before that is said."""
 
 
-def _remarks(
-    flight: Flown, axis: Axis, settings: AxisController, seen: ControllerMatch | None, main: str
-) -> list[Finding]:
+def _remarks(flight: Flown, axis: Axis, settings: AxisController, seen: ControllerCheck, main: str) -> list[Finding]:
     found = []
     factors = [values for _, values in flight.samples(f"{axis}_slew_factor")]
     if factors:
@@ -679,7 +705,7 @@ def _remarks(
                 )
             )
     if main:
-        own, base = None if seen is None else seen.terms.get("d"), settings.controller.derivative_s2
+        own, base = seen.terms.get("d"), settings.controller.derivative_s2
         top = settings.ends[TOP].derivative_s2
         flew = f", and flew at {own.slope * top / base:.2f} times its base" if own is not None and base > 0.0 else ""
         found.append(
@@ -690,7 +716,7 @@ def _remarks(
                 "other end stands beside them.",
             )
         )
-    if seen is not None and "i" in seen.terms and seen.terms["i"].slope < 1.0 - _MOVED:
+    if "i" in seen.terms and seen.terms["i"].slope < 1.0 - _MOVED:
         left = max(seen.terms["i"].slope, 0.0)
         found.append(
             remark(

@@ -21,7 +21,7 @@ from rotorid.data.findings import Finding, warn
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.io.advice import raw_gyro_advice, sensor_advice
-from rotorid.pipeline.preparation.controllers import logged_axis
+from rotorid.pipeline.preparation.controllers import controllers_of
 from rotorid.pipeline.review.values import NoiseMap, NoisePeak, NoiseReview, Untold
 from rotorid.signal.airborne import airborne
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
@@ -562,7 +562,7 @@ def _computed_terms(record: FlightRecord, axis: Axis, sensors: Sequence[_Sensor]
     rate = next((s for s in sensors if s.channel == RATE_OF[axis] and s.stage == "after"), None)
     if rate is None or rate.rate_hz < max(3.0 * low_hz, 100.0):
         return {}
-    logged = logged_axis(record, f"{axis}_command", source=rate.source)
+    logged = controllers_of(record).axis(axis)
     if logged is None:
         return {}
     controller = logged.controller

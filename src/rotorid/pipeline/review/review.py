@@ -23,7 +23,7 @@ from rotorid.pipeline.oscillations import (
     oscillation_findings,
     reviewed_oscillations,
 )
-from rotorid.pipeline.preparation.controllers import flown_firmware
+from rotorid.pipeline.preparation.controller_check import controller_findings
 from rotorid.pipeline.results import IdentifiedModel, Refused
 from rotorid.pipeline.review.flight import flight, logging, vehicle
 from rotorid.pipeline.review.flown import Flown, flown
@@ -182,7 +182,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
         findings=worst_first(
             [
                 *record.findings,
-                *flown_firmware(record).findings,
+                *controller_findings(record),
                 *oscillation_findings(swinging),
                 *(finding for loop in closed.values() for finding in loop.findings),
                 *(finding for margin in broken.values() for finding in margin.findings),

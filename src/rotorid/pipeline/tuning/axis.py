@@ -10,7 +10,7 @@ from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import UsageError
 from rotorid.models.autopilots.settings import AxisController
-from rotorid.pipeline.preparation.controllers import logged_axis
+from rotorid.pipeline.preparation.controllers import controllers_of
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.tuning.filters import with_filters
 from rotorid.pipeline.tuning.flown import FlownAxis, explained, flown_axis, require_calm, require_gains, require_room
@@ -100,8 +100,8 @@ def gains_apart(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[Find
 
 
 def _gains(axis: Axis, record: FlightRecord) -> Mapping[str, float]:
-    held = logged_axis(record, f"{axis}_command", source="")
-    return held.gains if held is not None else {}
+    found = controllers_of(record).axis(axis)
+    return found.gains if found is not None else {}
 
 
 def known_axis(
@@ -147,7 +147,7 @@ def known_axis(
     if record is None and filters:
         raise UsageError("--set came with results alone", needed="the log, whose parameters tell the filters")
     if record is not None:
-        findings += explained(flown, model)
+        findings += explained(flown)
     then = with_filters(record, filters) if record is not None and filters else None
     plant = plant_of(model, axis, draws=draws, seed=seed)
     omega = frequency_grid(flown.controller.controller)

@@ -1,20 +1,13 @@
 """What flew: the controller of an axis by the parameters of the log, whether it made the commands, and with what room.
 
-Gains are judged by the controller that a log names. Where the log holds the rate as that controller took it, the
-command is made again sample by sample. Where its rate stands in front of filters, as in ArduPilot's sweeps, the
-responses to the injected excitation are compared instead: whatever the plant is, command and rate answer to it as
-
-.. math:: G_{ue} = D_e - C G_{ye}
-
-with the controller :math:`C` and :math:`D_e` the way of the excitation into the command, 1 at the mixer and
-:math:`C_r` at the set-point of the rate.
+Gains are judged by the controller that a log names, where it made the logged commands
+(:func:`rotorid.pipeline.preparation.controller_check.check_controller`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 
@@ -22,38 +15,20 @@ from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.models.autopilots.betaflight import NAME as BETAFLIGHT
-from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import AxisController
-from rotorid.pipeline.checking.controllers import Controllers
 from rotorid.pipeline.oscillations import describe, numbers_of, remedy, reviewed_oscillations
-from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, logged_axis
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.segments import cut
-from rotorid.pipeline.responses import response
+from rotorid.pipeline.preparation.controller_check import check_controller
+from rotorid.pipeline.preparation.controllers import LogControllers, acting_on, controllers_of, controllers_of_result
 from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.summary import ControllerSettings
 from rotorid.signal.autopilot_filters import controller_filters
 from rotorid.signal.filters import combined_response
 from rotorid.signal.motors import motor_limits
 from rotorid.tuning.loops import ControllerParts, Gains
-from rotorid.typing import Axis, ComplexArray, FloatArray
-from rotorid.verification.time_domain import matched
+from rotorid.typing import Axis, FloatArray
 
 _MOST_SATURATED = 0.02
 """Share of the time in which roll, pitch and yaw commands keep a motor at a limit above which nothing is proposed: the
 plant is that of a limit cycle."""
-
-_UNLIKE = 0.35
-"""Relative error of what a controller makes of the rate, its median over the band, above which other gains flew."""
-
-_ABOVE_VELOCITY_RAD_S = 4.0
-"""Below it the loops of velocity and position move the set-points."""
-
-_FEWEST_POINTS = 5
-
-_NOT_SEEN = 0.3
-"""Share of the command that a controller must have made, for its gains to show at all."""
 
 _LEAST_NOISE_HZ = 30.0
 """Faster rates are noise, as far as they also lie beyond the band of the plant, times the next."""
@@ -120,9 +95,8 @@ class FlownAxis:
 
     def with_parameters(self, record: FlightRecord) -> AxisController:
         """The controller by the parameters of another record."""
-        # Other filters do not change which firmware flew, and no longer make the logged commands.
-        firmware = self.controller.firmware
-        found = logged_axis(record, f"{self.axis}_command", source=self.source, firmware=firmware)
+        assert self.record is not None  # filters are replaced in a log
+        found = controllers_of(self.record).with_parameters(record.parameters).axis(self.axis)
         if found is None:
             raise UsageError(f"the parameters make no controller of {self.axis}", needed="filters that can be flown")
         return found
@@ -180,14 +154,12 @@ def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) 
     InsufficientDataError
         Neither says which gains flew, or how the rate was filtered.
     """
-    command, source = f"{axis}_command", model.provenance.sources.get(RATE_OF[axis], "")
-    found = None
-    if record is not None:
-        found = logged_axis(record, command, source=source)
-    elif (known := model.controller) is not None:
-        found = _told(known, axis)
+    source = model.provenance.sources.get(RATE_OF[axis], "")
+    known = model.controller
+    flown = controllers_of(record) if record is not None else None if known is None else controllers_of_result(known)
+    found = flown.axis(axis) if flown is not None else None
     if found is None:
-        raise _no_gains(axis)
+        raise _no_gains(axis, flown)
     if record is None and not source.startswith(_BEHIND_FILTERS):
         raise InsufficientDataError(
             f"the filter of the gyro of {axis} is not known: its rate stands in {source or 'an unknown place'}",
@@ -209,20 +181,12 @@ def flown_controllers(
     given, logs
         As for :func:`rotorid.pipeline.tuning.proposal.tune`.
     """
-    found: dict[Axis, AxisController] = {}
-    for axis in axes:
-        held = (logged_axis(record, f"{axis}_command", source="") for record in logs)
-        told = (_told(known, axis) for model in given if (known := model.controller) is not None)
-        if (one := next(filter(None, chain(held, told)), None)) is not None:
-            found[axis] = one
-    return found
-
-
-def _told(known: ControllerSettings, axis: Axis) -> AxisController | None:
-    """The controller of an axis by what a result says of it."""
-    return axis_controller(
-        {**known.gains, **known.filters}, axis, firmware=known.firmware, loop_rate_hz=known.loop_rate_hz
-    )
+    known = [
+        *(controllers_of(record) for record in logs),
+        *(controllers_of_result(model.controller) for model in given if model.controller is not None),
+    ]
+    found = {axis: next(filter(None, (flown.axis(axis) for flown in known)), None) for axis in axes}
+    return {axis: controller for axis, controller in found.items() if controller is not None}
 
 
 def require_gains(axis: Axis, record: FlightRecord) -> None:
@@ -233,16 +197,20 @@ def require_gains(axis: Axis, record: FlightRecord) -> None:
     InsufficientDataError
         Its parameters hold no controller of the axis.
     """
-    if logged_axis(record, f"{axis}_command", source="") is None:
-        raise _no_gains(axis)
+    flown = controllers_of(record)
+    if flown.axis(axis) is None:
+        raise _no_gains(axis, flown)
 
 
-def _no_gains(axis: Axis) -> InsufficientDataError:
+def _no_gains(axis: Axis, flown: LogControllers | None) -> InsufficientDataError:
+    why, remedy = ("The result has no gains", "Give the log with the result.")
+    if flown is not None:
+        why, remedy = flown.unknown_gains(axis)
     return InsufficientDataError(
-        f"the gains of {axis} are not known",
+        why,
         needed="a log with the parameters of its autopilot",
-        remedy="give the log beside the result",
-        findings=[refusal("no_controller", axis, f"No gains of the {axis} controller are known.")],
+        remedy=remedy,
+        findings=[refusal("no_controller", axis, f"{why}.")],
     )
 
 
@@ -307,112 +275,25 @@ def require_calm(record: FlightRecord) -> None:
         )
 
 
-def explained(flown: FlownAxis, model: IdentifiedModel) -> list[Finding]:
-    """Refuse a controller that did not make the logged command; a remark where that cannot be seen.
+def explained(flown: FlownAxis) -> list[Finding]:
+    """Refuse a controller that did not make the logged command; a remark where that was not checked.
 
     Raises
     ------
     InsufficientDataError
         Other gains flew than those of the parameters.
     """
-    record, axis = flown.record, flown.axis
-    if record is None:
+    if flown.record is None:
         return []
-    if not flown.source.startswith(_BEHIND_FILTERS):
-        return _by_responses(flown, record)
-    controllers = Controllers(record=record, given={})
-    command, rate = f"{axis}_command", RATE_OF[axis]
-    own = [one for one in model.data.segments if one.record == record.source.name]
-    band = model.band_rad_s
-    if not own or band is None:
-        return []
-    try:
-        segments, _ = cut(
-            [Flight(record, one.maneuver) for one in own[:1]],
-            channels=(command, rate),
-            followers=controllers.channels((axis,)),
+    check = check_controller(flown.record, flown.axis)
+    if check.verdict == "not made":
+        raise InsufficientDataError(
+            check.why,
+            needed="a flight whose controller is the one in its parameters",
+            remedy=check.remedy,
+            findings=[refusal("other_controller", flown.axis, f"{check.why}.", **check.numbers)],
         )
-        history = segments[0].history
-        found = controllers.loop(axis, history, matched(band, None, history))
-    except (InsufficientDataError, UsageError):
-        found = None
-    if found is None:
-        return [_unchecked(axis, f"The log holds no set-point of {axis}")]
-    _, setpoint, scores = found
-    if not scores.alike and flown.controller.autopilot == BETAFLIGHT:
-        # iterm relax, a D that moves and limits make much of a command in freestyle: this is no other controller.
-        return [_unchecked(axis, f"D and the integral of {axis} move in flight, and the command with them")]
-    if not scores.alike:
-        message = (
-            f"With its gains the {axis} controller does not make the logged command of {setpoint} and the rate: TIC "
-            f"{scores.tic:.2f}."
-        )
-        raise _other(axis, message, f"TIC {scores.tic:.2f}", scores.tic)
-    return []
-
-
-def _by_responses(flown: FlownAxis, record: FlightRecord) -> list[Finding]:
-    """The same by the responses of command and rate to what was injected."""
-    axis, rate = flown.axis, RATE_OF[flown.axis]
-    excitation, command = f"{axis}_excitation", f"{axis}_command"
-    if excitation not in record.channel_names:
-        return [
-            _unchecked(
-                axis, f"The rate of {axis} stands in {flown.source}, in front of filters, and nothing was injected"
-            )
-        ]
-    try:
-        found = response([record], inputs=excitation, outputs=(command, rate), estimate="direct")
-    except (InsufficientDataError, UsageError):
-        return [_unchecked(axis, f"Command and rate do not show an answer to {excitation}")]
-    measured = found.response
-    usable = np.asarray(found.used[:, 0], dtype=bool).all(axis=0) & (measured.omega_rad_s > _ABOVE_VELOCITY_RAD_S)
-    omega = measured.omega_rad_s[usable]
-    of_command, of_rate = measured.values[0, 0, usable], measured.values[1, 0, usable]
-    acting = acting_on(record, flown.controller.controller, source=flown.source)
-    misses = np.array(
-        [
-            _miss(way - of_command, loop.response(omega) * of_rate, of_command)
-            for loop in (acting, acting.rate_loop)
-            for way in _ways(loop, omega)
-        ]
-    )
-    if np.any(misses <= _UNLIKE):
-        return []
-    # A way that shows at too few frequencies may be the right one: the others refute nothing.
-    if np.isnan(misses).any():
-        return [_unchecked(axis, f"The {axis} controller made too little of the command in the sweep")]
-    message = (
-        f"With its gains the {axis} controller does not answer to the rate as the logged command does: they "
-        f"differ by {100.0 * misses.min():.0f} %."
-    )
-    raise _other(axis, message, f"{100.0 * misses.min():.0f} % off", float(misses.min()))
-
-
-def _miss(made: ComplexArray, modeled: ComplexArray, command: ComplexArray) -> float:
-    """How far what the controller made of the rate is from what its gains make; not a number where it made little."""
-    told = np.abs(made) > _NOT_SEEN * np.abs(command)
-    if np.count_nonzero(told) < _FEWEST_POINTS:
-        return np.nan
-    return float(np.median(np.abs(made[told] - modeled[told]) / np.abs(made[told])))
-
-
-def _ways(loop: LoggedController, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """How an excitation enters the command: at the mixer, or at the set-point of the rate."""
-    return np.ones(omega.size, dtype=np.complex128), loop.controller.setpoint_response(omega)
-
-
-def _unchecked(axis: Axis, why: str) -> Finding:
-    return remark("controller_unchecked", axis, f"{why}: whether these gains made the commands was not checked.")
-
-
-def _other(axis: Axis, message: str, told: str, value: float) -> InsufficientDataError:
-    return InsufficientDataError(
-        f"the gains in the log did not make the logged {axis}_command ({told})",
-        needed="a flight whose controller is the one in its parameters",
-        remedy="the gains changed in flight, or a part of the controller is not modeled",
-        findings=[refusal("other_controller", axis, message, unlike=value)],
-    )
+    return list(check.findings)
 
 
 def at_ends(controller: AxisController, parts: ControllerParts) -> dict[str, ControllerParts]:

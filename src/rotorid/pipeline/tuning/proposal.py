@@ -22,7 +22,7 @@ from rotorid.data.findings import Finding, Findings, refusal, remark, warn, wors
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots.settings import AxisController
-from rotorid.pipeline.preparation.controllers import flown_firmware
+from rotorid.pipeline.preparation.controller_check import controller_findings
 from rotorid.pipeline.provenance import Provenance, autopilot_of, provenance, require_one_autopilot
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import Setting, as_records, require_seed
@@ -325,7 +325,7 @@ def tune(
     given = (models,) if isinstance(models, IdentifiedModel) else tuple(models)
     if not given and not logs:
         raise UsageError("nothing came to tune", needed="results of identify, logs, or both")
-    findings = [finding for record in logs for finding in (*record.findings, *flown_firmware(record).findings)]
+    findings = [finding for record in logs for finding in (*record.findings, *controller_findings(record))]
     findings += [*require_one_autopilot(given, logs), *gains_apart(chosen.axes, logs)]
     autopilot = next((name for one in logs if (name := autopilot_of(one))), "")
     thrust = linearization(given, logs[0] if logs else None, autopilot=autopilot, seed=chosen.seed)

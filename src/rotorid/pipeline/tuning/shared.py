@@ -13,7 +13,7 @@ import numpy as np
 from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.preparation.controllers import flown_firmware, logged_axis
+from rotorid.pipeline.preparation.controllers import controllers_of
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.tuning.axis import KnownAxis, known_axis, log_of
 from rotorid.pipeline.tuning.filters import with_filters
@@ -82,8 +82,8 @@ def _reached(axis: Axis, record: FlightRecord | None, filters: Mapping[str, floa
     if record is None:
         return False
     then = with_filters(record, filters)
-    firmware = flown_firmware(record).name
-    before, after = (logged_axis(one, f"{axis}_command", source="", firmware=firmware) for one in (record, then))
+    flown = controllers_of(record)
+    before, after = (found.axis(axis) for found in (flown, flown.with_parameters(then.parameters)))
     gyro = controller_filters(record) != controller_filters(then)
     return gyro or (before is not None and after is not None and before.controller != after.controller)
 
