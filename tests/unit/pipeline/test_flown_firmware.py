@@ -74,6 +74,14 @@ def flight(
         columns |= {rate: measured, f"{rate}_setpoint": setpoint}
         columns[f"{axis}_command"] = made + noise * made.std() * rng.standard_normal(count)
         if terms:
+            alone = {
+                "p": replace(own, integral=0.0, derivative_s2=0.0),
+                "i": replace(own, proportional_s=0.0, derivative_s2=0.0),
+            }
+            columns |= {
+                f"{axis}_{letter}_term": gain * np.fft.irfft(part.response(omega) * (r - y), count)
+                for letter, part in alone.items()
+            }
             columns[f"{axis}_d_term"] = -np.fft.irfft(own.derivative_response(omega) * y, count)
     channels = tuple(
         Channel(name=name, unit=STANDARD_UNITS.get(name, "1"), source=f"anything.{name}") for name in columns

@@ -175,7 +175,7 @@ class LogControllers(Immutable):
             version = version_of(self.firmware.name)
             if version is None:
                 why = (
-                    f"The gains of {axis} mean nothing without the version of the firmware, which the log does not name"
+                    f"The log does not name the version of its firmware, without which the gains of {axis} mean nothing"
                 )
                 return why, "Give the log as the flight controller wrote it."
             if version < OLDEST:
