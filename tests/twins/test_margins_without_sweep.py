@@ -209,11 +209,22 @@ def test_what_is_missing_is_said(px4: FlightRecord) -> None:
 
 
 def test_without_a_set_point_the_stick_tells_and_nothing_is_checked(px4: FlightRecord) -> None:
-    found, _ = reviewed(without(px4, {"p_setpoint"}))
+    found, _ = reviewed(without(px4, {"p_setpoint", "phi_setpoint"}))
     assert found is not None
     assert found.instrument == "stick"
     assert found.explained is None
+    assert [finding.kind for finding in found.findings] == ["controller_unchecked"]
     assert "phase_margin_deg" in found.numbers
+
+
+def test_the_set_point_of_the_angle_checks_the_controller_where_that_of_the_rate_is_not_logged(
+    px4: FlightRecord,
+) -> None:
+    found, _ = reviewed(without(px4, {"p_setpoint"}))
+    assert found is not None
+    assert found.explained is not None
+    assert found.explained > 0.95
+    assert found.findings == ()
 
 
 def test_a_resting_stick_leaves_what_gusts_tell(px4: FlightRecord) -> None:

@@ -211,8 +211,8 @@ def test_flown_loops_are_those_of_the_simulator(vehicle: str, tmp_path: Path) ->
         assert np.median(told.sensitivity_peak) == pytest.approx(float(true.sensitivity_peak[0]), rel=0.03)
 
 
-def test_a_yaw_too_soft_for_the_check_is_unchecked_and_not_refused(tmp_path: Path) -> None:
-    """Its controller makes less than a third of the command: the right way of the sweep shows nowhere, a wrong one.
+def test_a_yaw_that_is_soft_is_checked_and_not_refused(tmp_path: Path) -> None:
+    """Its controller makes little of the command in the sweep; set-point and rate show all that it makes.
 
     That other gains are refused where it shows is tested on a flight of ArduPilot's own simulator.
     """
@@ -220,7 +220,8 @@ def test_a_yaw_too_soft_for_the_check_is_unchecked_and_not_refused(tmp_path: Pat
     soft = {name: 0.3 * value for name, value in gains["yaw"].items()}
     log, _ = fly_axis(craft, soft, "yaw", {**air, "sweep_s": 30.0}, tmp_path, 3)
     found = tune(records=log, axes=("yaw",))
-    assert "controller_unchecked" in {one.kind for one in found.findings}
+    unlike = {"controller_unchecked", "controller_unexplained", "other_controller"}
+    assert not unlike & {one.kind for one in found.findings}
 
 
 def test_the_loop_by_injection_is_that_of_the_simulator(tmp_path: Path) -> None:

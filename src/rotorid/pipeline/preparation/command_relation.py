@@ -80,10 +80,19 @@ class CommandRelation(Immutable):
         size = np.sum(np.abs(signal) ** 2, axis=0)
         return np.asarray(np.divide(left, size, out=np.ones_like(left), where=size > 0.0))
 
-    def related(self, name: str) -> BoolArray:
-        """Frequencies at which what goes in explains a signal by some linear relation; none where these are too few."""
-        found = np.asarray(self.unrelated(name) < 1.0 - _RELATED)
-        power = np.sum(np.abs(self.signals[name]) ** 2, axis=0)
+    def related(self, name: str, highest_rad_s: float = np.inf) -> BoolArray:
+        """Frequencies at which what goes in explains a signal by some linear relation; none where these are too few.
+
+        Parameters
+        ----------
+        name
+            Of the signal.
+        highest_rad_s
+            Faster motion is left out.
+        """
+        inside = self.omega_rad_s <= highest_rad_s
+        found = np.asarray(inside & (self.unrelated(name) < 1.0 - _RELATED))
+        power = np.sum(np.abs(self.signals[name]) ** 2, axis=0) * inside
         enough = np.count_nonzero(found) >= LEAST_FREQUENCIES and power[found].sum() >= _LEAST_RELATED * power.sum()
         return found if enough else np.zeros_like(found)
 

@@ -50,6 +50,9 @@ _LEAST_SHARE = 1.0 / 3.0
 _SURE = 2.0
 """Standard deviations by which a path has to lie beyond that, before gains are said not to have flown."""
 
+_HIGHEST_RAD_S = 200.0
+"""Faster motion shows by how much of a step a set-point is late, more than which gains flew."""
+
 _GROUPS = 12
 """Groups of windows, of which each is left out once."""
 
@@ -215,7 +218,7 @@ def _by_command(
         relation = command_relation(record, axis, (command,), setpoint=setpoint)
     except InsufficientDataError as error:
         return _unchecked(axis, error.came, error.remedy or "", setpoint if setpoint in record.channel_names else "")
-    measured, related = relation.signals[command], relation.related(command)
+    measured, related = relation.signals[command], relation.related(command, _HIGHEST_RAD_S)
     if not related.any():
         why = f"Set-point and rate of {axis} explain too little of its command, whatever the gains"
         return _unchecked(axis, why, _FASTER, setpoint)
@@ -258,7 +261,7 @@ def _by_terms(
     except InsufficientDataError as error:
         return _unchecked(axis, error.came, error.remedy or "", setpoint if setpoint in record.channel_names else "")
     made = made_by_paths(record, relation, controller)
-    related = relation.related(terms["p"])
+    related = relation.related(terms["p"], _HIGHEST_RAD_S)
     if not related.any():
         why = f"Set-point and rate of {axis} explain too little of its P term, whatever the gains"
         return _unchecked(axis, why, _FASTER, setpoint)
