@@ -221,12 +221,14 @@ KINDS: Mapping[str, Kind] = {
         "How far two channels lie apart in time; a warning names the --shift that takes it out.",
     ),
     "controller_unchecked": Kind(
-        "info", "A controller that was not checked", "No set-point shows whether the gains in a log made its commands."
+        "info",
+        "A controller that was not checked",
+        "The log does not show whether its gains made the commands, and why.",
     ),
     "controller_unexplained": Kind(
         "warning",
-        "No known controller made these commands",
-        "No controller of a firmware that may have flown makes the logged commands of set-point and rate.",
+        "Other gains made these commands",
+        "The gains in a log do not make the commands of an axis of set-point and rate.",
     ),
     "closed_loop_bias": Kind(
         "warning",
@@ -445,7 +447,9 @@ KINDS: Mapping[str, Kind] = {
     ),
     "order_too_high": Kind("warning", "More order than the data show", "More states than the data show."),
     "other_controller": Kind(
-        "info", "Another controller flew", "Why nothing was flown in closed loop: another controller flew."
+        "info",
+        "Another controller flew",
+        "Why nothing was tuned or flown in closed loop: other gains made the commands.",
     ),
     "other_log": Kind(
         "warning", "Model of another log", "A model is used beside a log on which it was not identified."

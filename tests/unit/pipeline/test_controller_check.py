@@ -146,8 +146,8 @@ def test_what_was_not_checked_is_neither_good_nor_bad(record: FlightRecord, why:
     ("parameters", "firmware", "why"),
     [
         ({}, NEW, "The log has no gains of the roll controller that are known"),
-        ({"MC_ROLLRATE_P": 0.15, "MC_ROLLRATE_D": 0.0}, NEW, "MC_ROLLRATE_I are missing"),
-        ({"ATC_RAT_RLL_P": 0.1}, "ArduCopter V4.6", "ATC_RAT_RLL_D and ATC_RAT_RLL_I are missing"),
+        ({"MC_ROLLRATE_P": 0.15, "MC_ROLLRATE_D": 0.0}, NEW, "lack MC_ROLLRATE_I"),
+        ({"ATC_RAT_RLL_P": 0.1}, "ArduCopter V4.6", "lack ATC_RAT_RLL_D and ATC_RAT_RLL_I"),
         (OLDER, "", "does not name the version of its firmware"),
         (OLDER, "Betaflight 3.1.5", "older than 4.0"),
     ],

@@ -169,7 +169,7 @@ class LogControllers(Immutable):
             One of which :meth:`axis` has none.
         """
         if missing := self.missing(axis):
-            why = f"The {axis} controller is not known: {' and '.join(missing)} are missing among {self.origin}"
+            why = f"The {axis} controller is not known: {self.origin} lack {' and '.join(missing)}"
             return why, "Log all parameters of the autopilot."
         if f"{axis}PID_P" in self.parameters:
             version = version_of(self.firmware.name)
@@ -179,7 +179,7 @@ class LogControllers(Immutable):
                 )
                 return why, "Give the log as the flight controller wrote it."
             if version < OLDEST:
-                why = f"The {axis} controller of {self.firmware.name} is not known, which is older than 4.0"
+                why = f"{self.firmware.name} is older than 4.0, and its {axis} controller is not known"
                 return why, "Use a Betaflight of 4.0 or later."
         why = f"The log has no gains of the {axis} controller that are known"
         return why, "Log the parameters (PX4, ArduPilot), or use a Betaflight of 4.0 or later."

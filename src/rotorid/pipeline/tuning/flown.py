@@ -207,11 +207,17 @@ def _no_gains(axis: Axis, flown: LogControllers | None) -> InsufficientDataError
     if flown is not None:
         why, remedy = flown.unknown_gains(axis)
     return InsufficientDataError(
-        why,
+        _clause(why),
         needed="a log with the parameters of its autopilot",
-        remedy=remedy,
+        remedy=_clause(remedy),
         findings=[refusal("no_controller", axis, f"{why}.")],
     )
+
+
+def _clause(sentence: str) -> str:
+    """A sentence as a part of another one."""
+    own = sentence if sentence.startswith("Betaflight") else f"{sentence[:1].lower()}{sentence[1:]}"
+    return own.rstrip(".")
 
 
 def require_room(record: FlightRecord, model: IdentifiedModel | None = None) -> list[Finding]:
@@ -288,9 +294,9 @@ def explained(flown: FlownAxis) -> list[Finding]:
     check = check_controller(flown.record, flown.axis)
     if check.verdict == "not made":
         raise InsufficientDataError(
-            check.why,
+            _clause(check.why),
             needed="a flight whose controller is the one in its parameters",
-            remedy=check.remedy,
+            remedy=_clause(check.remedy),
             findings=[refusal("other_controller", flown.axis, f"{check.why}.", **check.numbers)],
         )
     return list(check.findings)
