@@ -193,7 +193,7 @@ def _identify_several(
         several = identify_several(records, asked, settings=settings, verify=unseen)
         found.append(replace(several, answers={name: with_command(answer) for name, answer in several.items()}))
         if not several.identified:
-            raise none_stands(several)
+            raise none_stands(several, records)
         return found[0]
 
     def show(document: ResultsDocument, folder: Path) -> None:

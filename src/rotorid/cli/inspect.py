@@ -216,7 +216,8 @@ def _head(inspection: Inspection) -> Iterator[str]:
 def _next(inspection: Inspection) -> Iterator[str]:
     """The commands that lead on from here, for this very log."""
     log = shlex.quote(inspection.name)
-    models = [model for model, support in inspection.supports.items() if support.possible]
+    flown = ("excitation", "ordinary flight")
+    models = [model for model, support in inspection.supports.items() if support.possible and support.by in flown]
     if models:
         yield f"  rotorid identify {log} --model {','.join(models)}"
     for candidate in inspection.candidates[:1]:

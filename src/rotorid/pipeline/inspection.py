@@ -8,241 +8,29 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
 
 import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.display import html_table, lines_of
 from rotorid.data.findings import Finding, remark, warn, worst_first
-from rotorid.data.record import AXES, LOWEST_RATE_HZ, Channel, FlightRecord, Maneuver, Topic
-from rotorid.errors import InsufficientDataError
-from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
-from rotorid.io.advice import flying_advice, logging_advice
-from rotorid.models.library import RATE_AXES
+from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Topic
+from rotorid.errors import InsufficientDataError, RotoridError
 from rotorid.pipeline.preparation.consistency import ChannelSkew, check_consistency, stretches
 from rotorid.pipeline.preparation.controller_check import controller_findings
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.instruments import axis_of, find_instrument, own_instrument
+from rotorid.pipeline.preparation.supports import AXIS_OF, Support, ordinary_flights, segment_of, supports
 from rotorid.pipeline.provenance import LoggedManeuver, logged
+from rotorid.pipeline.settings import IdentifySettings
 from rotorid.signal.airborne import Airborne, airborne, told_by
 from rotorid.signal.battery import battery_voltages
 from rotorid.signal.excitations import (
     candidate_excitations,
     find_excitations,
-    motor_excitations,
-    rich_excitations,
     still_declarations,
 )
 from rotorid.signal.kinematics import KinematicCheck
 from rotorid.signal.motors import motor_limits
-from rotorid.typing import Axis, FloatArray, IntArray
-
-_SID_AXIS = {"roll": 10, "pitch": 11, "yaw": 12, "thrust": 13}
-
-_PerAxis: TypeAlias = Mapping[str, Sequence[Maneuver]]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Need(Immutable):
-    """One thing that a model needs.
-
-    Parameters
-    ----------
-    need
-        What it is.
-    there
-        Whether the log has it.
-    found
-        What the log has of it.
-    """
-
-    need: str
-    there: bool
-    found: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Support(Immutable):
-    """Whether a model can be identified from a log.
-
-    Parameters
-    ----------
-    possible
-        Whether it can.
-    because
-        Why, or why not.
-    remedy
-        What to change where it cannot.
-    instrument
-        Channel free of feedback that a joint estimate would use.
-    needs
-        What the model needs, one by one.
-    """
-
-    possible: bool
-    because: str
-    remedy: str = ""
-    instrument: str | None = None
-    needs: tuple[Need, ...] = ()
-
-
-def supports(record: FlightRecord, found: _PerAxis, candidates: _PerAxis) -> dict[str, Support]:
-    """Name of each rate model, and of each of a rig where single motors were tested, to whether the log supports it.
-
-    Parameters
-    ----------
-    record
-        The log.
-    found, candidates
-        Axis to excitations, and to stretches that may have been meant as such.
-    """
-    if record.status.foreign:
-        because = f"the vehicle is a {record.status.vehicle}, as {record.status.named_in} says, and no multirotor"
-        return {model: Support(possible=False, because=because) for model in RATE_AXES}
-    rates = {model: _support(record, axis.input, axis.output, found, candidates) for model, axis in RATE_AXES.items()}
-    return rates | _rig_supports(record)
-
-
-_RIG_MODELS: Mapping[str, tuple[tuple[str, ...], tuple[Axis, ...], tuple[str, ...]]] = {
-    "rig.roll": (("motor_3", "motor_4"), ("roll",), ("phi", "p")),
-    "rig.attitude": (tuple(f"motor_{n}" for n in range(1, 5)), ("roll", "pitch"), ("phi", "theta", "psi")),
-}
-"""Inputs of each model of a vehicle on a pivot, the axes that have to be swept, and outputs of which one is enough."""
-
-
-def _rig_supports(record: FlightRecord) -> dict[str, Support]:
-    """Whether a record with test inputs of single motors supports the models of a vehicle on a pivot; else nothing."""
-    if not motor_excitations(record):
-        return {}
-    return {name: _rig_support(record, *needed) for name, needed in _RIG_MODELS.items()}
-
-
-def _rig_support(record: FlightRecord, motors: Sequence[str], axes: Sequence[Axis], outputs: Sequence[str]) -> Support:
-    flights = [Flight(record, m) for axis in axes for m in rich_excitations(record, axis)]
-    missing = [name for name in motors if name not in record.channel_names]
-    instruments = [name for motor in motors if (name := own_instrument(flights, motor))] if flights else []
-    unswept = [axis for axis in axes if not any(flight.axis == axis for flight in flights)]
-    seen = [name for name in outputs if name in record.channel_names]
-    rate = min((record.rate_hz(name) for name in (*motors, *seen)), default=0.0)
-    needs = (
-        Need(need=", ".join(motors), there=not missing, found=f"{rate:.3g} Hz" if not missing else "not all logged"),
-        Need(need=" or ".join(outputs), there=bool(seen), found=", ".join(seen) or "not logged"),
-        Need(
-            need=f"single motors swept on {' and '.join(axes)}",
-            there=not unswept,
-            found=f"{len(flights)} sweep(s)" if flights else "none found",
-        ),
-        Need(
-            need="their test inputs, free of feedback",
-            there=len(instruments) == len(motors),
-            found=", ".join(instruments) or "none that move",
-        ),
-    )
-    if missing or not seen:
-        lacking = missing or [" or ".join(outputs)]
-        return Support(possible=False, because=f"the log lacks {' and '.join(lacking)}", needs=needs)
-    if unswept:
-        return Support(
-            possible=False,
-            because=f"no sweep of single motors turns the vehicle in {' or '.join(unswept)}",
-            remedy="give a second log with it to identify",
-            needs=needs,
-        )
-    free = needs[-1].there
-    estimate = f"joint estimate with {', '.join(instruments)}" if free else "direct estimate only; feedback may bias it"
-    return Support(
-        possible=True,
-        because=f"{len(flights)} rich excitation(s), {rate:.0f} Hz, {estimate}",
-        instrument=", ".join(instruments) if free else None,
-        needs=needs,
-    )
-
-
-def segment_of(axis: str, start_s: float, stop_s: float) -> str:
-    """The value of ``--segment`` that takes an interval.
-
-    Examples
-    --------
-    >>> segment_of("roll", 0.0, 17.5512)
-    'roll:0.00:17.55'
-    """
-    return f"{axis}:{start_s:.2f}:{stop_s:.2f}"
-
-
-def _support(record: FlightRecord, input: str, output: str, found: _PerAxis, candidates: _PerAxis) -> Support:
-    name = axis_of(input)
-    rates = {channel: record.rate_hz(channel) for channel in (input, output)}
-    rich = rich_excitations(record, name)
-    tried = max(candidates[name], key=lambda maneuver: maneuver.duration_s, default=None)
-    moved = rich or ([tried] if tried else [])
-    instrument = find_instrument([Flight(record, maneuver) for maneuver in moved], name) if moved else None
-    verdict = _unlogged(record, rates) or _unflown(record, name, rich, found[name], tried)
-    if verdict is None:
-        estimate = f"joint estimate with {instrument}" if instrument else "direct estimate only; feedback may bias it"
-        because = f"{len(rich)} rich excitation(s), {min(rates.values()):.0f} Hz, {estimate}"
-        verdict = Support(possible=True, because=because, instrument=instrument)
-    return replace(verdict, needs=_needs(rates, name, rich, instrument))
-
-
-def _unlogged(record: FlightRecord, rates: Mapping[str, float]) -> Support | None:
-    """The refusal of a log that lacks channels, or holds them too slowly."""
-    advice = logging_advice(record, min(rates.values()))
-    missing = [name for name in rates if name not in record.channel_names]
-    if missing:
-        return Support(possible=False, because=f"the log lacks {' and '.join(missing)}", remedy=advice)
-    slow = [f"{name} at {rate:.3g} Hz" for name, rate in rates.items() if rate < LOWEST_RATE_HZ]
-    if slow:
-        because = f"{' and '.join(slow)} is too slow; {LOWEST_RATE_HZ:.0f} Hz is the least"
-        return Support(possible=False, because=because, remedy=advice)
-    return None
-
-
-def _unflown(
-    record: FlightRecord, axis: Axis, rich: Sequence[Maneuver], found: Sequence[Maneuver], tried: Maneuver | None
-) -> Support | None:
-    """The refusal of a flight that does not excite an axis, or not fast enough; a candidate is pointed at."""
-    if not rich:
-        kinds = ", ".join(dict.fromkeys(maneuver.kind for maneuver in found))
-        because = (
-            f"only short maneuvers ({kinds}) excite this axis" if kinds else "no excitation of this axis was found"
-        )
-        remedy = flying_advice(record).format(axis=axis, sid_axis=_SID_AXIS[axis])
-        if tried is not None:
-            remedy += f", or try --segment {segment_of(axis, tried.start_s, tried.stop_s)}"
-        return Support(possible=False, because=because, remedy=remedy)
-    tops = [maneuver.band_rad_s[1] for maneuver in rich if maneuver.band_rad_s and maneuver.kind == "sweep"]
-    if len(tops) == len(rich) and max(tops) < LOWEST_TOP_RAD_S:
-        because = f"the sweeps end at {max(tops):.2g} rad/s; a rate model needs {LOWEST_TOP_RAD_S:g} rad/s and more"
-        return Support(possible=False, because=because, remedy="fly a sweep that goes faster")
-    return None
-
-
-def _needs(
-    rates: Mapping[str, float], axis: Axis, rich: Sequence[Maneuver], instrument: str | None
-) -> tuple[Need, ...]:
-    """What a rate model needs, each with what the log has of it; without the last, feedback may bias the model."""
-    rates_needed = [
-        Need(
-            need=f"{name} at {LOWEST_RATE_HZ:.0f} Hz or more",
-            there=rate >= LOWEST_RATE_HZ,
-            found=f"{rate:.3g} Hz" if rate else "not logged",
-        )
-        for name, rate in rates.items()
-    ]
-    tops = [maneuver.band_rad_s[1] for maneuver in rich if maneuver.band_rad_s]
-    reach = f" up to {max(tops):.3g} rad/s" if tops else ""
-    flown = ", ".join(dict.fromkeys(maneuver.kind.replace("_", " ") for maneuver in rich))
-    return (
-        *rates_needed,
-        Need(
-            need=f"a sweep, multisine or random binary signal on {axis}",
-            there=bool(rich),
-            found=f"{len(rich)} ({flown}){reach}" if rich else "none found",
-        ),
-        Need(need="an instrument free of feedback", there=bool(instrument), found=instrument or "none found"),
-    )
-
+from rotorid.typing import FloatArray, IntArray
 
 _GAP_STEPS = 2.5
 
@@ -420,8 +208,9 @@ def inspect(record: FlightRecord) -> Inspection:
     Returns
     -------
     Inspection
-        What ``rotorid inspect`` tells. A model counts as supported when its channels are logged fast enough
-        and something rich enough was flown on its axis; whether the response is coherent only ``identify`` tells.
+        What ``rotorid inspect`` tells. A model counts as supported when its channels are logged and its axis was
+        excited, or flown by stick (:mod:`rotorid.pipeline.preparation.supports`); whether the model then fits, only
+        ``identify`` tells.
         Checks that cannot be done stand among the findings.
 
     Examples
@@ -450,7 +239,7 @@ def inspect(record: FlightRecord) -> Inspection:
         parameters=len(record.parameters),
         channels=tuple(channel for topic in record.topics for channel in _channels(topic)),
         excitations=tuple(logged(record, maneuver) for maneuver in _in_time(*found.values())),
-        supports=supports(record, found, candidates),
+        supports={name: _foreseen(record, name, support) for name, support in supports(record).items()},
         findings=worst_first(
             (
                 *record.findings,
@@ -473,6 +262,34 @@ def inspect(record: FlightRecord) -> Inspection:
         battery=_battery(record, flight),
         settings={name: record.parameters[name] for name in _SETTINGS if name in record.parameters},
     )
+
+
+_MOST_SAMPLES = 1_000_000
+"""Samples of ordinary flying up to which its responses are measured here: some seconds of work."""
+
+
+def _foreseen(record: FlightRecord, model: str, support: Support) -> Support:
+    """A support, or the refusal with which ``identify`` would end before any fit.
+
+    An excitation shows by itself that it will do. What a stick that flew for something else, several axes together or
+    motors show is prepared as for a fit.
+    """
+    if not support.possible or (support.by == "excitation" and model in AXIS_OF) or model.startswith("rig."):
+        return support
+    if support.by == "ordinary flight":
+        flown_s = sum(part.duration_s for part in ordinary_flights(record, AXIS_OF[model]))
+        if flown_s * record.rate_hz(f"{AXIS_OF[model]}_command") > _MOST_SAMPLES:
+            return support
+    from rotorid.pipeline.identification import method_of
+
+    try:
+        method_of(model, [record], IdentifySettings()).prepare([record])
+    except RotoridError as error:
+        findings = error.findings if isinstance(error, InsufficientDataError) else ()
+        because, lacks = (findings[0].message, findings[0].kind) if findings else (error.came, "not_identifiable")
+        remedy = error.remedy or support.remedy
+        return replace(support, possible=False, because=because.rstrip("."), remedy=remedy, by="", lacks=lacks)
+    return support
 
 
 def coverage(time_s: FloatArray) -> tuple[tuple[float, float], ...]:

@@ -218,6 +218,11 @@ def describe(found: tuple[OscillationReview, ...]) -> str:
     return f"{axes} {verb}{at}, {' and '.join(parts)}."
 
 
+def limits_shown(found: tuple[OscillationReview, ...]) -> str:
+    """Why no axis of a flight can be measured: motors at their limits answer to no command, of a calm axis neither."""
+    return f"{describe(found)} The log then shows the limits of the motors and not the vehicle."
+
+
 def motors_limited(found: tuple[OscillationReview, ...]) -> bool:
     """Whether motors are at their limits so much that the flight shows the limits on all axes, and not the vehicle."""
     return any(one.limited for one in found)

@@ -9,29 +9,20 @@ from pathlib import Path
 from typing import Any
 
 from rotorid.data.base import Immutable
+from rotorid.data.findings import refusal
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.derived import useful_known
-from rotorid.models.library import RATE_AXES
 from rotorid.models.parameter import no_such
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.identification import identify, refused
-from rotorid.pipeline.preparation.instruments import axes_of, axis_of
-from rotorid.pipeline.preparation.ordinary import ordinary_flights
+from rotorid.pipeline.preparation.instruments import axes_of
 from rotorid.pipeline.preparation.resolve import finds_its_channels, resolve_model
+from rotorid.pipeline.preparation.supports import supported_models, supports
 from rotorid.pipeline.provenance import Provenance, provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import ALL, ALSO_OF_MOTORS, MODEL, OF_MOTORS, IdentifySettings, as_records, as_settings
-from rotorid.signal.excitations import rich_excitations
-from rotorid.typing import Axis
 
-AXIS_OF: Mapping[str, Axis] = {name: axis_of(model.input) for name, model in RATE_AXES.items()}
-"""Axis of each rate model."""
-
-_COUPLED: Mapping[str, tuple[Axis, ...]] = {
-    "hover.longitudinal": ("pitch", "thrust"),
-    "hover.lateral": ("roll", "yaw"),
-}
 _PROGRESS = logging.getLogger("rotorid.progress")
 
 
@@ -73,13 +64,18 @@ class SeveralModels(Immutable, Mapping[str, "IdentifiedModel | Refused"]):
         return {name: answer for name, answer in self.answers.items() if isinstance(answer, Refused)}
 
 
-def none_stands(models: SeveralModels) -> InsufficientDataError:
+def none_stands(models: SeveralModels, records: Sequence[FlightRecord]) -> InsufficientDataError:
     """That the data support none of the models."""
+    findings = [one for answer in models.refused.values() for one in answer.findings if one.severity == "error"]
+    if not models:
+        why = {support.because: (support.lacks, name) for name, support in supports(records[0]).items()}
+        name = records[0].source.name
+        findings = [refusal(kind, model, f"{name}: {because}.") for because, (kind, model) in why.items()]
     return InsufficientDataError(
-        f"none of {len(models)} models stands: {', '.join(models)}",
+        f"none of {len(models)} models stands: {', '.join(models)}" if models else "the logs support no model",
         needed="flights that move these axes, logged fast enough",
         remedy="the findings say what each lacks",
-        findings=[one for answer in models.refused.values() for one in answer.findings if one.severity == "error"],
+        findings=findings,
     )
 
 
@@ -93,8 +89,7 @@ def identify_several(
 ) -> SeveralModels:
     """Identify several models, see :func:`rotorid.identify`; one that the data cannot support ends no other.
 
-    Options that a model does not have are left out for it. Where no axis of a log was excited on purpose, rate models
-    are fitted to the whole flight, with the stick or its set-points as instrument.
+    Options that a model does not have are left out for it.
 
     Parameters
     ----------
@@ -127,7 +122,7 @@ def identify_several(
     for number, model in enumerate(wanted):
         name = model.name if isinstance(model, LinearStructure) else str(model)
         _PROGRESS.info(f"identifying {name}", extra={"done": number, "total": len(wanted)})
-        own = settings_of(model, logs, chosen)
+        own = _settings_of(model, chosen)
         try:
             answers[name] = identify(logs, model, settings=own, verify=unseen)
         except InsufficientDataError as error:
@@ -135,28 +130,8 @@ def identify_several(
     return SeveralModels(answers=answers, provenance=provenance((*logs, *unseen), chosen))
 
 
-def supported_models(records: Sequence[FlightRecord], settings: IdentifySettings | None = None) -> tuple[str, ...]:
-    """Names of the models that logs may support: what fits them may still be refused.
-
-    Rate models of axes that were excited on purpose or, failing that, flown at all; hover models where all their axes
-    were excited on purpose; ``physical.motors`` where motors are logged.
-    """
-    given = {segment.axis for segment in settings.segments} if settings else set()
-    excited = {axis for axis in AXIS_OF.values() if axis in given or _excited_on_purpose(records, axis)}
-    rates = [
-        name
-        for name, axis in AXIS_OF.items()
-        if axis in excited or any(ordinary_flights(record, axis) for record in records)
-    ]
-    coupled = [name for name, axes in _COUPLED.items() if excited.issuperset(axes)]
-    motors = [MODEL] if any("motor_1" in record.channel_names for record in records) else []
-    return (*rates, *coupled, *motors)
-
-
-def settings_of(
-    model: str | Path | LinearStructure, records: Sequence[FlightRecord], settings: IdentifySettings
-) -> IdentifySettings:
-    """The choices that a model has; for a rate model of a flight without excitation, the flight as its segment."""
+def _settings_of(model: str | Path | LinearStructure, settings: IdentifySettings) -> IdentifySettings:
+    """The choices that a model has."""
     usual = IdentifySettings()
     if model == MODEL:
         kept = {*OF_MOTORS, *ALSO_OF_MOTORS}
@@ -168,16 +143,7 @@ def settings_of(
         if finds_its_channels(str(model)):
             return settings
         model = resolve_model(model)
-    own = own_choices(model, replace(settings, **{name: getattr(usual, name) for name in OF_MOTORS}))
-    axis = AXIS_OF.get(model.name)
-    if axis is None or own.segments or _excited_on_purpose(records, axis):
-        return own
-    flights = tuple(flight for record in records for flight in ordinary_flights(record, axis))
-    return replace(own, segments=flights)
-
-
-def _excited_on_purpose(records: Sequence[FlightRecord], axis: Axis) -> bool:
-    return any(rich_excitations(record, axis) for record in records)
+    return own_choices(model, replace(settings, **{name: getattr(usual, name) for name in OF_MOTORS}))
 
 
 def own_choices(structure: LinearStructure, settings: IdentifySettings) -> IdentifySettings:

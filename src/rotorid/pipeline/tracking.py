@@ -24,13 +24,12 @@ from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.parameter import no_such
 from rotorid.pipeline.identification import identify
-from rotorid.pipeline.preparation.flights import Flight
+from rotorid.pipeline.preparation.flights import Flight, longest_flight
 from rotorid.pipeline.preparation.instruments import find_instrument
+from rotorid.pipeline.preparation.supports import AXIS_OF
 from rotorid.pipeline.provenance import Provenance, provenance, require_one_autopilot
 from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import IdentifySettings, as_records
-from rotorid.pipeline.several import AXIS_OF, settings_of
-from rotorid.signal.airborne import airborne
+from rotorid.pipeline.settings import as_records
 from rotorid.signal.clock import resample
 from rotorid.signal.motors import motor_limits
 from rotorid.signal.stretch import stretch
@@ -189,7 +188,7 @@ def track(
     choices = TrackChoices(first_s=first_s, step_share=step_share, thrust_exponent=thrust_exponent)
     axis = AXIS_OF[name]
     beside = require_one_autopilot([model], [log]) if isinstance(model, IdentifiedModel) else ()
-    start_s, stop_s = _longest_flight(log)
+    start_s, stop_s = longest_flight(log, or_whole=False)
     require_length(stop_s - start_s, first_s)
     maneuver = Maneuver(axis=axis, kind="other", start_s=start_s, stop_s=stop_s, origin="given")
     instrument = find_instrument([Flight(log, maneuver)], axis)
@@ -244,18 +243,11 @@ def _told(reference: IdentifiedModel) -> Iterator[Finding]:
             yield replace(finding, message=re.sub(r";$", ".", " ".join(kept)))
 
 
-def _longest_flight(record: FlightRecord) -> tuple[float, float]:
-    flights = airborne(record).intervals
-    if not flights:
-        raise InsufficientDataError(f"{record.source.name} holds no flight", needed="a flight")
-    return max(flights, key=lambda one: one[1] - one[0])
-
-
 def _reference(record: FlightRecord, name: str, start_s: float, stop_s: float) -> IdentifiedModel:
     """A model of the beginning of a flight, over the band in which it will be used."""
     part = stretch(record, start_s, stop_s)
     low, high = (2.0 * math.pi * edge for edge in BAND_HZ)
-    return identify(part, name, settings=settings_of(name, [part], IdentifySettings(band_rad_s=(low, high))))
+    return identify(part, name, band_rad_s=(low, high))
 
 
 def _names(record: FlightRecord, axis: Axis, instrument: str) -> dict[str, str]:

@@ -22,6 +22,7 @@ from rotorid.pipeline.flown_models import fly_log
 from rotorid.pipeline.identification import identify, identify_motors
 from rotorid.pipeline.preparation.motor_data import motor_data
 from rotorid.pipeline.preparation.selection import select_maneuvers, select_records
+from rotorid.pipeline.preparation.selection import whole_flights as flown_whole
 from rotorid.pipeline.responses import response
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings, MotorChoices, VerifySettings, parse_segment
@@ -118,7 +119,7 @@ GROUNDED = Status(in_air=(), armed=(), flagged_in="vehicle_land_detected")
 @pytest.mark.parametrize(
     "run",
     [
-        lambda record: select_maneuvers([record], ["roll"], IdentifySettings(), whole=True),
+        lambda record: select_maneuvers([record], ["roll"], IdentifySettings(), otherwise=flown_whole),
         lambda record: select_records(FIRST, [record], IdentifySettings()),
         lambda record: delay([record], input="phi_setpoint", output="phi"),
         lambda record: delay([record]),

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from tests.twins import track_flights as twin
 
-from rotorid import IdentifySettings, identify, track
+from rotorid import identify, track
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.pipeline.several import settings_of
 from rotorid.simulation.wind import Wind
 from rotorid.verification.tracking import RATE_HZ, track_gain
 
@@ -85,8 +84,7 @@ def test_a_weak_propeller_moves_the_trim_and_hardly_the_gain(calm: dict[str, np.
     before = twin.columns(twin.fly(120.0, level=0.5, wind=still, seed=5))
     after = twin.columns(twin.fly(60.0, level=0.5, wind=still, seed=6, flying=twin.with_weak_rotor(0.08)))
     livelier = twin.record_of(calm)
-    chosen = settings_of("rate.roll", [livelier], IdentifySettings(band_rad_s=(2.0, 38.0)))
-    model = identify(livelier, "rate.roll", settings=chosen)
+    model = identify(livelier, "rate.roll", band_rad_s=(2.0, 38.0))
     found = track(twin.record_of(twin.joined(before, after)), model)
     assert found.given
     assert not found.tracking.steps

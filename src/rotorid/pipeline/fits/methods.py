@@ -20,6 +20,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.screening import is_coupling
 from rotorid.fitting.least_squares import Solution
+from rotorid.models.library import RATE_AXES
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
@@ -62,6 +63,7 @@ from rotorid.pipeline.preparation.scope import require_common_axes, scoped, trim
 from rotorid.pipeline.preparation.segments import TimeRecords, source_of, time_records
 from rotorid.pipeline.preparation.selection import Selection, select_records
 from rotorid.pipeline.preparation.sensors import corrected_record, sensor_correction, with_sensor_errors
+from rotorid.pipeline.preparation.supports import unsupported
 from rotorid.pipeline.provenance import Choices
 from rotorid.pipeline.results import FittedData, Verifications, no_response
 from rotorid.pipeline.settings import IdentifySettings
@@ -249,6 +251,8 @@ def choose(
     UsageError, ModelError
         A choice is wrong.
     """
+    if model.name in RATE_AXES and not settings.segments and (error := unsupported(records, model.name)):
+        raise error
     records, left = with_channels_of(model, records, joined=not in_time)
     require_common_axes(model, records)
     selection, remarks = select_records(model, records, settings, in_time=in_time)

@@ -9,7 +9,7 @@ and whatever excites them (:func:`chosen_maneuvers`). Segments that the user gav
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -20,6 +20,7 @@ from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.models.library import RATE_AXES
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.preparation.flights import Flight, longest_flight, overlap, require_duration
 from rotorid.pipeline.preparation.instruments import (
@@ -29,6 +30,7 @@ from rotorid.pipeline.preparation.instruments import (
     is_command,
     is_injection,
 )
+from rotorid.pipeline.preparation.supports import nothing_excites, ordinary_flights
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import (
@@ -64,7 +66,11 @@ class Selection:
 
 
 def select_maneuvers(
-    records: Sequence[FlightRecord], axes: Sequence[Axis], settings: IdentifySettings, *, whole: bool = False
+    records: Sequence[FlightRecord],
+    axes: Sequence[Axis],
+    settings: IdentifySettings,
+    *,
+    otherwise: Callable[[Sequence[FlightRecord], Sequence[Axis]], list[Flight]] | None = None,
 ) -> Selection:
     """Split the excitations of the axes into those to fit and those to keep unseen.
 
@@ -76,8 +82,9 @@ def select_maneuvers(
     ----------
     records, axes, settings
         What was flown, what is wanted, and the choices of the run.
-    whole
-        Whether a record without any excitation is taken whole: of an input that is no command nothing can be found.
+    otherwise
+        What to fit where nothing was excited: whole flights (:func:`whole_flights`) of an input that is no command and
+        in which nothing can be found, ordinary ones (:func:`by_stick`) for a rate model.
 
     Raises
     ------
@@ -108,8 +115,8 @@ def select_maneuvers(
             for record, m in found
             if m in rich_excitations(record, m.axis)
         ]
-    if not fitted and whole and not settings.segments:
-        fitted = whole_flights(records, axes)
+    if not fitted and otherwise is not None and not settings.segments:
+        fitted = otherwise(records, axes)
     if not fitted:
         raise _nothing_flown(records, axes, [m for _, m in found])
     unseen = [
@@ -157,6 +164,16 @@ def whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list
             Flight(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))
         )
     return flights
+
+
+def by_stick(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight]:
+    """The parts of each record in which the stick moves an axis, where nothing was excited on purpose."""
+    return [
+        Flight(record, described(record, part))
+        for record in records
+        for axis in axes
+        for part in ordinary_flights(record, axis)
+    ]
 
 
 def of_axes(segments: Sequence[Maneuver], axes: Sequence[Axis]) -> list[Maneuver]:
@@ -253,11 +270,7 @@ def _nothing_flown(
         # What helps there is nobody's test input: turns, pulses and steps of ordinary driving or flying.
         needed = f"some 20 s in which {wanted} moves slowly and fast: weaving, pulses or steps in turns"
         remedy = "name such an interval with --segment"
-    if found:
-        kinds = ", ".join(f"{m.kind} at {m.start_s:.1f} s" for m in found[:4])
-        came = f"{names} holds only short {wanted} maneuvers ({kinds})"
-    else:
-        came = f"{names} holds no excitation of {wanted}"
+    came = f"{names} {nothing_excites(axes, found)}"
     for record in records:
         for axis in axes:
             if f"{axis}_command" not in record.channel_names:
@@ -296,19 +309,23 @@ def select_records(
     """
     axes = axes_of(structure.inputs, structure.outputs)
     commands = all(is_command(name) for name in structure.inputs)
-    if not in_time:
-        return TimeSelection(select_maneuvers(records, axes, settings, whole=not commands))
-    for record in records:
-        require_duration(record)
+    if in_time:
+        for record in records:
+            require_duration(record)
     if commands:
-        return TimeSelection(select_maneuvers(records, axes, settings))
+        selected = select_maneuvers(
+            records, axes, settings, otherwise=by_stick if structure.name in RATE_AXES else None
+        )
+        return TimeSelection(selected, () if settings.segments else _fitted_by_stick(selected.fitted))
+    if not in_time:
+        return TimeSelection(select_maneuvers(records, axes, settings, otherwise=whole_flights))
     each_once(records)
     if settings.segments:
         given = tuple(Flight(r, described(r, m)) for r, m in given_flights(records, settings.segments))
         return TimeSelection(Selection(fitted=given, unseen=()))
-    selected = _of_setpoints(structure.inputs, records)
-    if selected is not None:
-        return TimeSelection(selected)
+    by_setpoints = _of_setpoints(structure.inputs, records)
+    if by_setpoints is not None:
+        return TimeSelection(by_setpoints)
     whole = [whole_record(record, axes) for record in records]
     return TimeSelection(Selection(fitted=tuple(whole), unseen=()), tuple(_fitted_whole(*item) for item in whole))
 
@@ -378,6 +395,24 @@ def _fitted_whole(record: FlightRecord, maneuver: Maneuver) -> Finding:
         f"{maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s. Choose a part with --segment.",
         start_s=maneuver.start_s,
         stop_s=maneuver.stop_s,
+    )
+
+
+def _fitted_by_stick(fitted: Sequence[Flight]) -> tuple[Finding, ...]:
+    """A remark for each ordinary flight that stands in for an excitation."""
+    return tuple(
+        remark(
+            "no_excitation",
+            record.source.name,
+            f"No sweep, multisine or random binary signal of {part.axis} was found in {record.source.name}, so its "
+            f"flight from {part.start_s:.1f} to {part.stop_s:.1f} s was fitted, with the stick as instrument. A sweep "
+            "gives intervals that are several times narrower.",
+            start_s=part.start_s,
+            stop_s=part.stop_s,
+        )
+        for item in fitted
+        for record, part in (item,)
+        if not rich_excitations(record, part.axis)
     )
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TypeVar, overload
 
 from rotorid.data.axes import RATE_OF
+from rotorid.data.display import capital
 from rotorid.data.findings import worst_first
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
@@ -19,11 +20,13 @@ from rotorid.io.advice import logging_advice
 from rotorid.pipeline.oscillations import (
     OscillationReview,
     describe,
+    limits_shown,
     motors_limited,
     oscillation_findings,
     reviewed_oscillations,
 )
 from rotorid.pipeline.preparation.controller_check import controller_findings
+from rotorid.pipeline.preparation.supports import AXIS_OF, END_FIRST, foreign_vehicle
 from rotorid.pipeline.results import IdentifiedModel, Refused
 from rotorid.pipeline.review.flight import flight, logging, vehicle
 from rotorid.pipeline.review.flown import Flown, flown
@@ -42,14 +45,12 @@ from rotorid.pipeline.review.values import (
     Untold,
 )
 from rotorid.pipeline.settings import as_records
-from rotorid.pipeline.several import AXIS_OF, identify_several
+from rotorid.pipeline.several import identify_several
 from rotorid.signal.oscillations import check_oscillations
 from rotorid.typing import Axis
 
 _PROGRESS = logs.getLogger("rotorid.progress")
 _STEPS = ("flight", "logging", "oscillations", "loops", "margins", "noise", "motors", "models")
-
-_END_FIRST = "end the oscillation first"
 
 _VEHICLES = {
     "PX4": "px4_quad",
@@ -209,8 +210,7 @@ def _oscillations(
 
 def _hidden_by_limits(what: str, swinging: tuple[OscillationReview, ...]) -> Untold:
     """What no axis of a flight shows: motors at their limits answer to no command, of a calm axis neither."""
-    why = f"{describe(swinging)} The log then shows the limits of the motors and not the vehicle."
-    return Untold(what=what, why=why, remedy=_END_FIRST)
+    return Untold(what=what, why=limits_shown(swinging), remedy=END_FIRST)
 
 
 def _loops_of(flight: Flown, swinging: tuple[OscillationReview, ...]) -> tuple[dict[str, LoopReview], Sequence[Untold]]:
@@ -226,7 +226,7 @@ def _margins_of(
         return {}, [_hidden_by_limits("margins", swinging)]
     axes = tuple(one.axis for one in swinging)
     why = f"{describe(swinging)} The log then shows the limits of the loop and not its margins." if axes else ""
-    missing = [Untold(what=f"margins.{axis}", why=why, remedy=_END_FIRST) for axis in axes]
+    missing = [Untold(what=f"margins.{axis}", why=why, remedy=END_FIRST) for axis in axes]
     if len(axes) == len(RATE_OF):
         return {}, missing
     found, untold = margins(flight)
@@ -236,8 +236,7 @@ def _margins_of(
 
 def _models(record: FlightRecord, craft: str) -> tuple[dict[str, IdentifiedModel | Refused], list[Untold]]:
     if record.status.foreign:
-        why = f"{record.status.named_in} says that this is no multirotor ({record.status.vehicle}); all models are."
-        return {}, [Untold(what="models", why=why)]
+        return {}, [Untold(what="models", why=f"{capital(foreign_vehicle(record))}; all models are of multirotors.")]
     several = identify_several(record)
     return dict(several), list(_refusals(several.refused, craft))
 

@@ -10,6 +10,7 @@ from rotorid.data.axes import RATE_OF
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.identification import identify
+from rotorid.pipeline.preparation.supports import unsupported
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.tuning.plant import MeasuredRatio, UncertainPlant, uncertain_plant
 from rotorid.typing import Axis, ComplexArray, FloatArray
@@ -28,7 +29,7 @@ def rate_model(axis: Axis, given: Sequence[IdentifiedModel], logs: Sequence[Flig
         raise InsufficientDataError(f"no result of {name} came", needed=f"one of rotorid identify --model {name}")
     held = [one for one in logs if {f"{axis}_command", RATE_OF[axis]} <= set(one.channel_names)]
     if not held:
-        raise InsufficientDataError(f"no log holds {axis}_command and {RATE_OF[axis]}", needed="both of them")
+        raise unsupported(logs, name) or InsufficientDataError(f"no log holds what {name} needs")
     try:
         return identify(held, name)
     except InsufficientDataError as error:
