@@ -134,7 +134,7 @@ def _answer(task: Task, log: Path) -> LogAnswer:
     }
     rows: list[Row] = []
     failed: list[Failed] = []
-    for number, flight in enumerate(flights_of(record), start=1):
+    for number, flight in flights_of(record).items():
         for name, told in _told(flight, task):
             if isinstance(told, str):
                 failed.append(Failed(**facts, flight=number, model=name, kind="refused", reason=told[:500]))
@@ -229,22 +229,25 @@ def _measures(record: FlightRecord) -> Iterator[dict[str, Any]]:
             }
 
 
-def flights_of(record: FlightRecord) -> list[FlightRecord]:
-    """The flights of a log as records of their own; a log with one flight, or none that can be told, as it is.
+def flights_of(record: FlightRecord) -> dict[int, FlightRecord]:
+    """The flights of a log as records of their own, by the number that ``inspect`` and ``review`` give them.
 
-    Flights are apart where the vehicle stood on the ground for 10 s, and count from 20 s in the air.
+    Flights with less than 10 s on the ground between them count as the first of them; shorter ones than 20 s are left
+    out. A log with one flight that is left, or without any, comes as it is.
     """
     try:
         found = airborne(record).intervals
     except InsufficientDataError:
-        return [record]
-    joined: list[list[float]] = []
-    for start_s, stop_s in found:
-        if joined and start_s - joined[-1][1] < _ON_THE_GROUND_S:
-            joined[-1][1] = stop_s
+        return {1: record}
+    joined: dict[int, tuple[float, float]] = {}
+    last = 0
+    for number, (start_s, stop_s) in enumerate(found, start=1):
+        if last and start_s - joined[last][1] < _ON_THE_GROUND_S:
+            joined[last] = joined[last][0], stop_s
         else:
-            joined.append([start_s, stop_s])
-    flights = [(start, stop) for start, stop in joined if stop - start >= _SHORTEST_FLIGHT_S]
+            last = number
+            joined[number] = start_s, stop_s
+    flights = {number: (start, stop) for number, (start, stop) in joined.items() if stop - start >= _SHORTEST_FLIGHT_S}
     if len(flights) < 2:
-        return [record]
-    return [stretch(record, start - _MARGIN_S, stop + _MARGIN_S) for start, stop in flights]
+        return {next(iter(flights), 1): record}
+    return {number: stretch(record, start - _MARGIN_S, stop + _MARGIN_S) for number, (start, stop) in flights.items()}

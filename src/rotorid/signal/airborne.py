@@ -150,6 +150,27 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
     return _found(record, _intervals(time_s, flying, carrying, margin_s), seen_in, by_thrust=by_thrust)
 
 
+def airborne_by_thrust(record: FlightRecord) -> Airborne | None:
+    """Flights from lift-off to touch-down, as flags, thrust or motors tell them; ``None`` where none of these does.
+
+    The activity of sensors is no reason to throw data away. Where flags say that the vehicle was armed or in the air
+    at times and it never flew, as in a bench test, there are no intervals; a rig without flags has thrust and no
+    flight, and its maneuvers count as they are.
+
+    Parameters
+    ----------
+    record
+        The log.
+    """
+    try:
+        found = airborne(record, margin_s=0.0)
+    except InsufficientDataError:
+        status = record.status
+        flagged = status.in_air is not None or status.armed is not None
+        return Airborne(intervals=(), seen_in=status.flagged_in, findings=(), by_flags=True) if flagged else None
+    return found if found.by_thrust else None
+
+
 def told_by(seen_in: str) -> str:
     """What tells of a flight, as the end of a sentence.
 

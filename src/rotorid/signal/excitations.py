@@ -24,8 +24,7 @@ from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import remembered
 from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, FlightRecord, Intervals, Kind, Maneuver, Maneuvers
 from rotorid.data.trust import LEAST_WIDTH, RICH_KINDS
-from rotorid.errors import InsufficientDataError
-from rotorid.signal.airborne import airborne
+from rotorid.signal.airborne import airborne_by_thrust
 from rotorid.signal.clock import even_step_s
 from rotorid.typing import Axis, BoolArray, FloatArray
 
@@ -301,6 +300,7 @@ def verifying_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     return Maneuvers(m for m in find_excitations(record, axis) if m not in fitted)
 
 
+@remembered
 def candidate_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     """Stretches that move an axis enough to try, and that :func:`find_excitations` does not take by itself.
 
@@ -559,7 +559,8 @@ def _level_flight(record: FlightRecord, maneuvers: Sequence[Maneuver]) -> tuple[
     Of long ones the rest is cut where they are used, with a remark; of short ones it may be all that moved much.
     """
     level = tuple(maneuver for maneuver in maneuvers if not _turns_over(record, maneuver))
-    flights = _flights(record) if level else None
+    found = airborne_by_thrust(record) if level else None
+    flights = found.intervals if found is not None else None
     if flights is None:
         return level
     flown = [m for m in level if _share((m.start_s, m.stop_s), flights) > _MOSTLY_FLOWN]
@@ -571,17 +572,6 @@ def _clipped(maneuver: Maneuver, flights: Intervals) -> Maneuver:
     parts = [(max(start_s, maneuver.start_s), min(stop_s, maneuver.stop_s)) for start_s, stop_s in flights]
     start_s, stop_s = max(parts, key=lambda part: part[1] - part[0])
     return replace(maneuver, start_s=start_s, stop_s=stop_s)
-
-
-def _flights(record: FlightRecord) -> Intervals | None:
-    """When the vehicle was in the air by flags, thrust or motors; ``None`` where nothing of that tells it."""
-    try:
-        found = airborne(record, margin_s=0.0)
-    except InsufficientDataError:
-        # A rig has thrust and never flies; the flags of an autopilot know.
-        told = record.status.in_air is not None or record.status.armed is not None
-        return () if told else None
-    return found.intervals if found.by_thrust else None
 
 
 def _turns_over(record: FlightRecord, maneuver: Maneuver) -> bool:

@@ -14,10 +14,10 @@ import numpy as np
 
 from rotorid.data.findings import Finding, warn
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
-from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.errors import ModelError, UsageError
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.settings import MeasureSettings
-from rotorid.signal.airborne import Airborne, airborne, told_by
+from rotorid.signal.airborne import Airborne, airborne_by_thrust, told_by
 from rotorid.signal.clock import even_step_s, missing_channel
 from rotorid.signal.excitations import (
     LEAST_MOTION,
@@ -345,26 +345,11 @@ def while_flying(flights: Sequence[Flight]) -> tuple[list[Flight], list[Finding]
     for record, maneuver in flights:
         key = record.source.sha256 or record.source.name
         if key not in airborne_parts:
-            airborne_parts[key] = flights_by_thrust(record)
+            airborne_parts[key] = airborne_by_thrust(record)
         kept, remark = _flying_part(maneuver, airborne_parts[key])
         cut_down.append(Flight(record, kept))
         findings += remark
     return cut_down, findings
-
-
-def flights_by_thrust(record: FlightRecord) -> Airborne | None:
-    """Flights that flags, thrust or motors tell; none of them where the flags say that it never flew.
-
-    The activity of sensors is no reason to throw data away.
-    """
-    try:
-        found = airborne(record, margin_s=0.0)
-    except InsufficientDataError:
-        # A rig or a bench has no flight; its maneuvers count as they are.
-        status = record.status
-        told = status.in_air is not None or status.armed == ()
-        return Airborne(intervals=(), seen_in=status.flagged_in, findings=(), by_flags=True) if told else None
-    return found if found.by_thrust else None
 
 
 def _flying_part(maneuver: Maneuver, flight: Airborne | None) -> tuple[Maneuver, list[Finding]]:

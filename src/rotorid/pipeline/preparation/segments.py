@@ -23,11 +23,11 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.pipeline.preparation.flights import Flight, overlap
-from rotorid.pipeline.preparation.instruments import flights_by_thrust, is_injection, while_flying
+from rotorid.pipeline.preparation.instruments import is_injection, while_flying
 from rotorid.pipeline.preparation.resolve import black_box_order
 from rotorid.pipeline.results import Segment
 from rotorid.pipeline.settings import IdentifySettings
-from rotorid.signal.airborne import Airborne
+from rotorid.signal.airborne import Airborne, airborne_by_thrust
 from rotorid.signal.clock import Conditioned, missing_channel, resample, source_topic
 from rotorid.signal.excitations import find_excitations
 from rotorid.signal.kinematics import ingredients, reconstruct
@@ -322,7 +322,7 @@ def with_surroundings(flights: Sequence[Flight], margin_s: float, channels: Sequ
     for record in dict.fromkeys(record for record, _ in flights):
         own = sorted((m for r, m in flights if r is record), key=lambda m: m.start_s)
         barriers = [m for m in _all_excitations(record) if not any(overlap(m, mine) for mine in own)]
-        in_air = flights_by_thrust(record)
+        in_air = airborne_by_thrust(record)
         around = (_widened(record, m, margin_s, barriers, channels, _flight_around(in_air, m)) for m in own)
         for maneuver in around:
             last = wider[-1] if wider else None

@@ -26,12 +26,12 @@ from rotorid.pipeline.preparation.flights import Flight, longest_flight, overlap
 from rotorid.pipeline.preparation.instruments import (
     axes_of,
     find_instrument,
-    flights_by_thrust,
     is_command,
     is_injection,
 )
 from rotorid.pipeline.preparation.supports import nothing_excites, ordinary_flights
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
+from rotorid.signal.airborne import airborne_by_thrust
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import (
     LEAST_MOTION,
@@ -131,7 +131,7 @@ def select_maneuvers(
 
 def wholly_flown(flights: Sequence[Flight]) -> tuple[Flight, ...]:
     """Maneuvers that begin and end in the air, as far as thrust tells."""
-    airborne_parts = {id(record): flights_by_thrust(record) for record, _ in flights}
+    airborne_parts = {id(record): airborne_by_thrust(record) for record, _ in flights}
 
     def flies(item: Flight) -> bool:
         record, maneuver = item
