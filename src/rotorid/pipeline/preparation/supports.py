@@ -50,6 +50,7 @@ COUPLED: Mapping[str, tuple[Axis, ...]] = {
 END_FIRST = "end the oscillation first"
 """What to do about a flight that shows the limits of its motors."""
 
+_INSTRUMENT = "an instrument free of feedback"
 _SID_AXIS = {"roll": 10, "pitch": 11, "yaw": 12, "thrust": 13}
 _LISTED = 4
 
@@ -157,7 +158,8 @@ def unsupported(records: Sequence[FlightRecord], model: str) -> InsufficientData
         return None
     # The log that comes closest: one that lacks a channel says less of what to fly.
     record, support = max(each, key=lambda one: _CLOSER.index(one[1].lacks))
-    needed = ", ".join(need.need for need in support.needs if not need.there)
+    # Without an instrument the direct estimate is left: that alone stops no fit.
+    needed = ", ".join(need.need for need in support.needs if not need.there and need.need != _INSTRUMENT)
     message = f"{record.source.name}: {support.because}"
     others = f" (of {len(each)} logs the one that comes closest)" if len(each) > 1 else ""
     where = model if support.lacks in ("other_vehicle", "oscillation") else _where(record, model, support.lacks)
@@ -403,7 +405,7 @@ def _needs(
             there=bool(rich or ordinary),
             found=_excitation_words(rich, ordinary),
         ),
-        Need(need="an instrument free of feedback", there=bool(instrument), found=instrument or "none found"),
+        Need(need=_INSTRUMENT, there=bool(instrument), found=instrument or "none found"),
     )
 
 

@@ -26,7 +26,7 @@ from rotorid.pipeline.oscillations import (
     reviewed_oscillations,
 )
 from rotorid.pipeline.preparation.controller_check import controller_findings
-from rotorid.pipeline.preparation.supports import AXIS_OF, END_FIRST, foreign_vehicle
+from rotorid.pipeline.preparation.supports import AXIS_OF, END_FIRST, foreign_vehicle, rate_support
 from rotorid.pipeline.results import IdentifiedModel, Refused
 from rotorid.pipeline.review.flight import flight, logging, vehicle
 from rotorid.pipeline.review.flown import Flown, flown
@@ -238,7 +238,12 @@ def _models(record: FlightRecord, craft: str) -> tuple[dict[str, IdentifiedModel
     if record.status.foreign:
         return {}, [Untold(what="models", why=f"{capital(foreign_vehicle(record))}; all models are of multirotors.")]
     several = identify_several(record)
-    return dict(several), list(_refusals(several.refused, craft))
+    lacking = {name: rate_support(record, name) for name in AXIS_OF if name not in several}
+    unsupported = [
+        Untold(what=f"models.{name}", why=f"{capital(support.because)}.", remedy=support.remedy)
+        for name, support in lacking.items()
+    ]
+    return dict(several), [*_refusals(several.refused, craft), *unsupported]
 
 
 def _with_thrust_of(
