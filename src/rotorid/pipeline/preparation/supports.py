@@ -351,7 +351,7 @@ def _by_ordinary(
     flown_s = sum(part.duration_s for part in parts)
     because = (
         f"ordinary flight of {flown_s:.0f} s, {min(rates.values()):.0f} Hz, joint estimate with {instrument}: "
-        "intervals are several times wider than from a sweep, and only identify shows whether the model fits"
+        "intervals several times wider than from a sweep; only identify shows whether the model fits"
     )
     return Support(possible=True, because=because, remedy=f"better: {_flying(record, axis)}", by="ordinary flight")
 
