@@ -20,7 +20,7 @@ from rotorid.pipeline.preparation.consistency import ChannelSkew, check_consiste
 from rotorid.pipeline.preparation.controller_check import controller_findings
 from rotorid.pipeline.preparation.supports import AXIS_OF, Support, ordinary_flights, segment_of, supports
 from rotorid.pipeline.provenance import LoggedManeuver, logged
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.pipeline.settings import MODEL, IdentifySettings, MotorChoices
 from rotorid.signal.airborne import Airborne, airborne, told_by
 from rotorid.signal.battery import battery_voltages
 from rotorid.signal.excitations import (
@@ -280,16 +280,26 @@ def _foreseen(record: FlightRecord, model: str, support: Support) -> Support:
         flown_s = sum(part.duration_s for part in ordinary_flights(record, AXIS_OF[model]))
         if flown_s * record.rate_hz(f"{AXIS_OF[model]}_command") > _MOST_SAMPLES:
             return support
-    from rotorid.pipeline.identification import method_of
-
     try:
-        method_of(model, [record], IdentifySettings()).prepare([record])
+        _prepare(record, model)
     except RotoridError as error:
         findings = error.findings if isinstance(error, InsufficientDataError) else ()
         because, lacks = (findings[0].message, findings[0].kind) if findings else (error.came, "not_identifiable")
         remedy = error.remedy or support.remedy
         return replace(support, possible=False, because=because.rstrip("."), remedy=remedy, by="", lacks=lacks)
     return support
+
+
+def _prepare(record: FlightRecord, model: str) -> None:
+    """Do what ``identify`` does before it fits a model."""
+    if model == MODEL:
+        from rotorid.pipeline.preparation.motor_data import motor_data
+
+        motor_data([record], MotorChoices())
+        return
+    from rotorid.pipeline.identification import method_of
+
+    method_of(model, [record], IdentifySettings()).prepare([record])
 
 
 def coverage(time_s: FloatArray) -> tuple[tuple[float, float], ...]:
