@@ -174,7 +174,7 @@ def _identify_several(
     paper: ForPaper,
 ) -> None:
     """Several models into one folder: a folder for each with its files, one report, one ``results.json``."""
-    from rotorid.documents.results import RESULTS, ResultsDocument, results_document
+    from rotorid.documents.results import RESULTS, ResultsDocument, refused_results, results_document
     from rotorid.pipeline.preparation.resolve import require_known
     from rotorid.pipeline.several import identify_several, none_stands, own_choices, require_known_by_any
     from rotorid.report.several import write_several
@@ -213,7 +213,7 @@ def _identify_several(
         write=lambda folder, several: write_several(
             folder, several, title=title, figures=paper.figures, tables=paper.tables
         ),
-        refused=lambda _error, _records: results_document(found[0]),
+        refused=lambda error, _records: refused_results(found[0], error),
         document=results_document,
         show=show,
     )

@@ -18,7 +18,7 @@ from rotorid.documents.result import (
     refused_document,
     result_document,
 )
-from rotorid.errors import UsageError
+from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.several import SeveralModels
 
@@ -53,6 +53,12 @@ def results_document(models: SeveralModels) -> ResultsDocument:
         findings=[FindingDocument.model_validate(finding) for finding in refusals],
         provenance=ProvenanceDocument.model_validate(models.provenance),
     )
+
+
+def refused_results(models: SeveralModels, error: InsufficientDataError) -> ResultsDocument:
+    """Several models of which none stands, with what each lacks; models that the logs do not support are no results."""
+    findings = [FindingDocument.model_validate(finding) for finding in error.findings]
+    return results_document(models).model_copy(update={"findings": findings})
 
 
 def is_result(path: Path) -> bool:

@@ -68,11 +68,13 @@ def none_stands(models: SeveralModels, records: Sequence[FlightRecord]) -> Insuf
     """That the data support none of the models."""
     findings = [one for answer in models.refused.values() for one in answer.findings if one.severity == "error"]
     if not models:
-        why = {support.because: (support.lacks, name) for name, support in supports(records[0]).items()}
-        name = records[0].source.name
-        findings = [refusal(kind, model, f"{name}: {because}.") for because, (kind, model) in why.items()]
+        found = [(record.source.name, supports(record)) for record in records]
+        # What several models lack alike is said once.
+        why = {(log, one.because): (one.lacks, model) for log, each in found for model, one in each.items()}
+        findings = [refusal(kind, model, f"{log}: {because}.") for (log, because), (kind, model) in why.items()]
+    logs = " and ".join(record.source.name for record in records)
     return InsufficientDataError(
-        f"none of {len(models)} models stands: {', '.join(models)}" if models else "the logs support no model",
+        f"none of {len(models)} models stands: {', '.join(models)}" if models else f"no model is supported by {logs}",
         needed="flights that move these axes, logged fast enough",
         remedy="the findings say what each lacks",
         findings=findings,

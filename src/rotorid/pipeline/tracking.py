@@ -26,7 +26,7 @@ from rotorid.models.parameter import no_such
 from rotorid.pipeline.identification import identify
 from rotorid.pipeline.preparation.flights import Flight, longest_flight
 from rotorid.pipeline.preparation.instruments import find_instrument
-from rotorid.pipeline.preparation.supports import AXIS_OF
+from rotorid.pipeline.preparation.supports import AXIS_OF, unsupported
 from rotorid.pipeline.provenance import Provenance, provenance, require_one_autopilot
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import as_records
@@ -188,6 +188,8 @@ def track(
     choices = TrackChoices(first_s=first_s, step_share=step_share, thrust_exponent=thrust_exponent)
     axis = AXIS_OF[name]
     beside = require_one_autopilot([model], [log]) if isinstance(model, IdentifiedModel) else ()
+    if not isinstance(model, IdentifiedModel) and (error := unsupported([log], name)):
+        raise error
     start_s, stop_s = longest_flight(log, or_whole=False)
     require_length(stop_s - start_s, first_s)
     maneuver = Maneuver(axis=axis, kind="other", start_s=start_s, stop_s=stop_s, origin="given")

@@ -12,6 +12,7 @@ from tests.unit.cli.commands import rotorid
 import rotorid as api
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import ModelError
+from rotorid.io.tables.csv import write_csv
 from rotorid.pipeline.preparation.supports import supported_models
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.several import identify_several
@@ -83,3 +84,16 @@ def test_each_takes_the_choices_that_it_has(flight: Path, tmp_path: Path) -> Non
     assert "theta0" in ran.err
     ran = rotorid("identify", flight, *asked[:4], "--band", "12:50", "--out", tmp_path, "--json")
     assert [one["parameters"]["L_p"]["status"] for one in json.loads(ran.out)["results"][:1]] == ["fixed"]
+
+
+def test_a_log_that_supports_nothing_says_what_each_model_lacks(tmp_path: Path) -> None:
+    log = tmp_path / "still.csv"
+    time_s = np.arange(0.0, 30.0, 0.02)
+    write_csv(log, time_s, {"roll_command": 0.0 * time_s, "p": 0.0 * time_s})
+    ran = rotorid("identify", log, "--model", "all", "--out", tmp_path / "out", "--json")
+    assert ran.code == 1
+    assert "no model is supported by still.csv" in ran.err
+    told = json.loads(ran.out)
+    assert told["results"] == []
+    assert {"no_excitation", "missing_channel"} <= {finding["kind"] for finding in told["findings"]}
+    assert "still.csv: the log lacks pitch_command and q." in {finding["message"] for finding in told["findings"]}
