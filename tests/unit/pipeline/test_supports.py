@@ -14,7 +14,7 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver,
 from rotorid.errors import InsufficientDataError
 from rotorid.models.library import rate_model as structure_of
 from rotorid.pipeline.preparation.selection import select_records
-from rotorid.pipeline.preparation.supports import supported_models, supports, unsupported
+from rotorid.pipeline.preparation.supports import supported_models, supporting_logs, supports, unsupported
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.several import identify_several, none_stands
@@ -213,6 +213,16 @@ def test_several_logs_support_what_one_of_them_does(flown: dict[str, FloatArray]
     refused = unsupported([poor, MADE["stick at rest"](flown)], MODEL)
     assert refused is not None
     assert "no roll stick moves" in str(refused)  # it comes closer than a log without a rate
+
+
+def test_a_log_of_another_vehicle_takes_no_part_beside_one_that_serves(flown: dict[str, FloatArray]) -> None:
+    good, rover = MADE["by stick"](flown), MADE["rover"]({name: values[:4000] for name, values in flown.items()})
+    kept, findings = supporting_logs([rover, good], MODEL)
+    assert [one is good for one in kept] == [True]
+    assert [finding.kind for finding in findings] == ["other_vehicle"]
+    assert "made.csv was left out: the vehicle is a rover" in findings[0].message
+    with pytest.raises(InsufficientDataError, match="no multirotor"):
+        supporting_logs([rover], MODEL)
 
 
 def test_a_given_segment_is_obeyed(flown: dict[str, FloatArray]) -> None:

@@ -63,7 +63,7 @@ from rotorid.pipeline.preparation.scope import require_common_axes, scoped, trim
 from rotorid.pipeline.preparation.segments import TimeRecords, source_of, time_records
 from rotorid.pipeline.preparation.selection import Selection, select_records
 from rotorid.pipeline.preparation.sensors import corrected_record, sensor_correction, with_sensor_errors
-from rotorid.pipeline.preparation.supports import unsupported
+from rotorid.pipeline.preparation.supports import supporting_logs
 from rotorid.pipeline.provenance import Choices
 from rotorid.pipeline.results import FittedData, Verifications, no_response
 from rotorid.pipeline.settings import IdentifySettings
@@ -251,15 +251,16 @@ def choose(
     UsageError, ModelError
         A choice is wrong.
     """
-    if model.name in RATE_AXES and not settings.segments and (error := unsupported(records, model.name)):
-        raise error
+    ruled_out: tuple[Finding, ...] = ()
+    if model.name in RATE_AXES and not settings.segments:
+        records, ruled_out = supporting_logs(records, model.name)
     records, left = with_channels_of(model, records, joined=not in_time)
     require_common_axes(model, records)
     selection, remarks = select_records(model, records, settings, in_time=in_time)
     own = settings if settings.outputs or not outputs else replace(settings, outputs=outputs)
     scope = scoped(model, selection, records, own, joined=not in_time)
     at_trim = trimmed(scope.structure, selection.fitted, settings)
-    return Chosen(at_trim.structure, selection, (*left, *remarks, *scope.findings, *at_trim.findings))
+    return Chosen(at_trim.structure, selection, (*ruled_out, *left, *remarks, *scope.findings, *at_trim.findings))
 
 
 class ResponseData(NamedTuple):

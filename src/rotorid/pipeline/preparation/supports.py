@@ -15,7 +15,7 @@ from typing import Literal, TypeAlias
 
 from rotorid.data.base import Immutable
 from rotorid.data.display import listed
-from rotorid.data.findings import refusal
+from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
@@ -169,6 +169,34 @@ def unsupported(records: Sequence[FlightRecord], model: str) -> InsufficientData
         remedy=support.remedy,
         findings=[refusal(support.lacks, where, f"{message}.")],
     )
+
+
+def supporting_logs(records: Sequence[FlightRecord], model: str) -> tuple[Sequence[FlightRecord], tuple[Finding, ...]]:
+    """The logs that may enter a rate model, and a warning for each whose vehicle or motors rule it out.
+
+    Parameters
+    ----------
+    records, model
+        As for :func:`unsupported`.
+
+    Raises
+    ------
+    InsufficientDataError
+        No log supports the model.
+    """
+    if error := unsupported(records, model):
+        raise error
+    ruled_out = {id(one): why for one in records if (why := _no_vehicle(one) or _limited(one)) is not None}
+    findings = [
+        warn(
+            ruled_out[id(one)].lacks,
+            one.source.name,
+            f"{one.source.name} was left out: {ruled_out[id(one)].because}. The other logs were used.",
+        )
+        for one in records
+        if id(one) in ruled_out
+    ]
+    return [one for one in records if id(one) not in ruled_out] if ruled_out else records, tuple(findings)
 
 
 _CLOSER = ("other_vehicle", "missing_channel", "rate_too_low", "never_airborne", "oscillation", "no_excitation")
