@@ -51,6 +51,9 @@ END_FIRST = "end the oscillation first"
 """What to do about a flight that shows the limits of its motors."""
 
 _INSTRUMENT = "an instrument free of feedback"
+_WHOLE_HZ = 100.0
+"""Rates from which decimals say nothing."""
+
 _SID_AXIS = {"roll": 10, "pitch": 11, "yaw": 12, "thrust": 13}
 _LISTED = 4
 
@@ -240,7 +243,7 @@ def rate_support(record: FlightRecord, model: str) -> Support:
         or (_by_ordinary(record, axis, ordinary, rates, instrument) if ordinary else None)
         or _unflown(record, axis, tried)
     )
-    needs = () if verdict.lacks == "other_vehicle" else _needs(rates, axis, rich, ordinary, instrument)
+    needs = verdict.needs or _needs(rates, axis, rich, ordinary, instrument)
     return replace(verdict, instrument=instrument if verdict.possible else None, needs=needs)
 
 
@@ -316,7 +319,8 @@ def _no_vehicle(record: FlightRecord) -> Support | None:
     """The refusal of a log that says that its vehicle is no multirotor."""
     if not record.status.foreign:
         return None
-    return Support(possible=False, because=foreign_vehicle(record), lacks="other_vehicle")
+    needs = (Need(need="a multirotor", there=False, found=record.status.vehicle),)
+    return Support(possible=False, because=foreign_vehicle(record), needs=needs, lacks="other_vehicle")
 
 
 def foreign_vehicle(record: FlightRecord) -> str:
@@ -422,7 +426,7 @@ def _needs(
         Need(
             need=f"{name} at {LOWEST_RATE_HZ:.0f} Hz or more",
             there=rate > 0.0 and rate >= least_hz,
-            found=f"{rate:.3g} Hz" if rate else "not logged",
+            found=(f"{rate:.0f} Hz" if rate >= _WHOLE_HZ else f"{rate:.3g} Hz") if rate else "not logged",
         )
         for name, rate in rates.items()
     ]
@@ -458,7 +462,7 @@ def _coupled_support(record: FlightRecord, model: str) -> Support:
         for axis, rich in found.items()
     )
     if refused := _no_vehicle(record) or _limited(record):
-        return replace(refused, needs=needs)
+        return replace(refused, needs=refused.needs or needs)
     if still := [axis for axis, rich in found.items() if not rich]:
         because = f"the log holds no sweep of {listed(still)}"
         remedy = _flying(record, *still)
@@ -472,7 +476,7 @@ def _motor_support(record: FlightRecord) -> Support:
     there = "motor_1" in record.channel_names
     needs = (Need(need="outputs of all motors", there=there, found="logged" if there else "not logged"),)
     if refused := _no_vehicle(record) or _limited(record):
-        return replace(refused, needs=needs)
+        return replace(refused, needs=refused.needs or needs)
     if not there:
         return Support(possible=False, because="the log lacks motor_1", needs=needs, lacks="missing_channel")
     because = "motors are logged; only identify shows whether they explain the motion"
