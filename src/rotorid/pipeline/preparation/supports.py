@@ -10,7 +10,7 @@ fits, only ``identify`` shows.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 from rotorid.data.base import Immutable
@@ -51,8 +51,8 @@ END_FIRST = "end the oscillation first"
 """What to do about a flight that shows the limits of its motors."""
 
 _INSTRUMENT = "an instrument free of feedback"
-_WHOLE_HZ = 100.0
-"""Rates from which decimals say nothing."""
+_WHOLE_HZ, _WHOLE_RAD_S = 100.0, 2.0
+"""Rates and ends of excitations from which decimals say nothing."""
 
 _SID_AXIS = {"roll": 10, "pitch": 11, "yaw": 12, "thrust": 13}
 _LISTED = 4
@@ -100,6 +100,8 @@ class Support(Immutable):
         cannot.
     lacks
         Kind of the finding that says why it cannot; empty where it can.
+    numbers
+        Of that finding.
     """
 
     possible: bool
@@ -109,6 +111,10 @@ class Support(Immutable):
     needs: tuple[Need, ...] = ()
     by: By = ""
     lacks: str = ""
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._set(numbers=self.numbers)
 
 
 def supports(record: FlightRecord) -> dict[str, Support]:
@@ -170,7 +176,7 @@ def unsupported(records: Sequence[FlightRecord], model: str) -> InsufficientData
         f"{message}{others}",
         needed=needed,
         remedy=support.remedy,
-        findings=[refusal(support.lacks, where, f"{message}.")],
+        findings=[refusal(support.lacks, where, f"{message}.", **support.numbers)],
     )
 
 
@@ -304,6 +310,18 @@ def nothing_excites(axes: Sequence[Axis], found: Sequence[Maneuver]) -> str:
     return f"holds only short {wanted} maneuvers ({kinds}{', …' if len(found) > _LISTED else ''})"
 
 
+def nothing_above(top_rad_s: float) -> str:
+    """That the excitations of an axis end at a frequency.
+
+    Examples
+    --------
+    >>> nothing_above(6.16), nothing_above(1.64)
+    ('no excitation above 6 rad/s', 'no excitation above 1.6 rad/s')
+    """
+    rounded = f"{top_rad_s:.0f}" if top_rad_s >= _WHOLE_RAD_S else f"{top_rad_s:.2g}"
+    return f"no excitation above {rounded} rad/s"
+
+
 def segment_of(axis: str, start_s: float, stop_s: float) -> str:
     """The value of ``--segment`` that takes an interval.
 
@@ -357,8 +375,13 @@ def _by_excitation(rich: Sequence[Maneuver], rates: Mapping[str, float], instrum
     """What an excitation gives; one that ends too low gives nothing."""
     top_rad_s = excited_to_rad_s(rich)
     if top_rad_s < LOWEST_TOP_RAD_S:
-        because = f"the sweeps end at {top_rad_s:.2g} rad/s; a rate model needs {LOWEST_TOP_RAD_S:g} rad/s and more"
-        return Support(possible=False, because=because, remedy="fly a sweep that goes faster", lacks="no_excitation")
+        return Support(
+            possible=False,
+            because=f"{nothing_above(top_rad_s)}; a rate model needs {LOWEST_TOP_RAD_S:g} rad/s and more",
+            remedy="fly a sweep that goes faster",
+            lacks="no_excitation",
+            numbers={"highest_rad_s": top_rad_s, "needed_rad_s": LOWEST_TOP_RAD_S},
+        )
     estimate = f"joint estimate with {instrument}" if instrument else "direct estimate only; feedback may bias it"
     rate_hz = min(rates.values())
     slow = "" if rate_hz >= LOWEST_RATE_HZ else ", which hides motor lag and delay of a small multirotor"

@@ -17,6 +17,7 @@ from rotorid.fitting.frequency.screening import (
 from rotorid.models.library import RATE_AXES
 from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.preparation.measure import Measured
+from rotorid.pipeline.preparation.supports import nothing_above
 from rotorid.typing import BoolArray
 from rotorid.uncertainty.cramer_rao import (
     Bounds,
@@ -83,17 +84,15 @@ def _logged_too_slowly(measured: Measured, high: float, needed: float) -> Insuff
 
 def _not_excited(measured: Measured, needed: float) -> InsufficientDataError:
     name, top = _name(measured), measured.excited_to_rad_s
-    rounded = f"{top:.0f}" if top >= 2.0 else f"{top:.2g}"
     return InsufficientDataError(
-        f"no excitation above {rounded} rad/s came for {name}",
+        f"{nothing_above(top)} came for {name}",
         needed=f"excitation that goes on to {needed:.3g} rad/s and more",
         remedy="fly a sweep that goes faster",
         findings=[
             refusal(
                 "no_excitation",
                 name,
-                f"There is no excitation above {rounded} rad/s in {name}; what is coherent above is feedback and "
-                "noise.",
+                f"There is {nothing_above(top)} in {name}; what is coherent above is feedback and noise.",
                 highest_rad_s=top,
                 needed_rad_s=needed,
             )
