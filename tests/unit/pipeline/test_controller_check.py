@@ -12,7 +12,7 @@ from tests.unit.pipeline.test_flown_firmware import BETAFLIGHT, NEW, OLD, PX4, f
 from rotorid.data.findings import warn
 from rotorid.data.record import FlightRecord
 from rotorid.pipeline.preparation.controller_check import SAME_GAIN, check_controller, check_given, controller_findings
-from rotorid.pipeline.preparation.controllers import controllers_of
+from rotorid.pipeline.preparation.controllers import EXPLAINED, controllers_of
 
 ARDUPILOT = {
     **{
@@ -174,6 +174,19 @@ def test_a_given_controller_is_checked_alike() -> None:
         given = replace(own.controller, proportional_s=factor * own.controller.proportional_s)
         found = check_given(WHOLE, "roll", given, setpoint="p_setpoint", driven="rate")
         assert found.verdict == verdict
+
+
+def test_another_filter_shows_in_what_stays_unexplained() -> None:
+    own = controllers_of(WHOLE).axis("roll")
+    assert own is not None
+    late = replace(own.controller, delay_s=0.02)
+    found = check_given(WHOLE, "roll", late, setpoint="p_setpoint", driven="rate")
+    assert found.verdict == "not made"
+    assert found.unexplained is not None
+    assert found.unexplained > EXPLAINED
+    flew = check_controller(WHOLE, "roll")
+    assert flew.unexplained is not None
+    assert flew.unexplained < 0.05
 
 
 def test_the_loop_rate_of_betaflight_is_that_of_its_header_and_not_of_its_log() -> None:

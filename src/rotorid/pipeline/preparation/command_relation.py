@@ -74,11 +74,13 @@ class CommandRelation(Immutable):
         """Share of a signal's power that no linear relation to set-point and rate explains, shape ``(f,)``."""
         signal = self.signals[name]
         inside = [self.rate] if self.setpoint is None else [self.rate, self.setpoint]
-        stacked = np.stack(inside, axis=-1).transpose(1, 0, 2)
-        fitted = stacked @ (np.linalg.pinv(stacked) @ signal.T[..., None])
-        left = np.sum(np.abs(signal.T - fitted[..., 0]) ** 2, axis=1)
+        stacked = np.stack(inside, axis=-1)
+        squares = np.einsum("wfi,wfj->fij", stacked.conj(), stacked)
+        products = np.einsum("wfi,wf->fi", stacked.conj(), signal)
+        fitted = np.linalg.pinv(squares, hermitian=True) @ products[..., None]
         size = np.sum(np.abs(signal) ** 2, axis=0)
-        return np.asarray(np.divide(left, size, out=np.ones_like(left), where=size > 0.0))
+        left = size - np.sum(products.conj() * fitted[..., 0], axis=1).real
+        return np.asarray(np.divide(np.maximum(left, 0.0), size, out=np.ones_like(left), where=size > 0.0))
 
     def related(self, name: str, highest_rad_s: float = np.inf) -> BoolArray:
         """Frequencies at which what goes in explains a signal by some linear relation; none where these are too few.
