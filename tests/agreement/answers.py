@@ -185,10 +185,16 @@ def _parameters(result: Document) -> _Pairs:
             yield f"{result['model']}: {name} std", parameter["std"] if parameter["std"] is not None else "none"
 
 
+_TRIED = frozenset({"poor_fit", "structure_error", "not_identifiable", "impossible_physics"})
+"""Findings of a fit that was made and refused: the log supports its model, and no parameters came of it."""
+
+
 def _model(result: Document) -> _Pairs:
     """A model that was identified, or refused."""
     model = result["model"]
-    yield f"{model}: supported", str(bool(result.get("parameters")))
+    refused_by = {one["kind"] for one in result.get("findings", ()) if one["severity"] == "error"}
+    yield f"{model}: identified", str(bool(result.get("parameters")))
+    yield f"{model}: supported", str(bool(result.get("parameters")) or not refused_by.isdisjoint(_TRIED))
     yield from _parameters(result)
     yield from _remarks(result.get("findings", ()), model)
     provenance = result.get("provenance") or {}
@@ -258,13 +264,13 @@ def _fleet(document: Document) -> _Pairs:
         yield f"{row['model']}: {row['parameter']}", row["value"]
         yield f"{row['model']}: {row['parameter']} std", row["std"] if row["std"] is not None else "none"
     for model in sorted({row["model"] for row in rows}):
-        yield f"{model}: supported", "True"
+        yield f"{model}: identified", "True"
     for model, parameters in document.get("population", {}).items():
         for name, found in parameters.items():
             yield f"{model}: {name}", found["mean"]["value"]
     for refused in document.get("failed", ()):
         if refused.get("model"):
-            yield f"{refused['model']}: supported", "False"
+            yield f"{refused['model']}: identified", "False"
 
 
 _MARGINS = {
