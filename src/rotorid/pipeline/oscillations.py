@@ -64,7 +64,7 @@ class OscillationReview(Immutable):
     at_limit_percent
         How much of the flight, or of its part that swings, a motor was at a limit; ``None`` where that is not known.
     limited
-        Whether roll, pitch and yaw commands kept a motor there for so long that the log shows limits on all axes.
+        Whether a motor was there in so many powered samples that the log shows limits on all axes.
     error_rms_rad
         Of the attitude against its set-point, for a slow swing.
     gains

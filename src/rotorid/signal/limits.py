@@ -10,8 +10,10 @@ and round down: the last step before ``MOT_SPIN_MAX`` is full output. All limits
 31.7 and 32.3 % in freestyle.
 
 Why a motor is at a limit shows in the thrust. Where the pilot chops the throttle, or all motors idle on the ground, the
-mean of the motors is near the lower end (``idle``); where full thrust is demanded it is near the upper one (``full``).
-Where it lies in between, the commands of roll, pitch and yaw took what was left (``loop``).
+mean of the motors is near the lower end, or the throttle that goes straight to the mixer is closed (``idle``); at full
+thrust the mean is near the upper end (``full``). Where it lies in between, the commands of roll, pitch and yaw took
+what was left (``loop``). A thrust that a controller demands does not count: a limit cycle loses lift, or gains it where
+the mixer makes room upward, and the loop of height then asks for all thrust or for none.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ Range: TypeAlias = tuple[float, float]
 """Outputs of no and of full thrust."""
 
 Cause: TypeAlias = Literal["idle", "full", "loop", "unknown"]
-"""``idle``: chopped throttle, or on the ground; ``full``: full thrust demanded; ``loop``: roll, pitch or yaw commands;
+"""``idle``: chopped throttle, or on the ground; ``full``: full thrust; ``loop``: roll, pitch or yaw commands;
 ``unknown``: these are not logged."""
 
 _WORDS: Mapping[Cause, str] = MappingProxyType(
@@ -57,14 +59,13 @@ AT_LIMIT = 0.0025
 """Distance from an end, over the range, that counts as at it: two steps of a pulse in whole microseconds."""
 
 POWERED = 0.1
-"""Mean output over the range from which motors carry the vehicle; within as much of full output, all thrust is asked
-for."""
+"""Mean output over the range from which motors carry the vehicle; as much below full output is full thrust."""
 
-_NO_THRUST = 0.02
-"""Demanded thrust, or throttle that goes straight to the mixer, that is none; as much below one, it is full."""
+_CLOSED = 0.02
+"""Throttle that is closed."""
 
-_MADE_OF_MOTORS = ("motor mix", "mean of")
-"""Sources of a thrust command that readers make of the motors: it does not show what was demanded."""
+_NO_CONTROLLER = "motor mix"
+"""Source of a thrust command of Betaflight, whose throttle goes straight to the mixer."""
 
 _FEWEST = 10
 """Samples without which limits are not counted."""
@@ -288,7 +289,9 @@ def limits_of(record: FlightRecord, time_s: FloatArray, values: FloatArray, ends
     found = (AT_LIMIT, 1.0 - AT_LIMIT) if ends is not None else _piled(flown)
     low_ends, high_ends = found or (-np.inf, np.inf)
     lower, upper = outputs <= low_ends, outputs >= high_ends
-    mean, asked = outputs.mean(axis=0), _demanded(record, time_s, counted)
+    mean = outputs.mean(axis=0)
+    # The mixer raises motors over a closed throttle, as far as they are asked to differ.
+    chopped = (_throttle(record, time_s) < _CLOSED) & ~upper.any(axis=0)
     return MotorLimits(
         time_s=time_s,
         outputs=outputs,
@@ -296,8 +299,8 @@ def limits_of(record: FlightRecord, time_s: FloatArray, values: FloatArray, ends
         upper=upper,
         counted=counted,
         mean=mean,
-        idle=np.asarray((mean < POWERED) | lower.all(axis=0) | (asked < _NO_THRUST)),
-        full=np.asarray((mean > 1.0 - POWERED) | upper.all(axis=0) | (asked > 1.0 - _NO_THRUST)),
+        idle=np.asarray((mean < POWERED) | lower.all(axis=0) | chopped),
+        full=np.asarray((mean > 1.0 - POWERED) | upper.all(axis=0)),
         explained=any(f"{axis}_command" in record.channel_names for axis in ("roll", "pitch", "yaw")),
         unknown_range="" if found is not None or not time_s.size else "does not say in which range its motors move",
     )
@@ -329,18 +332,12 @@ def in_flight(record: FlightRecord, time_s: FloatArray) -> BoolArray:
     return within(time_s, intervals)
 
 
-def _demanded(record: FlightRecord, time_s: FloatArray, counted: BoolArray) -> FloatArray:
-    """Demanded thrust, or the throttle that goes straight to the mixer; not a number where neither is logged."""
-    unknown = np.full(time_s.size, np.nan)
-    made = "thrust_command" in record and record["thrust_command"].channel.source.startswith(_MADE_OF_MOTORS)
-    name = "thrust_stick" if made else "thrust_command"
-    if name not in record:
-        return unknown
-    track = record[name]
+def _throttle(record: FlightRecord, time_s: FloatArray) -> FloatArray:
+    """Throttle that goes straight to the mixer; not a number where a controller stands between, or none is logged."""
+    straight = "thrust_command" in record and record["thrust_command"].channel.source == _NO_CONTROLLER
+    if not straight or "thrust_stick" not in record:
+        return np.full(time_s.size, np.nan)
+    track = record["thrust_stick"]
     kept = np.isfinite(track.values) & np.isfinite(track.time_s)
     stamps, first = np.unique(track.time_s[kept], return_index=True)
-    if stamps.size < 2 or not counted.any():
-        return unknown
-    asked = np.interp(time_s, stamps, track.values[kept][first])
-    # A thrust that counts from hover has its zero there.
-    return asked if float(np.median(asked[counted])) > _NO_THRUST else unknown
+    return np.interp(time_s, stamps, track.values[kept][first]) if stamps.size else np.full(time_s.size, np.nan)

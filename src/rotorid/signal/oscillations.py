@@ -52,8 +52,8 @@ HUGE_RMS = 0.35
 """No stick moves a command so much all the time: slow logs need no motor at a limit from here on."""
 
 LARGEST_LIMITED = 0.25
-"""Share of powered samples in which roll, pitch and yaw commands keep a motor at a limit: stable flights reach 0.23,
-limit cycles begin at 0.39."""
+"""Share of powered samples with a motor at a limit, whatever the cause: stable flights reach 0.23, limit cycles begin
+at 0.39."""
 
 LARGEST_ERROR_RAD = np.radians(2.0)
 """Of the attitude against its set-point."""
@@ -140,7 +140,7 @@ class Oscillation(Immutable):
     at_limit_percent
         How much of the flight, or of its part that swings, a motor was at a limit; ``None`` where that is not known.
     limited
-        Whether roll, pitch and yaw commands kept a motor there for so long that the log shows limits on all axes.
+        Whether a motor was there in so many powered samples that the log shows limits on all axes.
     error_rms_rad
         Of the attitude against its set-point; ``None`` for a limit cycle.
     """
@@ -223,18 +223,17 @@ class _Power(NamedTuple):
     time_s: FloatArray
     mean: FloatArray
     at_limit: BoolArray | None
-    by_loop: BoolArray | None
 
     def limited(self, start_s: float = -np.inf, stop_s: float = np.inf) -> tuple[float, float]:
-        """Share of a part of the flight with a motor at a limit, and share of its powered samples with one by a loop.
+        """Share of a part of the flight with a motor at a limit, and the same share of its powered samples.
 
         Not a number where limits are not known.
         """
         part = slice(*np.searchsorted(self.time_s, [start_s, stop_s]))
         powered = self.mean[part] >= POWERED
-        if self.at_limit is None or self.by_loop is None or not powered.any():
+        if self.at_limit is None or not powered.any():
             return np.nan, np.nan
-        return float(np.mean(self.at_limit[part])), float(np.mean(self.by_loop[part][powered]))
+        return float(np.mean(self.at_limit[part])), float(np.mean(self.at_limit[part][powered]))
 
     def runs(self, start_s: float, stop_s: float) -> bool:
         """Whether the motors carry the vehicle for half of a window; believed where nothing is logged."""
@@ -246,18 +245,13 @@ def _power(record: FlightRecord) -> _Power:
     limits = motor_limits(record)
     flying = limits.counted
     if limits.time_s.size:
-        known = not limits.unknown
-        return _Power(
-            limits.time_s[flying],
-            limits.mean[flying],
-            limits.limited[flying] if known else None,
-            limits.by_loop[flying] if known else None,
-        )
+        at_limit = None if limits.unknown else limits.limited[flying]
+        return _Power(limits.time_s[flying], limits.mean[flying], at_limit)
     if "thrust_command" in record:
         track = record["thrust_command"]
         kept = np.isfinite(track.values) & np.isfinite(track.time_s)
-        return _Power(track.time_s[kept], np.abs(track.values[kept]), None, None)
-    return _Power(np.zeros(0), np.zeros(0), None, None)
+        return _Power(track.time_s[kept], np.abs(track.values[kept]), None)
+    return _Power(np.zeros(0), np.zeros(0), None)
 
 
 class _Samples(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rotorid.data.flight_plan import SimulatedFlight
-from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.io.registry import read, write_log
 from rotorid.signal.limits import AT_LIMIT, MotorLimits
 from rotorid.signal.motors import expo_share, motor_limits
@@ -120,6 +120,41 @@ def test_the_last_step_of_a_pulse_is_at_the_limit(away: float, counts: bool) -> 
     source = Source(name="flight.bin", format="ArduPilot DataFlash", sha256="")
     share = motor_limits(FlightRecord(source=source, topics=(topic,), parameters=SPIN)).share
     assert (share > 0.0) == counts
+
+
+@pytest.mark.parametrize("demanded", [0.0, 1.0])
+def test_a_limit_cycle_stays_one_whatever_thrust_its_height_loop_asks_for(demanded: float) -> None:
+    """It loses lift, or gains it where the mixer makes room upward: the demand is its consequence."""
+    swing = 0.5 + 0.6 * np.sin(2.0 * np.pi * 7.0 * TIME_S)
+    rows = {f"motor_{number}": np.clip(swing if number % 2 else 1.0 - swing, 0.0, 1.0) for number in range(1, 5)}
+    rows |= {"roll_command": 0.6 * np.sin(2.0 * np.pi * 7.0 * TIME_S), "thrust_command": np.full(TIME_S.size, demanded)}
+    channels = tuple(Channel(name=name, unit="1") for name in rows)
+    topic = Topic(name="motors", time_s=TIME_S, channels=channels, values=np.stack(list(rows.values())))
+    status = Status(in_air=((0.0, 100.0),), flagged_in="flags")
+    source = Source(name="flight", format="PX4 ULog", sha256="")
+    limits = motor_limits(FlightRecord(source=source, topics=(topic,), status=status))
+    assert limits.share > 0.3
+    assert limits.causes["loop"] == limits.share
+
+
+@pytest.mark.parametrize(("throttle", "idle"), [(0.0, True), (0.4, False)])
+def test_a_closed_throttle_explains_lower_ends_over_which_the_mixer_makes_room(throttle: float, idle: bool) -> None:
+    """Betaflight's airmode: one motor of a pair idles, and the other turns the vehicle; at an upper end a loop does."""
+    turning = 0.5 * np.abs(np.sin(3.0 * TIME_S))
+    rows = {f"motor_{number}": turning if number % 2 else np.zeros(TIME_S.size) for number in range(1, 5)}
+    rows["motor_1"] = np.where(TIME_S > 90.0, 1.0, rows["motor_1"])
+    rows |= {"roll_command": turning, "thrust_stick": np.full(TIME_S.size, throttle)}
+    channels = [Channel(name=name, unit="1") for name in rows]
+    channels.append(Channel(name="thrust_command", unit="1", source="motor mix"))
+    values = np.stack([*rows.values(), 0.5 * turning])
+    topic = Topic(name="flight 1", time_s=TIME_S, channels=tuple(channels), values=values)
+    status = Status(in_air=((0.0, 100.0),), flagged_in="flags")
+    source = Source(name="flight", format="Betaflight blackbox", sha256="")
+    limits = motor_limits(FlightRecord(source=source, topics=(topic,), status=status))
+    assert (limits.share, limits.upper_share) == pytest.approx((1.0, 0.1), abs=1e-3)
+    part = limits.during(((0.0, 90.0),))
+    assert (part.causes["idle"] > 0.99) == idle
+    assert limits.during(((90.1, 100.0),)).causes["loop"] == 1.0
 
 
 def of_motors(values: FloatArray, format: str = "ArduPilot DataFlash") -> MotorLimits:
