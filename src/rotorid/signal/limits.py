@@ -168,6 +168,8 @@ class MotorLimits(Immutable):
         Samples with next to no, and with next to full thrust, shape ``(n,)``.
     explained
         Whether a command of roll, pitch or yaw is logged, which says what else was asked of the motors.
+    fewest
+        Samples at an end without which none is seen: one, or as many as make a pile.
     unknown_range
         Why the range is not known, as the end of a sentence about the log; empty where it is.
     """
@@ -181,6 +183,7 @@ class MotorLimits(Immutable):
     idle: BoolArray
     full: BoolArray
     explained: bool = True
+    fewest: int = 1
     unknown_range: str = ""
 
     def __post_init__(self) -> None:
@@ -302,6 +305,7 @@ def limits_of(record: FlightRecord, time_s: FloatArray, values: FloatArray, ends
         idle=np.asarray((mean < POWERED) | lower.all(axis=0) | chopped),
         full=np.asarray((mean > 1.0 - POWERED) | upper.all(axis=0)),
         explained=any(f"{axis}_command" in record.channel_names for axis in ("roll", "pitch", "yaw")),
+        fewest=1 if ends is not None else _LEAST_PILE,
         unknown_range="" if found is not None or not time_s.size else "does not say in which range its motors move",
     )
 

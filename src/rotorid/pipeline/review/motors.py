@@ -155,8 +155,8 @@ def _share(limits: MotorLimits, samples: BoolArray) -> Quantity:
     value, on = limits.of(samples), samples[limits.counted]
     parts = [float(np.mean(part)) for part in np.array_split(on, 10) if part.size]
     std = float(np.std(parts, ddof=1)) / math.sqrt(len(parts)) if len(parts) > 1 else 0.0
-    # None in n samples still leaves three in n possible.
-    half = max(TWO_SIDED_95 * std, 3.0 / on.size)
+    # None in n samples still leaves three in n possible, or three times as many as a pile needs to be seen.
+    half = max(TWO_SIDED_95 * std, 3.0 * limits.fewest / on.size)
     return Quantity(value=value, std=std, lower=max(value - half, 0.0), upper=min(value + half, 1.0), unit="1")
 
 
