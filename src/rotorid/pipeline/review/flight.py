@@ -296,10 +296,11 @@ def _thrust(record: FlightRecord, flights: Intervals) -> tuple[Quantity | None, 
 
 def _steady(record: FlightRecord, flights: Intervals, time_s: FloatArray, rows: FloatArray) -> Intervals:
     """Seconds of steady flight: by the motors where they are logged, else by what asks for thrust."""
-    limits = motor_limits(record)
+    limits, limited = motor_limits(record), np.zeros(time_s.size, dtype=np.bool_)
     if limits.time_s.size:
-        time_s, rows = limits.time_s[limits.counted], limits.outputs[:, limits.counted]
-    found = steady_windows(record, flights, time_s, rows)
+        flying = limits.counted
+        time_s, rows, limited = limits.time_s[flying], limits.outputs[:, flying], limits.limited[flying]
+    found = steady_windows(record, flights, time_s, rows, limited)
     return tuple((float(time_s[window][0]), float(time_s[window][-1])) for window in found)
 
 

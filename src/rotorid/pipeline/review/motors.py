@@ -27,7 +27,7 @@ from rotorid.io.advice import motor_advice
 from rotorid.models.rotors import layout_of
 from rotorid.pipeline.review.flown import Flown, flown, loop_response
 from rotorid.pipeline.review.values import MotorReview, Untold
-from rotorid.signal.limits import AT_LIMIT, MotorLimits
+from rotorid.signal.limits import MotorLimits
 from rotorid.signal.motors import (
     MotorHistory,
     linearization_of,
@@ -53,6 +53,9 @@ _LEVEL_RAD = 0.2
 
 _USUAL = 0.3
 """How far the mean output may lie from the usual one in it, over that."""
+
+_RUNNING = 0.05
+"""Mean output, or thrust, from which the motors run."""
 
 _WINDOW_S = 1.0
 
@@ -107,7 +110,7 @@ def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Untold, ...]]:
             why = f"The log {limits.unknown}."
             untold += [Untold(what=f"motors.saturated_{end}_share", why=why) for end in ("high", "low")]
         time_s, outputs = limits.time_s[limits.counted], limits.outputs[:, limits.counted]
-        steady = steady_windows(record, flight.flights, time_s, outputs)
+        steady = steady_windows(record, flight.flights, time_s, outputs, limits.limited[limits.counted])
         if len(steady) < _FEWEST_WINDOWS:
             why = f"The vehicle hovered quietly for {len(steady) * _WINDOW_S:.0f} s only."
             remedy = "hover for 20 s without touching the sticks"
@@ -160,7 +163,9 @@ def _share(limits: MotorLimits, samples: BoolArray) -> Quantity:
     return Quantity(value=value, std=std, lower=max(value - half, 0.0), upper=min(value + half, 1.0), unit="1")
 
 
-def steady_windows(record: FlightRecord, flights: Intervals, time_s: FloatArray, values: FloatArray) -> list[slice]:
+def steady_windows(
+    record: FlightRecord, flights: Intervals, time_s: FloatArray, values: FloatArray, limited: BoolArray
+) -> list[slice]:
     """Seconds of steady flight: samples of the outputs that lie in each.
 
     Parameters
@@ -171,9 +176,11 @@ def steady_windows(record: FlightRecord, flights: Intervals, time_s: FloatArray,
         In the air.
     time_s, values
         Of the outputs, shapes ``(n,)`` and ``(motors, n)``.
+    limited
+        Whether a motor is at a limit, shape ``(n,)``.
     """
     mean = values.mean(axis=0)
-    running = mean[mean > AT_LIMIT]
+    running = mean[mean > _RUNNING]
     if not running.size:
         return []
     usual = float(np.median(running))
@@ -196,9 +203,9 @@ def steady_windows(record: FlightRecord, flights: Intervals, time_s: FloatArray,
             first, last = np.searchsorted(time_s, [begin_s, begin_s + _WINDOW_S]).tolist()
             if last - first < 3 or abs(float(mean[first:last].mean()) / usual - 1.0) > _USUAL:
                 continue
-            if values[:, first:last].max() >= 1.0 - AT_LIMIT or values[:, first:last].min() <= AT_LIMIT:
-                continue
-            if all(_quiet(stamps, size, begin_s, most) for stamps, size, most in calm):
+            if not limited[first:last].any() and all(
+                _quiet(stamps, size, begin_s, most) for stamps, size, most in calm
+            ):
                 found.append(slice(first, last))
     return found
 
