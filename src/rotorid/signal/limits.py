@@ -188,7 +188,11 @@ class MotorLimits(Immutable):
 
     def __post_init__(self) -> None:
         self._set(
-            time_s=read_only(self.time_s, np.float64, ndim=1), outputs=read_only(self.outputs, np.float64, ndim=2)
+            time_s=read_only(self.time_s, np.float64, ndim=1),
+            outputs=read_only(self.outputs, np.float64, ndim=2),
+            mean=read_only(self.mean, np.float64, ndim=1),
+            **{name: read_only(getattr(self, name), np.bool_, ndim=2) for name in ("lower", "upper")},
+            **{name: read_only(getattr(self, name), np.bool_, ndim=1) for name in ("counted", "idle", "full")},
         )
 
     @property
