@@ -227,9 +227,9 @@ def _review(document: Document) -> _Pairs:
     for axis, margins in document.get("margins", {}).items():
         yield from _margins(axis, margins)
     numbers = (document.get("motors") or {}).get("numbers", {})
-    if {"saturated_low_share", "saturated_high_share"} <= set(numbers):
-        for end in ("low", "high"):
-            yield f"motors at their {end}er limit, share", numbers[f"saturated_{end}_share"]["value"]
+    for end, name in (("low", "lower"), ("high", "upper")):
+        if f"saturated_{end}_share" in numbers:
+            yield f"log: saturation of motors: {name}_share", numbers[f"saturated_{end}_share"]["value"]
 
 
 def _identify(document: Document) -> _Pairs:
