@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from rotorid.documents.base import FindingDocument
     from rotorid.errors import RotoridError
 
+INKS = {"green": "green", "yellow": "yellow", "red": "bold red", "gray": "dim"}
+"""How a terminal shows the color of a verdict."""
+
 
 class _Patient(io.FileIO):
     """Standard output that goes on when its reader has read enough, as ``head`` has: the rest goes nowhere."""

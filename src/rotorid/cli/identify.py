@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorid.cli.command import carry_out, read_logs, with_command
-from rotorid.cli.console import default_folder, output_console, print_findings
+from rotorid.cli.console import INKS, default_folder, output_console, print_findings
 from rotorid.cli.options import ForPaper, Logs, Map, Output, models_known, one_of
+from rotorid.data.trust import BOUNDS_MEANING
 from rotorid.errors import UsageError
 from rotorid.pipeline.settings import ALL, HOVER, MODEL, IdentifySettings, motor_choices, parse_names
 from rotorid.units import require_units
@@ -271,6 +272,11 @@ def _print_model(document: ResultDocument) -> None:
         print_findings([finding for finding in document.findings if finding.severity == "error"])
         return
     console.print(_table(document))
+    if any(one.cramer_rao_percent is not None for one in document.parameters.values()):
+        console.print(BOUNDS_MEANING, style="dim", markup=False)
+    if (found := document.verdict) is not None:
+        console.print(f"fit: {found.word}", style=INKS[found.color], markup=False, end=". ")
+        console.print(found.reason, markup=False)
     parts = (_motors, _derived, _fit, _repeated, _orders, _verified)
     for line in (line for part in parts for line in part(document)):
         console.print(line)
@@ -347,7 +353,7 @@ def _fit(document: ResultDocument) -> Iterator[str]:
     if document.cost is not None:
         for pair, cost in document.cost.pairs.items():
             low, high = cost.band_rad_s
-            yield f"cost of {pair} {cost.value:.1f} over {low:.2g} to {high:.3g} rad/s (up to 50 is excellent)"
+            yield f"cost of {pair} {cost.value:.1f} over {low:.2g} to {high:.3g} rad/s"
     if document.fit_percent:
         fits = ", ".join(f"{name} {percent:.1f} %" for name, percent in document.fit_percent.items())
         yield f"{document.method.replace('_', ' ')}, {document.hold}-order hold; explained: {fits}"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorid.cli.command import print_if_asked, target_of
-from rotorid.cli.console import as_given, default_folder, output_console, progress, say, tell
+from rotorid.cli.console import INKS, as_given, default_folder, output_console, progress, say, tell
 from rotorid.cli.folders import Found
 from rotorid.cli.inspect import plan_of
 from rotorid.cli.options import AgainstPlan, ForPaper, Logs, Map, Only, Output
@@ -26,13 +26,9 @@ if TYPE_CHECKING:
     from rotorid.plot.printed import PrintedAs
 
 FILE, ARRAYS, PAGE = "review.json", "review.npz", "review.html"
-_SIGNS = {
-    "good": "[green]good[/green]       ",
-    "look": "[yellow]look here[/yellow]  ",
-    "cannot": "[dim]cannot tell[/dim]",
-}
 _STYLES = {"warning": "bold yellow", "error": "bold red"}
 _MOST_UNTOLD, _MOST_WARNINGS = 8, 8
+_WIDTH = len("not enough data")
 
 
 def review_command(
@@ -134,7 +130,7 @@ def _print(seen: Review, file: Path) -> None:
 
     plain(f"{seen.name}  {headline(seen)}")
     for card in cards(seen):
-        console.print(_SIGNS[card.state], end=" ")
+        console.print(f"{card.word:<{_WIDTH}}", style=INKS[card.color], end=" ")
         number = f" {card.number}." if card.number else ""
         plain(f"{card.title}{number} {card.sentence}")
     if warned := _warnings(seen.findings):

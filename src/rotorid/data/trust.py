@@ -24,6 +24,19 @@ SMALL_ERROR = f"an error below {100.0 * LARGEST_RANDOM_ERROR:g} %"
 LEAST_WIDTH = 2.0
 """Highest over lowest frequency of what a fit needs: below an octave, gain, damping and delay cannot be told apart."""
 
+CRAMER_RAO_GUIDELINE_PERCENT = 20.0
+"""Cramér–Rao bound of CIFER up to which a parameter is usual; above it, it trades against others."""
+
+INSENSITIVITY_GUIDELINE_PERCENT = 10.0
+"""Insensitivity of CIFER up to which a parameter is usual; above it, the data barely constrain it."""
+
+BOUNDS_MEANING = (
+    "± is the error, one standard deviation. CR and I are no errors: they compare parameters by how sharply CIFER's "
+    f"cost rises, CR with all others free (usual up to {CRAMER_RAO_GUIDELINE_PERCENT:g} %), I with all others fixed "
+    f"(up to {INSENSITIVITY_GUIDELINE_PERCENT:g} %)."
+)
+"""What the three numbers of a parameter mean, and which limit is for which of them."""
+
 FITTED_SHARE = 0.7
 """Share of the octaves that were asked for, below which it is said that so little of them could be fitted."""
 

@@ -12,6 +12,7 @@ from pydantic import Field
 from rotorid.data.display import counted, cut
 from rotorid.data.findings import Finding
 from rotorid.data.response import FrequencyResponse
+from rotorid.data.trust import least_coherence
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument, checked, to_json
 from rotorid.errors import UsageError
 from rotorid.io import documents
@@ -36,6 +37,7 @@ from rotorid.pipeline.summary import (
     EquationFit,
     Fit,
     FitEnd,
+    FitVerdict,
     Information,
     MethodName,
     Minimum,
@@ -50,6 +52,7 @@ from rotorid.pipeline.summary import (
     SearchSummary,
     UnseenCombination,
 )
+from rotorid.pipeline.verdicts import verdict
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 
@@ -85,6 +88,7 @@ class ResultDocument(Document):
     outputs: list[str]
     states: list[str]
     parameters: dict[str, ParameterEstimate] = Field(default_factory=dict)
+    verdict: FitVerdict | None = None
     cost: Cost | None = None
     fit_percent: dict[str, float] | None = None
     fit: FitEnd | None = None
@@ -128,6 +132,7 @@ def result_document(model: IdentifiedModel) -> ResultDocument:
         outputs=list(fit.outputs),
         states=list(structure.states),
         parameters=dict(model.parameters),
+        verdict=verdict(model),
         cost=fit.cost,
         fit_percent=_plain(fit.fit_percent),
         fit=fit.end,
@@ -171,6 +176,7 @@ def refused_document(refused: Refused) -> ResultDocument:
         inputs=list(structure.inputs if structure else ()),
         outputs=list(structure.outputs if structure else ()),
         states=list(structure.states if structure else ()),
+        verdict=verdict(refused),
         findings=[FindingDocument.model_validate(finding) for finding in refused.findings],
         provenance=ProvenanceDocument.model_validate(refused.provenance),
     )
@@ -430,13 +436,13 @@ def _data(document: ResultDocument, structure: LinearStructure, arrays: Mapping[
             windows_s=response.windows_s,
         )
     limit = document.provenance.settings.get("coherence")
-    usual = 0.2 if response.estimate == "joint" else 0.6
+    asked = float(limit) if isinstance(limit, int | float) else None
     return FittedData(
         response=response,
         direct=direct,
         model_response=arrays["model"],
         used=arrays["fitted"],
-        least_coherence=float(limit) if isinstance(limit, int | float) else usual,
+        least_coherence=least_coherence(asked, joint=response.estimate == "joint"),
         simulated=tuple(_record(document, arrays, number) for number in range(len(document.records))),
     )
 

@@ -156,7 +156,9 @@ class CardDocument(Document):
 
     key: str
     title: str
-    state: Literal["good", "look", "cannot"]
+    state: Literal["good", "look", "part", "cannot"]
+    word: str
+    color: Literal["green", "yellow", "red", "gray"]
     number: str
     sentence: str
 

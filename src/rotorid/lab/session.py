@@ -30,7 +30,7 @@ ALL_UPLOAD_BYTES = 8 << 30
 """Largest size of all uploads that are kept."""
 
 MOST_CHOICES, MOST_ENTRIES, MOST_DEPTH = 1000, 20_000, 6
-_DRAWN = ("omega_rad_s", "values", "coherence", "random_error", "inputs", "outputs", "model", "fitted")
+_DRAWN = ("omega_rad_s", "values", "coherence", "random_error", "inputs", "outputs", "model", "fitted", "used")
 _ENDINGS = re.compile(
     r"\.(ulg|bin|log|bbl|bfl|tlog|csv|mat|npz|parquet|bag|mcap|db3|px4log|txt|usd)(\.(gz|xz|bz2|zip))?$"
 )

@@ -498,8 +498,10 @@ class IdentifiedModel(Immutable):
     def _said(self) -> list[str]:
         """Cost or fit, what unseen flights say, and how many remarks there are."""
         said = []
-        if self.fit.cost is not None:
-            said.append(f"cost {self.fit.cost.average:.1f} (up to 50 is excellent)")
+        from rotorid.pipeline.verdicts import verdict
+
+        found = verdict(self)
+        said.append(f"fit: {found.word}. {found.reason}")
         if self.fit.fit_percent:
             said.append(f"explained: {', '.join(f'{n} {p:.1f} %' for n, p in self.fit.fit_percent.items())}")
         checks = self.verification

@@ -18,7 +18,22 @@ Objective: TypeAlias = Literal["frequency", "output_error", "accelerations"]
 
 FitWeights: TypeAlias = Literal["cifer", "covariance", "likelihood", "absolute"]
 
+Color: TypeAlias = Literal["green", "yellow", "red", "gray"]
+
 MethodName: TypeAlias = Literal["frequency", "output_error", "prediction_error", "equation_error", "accelerations"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FitVerdict:
+    """How a fit is to be taken, by :mod:`rotorid.pipeline.verdicts`: a word, a color, and the reason in one sentence.
+
+    ``gray`` stands for what is not known. ``number`` is the cost or the percent that was judged.
+    """
+
+    word: str
+    color: Color
+    reason: str
+    number: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -12,12 +12,19 @@ import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.response import FrequencyResponse
-from rotorid.data.trust import CERTAIN_SIGN, FITTED_SHARE, LEAST_WIDTH, SMALL_ERROR
+from rotorid.data.trust import (
+    CERTAIN_SIGN,
+    CRAMER_RAO_GUIDELINE_PERCENT,
+    FITTED_SHARE,
+    INSENSITIVITY_GUIDELINE_PERCENT,
+    LEAST_WIDTH,
+    SMALL_ERROR,
+)
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.problem import FrequencyProblem, pair_names
 from rotorid.fitting.least_squares import Solution
 from rotorid.typing import BoolArray
-from rotorid.uncertainty.cramer_rao import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT, Bounds
+from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.identifiability import unseen_combinations
 
 _BY_CHANCE = 2.0
@@ -134,7 +141,7 @@ def _on_parameters(solution: Solution, limits: Bounds) -> tuple[Finding, ...]:
                 warn(
                     kind,
                     name,
-                    f"The {what} of {name} will be {percent:.0f} % (guideline {limit:g} %).",
+                    f"The {what} of {name}, which is no error, will be {percent:.0f} % (usual up to {limit:g} %).",
                     **{f"{'insensitivity' if what == 'insensitivity' else 'cramer_rao'}_percent": percent},
                 )
             )

@@ -21,6 +21,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import FrequencyProblem
@@ -28,7 +29,7 @@ from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.cramer_rao import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT, bounds
+from rotorid.uncertainty.cramer_rao import bounds
 
 Action: TypeAlias = Literal["dropped", "kept", "protected"]
 

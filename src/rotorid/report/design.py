@@ -18,6 +18,7 @@ from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.display import listed
 from rotorid.data.findings import worst_first
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, SimulatedFlight
+from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
 from rotorid.documents.design import DesignDocument
 from rotorid.errors import UsageError
 from rotorid.pipeline.designs import STEPS, Designed, Planned, Told, as_flown
@@ -39,9 +40,7 @@ from rotorid.plot.figure import quantity
 from rotorid.report.flight_card import amplitude_words
 from rotorid.report.frame import Picture, in_all_units, percent, render, significant, unit, with_error
 from rotorid.report.parts import (
-    CRAMER_RAO_GUIDELINE,
     FAR_SIGMAS,
-    INSENSITIVITY_GUIDELINE,
     Cell,
     FindingRow,
     by_axis,
@@ -206,8 +205,8 @@ def _predicted_row(one: PredictedParameter) -> PredictedRow:
         percent=percent(one.percent),
         scatter=percent(one.in_percent(one.scatter)),
         least=percent(one.in_percent(one.lowest_std)),
-        cramer_rao=Cell(percent(bound), CRAMER_RAO_GUIDELINE < bound < math.inf),
-        insensitivity=Cell(percent(insensitivity), INSENSITIVITY_GUIDELINE < insensitivity < math.inf),
+        cramer_rao=Cell(percent(bound), CRAMER_RAO_GUIDELINE_PERCENT < bound < math.inf),
+        insensitivity=Cell(percent(insensitivity), INSENSITIVITY_GUIDELINE_PERCENT < insensitivity < math.inf),
     )
 
 

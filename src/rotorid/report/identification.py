@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.data.trust import BOUNDS_MEANING
 from rotorid.documents.base import FindingDocument
 from rotorid.documents.result import ResultDocument
 from rotorid.errors import UsageError
@@ -27,6 +28,7 @@ from rotorid.pipeline.summary import (
     SearchRuns,
     SearchSummary,
 )
+from rotorid.pipeline.verdicts import LEVELS, Verdict, badge, cost_verdict
 from rotorid.plot.figure import minus, quantity
 from rotorid.plot.loops import correlation_map
 from rotorid.plot.search import clusters, convergence, run_histogram
@@ -56,12 +58,9 @@ from rotorid.report.parts import (
 from rotorid.report.time import Crossed, TimeFits, crossed, time_fits
 from rotorid.report.verification import Check, UnseenSweeps, check_section, unseen_sweeps
 from rotorid.report.words import (
-    LEVELS,
     PoleRow,
-    Verdict,
-    cost_verdict,
+    document_verdict,
     fit_sentences,
-    fit_verdict,
     held_out,
     pole_rows,
     poles_picture,
@@ -597,6 +596,7 @@ class Section:
     parameters: tuple[ParameterGroup, ...]
     dropped: tuple[Dropped, ...]
     truth_of_dropped: str
+    bounds: str
     fit: FitShown | None
     costs: tuple[CostRow, ...]
     unseen_words: str
@@ -672,11 +672,12 @@ def section(shown: Shown, *, anchor: str, truth: Mapping[str, float]) -> Section
         document=document,
         records=tuple(dict.fromkeys(segment.record for segment in shown.data.segments)),
         sentences=summary(document),
-        cost=_explained(document),
+        cost=badge(document_verdict(document)),
         unseen=_unseen(document),
         parameters=parameter_groups(document, truth),
         dropped=dropped_parameters(document, anchor=anchor),
         truth_of_dropped=truth_of_dropped(document, truth),
+        bounds=BOUNDS_MEANING,
         fit=_fit(document),
         costs=cost_rows(document),
         unseen_words="Held-out maneuver" if held_out(document) else "Unseen sweeps",
@@ -732,13 +733,6 @@ def _title(document: ResultDocument) -> str:
 
 def _cost(cost: float) -> Verdict:
     return Verdict(cost_verdict(cost).level, f"cost {significant(cost)}")
-
-
-def _explained(document: ResultDocument) -> Verdict | None:
-    """Verdict on the fit: that of the worst output for a fit in time, of the cost in the frequency domain."""
-    if document.method != "frequency" and document.fit_percent:
-        return fit_verdict(min(document.fit_percent.values()))
-    return _cost(document.cost.average) if document.cost else None
 
 
 def _unseen(document: ResultDocument) -> Verdict | None:

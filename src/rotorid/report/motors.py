@@ -11,17 +11,17 @@ from rotorid.data.axes import AXIS_WORDS
 from rotorid.documents.result import ResultDocument
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION
 from rotorid.pipeline.summary import Correlation, ExcitedFlight, MotorPhysics, ParameterEstimate
+from rotorid.pipeline.verdicts import Verdict
 from rotorid.plot.figure import quantity
 from rotorid.plot.motors import made_by_motors, rotor_layout, thrust_curve
 from rotorid.report.frame import MISSING, Picture, milliseconds, significant, unit, with_error
 from rotorid.report.parts import Shown, points_of
 from rotorid.report.words import (
     FULL_OUTPUT,
-    Verdict,
-    fit_verdict,
     motor_warnings,
     no_lag,
     open_questions,
+    percent_verdict,
     prediction_verdict,
     scale_sentence,
 )
@@ -166,7 +166,7 @@ def _axis(one: ExcitedFlight, axis: str, percents: Mapping[str, float]) -> tuple
     percent = percents.get(_CHANNELS[axis])
     counted = axis in one.counted and percent is not None
     correlation = f"{one.correlation[axis]:.2f}" if axis in one.correlation else MISSING
-    return correlation, fit_verdict(percent) if counted and percent is not None else None
+    return correlation, percent_verdict(percent) if counted and percent is not None else None
 
 
 def unseen_rows(records: Mapping[str, Mapping[str, Scores]]) -> tuple[UnseenRow, ...]:

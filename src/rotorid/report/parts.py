@@ -13,16 +13,18 @@ from functools import partial
 
 from rotorid.data.findings import Finding
 from rotorid.data.record import Maneuver
+from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
 from rotorid.documents.base import FindingDocument, ManeuverDocument
 from rotorid.documents.result import ResultDocument, result_document
 from rotorid.pipeline.provenance import LoggedManeuver
 from rotorid.pipeline.results import FittedData, IdentifiedModel, Segment, Verifications
 from rotorid.pipeline.summary import PairCost, ParameterEstimate, Range
+from rotorid.pipeline.verdicts import Verdict, cost_verdict, response_verdict
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode
 from rotorid.plot.time import timeline
 from rotorid.report.frame import MISSING, Picture, in_all_units, percent, significant, typeset, unit, with_error
-from rotorid.report.words import Verdict, cost_verdict, finding_heading, parameter_group, parameter_words
+from rotorid.report.words import finding_heading, parameter_group, parameter_words
 
 _ON_AXIS = {
     "roll_command": ("p", "phi", "v", "ay", "p_dot", "v_dot"),
@@ -140,14 +142,14 @@ def cost_rows(document: ResultDocument) -> tuple[CostRow, ...]:
     names = [*fitted, *(pair for pair in unseen if pair not in fitted)]
     split = [(pair.partition("/")[0], pair.partition("/")[2]) for pair in names]
     ordered = ["/".join(part for part in pair if part) for pair in by_axis(split)]
-    return tuple(_cost_row(pair, fitted.get(pair), unseen.get(pair)) for pair in ordered)
+    return tuple(_cost_row(document, pair, fitted.get(pair), unseen.get(pair)) for pair in ordered)
 
 
-def _cost_row(pair: str, cost: PairCost | None, unseen: float | None) -> CostRow:
+def _cost_row(document: ResultDocument, pair: str, cost: PairCost | None, unseen: float | None) -> CostRow:
     return CostRow(
         pair=pair,
         value=significant(cost.value if cost else None),
-        verdict=cost_verdict(cost.value) if cost else None,
+        verdict=response_verdict(pair, cost.value, document.findings) if cost else None,
         band=_interval(cost.band_rad_s, "rad/s") if cost else MISSING,
         points=str(cost.points) if cost else MISSING,
         unseen=None if unseen is None else Verdict(cost_verdict(unseen).level, significant(unseen)),
@@ -327,7 +329,6 @@ def timelines(
     )
 
 
-CRAMER_RAO_GUIDELINE, INSENSITIVITY_GUIDELINE = 20.0, 10.0
 FAR_SIGMAS = 3.0
 """A distance from the truth that random errors alone hardly explain."""
 
@@ -381,8 +382,8 @@ def parameter_rows(document: ResultDocument, truth: Mapping[str, float]) -> tupl
             words=parameter_words(name),
             value=with_error(parameter.value, parameter.std),
             unit=unit(parameter.unit),
-            cramer_rao=_percent(parameter.cramer_rao_percent, CRAMER_RAO_GUIDELINE),
-            insensitivity=_percent(parameter.insensitivity_percent, INSENSITIVITY_GUIDELINE),
+            cramer_rao=_percent(parameter.cramer_rao_percent, CRAMER_RAO_GUIDELINE_PERCENT),
+            insensitivity=_percent(parameter.insensitivity_percent, INSENSITIVITY_GUIDELINE_PERCENT),
             status=parameter.status,
             truth=significant(known := truth.get(f"{document.model}.{name}", truth.get(name)), digits=4),
             off=_off(parameter, known),

@@ -12,6 +12,7 @@ import numpy as np
 from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument
 from rotorid.pipeline.preparation.loops import AxisLoop
 from rotorid.pipeline.responses import Pair, Responses
+from rotorid.pipeline.verdicts import Verdict
 from rotorid.plot.curves import runs
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode, coherence_map, window_contributions
@@ -28,7 +29,7 @@ from rotorid.report.frame import (
     with_error,
 )
 from rotorid.report.parts import ManeuverRow, finding_rows, maneuver_row, timelines
-from rotorid.report.words import Verdict, response_summary
+from rotorid.report.words import response_summary
 from rotorid.spectral.derived import Estimated
 from rotorid.spectral.loops import sensitivity
 from rotorid.spectral.margins import Bound

@@ -6,13 +6,12 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
 from rotorid.data.quantity import Quantity
 from rotorid.errors import UsageError
-from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.results import IdentifiedModel, Refused
 from rotorid.pipeline.review.cards import Card, cards, without_sweep
 from rotorid.pipeline.review.values import (
     LoopReview,
@@ -24,6 +23,8 @@ from rotorid.pipeline.review.values import (
 )
 from rotorid.pipeline.review.words import gathered
 from rotorid.pipeline.summary import ParameterEstimate
+from rotorid.pipeline.verdicts import LEVEL_OF, Verdict, badge
+from rotorid.pipeline.verdicts import verdict as fit_verdict_of
 from rotorid.plot.curves import Frequency, Magnitude
 from rotorid.plot.figure import Figure
 from rotorid.plot.frequency import bode
@@ -74,14 +75,6 @@ _MARGIN_ROWS = {
 }
 
 
-class Badge(NamedTuple):
-    """The state of a card: a level for the eye and words for everybody."""
-
-    level: str
-    words: str
-
-
-_STATES = {"good": Badge("good", "good"), "look": Badge("fair", "look here"), "cannot": Badge("", "cannot tell")}
 _STAGES = {"before": "before the filters", "after": "after the filters"}
 _FAST, _SLOW = ("p", "q", "r"), ("phi", "theta", "psi", "u", "v", "w")
 _MOST_PEAKS = 6
@@ -123,10 +116,10 @@ class NumberRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ModelRow:
-    """A model: its parameters, or why there are none."""
+    """A model: the verdict of its fit with the reason, and its parameters where there are any."""
 
     name: str
-    stands: bool
+    verdict: Verdict
     parameters: tuple[tuple[str, str, str], ...]
     words: str
 
@@ -137,7 +130,7 @@ class Section:
 
     anchor: str
     review: Review
-    cards: tuple[tuple[Card, Badge], ...]
+    cards: tuple[tuple[Card, Verdict], ...]
     headline: str
     steps: tuple[Picture, ...]
     loops: tuple[NumberRow, ...]
@@ -220,7 +213,7 @@ def _section(review: Review, anchor: str) -> Section:
     return Section(
         anchor=anchor,
         review=review,
-        cards=tuple((card, _STATES[card.state]) for card in cards(review)),
+        cards=tuple((card, Verdict(LEVEL_OF[card.color], card.word)) for card in cards(review)),
         headline=headline(review),
         steps=tuple(_steps(review, anchor)),
         loops=_rows(_LOOP_ROWS, [loop.numbers for loop in review.loops.values()]),
@@ -431,16 +424,16 @@ def _power(review: Review) -> tuple[NumberRow, ...]:
     return (*rows, *_single(review.flight.wind))
 
 
-def _model(name: str, model: object) -> ModelRow:
+def _model(name: str, model: IdentifiedModel | Refused) -> ModelRow:
+    found = fit_verdict_of(model)
     if isinstance(model, IdentifiedModel):
         shown = tuple(
             (which, _value(parameter), unit(parameter.unit))
             for which, parameter in model.parameters.items()
             if parameter.status != "dropped"
         )
-        return ModelRow(name=name, stands=True, parameters=shown, words="")
-    reasons = [finding.message for finding in getattr(model, "findings", ()) if finding.severity == "error"]
-    return ModelRow(name=name, stands=False, parameters=(), words=reasons[0] if reasons else "refused")
+        return ModelRow(name=name, verdict=badge(found), parameters=shown, words=found.reason)
+    return ModelRow(name=name, verdict=badge(found), parameters=(), words=found.reason)
 
 
 def _value(parameter: ParameterEstimate) -> str:
@@ -451,9 +444,7 @@ def _compared(reviews: Sequence[Review]) -> tuple[NumberRow, ...]:
     """A row for each card, and for each number of the loops and margins that any of the flights tells."""
     by_log = [cards(review) for review in reviews]
     rows = [
-        NumberRow(
-            words=same[0].title, cells=tuple((card.number or MISSING, _STATES[card.state].words) for card in same)
-        )
+        NumberRow(words=same[0].title, cells=tuple((card.number or MISSING, card.word) for card in same))
         for same in zip(*by_log, strict=True)
     ]
     for name, words in LOOP_WORDS.items():

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
 from rotorid.errors import UsageError
 from rotorid.report.frame import percent, significant, with_error
 
@@ -435,7 +436,9 @@ def _mean(values: Mapping[str, float] | None) -> float | None:
 def _parameters(document: ResultDocument) -> Table:
     return Table(
         name="parameters",
-        caption=f"Parameters of {document.model} with one standard deviation, Cramer-Rao bound and insensitivity.",
+        caption=f"Parameters of {document.model} with one standard deviation. CR (Cramer-Rao, usual up to "
+        f"{CRAMER_RAO_GUIDELINE_PERCENT:g} %) and I (insensitivity, usual up to {INSENSITIVITY_GUIDELINE_PERCENT:g} %) "
+        "compare parameters by how sharply the cost rises, and are no errors.",
         columns=(
             Column("parameter", "Parameter"),
             Column("value", "Value"),
@@ -488,9 +491,13 @@ def _poles(document: ResultDocument) -> Table:
 def _responses(document: ResultDocument) -> Table | None:
     if document.cost is None:
         return None
+    from rotorid.report.words import document_verdict
+
+    found = document_verdict(document)
     return Table(
         name="responses",
-        caption=f"Cost of each response, {significant(document.cost.average)} in the mean; up to 50 is excellent.",
+        caption=f"Cost of each response, {significant(document.cost.average)} in the mean. Fit: {found.word}. "
+        f"{found.reason}",
         columns=(Column("response", "Response"), Column("cost", "Cost"), *_BAND, Column("points", "Points", _whole)),
         rows=tuple((name, one.value, *one.band_rad_s, one.points) for name, one in document.cost.pairs.items()),
     )

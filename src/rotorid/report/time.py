@@ -12,11 +12,12 @@ import numpy as np
 
 from rotorid.documents.result import ResultDocument
 from rotorid.pipeline.summary import CrossValidationSummary, FoldSummary, OrderChoice
+from rotorid.pipeline.verdicts import Verdict
 from rotorid.plot.figure import quantity
 from rotorid.plot.time import residual_memory, simulated
 from rotorid.report.frame import MISSING, Picture, significant, unit, with_error
 from rotorid.report.parts import Shown, points_of
-from rotorid.report.words import Verdict, fit_verdict
+from rotorid.report.words import percent_verdict
 
 _FAR_SIGMAS = 3.0
 """Standard deviations between the values of time and frequency from which they are marked."""
@@ -152,7 +153,7 @@ def _record_rows(document: ResultDocument) -> tuple[RecordRow, ...]:
             samples=str(one.samples),
             rate=f"{significant(one.sample_rate_hz, digits=4)} Hz",
             pieces=str(one.pieces),
-            fits=tuple(fit_verdict(one.fit_percent[name]) for name in document.outputs if name in one.fit_percent),
+            fits=tuple(percent_verdict(one.fit_percent[name]) for name in document.outputs if name in one.fit_percent),
         )
         for one in document.records
     )
@@ -339,7 +340,7 @@ def _cell(fold: FoldSummary, record: str) -> CrossedCell:
     percents = [
         score.nrmse_fit_percent for score in fold.scores.get(record, {}).values() if score.nrmse_fit_percent is not None
     ]
-    verdict = fit_verdict(sum(percents) / len(percents)) if percents else None
+    verdict = percent_verdict(sum(percents) / len(percents)) if percents else None
     return CrossedCell(verdict=verdict, seen=record in fold.identified)
 
 

@@ -11,7 +11,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -20,11 +19,12 @@ from rotorid.data.display import capital, listed
 from rotorid.data.findings import KINDS
 from rotorid.data.record import LOWEST_RATE_HZ
 from rotorid.documents.result import ResultDocument
-from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, EXCELLENT_COST
+from rotorid.fitting.frequency.problem import EXCELLENT_COST
 from rotorid.fitting.motors.excitation import SLOW_HZ
 from rotorid.pipeline.preparation.loops import AxisLoop
 from rotorid.pipeline.responses import Pair, Responses
-from rotorid.pipeline.summary import Cost, FitEnd, ManeuverCheck, MotorPhysics, ParameterEstimate, PoleEstimate
+from rotorid.pipeline.summary import FitEnd, FitVerdict, ManeuverCheck, MotorPhysics, ParameterEstimate, PoleEstimate
+from rotorid.pipeline.verdicts import Level, Verdict, cost_verdict, fit_verdict, percent_level, refused_verdict
 from rotorid.plot.figure import quantity
 from rotorid.plot.loops import s_plane
 from rotorid.report.frame import Picture, in_decibels, milliseconds, significant, unit, with_error
@@ -357,10 +357,6 @@ def _value(pole: PoleEstimate) -> str:
     return significant(pole.real) + (f" {sign} {significant(abs(pole.imag))} j" if pole.imag else "")
 
 
-Level: TypeAlias = Literal["good", "fair", "poor"]
-
-LEVELS: tuple[Level, ...] = ("good", "fair", "poor")
-
 _LAG = "T_motor"
 _GAINS = {
     "roll_command": ("Roll", "L_roll", "tau_roll"),
@@ -408,23 +404,6 @@ _FOUND: dict[Found, tuple[Level, str, str]] = {
 """Level, badge and words of what was found on a maneuver, the best first."""
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """A level for the eye and words for everybody."""
-
-    level: Level
-    words: str
-
-
-def cost_verdict(cost: float) -> Verdict:
-    """Verdict on a frequency-domain cost, by Tischler and Remple's guidelines of 50 and 100."""
-    if cost <= EXCELLENT_COST:
-        return Verdict("good", "hardly distinguishable from the flight")
-    if cost <= ACCEPTABLE_COST:
-        return Verdict("fair", "acceptable")
-    return Verdict("poor", "the model misses what was measured")
-
-
 def prediction_verdict(tic: float, fit_percent: float) -> Verdict:
     """Verdict on a prediction by both of its scores: a Theil coefficient up to 0.25 and a fit of 50 % and more.
 
@@ -443,16 +422,15 @@ def prediction_verdict(tic: float, fit_percent: float) -> Verdict:
     return Verdict("fair", "TIC above the guideline" if fit_percent >= GOOD_FIT_PERCENT else "fit below the guideline")
 
 
-def fit_verdict(percent: float) -> Verdict:
+def percent_verdict(percent: float) -> Verdict:
     """Verdict on how much of an output a model explains: 50 % and more are good, below 0 % the mean would do better.
 
     Examples
     --------
-    >>> fit_verdict(83.2)
+    >>> percent_verdict(83.2)
     Verdict(level='good', words='83.2 %')
     """
-    level: Level = "good" if percent >= GOOD_FIT_PERCENT else "fair" if percent > 0.0 else "poor"
-    return Verdict(level, f"{percent:.1f} %")
+    return Verdict(percent_level(percent), f"{percent:.1f} %")
 
 
 def maneuver_verdict(found: Found) -> Verdict:
@@ -550,19 +528,30 @@ def summary(document: ResultDocument) -> tuple[str, ...]:
         ]
         slow = f", up to {SLOW_HZ:g} Hz" if document.motors else ""
         sentences.append(f"The model explains {', '.join(parts)}{slow}.")
-    if document.cost is not None:
-        sentences.append(_cost_sentence(document.cost))
+    if document.cost is not None or document.fit_percent:
+        sentences.append(_fit_sentence(document))
     return (*sentences, *_unseen_sentences(document))
 
 
-def _cost_sentence(cost: Cost) -> str:
-    words = cost_verdict(cost.average).words
-    several = f" on average of {len(cost.pairs)} responses" if len(cost.pairs) > 1 else ""
-    sentence = f"Cost {significant(cost.average)}{several}: {words} (guideline: below {EXCELLENT_COST:.0f})."
-    worst = max(cost.pairs, key=lambda pair: cost.pairs[pair].value, default="")
-    if several and cost.pairs[worst].value > EXCELLENT_COST:
-        value = cost.pairs[worst].value
-        sentence += f" The worst is {worst} with {significant(value)}: {cost_verdict(value).words}."
+def document_verdict(document: ResultDocument) -> FitVerdict:
+    """The verdict of the fit behind a document."""
+    if not document.parameters:
+        return refused_verdict(document.findings)
+    return fit_verdict(
+        method=document.method, cost=document.cost, fit_percent=document.fit_percent, findings=document.findings
+    )
+
+
+def _fit_sentence(document: ResultDocument) -> str:
+    """The verdict of the fit with its reason, and the response that costs most where that is much."""
+    found = document_verdict(document)
+    sentence = f"Fit: {found.word}. {found.reason}"
+    pairs = document.cost.pairs if document.cost is not None else {}
+    worst = max(pairs, key=lambda pair: pairs[pair].value, default="")
+    if len(pairs) > 1 and pairs[worst].value > EXCELLENT_COST:
+        value = pairs[worst].value
+        sentence += f" The worst of {len(pairs)} responses is {worst} with a cost of {significant(value)}"
+        sentence += f": {cost_verdict(value).words}."
     return sentence
 
 

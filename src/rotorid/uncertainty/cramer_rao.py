@@ -37,9 +37,6 @@ from rotorid.typing import FloatArray
 from rotorid.uncertainty.colored import colored_apart, colored_covariance
 from rotorid.uncertainty.model_error import ModelError, model_error
 
-CRAMER_RAO_GUIDELINE_PERCENT = 20.0
-INSENSITIVITY_GUIDELINE_PERCENT = 10.0
-
 Weights: TypeAlias = Literal["cifer", "covariance"]
 """Which weights a solution was found with: CIFER's, or those of the measured covariance."""
 

@@ -32,13 +32,13 @@ def test_writes_page_numbers_and_curves(reviewed: tuple[Path, str]) -> None:
     assert told["schema"] == "rotorid.review/1"
     assert told["flights"]
     assert told["cannot_tell"]
-    assert {card["state"] for card in told["cards"]} <= {"good", "look", "cannot"}
+    assert {card["state"] for card in told["cards"]} <= {"good", "look", "part", "cannot"}
 
 
 def test_a_log_alone_is_reviewed(flight: Path, tmp_path: Path) -> None:
     ran = rotorid(flight, "--no-models", "--out", tmp_path / "out")
     assert ran.code == 0
-    assert "Does it follow the stick?" in ran.out
+    assert "Do roll and pitch follow the stick?" in ran.out
     assert "cannot be told from this flight" in ran.out
     assert f"page: {tmp_path / 'out' / 'review.html'}" in ran.out
 

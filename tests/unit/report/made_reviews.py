@@ -132,6 +132,7 @@ def made_review(name: str = "flight.ulg") -> Review:
         ),
         loops={"p": loop("p", 22.0, 0.6), "q": loop("q", 18.0, 0.5), "phi": loop("phi", 6.0, 0.8)},
         margins={"roll": margin("roll", 21.0), "pitch": margin("pitch", 17.0)},
+        calm=("roll", "pitch"),
         models={},
         noise=NoiseReview(
             maps=(noise_map("before"), noise_map("after")),

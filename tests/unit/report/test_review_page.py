@@ -94,7 +94,7 @@ def test_arrays_hold_steps_responses_and_maps() -> None:
 def test_cards_judge_by_what_is_sure() -> None:
     seen = made_review()
     by_key = {card.key: card for card in cards(seen)}
-    assert (by_key["tracking"].state, by_key["margins"].state, by_key["models"].state) == ("good", "good", "cannot")
+    assert (by_key["tracking"].state, by_key["margins"].state, by_key["models"].state) == ("good", "part", "cannot")
     wild = replace(
         seen.loops["p"],
         numbers={**seen.loops["p"].numbers, "overshoot_percent": Quantity.normal(60.0, 3.0, "%")},
@@ -119,10 +119,10 @@ def test_a_loop_is_called_safe_only_where_its_whole_interval_is() -> None:
     unsure = card_of(margins_of(phase_margin_deg=wide), "margins")
     assert (unsure.state, unsure.number) == ("cannot", "roll phase margin 26° (−7 to 104°)")
     assert "roll" in unsure.sentence
-    assert "To tell: move the roll stick for 30 s" in unsure.sentence
+    assert "To measure it: move the roll stick for 30 s" in unsure.sentence
     narrow = card_of(margins_of(phase_margin_deg=Quantity.normal(60.0, 2.0, "deg")), "margins")
-    assert narrow.state == "good"
-    assert "(M_s) cannot be told" in narrow.sentence
+    assert narrow.state == "part"
+    assert "Not measured: yaw and M_s of roll." in narrow.sentence
     peak = card_of(
         margins_of(phase_margin_deg=Quantity.normal(60.0, 2.0, "deg"), sensitivity_peak=Quantity.normal(1.9, 0.2, "1")),
         "margins",
@@ -134,7 +134,7 @@ def test_what_would_tell_a_margin_is_what_the_flight_lacks() -> None:
     review = margins_of(phase_margin_deg=Quantity.normal(40.0, 9.0, "deg"))
     lacking = Untold(what="margins.roll.sensitivity_peak", why="Too slow.", remedy="Log commands and rates faster.")
     assert (
-        "To tell: log commands and rates faster."
+        "To measure it: log commands and rates faster."
         in card_of(replace(review, cannot_tell=(lacking,)), "margins").sentence
     )
 
@@ -164,12 +164,12 @@ def test_motors_are_well_only_as_far_as_it_was_measured() -> None:
     told = card_of(flown, "motors")
     assert told.state == "cannot"
     assert told.sentence == (
-        "How evenly they share the work cannot be told. It hovered for 0 s only. To tell: hover for 20 s."
+        "Not enough data to say how evenly they work. It hovered for 0 s only. To measure it: hover for 20 s."
     )
     assert card_of(replace(seen, motors=MotorReview(numbers={"output_delay_s": share})), "motors").state == "cannot"
     even = card_of(seen, "motors")
-    assert (even.state, even.number) == ("good", "5.0 ± 1.2 % imbalance")
-    assert even.sentence == "They share the work in steady flight, and 50 ± 2 % of their range is left above it."
+    assert (even.state, even.number) == ("part", "5.0 ± 1.2 % imbalance")
+    assert even.sentence.startswith("Balanced, with 50 ± 2 % headroom in hover. Not measured: ")
     wide = {**seen.motors.numbers, "imbalance": Quantity.normal(0.06, 0.03, "1")}
     assert card_of(replace(seen, motors=MotorReview(numbers=wide)), "motors").state == "cannot"
 
@@ -193,8 +193,10 @@ def test_noise_that_was_not_measured_is_not_called_low() -> None:
     wide = {"vibration_m_s2": Quantity.normal(28.0, 5.0, "m/s²")}
     assert card_of(replace(seen, noise=replace(seen.noise, numbers=wide)), "noise").state == "cannot"
     low = card_of(seen, "noise")
-    assert low.state == "good"
-    assert "through D cannot be told" in low.sentence
+    assert low.state == "part"
+    assert low.sentence.startswith(
+        "It vibrates little. Not measured: accelerometer at its limits, noise through D of roll"
+    )
 
 
 def test_power_prints_the_interval_of_the_thrust() -> None:

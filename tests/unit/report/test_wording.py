@@ -12,9 +12,10 @@ from tests.unit.report.sample import document, maneuver
 from rotorid.documents.base import FindingDocument
 from rotorid.documents.result import ResultDocument
 from rotorid.pipeline.summary import Checks, PoleEstimate
+from rotorid.pipeline.verdicts import cost_verdict
 from rotorid.report.frame import percent, significant, unit, with_error
 from rotorid.report.parts import Cell, cost_rows, finding_rows, parameter_groups, parameter_rows
-from rotorid.report.words import cost_verdict, parameter_words, pole_rows, prediction_verdict, summary
+from rotorid.report.words import parameter_words, pole_rows, prediction_verdict, summary
 
 
 @pytest.mark.parametrize(
@@ -99,7 +100,7 @@ def test_summary_speaks_of_gain_lag_delay_and_cost() -> None:
     assert summary(document()) == (
         "Roll: 437 ± 3 rad/s² per unit command, motor lag 27.9 ± 0.6 ms, delay 2.43 ± 0.11 ms.",
         "Roll oscillates at 0.91 rad/s and grows, doubling in 5.8 s.",
-        "Cost 1.9: hardly distinguishable from the flight (guideline: below 50).",
+        "Fit: good. The cost is 1.9 (up to 50 is good, up to 100 acceptable).",
         "Unseen flight: 1 maneuver predicted well.",
         "In open loop the output is roll rate p with a TIC of 0.041 and a fit of 92 % (good: TIC up to 0.25 and a fit "
         "of 50 % and more).",
@@ -113,6 +114,7 @@ def test_summary_of_a_foreign_model_counts_its_parameters() -> None:
         "mine: 4 parameters identified.",
         "Roll oscillates at 0.91 rad/s and grows, doubling in 5.8 s.",
         "The model explains 88 % of roll rate p.",
+        "Fit: good. The model explains 88.0 % of p (50 % and more is good).",
         "Not verified on an unseen flight yet.",
     )
 

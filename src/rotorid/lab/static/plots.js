@@ -36,7 +36,7 @@ const powers = (value) => (value > 0 && Number.isInteger(Math.round(Math.log10(v
 /** A number beside a curve. */
 const read = (_, value) => (value === null || value === undefined ? "–" : number(value));
 
-/** Curves over a logarithmic axis; a drag tells `brush` from where to where. `within`: the lower and upper edge of a strip around the first curve. */
+/** Curves over a logarithmic axis; a drag tells `brush` from where to where. `within`: the lower and upper edge of a strip around the first curve. A `faded` curve is gray and dashed, a `dashed` one dashed; `color` is the number of its color. */
 export function lines(box, { title, x, rows, within = [], xLabel, yLabel, logY = false, brush = null, sync = null, height = 190 }) {
   const place = make("div");
   box.append(place);
@@ -49,7 +49,7 @@ export function lines(box, { title, x, rows, within = [], xLabel, yLabel, logY =
     axes: [axisOf(xLabel, 34), { ...axisOf(yLabel), ...(logY ? { values: (_, ticks) => ticks.map(powers) } : {}) }],
     bands: within.length ? [{ series: [rows.length + 2, rows.length + 1], fill: `${palette[0]}40` }] : [],
     series: [{ label: xLabel, value: read }, ...all.map((row, k) => ({
-      label: row.label, stroke: row.stroke ?? palette[k % palette.length], width: row.stroke ? 0 : 1.6, points: { show: false }, value: read,
+      label: row.label, stroke: row.stroke ?? (row.faded ? style("--quiet") : palette[(row.color ?? k) % palette.length]), width: row.stroke ? 0 : row.faded ? 1 : 1.6, dash: row.faded || row.dashed ? [4, 4] : undefined, points: { show: false }, value: read,
     }))],
     hooks: { setSelect: [(u) => {
       if (!brush || u.select.width <= 3) return;

@@ -110,7 +110,7 @@ export class Results {
 
   #curves(body, curves, k) {
     const pairs = curves.outputs.flatMap((output, i) => curves.inputs.map((input, j) => ({ name: `${output} / ${input}`, i, j })))
-      .filter(({ i, j }) => curves["values.re"][i][j].some((value) => value !== null));
+      .filter(({ i, j }) => usedOf(curves, i, j).some(Boolean));
     for (const pair of pairs) {
       if (pairs.length <= FEW) {
         body.append(make("h4", `${pair.name} `, {}, make("span", "a drag on a picture chooses the band", { class: "soft" })));
@@ -131,18 +131,26 @@ export class Results {
     const brush = (a, b) => this.hooks.band([omegaOf(a), omegaOf(b)].map((value) => Number(value.toPrecision(4))));
     const re = curves["values.re"][i][j], im = curves["values.im"][i][j], error = curves.random_error?.[i][j];
     const modelRe = curves["model.re"]?.[i][j], modelIm = curves["model.im"]?.[i][j];
-    const both = (part) => [{ label: "measured", y: part(re, im) }, ...(modelRe ? [{ label: "model", y: part(modelRe, modelIm) }] : [])];
+    // The tables count used points alone: all others are drawn gray and dashed, and a model beyond them dashed.
+    const used = usedOf(curves, i, j), [first, last] = [used.indexOf(true), used.lastIndexOf(true)];
+    const inside = (values) => values.map((value, n) => (used[n] ? value : null));
+    const outside = (values) => values.map((value, n) => (used[n] && used[n - 1] !== false && used[n + 1] !== false ? null : value));
+    const spanned = (values) => values.map((value, n) => (n >= first && n <= last ? value : null));
+    const beyond = (values) => values.map((value, n) => (n > first && n < last ? null : value));
+    const measuredRows = (values) => [{ label: "measured", y: inside(values), color: 0 }, ...(used.every(Boolean) ? [] : [{ label: "left out", y: outside(values), faded: true }])];
+    const modelRows = (values) => [{ label: "model", y: spanned(values), color: 1 }, ...(first === 0 && last === used.length - 1 ? [] : [{ label: "model, not fitted", y: beyond(values), color: 1, dashed: true }])];
+    const both = (part) => [...measuredRows(part(re, im)), ...(modelRe ? modelRows(part(modelRe, modelIm)) : [])];
     const magnitude = both(size);
-    const edge = (sign) => re.map((value, n) => (value === null || im[n] === null || error[n] === null || 1 + sign * error[n] <= 0 ? null : sizeOf(Math.hypot(value, im[n]) * (1 + sign * error[n]))));
+    const edge = (sign) => re.map((value, n) => (!used[n] || value === null || im[n] === null || error[n] === null || 1 + sign * error[n] <= 0 ? null : sizeOf(Math.hypot(value, im[n]) * (1 + sign * error[n]))));
     const strip = error ? [edge(-1), edge(1)] : [];
     if (error) magnitude[0].label = "measured ± std";
     const box = make("div", "", { class: "bodes" }), shared = { x, xLabel: unitText(), brush, sync: `step-${k}` };
     const drawn = [
       { title: `${name}: magnitude`, rows: magnitude, within: strip, yLabel: db ? "dB" : "" },
       { title: `${name}: phase`, rows: both(phaseOf), yLabel: "deg" },
-      { title: `${name}: coherence`, rows: [{ label: "coherence", y: curves.coherence[i][j] }], yLabel: "", height: 140 },
+      { title: `${name}: coherence`, rows: measuredRows(curves.coherence[i][j]), yLabel: "", height: 140 },
     ];
-    if (modelRe) drawn.push({ title: `${name}: residual`, rows: [{ label: "|measured − model| / |measured|", y: re.map((value, n) => ([value, im[n], modelRe[n], modelIm[n]].includes(null) ? null : Math.hypot(value - modelRe[n], im[n] - modelIm[n]) / Math.hypot(value, im[n]))) }], yLabel: "", height: 140 });
+    if (modelRe) drawn.push({ title: `${name}: residual`, rows: [{ label: "|measured − model| / |measured|", y: re.map((value, n) => (!used[n] || [value, im[n], modelRe[n], modelIm[n]].includes(null) ? null : Math.hypot(value - modelRe[n], im[n] - modelIm[n]) / Math.hypot(value, im[n]))) }], yLabel: "", height: 140 });
     place.append(box);
     for (const one of drawn) lines(box.appendChild(make("div")), { ...shared, ...one });
   }
@@ -225,12 +233,19 @@ function findings(body, found) {
 
 const rateInterval = (one) => within(shownRate(one));
 
+/** Which points of a response the tables count: fitted ones of a model, usable ones of a measurement. */
+const usedOf = (curves, i, j) => (curves.fitted ?? curves.used)?.[i][j].map(Boolean) ?? curves["values.re"][i][j].map((value) => value !== null);
+
+/** The class of a verdict's color. */
+const CLASSES = { green: "good", yellow: "fair", red: "bad", gray: "soft" };
+
 const SHOWS = {
   identify(body, told) {
     const rows = Object.entries(told.parameters ?? {});
     if (!rows.length) return;
     body.append(tableOf("Parameters", ["parameter", "value", "95 % from", "to", "unit", "status"], rows.map(([name, one]) => [name, ...ends(one), unitOf(one.unit), one.status])));
-    if (told.cost) body.append(make("p", `Average cost ${number(told.cost.average)}: ${told.cost.average <= 50 ? "excellent" : told.cost.average <= 100 ? "acceptable" : "poor"} by the guideline (50, 100).`));
+    if (told.verdict) body.append(make("p", "Fit: ", {}, make("b", told.verdict.word, { class: CLASSES[told.verdict.color] }), `. ${told.verdict.reason}`));
+    else if (told.cost) body.append(make("p", `Average cost ${number(told.cost.average)}.`));
     if (told.poles?.length) {
       const part = (value, std) => withStd(shownOmega(value), shownOmega(std));
       body.append(tableOf(`Poles, in ${unitText()}, ± half of the 95 % interval`, ["real part", "imaginary part", "frequency", "damping"], told.poles.filter((one) => one.imag >= 0).map((one) =>
@@ -243,7 +258,7 @@ const SHOWS = {
   },
   review(body, told) {
     for (const one of told.reviews ?? [told]) {
-      body.append(make("div", "", { class: "cards" }, ...(one.cards ?? []).map((card) => make("div", "", { class: card.state }, make("b", card.title), make("span", card.number ?? "", { class: "figure" }), make("p", card.sentence, { class: "soft" })))));
+      body.append(make("div", "", { class: "cards" }, ...(one.cards ?? []).map((card) => make("div", "", { class: CLASSES[card.color] ?? "" }, make("b", card.title), make("span", card.word ?? "", { class: CLASSES[card.color] ?? "soft" }), make("span", ` ${card.number ?? ""}`, { class: "figure" }), make("p", card.sentence, { class: "soft" })))));
       const loops = Object.entries(one.loops ?? {}), margins = Object.entries(one.margins ?? {});
       if (loops.length) body.append(tableOf("Loops", ["loop", `bandwidth (−3 dB) in ${unitText()}`, "delay in s", "overshoot in %"], loops.map(([name, loop]) => [name, rateInterval(loop.bandwidth_3db_rad_s), within(loop.delay_s), within(loop.overshoot_percent)])));
       if (margins.length) body.append(tableOf("Margins", ["axis", `crossover in ${unitText()}`, "phase margin in deg", "gain margin in dB", "peak of sensitivity"], margins.map(([name, margin]) => [name, rateInterval(margin.crossover_rad_s), within(margin.phase_margin_deg), within(margin.gain_margin_db), within(margin.sensitivity_peak)])));

@@ -9,7 +9,12 @@ import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import AXES
-from rotorid.data.trust import FITTED_SHARE, LARGEST_RANDOM_ERROR
+from rotorid.data.trust import (
+    CRAMER_RAO_GUIDELINE_PERCENT,
+    FITTED_SHARE,
+    INSENSITIVITY_GUIDELINE_PERCENT,
+    LARGEST_RANDOM_ERROR,
+)
 from rotorid.fitting.frequency.problem import (
     ACCEPTABLE_COST,
     EXCELLENT_COST,
@@ -22,11 +27,7 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.pipeline.fits.frequency.support import main_pairs
 from rotorid.pipeline.preparation.measure import Measured
 from rotorid.typing import BoolArray, FloatArray
-from rotorid.uncertainty.cramer_rao import (
-    CRAMER_RAO_GUIDELINE_PERCENT,
-    INSENSITIVITY_GUIDELINE_PERCENT,
-    Bounds,
-)
+from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.identifiability import Combination
 
 _INPUT_DELAYS = tuple(f"tau_{axis}" for axis in AXES)
@@ -48,14 +49,14 @@ def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding,
         value = abs(parameters[name].value)
         if value == 0.0:
             continue
-        percents = (100.0 * cramer_rao / value, 100.0 * insensitivity / value)
+        percents, error = (100.0 * cramer_rao / value, 100.0 * insensitivity / value), _error_words(bounds, name, value)
         if percents[1] > INSENSITIVITY_GUIDELINE_PERCENT:
             findings.append(
                 warn(
                     "insensitive_parameter",
                     name,
-                    f"The response hardly depends on {name}: its insensitivity is {percents[1]:.0f} % "
-                    f"(guideline {INSENSITIVITY_GUIDELINE_PERCENT:g} %).",
+                    f"The data barely constrain {name}: its insensitivity, which is no error, is {percents[1]:.0f} % "
+                    f"(usual up to {INSENSITIVITY_GUIDELINE_PERCENT:g} %){error}.",
                     insensitivity_percent=percents[1],
                 )
             )
@@ -64,12 +65,18 @@ def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding,
                 warn(
                     "uncertain_parameter",
                     name,
-                    f"{name} trades against other parameters: its Cramér–Rao bound is {percents[0]:.0f} % "
-                    f"(guideline {CRAMER_RAO_GUIDELINE_PERCENT:g} %).",
+                    f"{name} trades against other parameters: its Cramér–Rao bound, which is no error, is "
+                    f"{percents[0]:.0f} % (usual up to {CRAMER_RAO_GUIDELINE_PERCENT:g} %){error}.",
                     cramer_rao_percent=percents[0],
                 )
             )
     return (*findings, *_lag_and_delay(parameters, bounds))
+
+
+def _error_words(bounds: Bounds, name: str, value: float) -> str:
+    """The error of a parameter, so that nobody takes another percent for it."""
+    percent = 100.0 * bounds.stds[name] / value
+    return f"; its error is ± {percent:.2g} %" if math.isfinite(percent) else ""
 
 
 def _lag_and_delay(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:

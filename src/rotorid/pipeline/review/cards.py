@@ -1,10 +1,15 @@
-"""The first screen of a review: a handful of judgments in words that need no control theory."""
+"""The first screen of a review: a handful of judgments in words that need no control theory.
+
+A card asks one question. It is green only where every part of the question was measured and is good. What was measured
+alone is a part, and the card names what is missing; a part that needs a look goes before everything that is unknown.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias
 
 from rotorid.data.axes import RATE_OF
@@ -16,15 +21,27 @@ from rotorid.pipeline.oscillations import describe, gain_words, motors_limited
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.review.motors import MUCH_AT_FULL, WORTH_SAYING
 from rotorid.pipeline.review.values import Review
+from rotorid.pipeline.summary import Color
+from rotorid.pipeline.verdicts import verdict
 
-State: TypeAlias = Literal["good", "look", "cannot"]
-"""Good; look here; cannot be told from this flight."""
+State: TypeAlias = Literal["good", "look", "part", "cannot"]
+"""Good; look here; what was measured is good, and a part was not measured; not enough data."""
+
+STATES: Mapping[State, tuple[str, Color]] = MappingProxyType(
+    {
+        "good": ("good", "green"),
+        "look": ("look here", "yellow"),
+        "part": ("good in part", "gray"),
+        "cannot": ("not enough data", "gray"),
+    }
+)
+"""Word and color of a state, on every page and line: what is unknown is gray."""
 
 LEAST_PHASE_MARGIN_DEG, LARGEST_SENSITIVITY = 40.0, 2.0
 """Below the one or above the other a rate loop rings, and has little left for a heavier day or a weaker battery."""
 
 # Habits of the field, not laws. A card asks for a look where the whole 95 % interval of a number lies beyond the limit,
-# and is good where every interval keeps to it; what lies in between cannot be told.
+# and is good where every interval keeps to it; for what lies in between there is not enough data.
 
 LARGEST_OVERSHOOT_PERCENT = 25.0
 """A rate loop that overshoots its set-point by more needs a look."""
@@ -74,7 +91,7 @@ class Card(Immutable):
     key, title
         Name, and heading.
     state
-        Whether it is good, needs a look, or cannot be told.
+        Whether it is good, needs a look, is good as far as it was measured, or was not measured.
     number
         The one number that stands for it, with its unit; empty where there is none.
     sentence
@@ -86,6 +103,16 @@ class Card(Immutable):
     state: State
     number: str
     sentence: str
+
+    @property
+    def word(self) -> str:
+        """The state in words."""
+        return STATES[self.state][0]
+
+    @property
+    def color(self) -> Color:
+        """The state for the eye."""
+        return STATES[self.state][1]
 
 
 def cards(review: Review) -> tuple[Card, ...]:
@@ -101,6 +128,16 @@ def cards(review: Review) -> tuple[Card, ...]:
     if review.flight.flights:
         return found
     return tuple(replace(card, state="cannot", number="", sentence="This log holds no flight.") for card in found)
+
+
+def _good(missing: Sequence[str]) -> State:
+    """The state of a card whose every number is good: a part where something was not measured."""
+    return "part" if missing else "good"
+
+
+def _not_measured(missing: Sequence[str]) -> str:
+    """What of a question was not measured, as a sentence; empty where everything was."""
+    return f" Not measured: {listed(missing)}." if missing else ""
 
 
 class _Judged(NamedTuple):
@@ -136,25 +173,25 @@ class _Judged(NamedTuple):
 
 
 def _tracking(review: Review) -> Card:
-    title, loops = "Does it follow the stick?", review.loops
+    title, loops = "Do roll and pitch follow the stick?", review.loops
     swinging = [one.axis for one in review.oscillations]
     if swinging:
         sentence = f"{capital(listed(swinging))} {'oscillates' if len(swinging) == 1 else 'oscillate'}: end that first."
         return Card(key="tracking", title=title, state="cannot", number="", sentence=sentence)
-    told = [name for name in ("p", "q") if name in loops and "rise_time_s" in loops[name].numbers]
-    if not told:
-        sentence = "This log does not show how quickly roll and pitch follow what is asked of them."
-        return Card(key="tracking", title=title, state="cannot", number="", sentence=sentence)
+    numbers = {name: loops[name].numbers if name in loops else {} for name in ("p", "q")}
     rises = [
-        _Judged(_RATES[name], "rises in", loops[name].numbers["rise_time_s"], good_below=SLOW_RISE_S) for name in told
+        _Judged(_RATES[name], "rises in", one["rise_time_s"], good_below=SLOW_RISE_S)
+        for name, one in numbers.items()
+        if "rise_time_s" in one
     ]
     overshoots = [
-        _Judged(_RATES[name], "overshoots by", numbers["overshoot_percent"], good_below=LARGEST_OVERSHOOT_PERCENT)
-        for name in told
-        if "overshoot_percent" in (numbers := loops[name].numbers)
+        _Judged(_RATES[name], "overshoots by", one["overshoot_percent"], good_below=LARGEST_OVERSHOOT_PERCENT)
+        for name, one in numbers.items()
+        if "overshoot_percent" in one
     ]
-    slowest = max(rises, key=lambda one: one.quantity.value)
-    number = _number(slowest)
+    if not rises:
+        sentence = "This log does not show how quickly roll and pitch follow their set-points."
+        return Card(key="tracking", title=title, state="cannot", number="", sentence=sentence)
     bad, unsure = _sorted([*overshoots, *rises])
     if bad:
         # What bounces is said before what is slow.
@@ -173,8 +210,17 @@ def _tracking(review: Review) -> Card:
         return Card(key="tracking", title=title, state="cannot", number=_number(worst), sentence=sentence)
     most = max(overshoots, key=lambda one: one.quantity.upper, default=None)
     by = f", with at most {most.quantity.upper:.0f} % overshoot" if most is not None else ""
-    who = "Roll and pitch follow what is asked of them" if len(told) == 2 else f"{slowest.axis.capitalize()} follows"
-    return Card(key="tracking", title=title, state="good", number=number, sentence=f"{who}{by}.")
+    axes = [one.axis for one in rises]
+    who = f"{capital(listed(axes))} {'follow their set-points' if len(axes) > 1 else 'follows its set-point'}"
+    missing = [axis for axis in ("roll", "pitch") if axis not in axes]
+    missing += [f"overshoot of {axis}" for axis in axes if axis not in {one.axis for one in overshoots}]
+    return Card(
+        key="tracking",
+        title=title,
+        state=_good(missing),
+        number=_number(max(rises, key=lambda one: one.quantity.value)),
+        sentence=f"{who}{by}.{_not_measured(missing)}",
+    )
 
 
 def _sorted(judged: Sequence[_Judged]) -> tuple[list[_Judged], list[_Judged]]:
@@ -186,8 +232,8 @@ def _sorted(judged: Sequence[_Judged]) -> tuple[list[_Judged], list[_Judged]]:
 
 def _unsure(what: str, limit: str, remedy: str) -> str:
     """Why a number gives no verdict, and what would."""
-    sentence = f"Whether {what} is not sure: the limit of {limit} lies within the interval."
-    return f"{sentence} To tell: {_lower_first(remedy)}" if remedy else sentence
+    sentence = f"Not enough data to say whether {what}: the limit of {limit} lies within the interval."
+    return f"{sentence} To measure it: {_lower_first(remedy)}" if remedy else sentence
 
 
 _SHOWN: Mapping[str, tuple[str, float]] = {
@@ -205,7 +251,9 @@ def _number(one: _Judged) -> str:
 
 def _margins(review: Review) -> Card:
     title = "How close is it to shaking?"
-    judged = [
+    if review.oscillations:
+        return _shaking(review)
+    peaks = [
         _Judged(axis, "M_s", one.numbers["sensitivity_peak"], good_below=LARGEST_SENSITIVITY)
         for axis, one in review.margins.items()
         if "sensitivity_peak" in one.numbers
@@ -216,37 +264,43 @@ def _margins(review: Review) -> Card:
         if "phase_margin_deg" in one.numbers
     ]
     # Number and sentence are of one loop: of those that are surely bad the worst, then of those that may be.
-    bad, unsure = _sorted([*phases, *judged])
-    if review.oscillations:
-        return _shaking(review)
+    bad, unsure = _sorted([*phases, *peaks])
     if bad:
         return Card(key="margins", title=title, state="look", number=_number(bad[0]), sentence=_too_close(bad[0]))
-    if not phases:
-        sentence = f"{_calm(review)}How much more gain the loops can take: not enough data."
+    # Gusts that moved an axis tell its numbers, and are no test of its loop.
+    excited = [one for one in phases if not review.margins[one.axis].gusts_only]  # type: ignore[index]
+    calm = _calm(review)
+    if not excited:
+        axes = [one.axis for one in phases]
+        by_gusts = f" Gusts alone moved {listed(axes)}." if axes else ""
+        sentence = f"{calm}Not enough data to say how much more gain the loops can take.{by_gusts}"
         return Card(key="margins", title=title, state="cannot", number="", sentence=sentence)
-    if unsure:
+    if unsure := [one for one in unsure if one.axis in {known.axis for known in excited}]:
         worst = unsure[0]
         remedy = _remedy(review, f"margins.{worst.axis}.") or _MOVE_MORE.format(axis=worst.axis)
         limit = f"{LEAST_PHASE_MARGIN_DEG:.0f}°" if worst in phases else f"{LARGEST_SENSITIVITY:g}"
         sentence = _unsure(f"the {worst.axis} loop keeps a safe distance from instability", limit, remedy)
         return Card(key="margins", title=title, state="cannot", number=_number(worst), sentence=sentence)
-    least = max(phases, key=lambda one: one.bad_end)
-    names = listed([one.axis for one in phases])
-    which = "loops keep" if len(phases) > 1 else "loop keeps"
-    unseen = [one.axis for one in phases if one.axis not in {peak.axis for peak in judged}]
-    sentence = f"The {names} {which} a safe distance from instability."
-    if unseen:
-        sentence = (
-            f"The {names} {which} a phase margin of more than {LEAST_PHASE_MARGIN_DEG:.0f}°; how much disturbances "
-            f"grow in {listed(unseen)} (M_s) cannot be told."
-        )
-    missing = [axis for axis in ("roll", "pitch") if axis not in {one.axis for one in phases}]
-    if missing:
-        # One axis says nothing of another.
-        sentence += f" {capital(listed(missing))}: not enough data."
-        calm = _calm(review, missing)
-        return Card(key="margins", title=title, state="cannot", number="", sentence=f"{calm}{sentence}")
-    return Card(key="margins", title=title, state="good", number=_number(least), sentence=sentence)
+    names = [one.axis for one in excited]
+    which = "loops keep" if len(names) > 1 else "loop keeps"
+    others = [axis for axis in RATE_OF if axis not in names]
+    by_gusts = {axis for axis, one in review.margins.items() if one.gusts_only}
+    missing = [f"{axis} (gusts alone moved it)" if axis in by_gusts else axis for axis in others]
+    missing += [f"M_s of {axis}" for axis in names if axis not in {one.axis for one in peaks}]
+    missing += [f"oscillation of {axis}" for axis in names if axis not in review.calm]
+    sentence = (
+        f"The {listed(names)} {which} a safe distance from instability."
+        if not any(one.startswith("M_s") for one in missing)
+        else f"The {listed(names)} {which} a phase margin of more than {LEAST_PHASE_MARGIN_DEG:.0f}°."
+    )
+    least = max(excited, key=lambda one: one.bad_end)
+    return Card(
+        key="margins",
+        title=title,
+        state=_good(missing),
+        number=_number(least),
+        sentence=f"{_calm(review, others)}{sentence}{_not_measured(missing)}",
+    )
 
 
 def _shaking(review: Review) -> Card:
@@ -284,17 +338,13 @@ def _too_close(worst: _Judged) -> str:
 def _noise(review: Review) -> Card:
     title, noise = "Does it vibrate?", review.noise
     vibration, clipping = noise.numbers.get("vibration_m_s2"), noise.numbers.get("clipping_share")
+    number = "" if vibration is None else _told(vibration, " m/s²")
     if review.oscillations:
         axes = [one.axis for one in review.oscillations]
-        number = "" if vibration is None else _told(vibration, " m/s²")
         sentence = f"{capital(listed(axes))} {'oscillates' if len(axes) == 1 else 'oscillate'}: end that first."
         return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
     shares = {name: one for name, one in noise.numbers.items() if name.endswith("_d_noise_share")}
     loud = max(shares, key=lambda one: shares[one].value, default=None)
-    if vibration is None and loud is None and not noise.peaks:
-        sentence = "This log is too slow, or lacks the channels, to show vibration."
-        return Card(key="noise", title=title, state="cannot", number="", sentence=sentence)
-    number = "" if vibration is None else _told(vibration, " m/s²")
     if not number and loud is not None:
         number = f"{_told(shares[loud], ' %', 100.0)} of the motor range"
     # What share of this flight clipped was counted, and is no estimate.
@@ -325,19 +375,25 @@ def _noise(review: Review) -> Card:
         what = f"little noise passes through D of {unsure[0].axis} ({share})"
         sentence = _unsure(what, f"{100.0 * LARGEST_NOISE_SHARE:.0f} %", "fly longer")
         return Card(key="noise", title=title, state="cannot", number=number, sentence=f"{sentence}{where}")
-    if vibration is None and loud is None:
-        sentence = f"How strongly it vibrates cannot be told.{where}"
+    # A controller whose P was measured and that has no D passes no noise through it.
+    axes = [axis for axis in ("roll", "pitch") if any(f"{axis}_{term}_noise_share" in noise.numbers for term in "pd")]
+    if shaken is None and not axes:
+        sentence = f"This log is too slow, or lacks the channels, to show how strongly it vibrates.{where}"
         return Card(key="noise", title=title, state="cannot", number=number, sentence=sentence)
-    sentence = "Nothing that would disturb the loops."
-    if vibration is None:
-        sentence = "Little noise reaches the motors through D; vibration itself cannot be told."
-    elif loud is None:
-        sentence = "It vibrates little; how much noise reaches the motors through D cannot be told."
-    return Card(key="noise", title=title, state="good", number=number, sentence=f"{sentence}{where}")
+    missing = [] if shaken is not None else ["vibration"]
+    if not {"clipping_share", "clipping_count"} & noise.numbers.keys():
+        missing.append("accelerometer at its limits")
+    missing += [f"noise through D of {axis}" for axis in ("roll", "pitch") if axis not in axes]
+    found = [
+        *(["It vibrates little."] if shaken is not None else []),
+        *([f"Little noise reaches the motors through D of {listed(axes)}."] if axes else []),
+    ]
+    sentence = f"{' '.join(found)}{_not_measured(missing)}{where}"
+    return Card(key="noise", title=title, state=_good(missing), number=number, sentence=sentence)
 
 
 def _motors(review: Review) -> Card:
-    title = "Are the motors well?"
+    title = "Are the motors healthy?"
     motors, numbers = review.motors, review.motors.numbers
     imbalance, headroom, high = (numbers.get(name) for name in ("imbalance", "headroom", "saturated_high_share"))
     if imbalance is None and headroom is None and high is None:
@@ -375,10 +431,10 @@ def _motors(review: Review) -> Card:
     limits = _at_limits(numbers)
     if uneven is None or left is None:
         why = next((one.why for one in review.cannot_tell if one.what == "motors.imbalance"), "")
-        sentence = " ".join(part for part in ("How evenly they share the work cannot be told.", why, limits) if part)
+        sentence = " ".join(part for part in ("Not enough data to say how evenly they work.", why, limits) if part)
         remedy = _remedy(review, "motors.imbalance")
         if remedy:
-            sentence += f" To tell: {_lower_first(remedy)}"
+            sentence += f" To measure it: {_lower_first(remedy)}"
         return Card(key="motors", title=title, state="cannot", number=number, sentence=sentence)
     hover = "hover for 20 s without touching the sticks"
     if uneven.verdict == "cannot":
@@ -390,8 +446,17 @@ def _motors(review: Review) -> Card:
     if left.verdict == "cannot":
         sentence = _unsure(f"enough thrust is left above hover ({room})", f"{100.0 * LEAST_HEADROOM:.0f} %", hover)
         return Card(key="motors", title=title, state="cannot", number=number, sentence=sentence)
-    sentence = f"They share the work in steady flight, and {room}."
-    return Card(key="motors", title=title, state="good", number=number, sentence=f"{sentence}{limits and ' '}{limits}")
+    missing = [] if high is not None else ["share of the flight at full output"]
+    if not motors.steps_checked:
+        missing.append("loss of step")
+    sentence = f"Balanced, with {_told(left.quantity, ' %', 100.0)} headroom in hover.{limits and ' '}{limits}"
+    return Card(
+        key="motors",
+        title=title,
+        state=_good(missing),
+        number=number,
+        sentence=f"{sentence}{_not_measured(missing)}",
+    )
 
 
 def _at_limits(numbers: Mapping[str, Quantity]) -> str:
@@ -412,13 +477,14 @@ def _power(review: Review) -> Card:
     if not number and not battery:
         logged = _POWER & review.logging.rates_hz.keys()
         sentence = (
-            "What is logged of battery and throttle tells nothing of this flight."
+            "Battery and throttle: not enough data in this flight."
             if logged
             else "Neither battery nor throttle is in this log."
         )
         return Card(key="power", title=title, state="cannot", number="", sentence=sentence)
-    sentences = []
+    sentences: list[str] = []
     verdicts: set[State] = set()
+    sagged = False
     if ratio is not None:
         sentences.append(f"Full thrust is {_told(ratio)} times the weight.")
         judged = _Judged("", "thrust", ratio, good_above=LEAST_THRUST_TO_WEIGHT)
@@ -433,18 +499,19 @@ def _power(review: Review) -> Card:
         stop = battery.get("stop_v", battery["lowest_v"]).value
         sentences.append(f"The battery went from {start:.1f} V to {stop:.1f} V, lowest {lowest:.1f} V.")
         if start > 0.0 and "sag_v" in battery:
-            judged = _Judged("", "sag", battery["sag_v"], good_below=LARGEST_SAG * start)
+            sagged, judged = True, _Judged("", "sag", battery["sag_v"], good_below=LARGEST_SAG * start)
             verdicts.add(judged.verdict)
             if judged.verdict == "look":
                 sentences.append("It sags much under load: old, cold or too small.")
             elif judged.verdict == "cannot":
                 sag = f"it sags little under load ({_told(judged.quantity, ' V')})"
                 sentences.append(_unsure(sag, f"{LARGEST_SAG * start:.1f} V", "raise the throttle a few times"))
-    state: State = next((one for one in ("look", "cannot") if one in verdicts), "good")
+    missing = [*([] if ratio is not None else ["full thrust over weight"]), *([] if sagged else ["sag under load"])]
+    state: State = next((one for one in ("look", "cannot") if one in verdicts), _good(missing))
     if not verdicts:
         state = "cannot"
-        sentences.append("Neither full thrust over weight nor the sag under load can be told.")
-    return Card(key="power", title=title, state=state, number=number, sentence=" ".join(sentences))
+    sentence = f"{' '.join(sentences)}{_not_measured(missing)}".strip()
+    return Card(key="power", title=title, state=state, number=number, sentence=sentence)
 
 
 def _models(review: Review) -> Card:
@@ -454,13 +521,26 @@ def _models(review: Review) -> Card:
         sentence = "Models were not looked for (--no-models)."
         return Card(key="models", title=title, state="cannot", number="", sentence=sentence)
     if not stands:
-        sentence = "No model of the vehicle can be identified from it; below stands what to fly or log."
+        sentence = "No model of the vehicle can be identified from it; see below for what to fly or log."
         return Card(key="models", title=title, state="cannot", number="", sentence=sentence)
-    number = f"{len(stands)} model{'s' if len(stands) > 1 else ''}"
+    sought = [*review.models]
+    number = f"{len(stands)} of {len(sought)} models" if len(sought) > len(stands) else _models_words(len(stands))
     sentence = f"Identified with intervals: {', '.join(stands)}."
+    doubted: dict[str, list[str]] = {}
+    for name, model in stands.items():
+        found = verdict(model)
+        if found.color != "green":
+            doubted.setdefault(found.word, []).append(name)
+    sentence += "".join(f" {capital(word)}: {', '.join(names)}." for word, names in doubted.items())
+    lacking = [name for name in sought if name not in stands]
+    sentence += f" Not identified: {', '.join(lacking)}." if lacking else ""
     if without_sweep(review):
         sentence += " A sweep would make them several times as certain."
-    return Card(key="models", title=title, state="good", number=number, sentence=sentence)
+    return Card(key="models", title=title, state=_good([*doubted, *lacking]), number=number, sentence=sentence)
+
+
+def _models_words(count: int) -> str:
+    return f"{count} model{'s' if count > 1 else ''}"
 
 
 def _standing(review: Review) -> dict[str, IdentifiedModel]:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -120,12 +121,12 @@ def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Untold, ...]]:
             numbers |= balance
     events, missing = _events(record, flight.flights)
     untold += missing
+    steps_checked = not missing
     delay, missing = _delay(flight)
     numbers |= delay
     untold += missing
-    found = MotorReview(means=means, numbers=numbers, pattern=pattern, events=events)
-    remarks = tuple(_findings(found))
-    return MotorReview(means=means, numbers=numbers, pattern=pattern, events=events, findings=remarks), tuple(untold)
+    found = MotorReview(means=means, numbers=numbers, pattern=pattern, events=events, steps_checked=steps_checked)
+    return replace(found, findings=tuple(_findings(found))), tuple(untold)
 
 
 def _limits(record: FlightRecord, limits: MotorLimits) -> dict[str, Quantity]:

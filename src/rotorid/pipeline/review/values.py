@@ -124,6 +124,8 @@ class MarginReview(Immutable):
     explained
         Correlation of the logged command with what the gains make of set-point and rate; ``None`` where no set-point
         is logged.
+    gusts_only
+        Whether nobody moved the axis, so that gusts alone show the loop.
     """
 
     axis: Axis
@@ -137,6 +139,7 @@ class MarginReview(Immutable):
     settings: AxisController | None = None
     throttle: float | None = None
     explained: float | None = None
+    gusts_only: bool = False
 
     def __post_init__(self) -> None:
         self._set(numbers=self.numbers, ends=self.ends)
@@ -283,13 +286,14 @@ class MotorReview(Immutable):
 
     ``numbers``: ``saturated_high_share``, ``saturated_low_share``, ``imbalance``, ``headroom``, ``output_delay_s``.
     ``means`` are the mean outputs in steady flight by motor; ``pattern`` is ``center of gravity``, ``twisted arm``,
-    ``one motor`` or empty, ``events`` start times of desync-like events.
+    ``one motor`` or empty, ``events`` start times of desync-like events, ``steps_checked`` whether these were sought.
     """
 
     means: Mapping[str, Quantity] = field(default_factory=dict)
     numbers: Mapping[str, Quantity] = field(default_factory=dict)
     pattern: str = ""
     events: tuple[float, ...] = ()
+    steps_checked: bool = False
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
