@@ -457,6 +457,12 @@ def _why_unchecked(record: FlightRecord, move: _Move, flights: Intervals, power:
             f"{name} moves much (rms {move.size:.2f} of its range), and a log of {rate_hz:.0f} Hz does not show "
             "whether the stick or the loop does it."
         )
+    if not move.fast and np.isnan(move.limited):
+        # A cycle at a whole multiple of the rate stands still in the command, and shows in the motors alone.
+        return (
+            f"A log of {rate_hz:.0f} Hz without motor outputs, or with limits that are not known, does not show whether "
+            f"{move.axis} oscillates."
+        )
     if not move.fast and move.limited > LARGEST_LIMITED:
         return (
             f"A motor is at a limit for {100.0 * move.at_limit:.0f} % of the flight, and a log of {rate_hz:.0f} Hz "

@@ -159,6 +159,21 @@ def test_a_part_of_a_flight_counts_when_it_lasts() -> None:
         assert not found or check.found[0].frequency_hz == pytest.approx(11.3, rel=0.03)
 
 
+def test_a_slow_log_without_motors_is_not_called_calm() -> None:
+    # A cycle of exactly 30 Hz stands still in 10 Hz: the command looks as quiet as that of a calm flight.
+    for signals in (still(), swinging(30.0)):
+        alone = {name: values for name, values in signals.items() if not name.startswith("motor_")}
+        seen = check_oscillations(record(alone, 10.0))
+        assert "roll" not in seen.calm
+    assert (
+        "without motor outputs"
+        in check_oscillations(
+            record({name: values for name, values in still().items() if not name.startswith("motor_")}, 10.0)
+        ).unchecked["roll"]
+    )
+    assert "roll" in check_oscillations(record(still(), 10.0)).calm
+
+
 def test_a_line_without_limits_counts_when_no_setpoint_makes_it() -> None:
     signals = swinging(7.0, amplitude=0.3, hover=0.5)
     free = check_oscillations(record(signals, 400.0))
