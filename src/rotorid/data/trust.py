@@ -5,6 +5,11 @@ A design says what an identification of its flight will use, drop and refuse. So
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rotorid.typing import BoolArray, FloatArray
+
 RICH_KINDS = ("sweep", "random_binary", "multisine")
 """Kinds of maneuvers that are fitted; the others are short, and judge a model."""
 
@@ -42,6 +47,27 @@ FITTED_SHARE = 0.7
 
 CERTAIN_SIGN = 2.0
 """Standard deviations from zero at which the sign of a value is certain."""
+
+
+def trusted(random_error: FloatArray, coherence: FloatArray, least: float) -> BoolArray:
+    """Points of a response that tables count, of the shape of the arrays; pictures draw no other point as one of them.
+
+    Parameters
+    ----------
+    random_error
+        Relative standard deviation of the magnitude.
+    coherence
+        Same shape.
+    least
+        The coherence that a point needs, of :func:`least_coherence`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> trusted(np.array([0.1, 0.5, 0.1]), np.array([0.9, 0.9, 0.1]), 0.6)
+    array([ True, False, False])
+    """
+    return (random_error <= LARGEST_RANDOM_ERROR) & (coherence >= least)
 
 
 def least_coherence(asked: float | None, *, joint: bool) -> float:

@@ -178,6 +178,21 @@ def band(
     return [area] if x else []
 
 
+def spanned(used: BoolArray) -> BoolArray:
+    """From the first to the last used point, same shape.
+
+    Examples
+    --------
+    >>> spanned(np.array([False, True, False, True, False]))
+    array([False,  True,  True,  True, False])
+    """
+    chosen = np.flatnonzero(used)
+    inside = np.zeros(used.size, dtype=bool)
+    if chosen.size:
+        inside[chosen[0] : chosen[-1] + 1] = True
+    return inside
+
+
 def runs(used: BoolArray) -> list[slice]:
     """Unbroken runs of ``True`` as slices.
 

@@ -11,6 +11,8 @@ import numpy as np
 
 from rotorid.data.record import STANDARD_UNITS
 from rotorid.data.response import FrequencyResponse
+from rotorid.data.trust import DIRECT_COHERENCE, trusted
+from rotorid.data.trust import least_coherence as coherence_needed
 from rotorid.errors import UsageError
 from rotorid.plot.curves import (
     SIGMAS,
@@ -26,6 +28,7 @@ from rotorid.plot.curves import (
     phase_axis,
     points,
     reference_deg,
+    spanned,
     unwrapped_deg,
 )
 from rotorid.plot.figure import (
@@ -49,9 +52,7 @@ from rotorid.plot.figure import (
 )
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
-COHERENCE_GUIDELINE = 0.6
-
-_BAND_OPACITY = 0.22
+_BAND_OPACITY, _LEFT_OUT_OPACITY = 0.22, 0.14
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,7 +74,7 @@ def bode(
     model: ComplexArray | None = None,
     beside: FrequencyResponse | None = None,
     fitted: BoolArray | None = None,
-    least_coherence: float = COHERENCE_GUIDELINE,
+    least_coherence: float | None = None,
     frequency: Frequency = "rad/s",
     magnitude: Magnitude = "dB",
 ) -> Figure:
@@ -93,11 +94,13 @@ def bode(
     model
         The model on the same grid, shape ``(y, u, f)``.
     beside
-        Another estimate of the same pair, drawn thin.
+        Another estimate of the same pair, drawn thin where its own points can be trusted.
     fitted
-        Points that entered the fit, shape ``(y, u, f)``; the others are faded. ``None`` emphasizes all.
+        Points that entered the fit or the tables, shape ``(y, u, f)``; the others are gray. ``None`` takes those that
+        :func:`rotorid.data.trust.trusted` does.
     least_coherence
-        Coherence below which points were left out, drawn as a line.
+        Coherence below which points were left out, drawn as a line; that of the kind of estimate by default, and no
+        line at zero.
     frequency, magnitude
         Units of the picture: ``"rad/s"`` or ``"Hz"``, ``"dB"`` or ``"linear"`` (SI units of output per input).
 
@@ -123,10 +126,11 @@ def bode(
     view = View(frequency=frequency, magnitude=magnitude)
     row = response.pair(output, input)
     values, coherence = response.values[row], response.coherence[row]
-    used = np.isfinite(values) if fitted is None else fitted[row] & np.isfinite(values)
+    least = coherence_needed(least_coherence, joint=response.estimate == "joint")
+    used = used_points(response, row, fitted, least)
     exact = None if model is None else model[row]
     lean_deg = (
-        reference_deg(response.omega_rad_s, values, used & (coherence >= least_coherence))
+        reference_deg(response.omega_rad_s, values, used & (coherence >= least))
         if exact is None
         else unwrapped_deg(response.omega_rad_s, exact)
     )
@@ -138,7 +142,7 @@ def bode(
             view, measured, used, exact, other, name, label=magnitude_label(output, input, in_db=magnitude == "dB")
         ),
         _phase_panel(view, measured, used, None if exact is None else lean_deg, other, name),
-        coherence_panel(_points(view, measured.omega_rad_s, coherence, used, "", legend=False), least_coherence),
+        coherence_panel(_points(view, measured.omega_rad_s, coherence, used, "", legend=False), least),
     )
     return stacked(panels, x_axis=view.axis(response.omega_rad_s))
 
@@ -146,11 +150,25 @@ def bode(
 def _beside(
     beside: FrequencyResponse | None, measured: Curve, *, output: str, input: str, lean_deg: FloatArray
 ) -> Curve | None:
-    """The other estimate on the phase branch of the measured one."""
+    """The other estimate on the phase branch of the measured one, with gaps where it cannot be trusted."""
     if beside is None or not beside.omega_rad_s.size:
         return None
     near = np.interp(beside.omega_rad_s, measured.omega_rad_s, lean_deg)
-    return measured_curve(beside, output=output, input=input, lean_deg=near)
+    drawn, row = measured_curve(beside, output=output, input=input, lean_deg=near), beside.pair(output, input)
+    used = used_points(beside, row, None, coherence_needed(None, joint=beside.estimate == "joint"))
+    return replace(
+        drawn,
+        magnitude_db=np.where(used, drawn.magnitude_db, np.nan),
+        phase_deg=np.where(used, drawn.phase_deg, np.nan),
+    )
+
+
+def used_points(response: FrequencyResponse, row: tuple[int, int], fitted: BoolArray | None, least: float) -> BoolArray:
+    """Points of one pair that are drawn as measured, shape ``(f,)``: those that were fitted, or else can be trusted."""
+    if fitted is not None:
+        return np.asarray(fitted[row] & np.isfinite(response.values[row]))
+    good = trusted(response.random_error[row], response.coherence[row], least)
+    return np.asarray(good & np.isfinite(response.values[row]))
 
 
 def _magnitude_panel(
@@ -164,7 +182,7 @@ def _magnitude_panel(
     label: str,
 ) -> Panel:
     omega, unit = measured.omega_rad_s, "dB" if view.magnitude == "dB" else ""
-    traces = bands(view, measured, used, _band_style(legend=True))[0]
+    traces = [*_left_out_band(view, measured, used)[0], *bands(view, measured, used, _band_style(legend=True))[0]]
     if other is not None:
         traces.append(_thin(view, other.omega_rad_s, view.height(other.magnitude_db), name, legend=True))
     traces += _points(view, omega, view.height(measured.magnitude_db), used, unit, legend=True)
@@ -177,7 +195,7 @@ def _phase_panel(
     view: View, measured: Curve, used: BoolArray, model_deg: FloatArray | None, other: Curve | None, name: str
 ) -> Panel:
     omega = measured.omega_rad_s
-    traces = bands(view, measured, used, _band_style(legend=False))[1]
+    traces = [*_left_out_band(view, measured, used)[1], *bands(view, measured, used, _band_style(legend=False))[1]]
     if other is not None:
         traces.append(_thin(view, other.omega_rad_s, other.phase_deg, name, legend=False))
     traces += _points(view, omega, measured.phase_deg, used, "°", legend=False)
@@ -190,18 +208,29 @@ def _band_style(*, legend: bool) -> Style:
     return Style(name=f"± {SIGMAS:g} σ random error", color=translucent(MEASURED, _BAND_OPACITY), legend=legend)
 
 
+LEFT_OUT = "measured, left out"
+_KNOWN_DB = float(decibels(np.array([1.0 + SIGMAS]))[0])
+"""Half width of the band of a point whose error is as large as itself: of what is known worse none is drawn."""
+
+
+def _left_out_band(view: View, measured: Curve, used: BoolArray) -> tuple[list[Trace], list[Trace]]:
+    """The errors of points that the tables do not count, as far as these are known at all."""
+    style = Style(name=LEFT_OUT, color=translucent(SECONDARY, _LEFT_OUT_OPACITY))
+    return bands(view, measured, ~used & (measured.magnitude_error_db <= _KNOWN_DB), style)
+
+
 def _points(
     view: View, omega: FloatArray, values: FloatArray, used: BoolArray, unit: str, *, legend: bool
 ) -> list[Trace]:
-    groups = (("measured", used, 1.0, 5.0), ("measured, left out", ~used, 0.4, 4.0))
+    groups = (("measured", used, MEASURED, 1.0, 5.0), (LEFT_OUT, ~used, SECONDARY, 0.55, 4.0))
     return [
         points(
             view,
             omega[chosen],
             values[chosen],
-            Style(name=name, color=MEASURED, size=size, opacity=opacity, unit=unit, legend=legend),
+            Style(name=name, color=color, size=size, opacity=opacity, unit=unit, legend=legend),
         )
-        for name, chosen, opacity, size in groups
+        for name, chosen, color, opacity, size in groups
         if chosen.any()
     ]
 
@@ -209,12 +238,9 @@ def _points(
 def _model(
     view: View, omega: FloatArray, values: FloatArray, used: BoolArray, unit: str, *, legend: bool
 ) -> list[Trace]:
-    inside = np.zeros(omega.size, dtype=bool)
-    chosen = np.flatnonzero(used)
-    if chosen.size:
-        inside[chosen[0] : chosen[-1] + 1] = True
+    inside = spanned(used)
     # The whole model dotted, and solid where it was fitted: an extrapolation looks like one.
-    drawn = (("dot", 1.2, np.ones(omega.size, dtype=bool), legend and not chosen.size), ("solid", 2.2, inside, legend))
+    drawn = (("dot", 1.2, np.ones(omega.size, dtype=bool), legend and not inside.any()), ("solid", 2.2, inside, legend))
     return [
         line(
             view,
@@ -264,7 +290,7 @@ def bands(view: View, drawn: Curve, used: BoolArray, style: Style) -> tuple[list
 def coherence_panel(traces: list[Trace], least_coherence: float) -> Panel:
     """The lowest panel of a Bode picture."""
     axis = {"range": [0, 1.05], "dtick": 0.5}
-    return Panel(label="Coherence", traces=traces, height_px=95, axis=axis, level=least_coherence)
+    return Panel(label="Coherence", traces=traces, height_px=95, axis=axis, level=least_coherence or None)
 
 
 _OVERLAY_OPACITY = 0.16
@@ -329,7 +355,7 @@ def overlay(
     *,
     output: str,
     input: str,
-    least_coherence: float = COHERENCE_GUIDELINE,
+    least_coherence: float = DIRECT_COHERENCE,
     frequency: Frequency = "rad/s",
     magnitude: Magnitude = "dB",
 ) -> Figure:
@@ -393,7 +419,10 @@ def overlay(
 
 def _trusted(named: Named, least_coherence: float) -> BoolArray:
     finite = np.isfinite(named.values)
-    return finite if named.coherence is None else finite & (named.coherence >= least_coherence)
+    if named.coherence is None:
+        return finite
+    error = np.zeros(finite.size) if named.random_error is None else named.random_error
+    return np.asarray(finite & trusted(error, named.coherence, least_coherence))
 
 
 def _paper(named: Named, least_coherence: float) -> Curve:
@@ -438,13 +467,17 @@ def _ink(
         unit="dB" if view.magnitude == "dB" else "",
         legend=True,
     )
-    quiet = replace(style, unit="°", legend=False)
     draw = points if named.measured else line
-    level.append(draw(view, named.omega_rad_s, view.height(paper.magnitude_db), style))
-    turn.append(draw(view, named.omega_rad_s, paper.phase_deg, quiet))
-    if named.coherence is None:
-        return level, turn, []
-    return level, turn, [draw(view, named.omega_rad_s, named.coherence, replace(quiet, unit=""))]
+    used = _trusted(named, least_coherence) if named.measured else np.ones(named.omega_rad_s.size, dtype=bool)
+    faint = replace(style, color=SECONDARY, size=3.5, opacity=0.55, legend=False)
+
+    def drawn(heights: FloatArray, unit: str, *, legend: bool = False) -> list[Trace]:
+        groups = ((used, replace(style, unit=unit, legend=legend)), (~used, replace(faint, unit=unit)))
+        return [draw(view, named.omega_rad_s[part], heights[part], ink) for part, ink in groups if part.any()]
+
+    level += drawn(view.height(paper.magnitude_db), style.unit, legend=True)
+    turn += drawn(paper.phase_deg, "°")
+    return level, turn, [] if named.coherence is None else drawn(named.coherence, "")
 
 
 _AREA_OPACITY = 0.55

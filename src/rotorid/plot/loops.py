@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,7 @@ from rotorid.plot.figure import (
     translucent,
 )
 from rotorid.plot.frequency import Curve, bands, curve
-from rotorid.typing import ComplexArray, FloatArray, IntArray
+from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
 
 MINUS_3_DB = -3.0
 
@@ -77,6 +77,7 @@ def broken_loop(
     values: ComplexArray,
     *,
     random_error: FloatArray | None = None,
+    used: BoolArray | None = None,
     gain_crossovers: Sequence[Crossing] = (),
     phase_crossovers: Sequence[Crossing] = (),
     frequency: Frequency = "rad/s",
@@ -96,6 +97,8 @@ def broken_loop(
         The broken loop, whose critical point is −1, shape ``(f,)``.
     random_error
         Relative standard deviation of the magnitude, which is that of the phase in radians, shape ``(f,)``.
+    used
+        Points from which numbers are read, shape ``(f,)``; the others are gray and dashed. All by default.
     gain_crossovers
         Where the magnitude passes one, with the phase margin in radians.
     phase_crossovers
@@ -118,10 +121,11 @@ def broken_loop(
     ('phase margin 61.4 ± 1.1° at 10 rad/s', [-180.0, -118.65])
     """
     view = View(frequency=frequency, magnitude=magnitude)
-    drawn = _curve(omega_rad_s, values, random_error)
+    counted = np.isfinite(values) if used is None else used
+    drawn = _curve(omega_rad_s, values, random_error, counted)
     if any(crossing.value <= 0.0 for crossing in phase_crossovers):
         raise UsageError("a gain margin that is not positive came", needed="a factor: 2 for 6 dB")
-    level, turn = _with_band(view, drawn, random_error, "broken loop")
+    level, turn = _with_band(view, drawn, random_error, "broken loop", counted)
     hung = [_gain_margin(view, crossing) for crossing in phase_crossovers]
     stood = [_phase_margin(view, crossing, drawn) for crossing in gain_crossovers]
     unity = float(view.height(np.zeros(1))[0])
@@ -143,6 +147,7 @@ def disturbance_rejection(
     sensitivity: ComplexArray,
     *,
     random_error: FloatArray | None = None,
+    used: BoolArray | None = None,
     bandwidth: Crossing | None = None,
     peak: Crossing | None = None,
     frequency: Frequency = "rad/s",
@@ -161,6 +166,8 @@ def disturbance_rejection(
         Output over disturbance at that output, shape ``(f,)``.
     random_error
         Relative standard deviation of the magnitude, shape ``(f,)``.
+    used
+        Points from which numbers are read, shape ``(f,)``; the others are gray and dashed. All by default.
     bandwidth
         Where the magnitude rises through −3 dB; ``value`` is the magnitude there as a factor.
     peak
@@ -182,7 +189,9 @@ def disturbance_rejection(
     'bandwidth 1.00 ± 0.04 rad/s'
     """
     view = View(frequency=frequency, magnitude=magnitude)
-    traces, _ = _with_band(view, _curve(omega_rad_s, sensitivity, random_error), random_error, "sensitivity")
+    counted = np.isfinite(sensitivity) if used is None else used
+    drawn = _curve(omega_rad_s, sensitivity, random_error, counted)
+    traces, _ = _with_band(view, drawn, random_error, "sensitivity", counted)
     if peak is not None:
         words = f"peak {_level_words(view, peak)} at {_where(view, peak)}"
         traces.append(_mark(view, peak, words, MODEL, [_factor(view, peak.value)], _reach(view, peak, peak.value)))
@@ -202,24 +211,44 @@ def disturbance_rejection(
     return stacked([panel], x_axis=view.axis(omega_rad_s))
 
 
-def _curve(omega_rad_s: FloatArray, values: ComplexArray, random_error: FloatArray | None) -> Curve:
+def _curve(omega_rad_s: FloatArray, values: ComplexArray, random_error: FloatArray | None, used: BoolArray) -> Curve:
     error = np.zeros(omega_rad_s.size) if random_error is None else random_error
-    for name, came in (("the response", values.shape), ("random_error", error.shape)):
+    for name, came in (("the response", values.shape), ("random_error", error.shape), ("used", used.shape)):
         if came != omega_rad_s.shape:
             raise UsageError(f"{name} came with the shape {came}", needed=f"the shape {omega_rad_s.shape}")
-    return curve(omega_rad_s, values, error, reference_deg(omega_rad_s, values, np.isfinite(values)))
+    return curve(omega_rad_s, values, error, reference_deg(omega_rad_s, values, used & np.isfinite(values)))
 
 
-def _with_band(view: View, drawn: Curve, random_error: FloatArray | None, name: str) -> tuple[list[Trace], list[Trace]]:
-    """The curve of magnitude and that of phase, over their bands where there is an error."""
-    everywhere = np.ones(drawn.omega_rad_s.size, dtype=bool)
+def _with_band(
+    view: View, drawn: Curve, random_error: FloatArray | None, name: str, used: BoolArray
+) -> tuple[list[Trace], list[Trace]]:
+    """The curve of magnitude and that of phase, over their bands where there is an error.
+
+    Beyond the used points it is gray and dashed, without a band: no number is read there.
+    """
     shade = Style(name=name, color=translucent(MEASURED, _BAND_OPACITY))
-    level, turn = ([], []) if random_error is None else bands(view, drawn, everywhere, shade)
+    level, turn = ([], []) if random_error is None else bands(view, drawn, used, shade)
     unit = "dB" if view.magnitude == "dB" else ""
     inked = Style(name=name, color=MEASURED, width=1.8, legend=True, unit=unit)
-    level.append(line(view, drawn.omega_rad_s, view.height(drawn.magnitude_db), inked))
-    turn.append(line(view, drawn.omega_rad_s, drawn.phase_deg, Style(name=name, color=MEASURED, width=1.8, unit="°")))
+    faint = Style(name=f"{name}, not used", color=SECONDARY, width=1.1, dash="3 3", legend=True, unit=unit)
+    beyond = _beyond(used)
+    for traces, heights, of in ((level, view.height(drawn.magnitude_db), unit), (turn, drawn.phase_deg, "°")):
+        first = traces is level
+        if beyond.any():
+            at_gaps = np.where(beyond, heights, np.nan)
+            traces.append(line(view, drawn.omega_rad_s, at_gaps, replace(faint, unit=of, legend=first)))
+        if used.any():
+            kept = np.where(used, heights, np.nan)
+            traces.append(line(view, drawn.omega_rad_s, kept, replace(inked, unit=of, legend=first)))
     return level, turn
+
+
+def _beyond(used: BoolArray) -> BoolArray:
+    """Points that do not count, and the used ones beside them, so that a dashed line meets the solid one."""
+    beside = np.zeros(used.size, dtype=bool)
+    beside[1:] |= ~used[:-1]
+    beside[:-1] |= ~used[1:]
+    return np.asarray(~used | (used & beside))
 
 
 def _gain_margin(view: View, crossing: Crossing) -> Trace:

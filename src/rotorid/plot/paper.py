@@ -13,8 +13,19 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from rotorid.data.response import FrequencyResponse
+from rotorid.data.trust import least_coherence as coherence_needed
 from rotorid.errors import UsageError
-from rotorid.plot.curves import SIGMAS, Frequency, Magnitude, View, decibels, reference_deg, runs, unwrapped_deg
+from rotorid.plot.curves import (
+    SIGMAS,
+    Frequency,
+    Magnitude,
+    View,
+    decibels,
+    reference_deg,
+    runs,
+    spanned,
+    unwrapped_deg,
+)
 from rotorid.plot.figure import (
     INPUT,
     MEASURED,
@@ -27,7 +38,7 @@ from rotorid.plot.figure import (
     phase_step_deg,
     quantity,
 )
-from rotorid.plot.frequency import COHERENCE_GUIDELINE, Curve, measured_curve
+from rotorid.plot.frequency import Curve, measured_curve, used_points
 from rotorid.plot.inspection import BAR_COLORS, Bar, LogPicture, Trend
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 from rotorid.verification.verification import Verification
@@ -92,7 +103,7 @@ def bode_figure(
     input: str,
     model: ComplexArray | None = None,
     fitted: BoolArray | None = None,
-    least_coherence: float = COHERENCE_GUIDELINE,
+    least_coherence: float | None = None,
     frequency: Frequency = "rad/s",
     magnitude: Magnitude = "dB",
 ) -> Canvas:
@@ -110,9 +121,9 @@ def bode_figure(
     model
         The model on the same grid, shape ``(y, u, f)``.
     fitted
-        Points that entered the fit, shape ``(y, u, f)``; the others are faded. ``None`` emphasizes all.
+        Points that entered the fit, shape ``(y, u, f)``; the others are gray. ``None`` takes those that can be trusted.
     least_coherence
-        Coherence below which points were left out, drawn as a line.
+        Coherence below which points were left out, drawn as a line; that of the kind of estimate by default.
     frequency, magnitude
         Units of the picture.
 
@@ -136,16 +147,17 @@ def bode_figure(
     mpl = matplotlib_or_remedy()
     row = response.pair(output, input)
     omega, values, coherence = response.omega_rad_s, response.values[row], response.coherence[row]
-    used = np.isfinite(values) if fitted is None else fitted[row] & np.isfinite(values)
+    least = coherence_needed(least_coherence, joint=response.estimate == "joint")
+    used = used_points(response, row, fitted, least)
     exact = None if model is None else model[row]
-    trusted = used & (coherence >= least_coherence)
+    trusted = used & (coherence >= least)
     lean_deg = reference_deg(omega, values, trusted) if exact is None else unwrapped_deg(omega, exact)
     drawn = Drawn(
         view=view,
         measured=measured_curve(response, output=output, input=input, lean_deg=lean_deg),
         coherence=coherence,
         used=used,
-        least_coherence=least_coherence,
+        least_coherence=least,
     )
     words, _, unit = magnitude_label(output, input, in_db=magnitude == "dB").partition(" [")
     with mpl.rc_context(PAPER_STYLE):
@@ -195,7 +207,9 @@ def draw(cells: Sequence[Axes], drawn: Drawn, model: ComplexArray | None) -> Non
         _dots(cell, across, middle, used, "measured")
     if model is not None:
         for cell, line in zip(cells, (view.height(decibels(np.abs(model))), unwrapped_deg(omega, model)), strict=False):
-            cell.semilogx(across, line, color=MODEL, linewidth=1.6, label="model")
+            inside = spanned(used)
+            cell.semilogx(across, line, color=MODEL, linewidth=1.0, linestyle=":")
+            cell.semilogx(across[inside], line[inside], color=MODEL, linewidth=1.6, label="model")
     _dots(cells[2], across, drawn.coherence, used, None)
     cells[2].axhline(drawn.least_coherence, color=SECONDARY, linewidth=0.9, linestyle=":")
     cells[2].set_ylim(0.0, 1.05)
@@ -205,7 +219,7 @@ def draw(cells: Sequence[Axes], drawn: Drawn, model: ComplexArray | None) -> Non
 
 def _dots(cell: Axes, across: FloatArray, heights: FloatArray, used: BoolArray, label: str | None) -> None:
     cell.semilogx(across[used], heights[used], ".", color=MEASURED, markersize=4.5, label=label)
-    cell.semilogx(across[~used], heights[~used], ".", color=MEASURED, markersize=3.0, alpha=0.3)
+    cell.semilogx(across[~used], heights[~used], ".", color=SECONDARY, markersize=3.0, alpha=0.45)
 
 
 def _ticks(cells: Sequence[Axes], across: FloatArray, view: View) -> None:

@@ -39,29 +39,32 @@ TIME_AXIS = {"title": {"text": "Time on the log's clock [s]"}}
 def verification(check: Verification) -> Figure:
     """Measured and predicted outputs of one unseen maneuver, the inputs below.
 
+    Outputs that the maneuver hardly moved are not judged and not drawn.
+
     Parameters
     ----------
     check
         The maneuver; angles and rates are drawn in degrees.
     """
+    moved = [row for row, name in enumerate(check.output_names) if name in (check.moved or check.output_names)]
     panels = [
         Panel(
             label=quantity(name).label,
             traces=(
-                line(check.time_s, check.measured[row], name, words="measured", color=MEASURED, legend=row == 0),
+                line(check.time_s, check.measured[row], name, words="measured", color=MEASURED, legend=place == 0),
                 line(
                     check.time_s,
                     check.predicted[row],
                     name,
                     words="predicted",
                     color=MODEL,
-                    legend=row == 0,
+                    legend=place == 0,
                     dash="5 3",
                 ),
             ),
             height_px=190,
         )
-        for row, name in enumerate(check.output_names)
+        for place, (row, name) in enumerate((row, check.output_names[row]) for row in moved)
     ]
     panels += [
         Panel(

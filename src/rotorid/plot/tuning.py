@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from rotorid.plot.curves import Frequency, Magnitude, Style, View, band, decibels, line, magnitude_axis
+from rotorid.plot.curves import Frequency, Magnitude, Style, View, band, decibels, line, magnitude_axis, spanned
 from rotorid.plot.figure import MEASURED, MODEL, Figure, Panel, Trace, stacked, translucent
 from rotorid.typing import FloatArray
 
@@ -72,7 +73,7 @@ def responses(
     label
         Of the vertical axis, without its unit.
     seen_rad_s
-        Where the plant was measured, to be shaded.
+        Where the plant was measured, to be shaded; beyond it curves are dotted, for a model alone says them.
     frequency, magnitude
         Units of the picture.
     """
@@ -84,7 +85,7 @@ def responses(
         low, middle, high = (view.height(decibels(edge)) for edge in edges)
         shade, inked = _styles(name, "dB" if in_db else "")
         traces += band(view, omega_rad_s, low, high, np.ones(omega_rad_s.size, dtype=bool), shade)
-        traces.append(line(view, omega_rad_s, middle, inked))
+        traces += _beyond_dotted(view, omega_rad_s, middle, inked, seen_rad_s)
     shaded = view.bands([seen_rad_s] if seen_rad_s else [])
     panel = Panel(
         label=f"{label} [dB]" if in_db else label,
@@ -97,6 +98,18 @@ def responses(
     if shaded:
         axis["title"] = {"text": f"{axis['title']['text']}; shaded where the plant was seen"}
     return stacked([panel], x_axis=axis)
+
+
+def _beyond_dotted(
+    view: View, omega_rad_s: FloatArray, values: FloatArray, style: Style, seen_rad_s: tuple[float, float] | None
+) -> list[Trace]:
+    """A line that is dotted where the plant was not measured."""
+    if seen_rad_s is None:
+        return [line(view, omega_rad_s, values, style)]
+    seen = (omega_rad_s >= seen_rad_s[0]) & (omega_rad_s <= seen_rad_s[1])
+    dotted = replace(style, dash="dot", width=1.2, legend=False)
+    parts = ((seen, style), (~spanned(seen), dotted)) if seen.any() else ((~seen, replace(dotted, legend=True)),)
+    return [line(view, omega_rad_s, np.where(part, values, np.nan), ink) for part, ink in parts if part.any()]
 
 
 def _styles(name: str, unit: str = "") -> tuple[Style, Style]:

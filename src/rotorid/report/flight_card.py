@@ -17,12 +17,12 @@ import numpy as np
 from rotorid import __version__
 from rotorid.data.display import capital, listed
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
+from rotorid.data.trust import DIRECT_COHERENCE
 from rotorid.errors import UsageError
 from rotorid.io.ardupilot.system_id import sid_axes, start_mode, throttle_of
 from rotorid.plans.ardupilot import entry_reason, plan_log_bitmask
 from rotorid.plans.facts import Autopilot, FlightFacts, PredictedBound, excited_s, flown_by_hand, throttle_by_hand
 from rotorid.plans.px4 import LOG_PROFILE
-from rotorid.plot.frequency import COHERENCE_GUIDELINE
 from rotorid.report.frame import MISSING, asset, percent, significant, unit, with_error
 from rotorid.report.parts import FAR_SIGMAS
 from rotorid.typing import FloatArray
@@ -221,7 +221,7 @@ def after(plan: FlightPlan, facts: FlightFacts) -> list[str]:
     return [
         f"{count} found on {listed(plan.axes)}, without gaps{beside}",
         f"Commands and rates logged at {least_rate_hz(plan):.0f} Hz or more",
-        f"Coherence {COHERENCE_GUIDELINE:g} or more over the band",
+        f"Coherence {DIRECT_COHERENCE:g} or more over the band",
         f"As predicted: tilt up to {math.degrees(facts.tilt_rad):.0f}°, rates up to "
         f"{math.degrees(facts.rate_rad_s):.0f}°/s, motors {low:.0f} to {high:.0f}\u00a0%",
         "If not: fly again with more amplitude (coherence low) or less (motors at their limits)",

@@ -30,7 +30,7 @@ from rotorid.report.frame import (
 )
 from rotorid.report.parts import ManeuverRow, finding_rows, maneuver_row, timelines
 from rotorid.report.words import response_summary
-from rotorid.spectral.derived import Estimated
+from rotorid.spectral.derived import Estimated, read_points
 from rotorid.spectral.loops import sensitivity
 from rotorid.spectral.margins import Bound
 from rotorid.typing import Axis, FloatArray
@@ -297,7 +297,8 @@ def _usable(result: Responses) -> list[tuple[str, str]]:
 
 def loop_pictures(axis: Axis, loop: AxisLoop) -> tuple[Picture, ...]:
     """The broken loop with its margins and the sensitivity with its bandwidth; none where the loop was not seen."""
-    if loop.loop is None:
+    # What no number was read from is no picture: the axis was not excited.
+    if loop.loop is None or not (used := read_points(loop.loop)).any():
         return ()
     margins, rejection = loop.margins, loop.rejection
     broken = partial(
@@ -305,6 +306,7 @@ def loop_pictures(axis: Axis, loop: AxisLoop) -> tuple[Picture, ...]:
         loop.loop.omega_rad_s,
         loop.loop.values[0, 0],
         random_error=loop.loop.random_error[0, 0],
+        used=used,
         gain_crossovers=[_crossing(c.omega_rad_s, c.phase_margin_rad) for c in margins.gain_crossovers]
         if margins
         else (),
@@ -317,6 +319,7 @@ def loop_pictures(axis: Axis, loop: AxisLoop) -> tuple[Picture, ...]:
         response.omega_rad_s,
         response.values[0, 0],
         random_error=response.random_error[0, 0],
+        used=read_points(response),
         bandwidth=_crossing(rejection.bandwidth_rad_s, at) if rejection and rejection.bandwidth_rad_s else None,
         peak=_crossing(rejection.peak_omega_rad_s, rejection.peak)
         if rejection and rejection.peak_omega_rad_s and rejection.peak

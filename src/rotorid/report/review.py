@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from rotorid.data.quantity import Quantity
+from rotorid.data.trust import trusted
 from rotorid.errors import UsageError
 from rotorid.pipeline.results import IdentifiedModel, Refused
 from rotorid.pipeline.review.cards import Card, cards, without_sweep
@@ -43,7 +44,8 @@ from rotorid.report.frame import (
 )
 from rotorid.report.parts import FindingRow, finding_rows
 from rotorid.signal.airborne import told_by
-from rotorid.spectral.derived import log_curve
+from rotorid.spectral.derived import read_points
+from rotorid.typing import BoolArray
 
 LOOP_WORDS = {
     "p": "roll rate",
@@ -221,7 +223,11 @@ def _section(review: Review, anchor: str) -> Section:
         bodes=tuple(_bode(loop, f"{anchor}-bode-{name}") for name, loop in review.loops.items()),
         margins=_rows(_MARGIN_ROWS, [margin.numbers for margin in review.margins.values()]),
         margin_names=tuple(review.margins),
-        broken=tuple(_broken(margin, f"{anchor}-broken-{axis}") for axis, margin in review.margins.items()),
+        broken=tuple(
+            _broken(margin, f"{anchor}-broken-{axis}")
+            for axis, margin in review.margins.items()
+            if not margin.gusts_only and read_points(margin.loop).any()
+        ),
         noise=tuple(_noise(review, anchor)),
         noise_numbers=_single(review.noise.numbers),
         motors=_motors(review, anchor),
@@ -311,9 +317,19 @@ def _interesting_s(review: Review, names: Sequence[str]) -> float:
 
 
 def _bode(loop: LoopReview, key: str) -> Picture:
-    draw = partial(bode, loop.response, output=loop.answer, input=loop.reference)
+    draw = partial(
+        bode, loop.response, output=loop.answer, input=loop.reference, fitted=_usable(loop), least_coherence=0.0
+    )
     description = f"Bode plot of {LOOP_WORDS[loop.name]} over its set-point with 95 % band"
     return in_all_units(draw, key=key, description=description, converted=True)
+
+
+def _usable(loop: LoopReview) -> BoolArray:
+    """Points of a loop that its numbers are made of: those that are known to 30 %, within its band."""
+    low, high = loop.band_rad_s
+    omega = loop.response.omega_rad_s
+    known = trusted(loop.response.random_error, np.ones(loop.response.values.shape), 0.0)
+    return np.asarray(known & (omega >= low * (1.0 - 1e-9)) & (omega <= high * (1.0 + 1e-9)))
 
 
 def _broken(margin: MarginReview, key: str) -> Picture:
@@ -338,8 +354,7 @@ def _broken_loop(
 ) -> Figure:
     """The picture of a broken loop with the name of its axis, and 95 % intervals in its legend as all over the page."""
     # Beyond what the numbers are read from, feedback and noise would look like a loop at −1.
-    x, bands = np.log(margin.loop.omega_rad_s), log_curve(margin.loop).bands
-    seen = np.any([(x >= low) & (x <= high) for low, high in bands], axis=0) if bands else np.ones(x.size, dtype=bool)
+    seen = read_points(margin.loop)
     figure = broken_loop(
         margin.loop.omega_rad_s[seen],
         margin.loop.values[0, 0, seen],

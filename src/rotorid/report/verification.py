@@ -15,7 +15,7 @@ from rotorid.pipeline.results import FrequencyCheck, Verifications
 from rotorid.pipeline.verdicts import Verdict, cost_verdict
 from rotorid.pipeline.verification import Verified
 from rotorid.plot.figure import quantity
-from rotorid.plot.frequency import COHERENCE_GUIDELINE, bode
+from rotorid.plot.frequency import bode
 from rotorid.plot.time import ahead, closed_loop, verification
 from rotorid.report.frame import MISSING, Picture, in_all_units, render, significant
 from rotorid.report.parts import ManeuverRow, by_axis, finding_rows, maneuver_row, on_axis, range_rows
@@ -205,7 +205,7 @@ class UnseenSweeps:
         return tuple(one.picture for one in self.responses if one.picture)
 
 
-def unseen_sweeps(judged: FrequencyCheck, *, key: str, least_coherence: float = COHERENCE_GUIDELINE) -> UnseenSweeps:
+def unseen_sweeps(judged: FrequencyCheck, *, key: str, least_coherence: float | None = None) -> UnseenSweeps:
     """Everything that the page says about unseen sweeps.
 
     Parameters
@@ -215,7 +215,7 @@ def unseen_sweeps(judged: FrequencyCheck, *, key: str, least_coherence: float = 
     key
         Prefix of the identifiers of its pictures.
     least_coherence
-        Coherence below which points were left out.
+        Coherence below which points were left out; that of the kind of estimate by default.
     """
     pairs = by_axis([(name.partition("/")[0], name.partition("/")[2]) for name in judged.pairs])
     main = sum(on_axis(*pair) for pair in pairs)
@@ -230,7 +230,7 @@ def unseen_sweeps(judged: FrequencyCheck, *, key: str, least_coherence: float = 
 
 
 def _response(
-    judged: FrequencyCheck, output: str, input: str, key: str, leading: bool, least_coherence: float
+    judged: FrequencyCheck, output: str, input: str, key: str, leading: bool, least_coherence: float | None
 ) -> UnseenResponse:
     pair = judged.pairs[f"{output}/{input}"]
     words = f"{quantity(output).words} over {quantity(input).words}"

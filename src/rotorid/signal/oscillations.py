@@ -460,8 +460,8 @@ def _why_unchecked(record: FlightRecord, move: _Move, flights: Intervals, power:
     if not move.fast and np.isnan(move.limited):
         # A cycle at a whole multiple of the rate stands still in the command, and shows in the motors alone.
         return (
-            f"A log of {rate_hz:.0f} Hz without motor outputs, or with limits that are not known, does not show whether "
-            f"{move.axis} oscillates."
+            f"A log of {rate_hz:.0f} Hz without motor outputs, or with motor limits that are not known, does not show "
+            f"whether {move.axis} oscillates."
         )
     if not move.fast and move.limited > LARGEST_LIMITED:
         return (

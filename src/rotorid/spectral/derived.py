@@ -624,9 +624,7 @@ def log_curve(response: FrequencyResponse) -> LogCurve:
             needed="one response at positive frequencies",
         )
     values = response.values[0, 0]
-    trusted = (response.random_error[0, 0] <= LARGEST_ERROR) & (np.abs(values) > 0.0)
-    if response.estimate == "joint":
-        trusted &= response.coherence[0, 0] >= LEAST_COHERENCE
+    trusted = _trusted(response)
     H = values[trusted]
     x = np.log(response.omega_rad_s[trusted])
     if H.size == 0:
@@ -636,6 +634,24 @@ def log_curve(response: FrequencyResponse) -> LogCurve:
     phase -= 2.0 * np.pi * np.ceil((phase[0] - 0.5 * np.pi) / (2.0 * np.pi))
     covariance = response.covariance[0, 0][np.ix_(trusted, trusted)] / (H[:, None] * H.conj())
     return LogCurve(x=x, logarithms=np.log(np.abs(H)) + 1j * phase, covariance=covariance, bands=_bands(x, trusted))
+
+
+def read_points(response: FrequencyResponse) -> BoolArray:
+    """Points of one response from which numbers are read, shape ``(f,)``: trusted ones, within the bands of its curve.
+
+    Parameters
+    ----------
+    response
+        Of shape ``(1, 1, f)``.
+    """
+    x = np.log(response.omega_rad_s)
+    within = [(x >= low) & (x <= high) for low, high in log_curve(response).bands]
+    return np.asarray(_trusted(response) & np.any(within, axis=0)) if within else np.zeros(x.size, dtype=np.bool_)
+
+
+def _trusted(response: FrequencyResponse) -> BoolArray:
+    good = (response.random_error[0, 0] <= LARGEST_ERROR) & (np.abs(response.values[0, 0]) > 0.0)
+    return np.asarray(good & (response.coherence[0, 0] >= LEAST_COHERENCE) if response.estimate == "joint" else good)
 
 
 def _bands(x: FloatArray, trusted: BoolArray) -> tuple[tuple[float, float], ...]:

@@ -34,7 +34,7 @@ import numpy as np
 
 from rotorid.data.base import read_only
 from rotorid.data.response import FrequencyResponse
-from rotorid.data.trust import LARGEST_RANDOM_ERROR
+from rotorid.data.trust import trusted
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.error_shapes import response_error_shapes
 from rotorid.fitting.frequency.parameter_map import Matrices, ParameterMap, Slopes
@@ -699,7 +699,7 @@ def usable_points(
     :data:`rotorid.data.trust.LARGEST_RANDOM_ERROR`; of these the longest stretch is taken, across dips of up to three
     points, and within the band that was asked for.
     """
-    good = (data.coherence >= coherence) & (data.random_error <= LARGEST_RANDOM_ERROR)
+    good = trusted(data.random_error, data.coherence, coherence)
     if band_rad_s is not None:
         low, high = band_rad_s
         good &= (data.omega_rad_s >= low * (1 - 1e-9)) & (data.omega_rad_s <= high * (1 + 1e-9))
