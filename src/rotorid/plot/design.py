@@ -27,7 +27,7 @@ from rotorid.plot.figure import (
     stamps,
     text,
 )
-from rotorid.plot.frequency import bode
+from rotorid.plot.frequency import LEFT_OUT, LEFT_OUT_BAND, bode
 from rotorid.plot.time import line
 from rotorid.typing import BoolArray, FloatArray
 
@@ -36,7 +36,7 @@ _MOST_POINTS = 1500
 _ROW_PX, _LEAST_PX = 30.0, 90.0
 _APART = 0.56
 _DEEPEST_DB = 60.0
-_EXPECTED = {"measured": "expected", "measured, left out": "expected, not usable"}
+_EXPECTED = {"measured": "expected", LEFT_OUT: "expected, not usable", LEFT_OUT_BAND: "± 2 σ, not usable"}
 
 
 class Signal(NamedTuple):

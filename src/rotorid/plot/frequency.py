@@ -182,13 +182,14 @@ def _magnitude_panel(
     label: str,
 ) -> Panel:
     omega, unit = measured.omega_rad_s, "dB" if view.magnitude == "dB" else ""
-    traces = [*_left_out_band(view, measured, used)[0], *bands(view, measured, used, _band_style(legend=True))[0]]
+    faint = _left_out_band(view, measured, used)[0]
+    traces = bands(view, measured, used, _band_style(legend=True))[0]
     if other is not None:
         traces.append(_thin(view, other.omega_rad_s, view.height(other.magnitude_db), name, legend=True))
     traces += _points(view, omega, view.height(measured.magnitude_db), used, unit, legend=True)
     if model is not None:
         traces += _model(view, omega, view.height(decibels(np.abs(model))), used, unit, legend=True)
-    return Panel(label=label, traces=traces, height_px=230, axis=magnitude_axis(view, traces))
+    return Panel(label=label, traces=[*faint, *traces], height_px=230, axis=magnitude_axis(view, traces))
 
 
 def _phase_panel(
@@ -208,14 +209,15 @@ def _band_style(*, legend: bool) -> Style:
     return Style(name=f"± {SIGMAS:g} σ random error", color=translucent(MEASURED, _BAND_OPACITY), legend=legend)
 
 
-LEFT_OUT = "measured, left out"
+LEFT_OUT, LEFT_OUT_BAND = "measured, left out", f"± {SIGMAS:g} σ, left out"
+"""Names of points and errors that the tables do not count."""
 _KNOWN_DB = float(decibels(np.array([1.0 + SIGMAS]))[0])
 """Half width of the band of a point whose error is as large as itself: of what is known worse none is drawn."""
 
 
 def _left_out_band(view: View, measured: Curve, used: BoolArray) -> tuple[list[Trace], list[Trace]]:
     """The errors of points that the tables do not count, as far as these are known at all."""
-    style = Style(name=LEFT_OUT, color=translucent(SECONDARY, _LEFT_OUT_OPACITY))
+    style = Style(name=LEFT_OUT_BAND, color=translucent(SECONDARY, _LEFT_OUT_OPACITY))
     return bands(view, measured, ~used & (measured.magnitude_error_db <= _KNOWN_DB), style)
 
 

@@ -97,7 +97,7 @@ def test_a_predicted_response_is_not_called_measured() -> None:
     used[..., 40:] = False
     figure = predicted_bode(measured_response(), output=output, input=input, used=used, least_coherence=0.2)
     names = {trace["name"] for trace in figure["data"]}
-    assert names == {"± 2 σ random error", "expected", "expected, not usable"}
+    assert names == {"± 2 σ random error", "expected", "expected, not usable", "± 2 σ, not usable"}
     assert all(trace["legendgroup"] == trace["name"] for trace in figure["data"])
 
 

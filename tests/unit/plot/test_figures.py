@@ -6,6 +6,7 @@ import itertools
 import json
 import math
 import sys
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from tests.unit.report.sample import RATE_HZ, doublet, exact, response, sweep
 
 from rotorid.data.response import FrequencyResponse
+from rotorid.data.trust import DIRECT_COHERENCE, trusted
 from rotorid.plot.curves import SIGMAS, near_deg, unwrapped_deg
 from rotorid.plot.figure import (
     SECONDARY,
@@ -30,6 +32,8 @@ from rotorid.plot.figure import (
 )
 from rotorid.plot.frequency import bode
 from rotorid.plot.time import timeline, verification
+
+ALL = np.ones((1, 1, 90), dtype=bool)
 
 
 def traces(figure: dict[str, Any], *, axis: str, name: str) -> list[dict[str, Any]]:
@@ -61,8 +65,18 @@ class TestBode:
             (left,) = traces(figure, axis=axis, name="measured, left out")
             assert (len(used["x"]), len(left["x"])) == (fitted.sum(), (~fitted).sum())
 
+    def test_without_a_choice_the_points_of_the_tables_are_drawn_and_all_others_gray(self) -> None:
+        measured = response()
+        used = trusted(measured.random_error, measured.coherence, DIRECT_COHERENCE)[0, 0]
+        figure = drawn(bode(replace(measured, estimate="direct"), output="p", input="roll_command"))
+        for axis in ("y", "y2", "y3"):
+            (solid,) = traces(figure, axis=axis, name="measured")
+            (gray,) = traces(figure, axis=axis, name="measured, left out")
+            assert (len(solid["x"]), len(gray["x"])) == (used.sum(), (~used).sum())
+            assert gray["marker"]["color"] == SECONDARY != solid["marker"]["color"]
+
     def test_magnitude_is_in_decibels(self) -> None:
-        (points,) = traces(sample_bode(fitted=None), axis="y", name="measured")
+        (points,) = traces(sample_bode(fitted=ALL), axis="y", name="measured")
         # Five significant digits of numbers below 100 leave half a unit of the third decimal.
         np.testing.assert_allclose(points["y"], 20 * np.log10(np.abs(response().values[0, 0])), atol=5.1e-4)
 
@@ -80,7 +94,7 @@ class TestBode:
         measured = response()
         late = exact(measured.omega_rad_s) * np.exp(-0.2j * measured.omega_rad_s)
         data = _with(measured, late)
-        figure = drawn(bode(data, output="p", input="roll_command", model=late.reshape(1, 1, -1)))
+        figure = drawn(bode(data, output="p", input="roll_command", model=late.reshape(1, 1, -1), fitted=ALL))
         (points,) = traces(figure, axis="y2", name="measured")
         model = traces(figure, axis="y2", name="model")[0]
         assert min(model["y"]) < -720
@@ -89,7 +103,7 @@ class TestBode:
     def test_without_a_model_the_phase_is_unwrapped_from_trusted_points(self) -> None:
         measured = response()
         late = exact(measured.omega_rad_s) * np.exp(-0.1j * measured.omega_rad_s)
-        figure = drawn(bode(_with(measured, late), output="p", input="roll_command"))
+        figure = drawn(bode(_with(measured, late), output="p", input="roll_command", fitted=ALL))
         (points,) = traces(figure, axis="y2", name="measured")
         trusted = measured.coherence[0, 0] >= 0.6
         truth = np.degrees(np.unwrap(np.angle(late)))

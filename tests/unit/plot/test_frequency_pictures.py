@@ -11,9 +11,19 @@ import numpy as np
 import pytest
 from tests.unit.report.sample import exact, response
 
+from rotorid.data.trust import DIRECT_COHERENCE
 from rotorid.errors import UsageError
 from rotorid.plot.figure import DASHES, SERIES, SYMBOLS, Figure
-from rotorid.plot.frequency import Density, Named, bode, coherence_map, input_spectrum, overlay, window_contributions
+from rotorid.plot.frequency import (
+    Density,
+    Named,
+    _trusted,
+    bode,
+    coherence_map,
+    input_spectrum,
+    overlay,
+    window_contributions,
+)
 from rotorid.plot.loops import Crossing, broken_loop, disturbance_rejection
 
 OMEGA = np.geomspace(0.5, 90.0, 40)
@@ -58,7 +68,8 @@ class TestFigure:
 class TestViews:
     def test_hertz_and_factors(self) -> None:
         measured = response()
-        figure = bode(measured, **PAIR, frequency="Hz", magnitude="linear")
+        everything = np.ones(measured.values.shape, dtype=bool)
+        figure = bode(measured, **PAIR, fitted=everything, frequency="Hz", magnitude="linear")
         level, turn, trust = named(figure, "measured")
         hertz = measured.omega_rad_s / (2.0 * np.pi)
         for trace in (level, turn, trust):
@@ -97,9 +108,10 @@ class TestOverlay:
         figure = overlay(curves, **PAIR)
         for one in curves:
             level = next(trace for trace in named(figure, one.name) if trace["showlegend"])
-            np.testing.assert_allclose(level["x"], one.omega_rad_s, **DIGITS)
+            used = _trusted(one, DIRECT_COHERENCE) if one.measured else np.ones(one.omega_rad_s.size, dtype=bool)
+            np.testing.assert_allclose(level["x"], one.omega_rad_s[used], **DIGITS)
             # Half a unit of the third decimal.
-            np.testing.assert_allclose(level["y"], 20.0 * np.log10(np.abs(one.values)), atol=5.1e-4)
+            np.testing.assert_allclose(level["y"], 20.0 * np.log10(np.abs(one.values[used])), atol=5.1e-4)
 
     def test_the_legend_names_each_once_and_switches_its_band_too(self) -> None:
         figure = overlay(self.curves(), **PAIR)

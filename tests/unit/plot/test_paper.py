@@ -29,10 +29,13 @@ def test_points_are_those_of_the_screen() -> None:
     assert cells[0].get_ylabel() == "magnitude [rad/s]"
 
 
+ALL = np.ones((1, 1, 90), dtype=bool)
+
+
 def test_the_model_lies_over_it() -> None:
     measured = response()
     values = exact(measured.omega_rad_s)
-    figure = bode_figure(measured, output="p", input="roll_command", model=values.reshape(1, 1, -1))
+    figure = bode_figure(measured, output="p", input="roll_command", model=values.reshape(1, 1, -1), fitted=ALL)
     (line,) = (line for line in figure.axes[0].get_lines() if line.get_label() == "model")
     np.testing.assert_allclose(line.get_ydata(), 20.0 * np.log10(np.abs(values)))
 

@@ -25,7 +25,13 @@ def test_sizes_stand_in_the_unit_of_the_page(magnitude: Magnitude, height: float
     assert json.loads(json.dumps(figure, allow_nan=False)) == figure
     drawn = [trace for trace in figure["data"] if "fill" not in trace]
     assert [trace["name"] for trace in drawn if trace["showlegend"]] == ["flown", "proposed"]
-    assert drawn[0]["y"] == pytest.approx([height] * OMEGA.size)
+    seen = (OMEGA >= 2.0) & (OMEGA <= 20.0)
+    flown, beyond = (trace for trace in drawn if trace["name"] == "flown")
+    # Solid where the plant was measured, dotted beyond.
+    assert [one is not None for one in flown["y"]] == seen.tolist()
+    assert [one is not None for one in beyond["y"]] == (~seen).tolist()
+    assert (flown["line"]["dash"], beyond["line"]["dash"]) == ("solid", "dot")
+    assert [one for one in flown["y"] if one is not None] == pytest.approx([height] * int(seen.sum()))
     assert drawn[0]["x"][0] == pytest.approx(1.0 / (2.0 * np.pi), rel=1e-4)
     assert figure["layout"]["shapes"][0]["x1"] == pytest.approx(20.0 / (2.0 * np.pi))
     assert figure["layout"]["xaxis"]["title"]["text"] == "Frequency [Hz]; shaded where the plant was seen"
