@@ -200,7 +200,7 @@ def _identify_several(
     def show(document: ResultsDocument, folder: Path) -> None:
         for result in document.results:
             _print_model(result)
-        output_console().print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
+        _print_end(document.results, folder)
 
     title = f"{', '.join(models)} from {', '.join(log.name for log in logs)}"
     carry_out(
@@ -262,6 +262,13 @@ def _wanted(model: str, settings: IdentifySettings, *, inputs: str | None, decou
 def print_result(document: ResultDocument, folder: Path) -> None:
     """Parameters, cost, checks, findings, where the files are."""
     _print_model(document)
+    _print_end([document], folder)
+
+
+def _print_end(documents: Sequence[ResultDocument], folder: Path) -> None:
+    """What CR and I are, once, and where the files are."""
+    if any(one.cramer_rao_percent is not None for each in documents for one in each.parameters.values()):
+        output_console().print(BOUNDS_MEANING, style="dim", markup=False)
     output_console().print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
 
@@ -272,8 +279,6 @@ def _print_model(document: ResultDocument) -> None:
         print_findings([finding for finding in document.findings if finding.severity == "error"])
         return
     console.print(_table(document))
-    if any(one.cramer_rao_percent is not None for one in document.parameters.values()):
-        console.print(BOUNDS_MEANING, style="dim", markup=False)
     if (found := document.verdict) is not None:
         console.print(f"fit: {found.word}", style=INKS[found.color], markup=False, end=". ")
         console.print(found.reason, markup=False)

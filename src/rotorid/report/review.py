@@ -226,7 +226,7 @@ def _section(review: Review, anchor: str) -> Section:
         broken=tuple(
             _broken(margin, f"{anchor}-broken-{axis}")
             for axis, margin in review.margins.items()
-            if not margin.gusts_only and read_points(margin.loop).any()
+            if not margin.stick_idle and read_points(margin.loop).any()
         ),
         noise=tuple(_noise(review, anchor)),
         noise_numbers=_single(review.noise.numbers),

@@ -70,7 +70,7 @@ def margin_without(axis: str, *names: str) -> Callable[[Review], Review]:
 def by_gusts(axis: str) -> Callable[[Review], Review]:
     return lambda seen: replace(
         seen,
-        margins={**seen.margins, axis: replace(seen.margins[axis], gusts_only=True)},  # type: ignore[index]
+        margins={**seen.margins, axis: replace(seen.margins[axis], stick_idle=True)},  # type: ignore[index]
     )
 
 
@@ -153,7 +153,7 @@ def card(seen: Review, key: str) -> Card:
 def test_a_part_names_what_is_missing_and_is_gray() -> None:
     part = card(by_gusts("yaw")(measured()), "margins")
     assert (part.state, part.word, part.color) == ("part", "good in part", "gray")
-    assert part.sentence.endswith("Not measured: yaw (gusts alone moved it).")
+    assert part.sentence.endswith("Not measured: yaw (its stick hardly moved).")
     assert part.sentence.startswith("Yaw does not oscillate. The roll and pitch loops keep a safe distance")
 
 

@@ -159,9 +159,9 @@ def test_a_loop_that_no_number_was_read_from_has_no_picture() -> None:
     assert loop_pictures("roll", replace(loop, loop=unknown)) == ()
 
 
-def test_an_axis_that_gusts_alone_moved_has_numbers_and_no_picture() -> None:
+def test_an_axis_whose_stick_rested_has_numbers_and_no_picture() -> None:
     seen = made_review()
-    by_gusts = replace(seen.margins["pitch"], gusts_only=True)
+    by_gusts = replace(seen.margins["pitch"], stick_idle=True)
     names = pictures_of([replace(seen, margins={**seen.margins, "pitch": by_gusts})])
     assert "broken-roll" in names
     assert "broken-pitch" not in names

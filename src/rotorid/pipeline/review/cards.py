@@ -267,13 +267,13 @@ def _margins(review: Review) -> Card:
     bad, unsure = _sorted([*phases, *peaks])
     if bad:
         return Card(key="margins", title=title, state="look", number=_number(bad[0]), sentence=_too_close(bad[0]))
-    # Gusts that moved an axis tell its numbers, and are no test of its loop.
-    excited = [one for one in phases if not review.margins[one.axis].gusts_only]  # type: ignore[index]
+    # Gusts show numbers of an axis whose stick rests, and are no test of its loop.
+    excited = [one for one in phases if not review.margins[one.axis].stick_idle]  # type: ignore[index]
     calm = _calm(review)
     if not excited:
         axes = [one.axis for one in phases]
-        by_gusts = f" Gusts alone moved {listed(axes)}." if axes else ""
-        sentence = f"{calm}Not enough data to say how much more gain the loops can take.{by_gusts}"
+        idle = f" The {listed(axes)} stick{'s' * (len(axes) > 1)} hardly moved." if axes else ""
+        sentence = f"{calm}Not enough data to say how much more gain the loops can take.{idle}"
         return Card(key="margins", title=title, state="cannot", number="", sentence=sentence)
     if unsure := [one for one in unsure if one.axis in {known.axis for known in excited}]:
         worst = unsure[0]
@@ -284,8 +284,8 @@ def _margins(review: Review) -> Card:
     names = [one.axis for one in excited]
     which = "loops keep" if len(names) > 1 else "loop keeps"
     others = [axis for axis in RATE_OF if axis not in names]
-    by_gusts = {axis for axis, one in review.margins.items() if one.gusts_only}
-    missing = [f"{axis} (gusts alone moved it)" if axis in by_gusts else axis for axis in others]
+    idle = {axis for axis, one in review.margins.items() if one.stick_idle}
+    missing = [f"{axis} (its stick hardly moved)" if axis in idle else axis for axis in others]
     missing += [f"M_s of {axis}" for axis in names if axis not in {one.axis for one in peaks}]
     missing += [f"oscillation of {axis}" for axis in names if axis not in review.calm]
     sentence = (

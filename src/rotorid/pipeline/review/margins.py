@@ -187,7 +187,7 @@ def _margins(flight: Flown, axis: Axis) -> tuple[MarginReview, list[Untold]]:
         settings=settings,
         throttle=controllers_of(flight.record).throttle,
         explained=seen.correlation,
-        gusts_only=way.rests,
+        stick_idle=way.rests,
     )
     untold = [
         Untold(what=f"margins.{axis}.{name}", why=told.reasons[name], remedy=_MOVE if way.rests else _FASTER)

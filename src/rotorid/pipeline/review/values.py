@@ -124,8 +124,8 @@ class MarginReview(Immutable):
     explained
         Correlation of the logged command with what the gains make of set-point and rate; ``None`` where no set-point
         is logged.
-    gusts_only
-        Whether nobody moved the axis, so that gusts alone show the loop.
+    stick_idle
+        Whether the stick of the axis hardly moved, so that gusts show the loop, and no more than they can.
     """
 
     axis: Axis
@@ -139,7 +139,7 @@ class MarginReview(Immutable):
     settings: AxisController | None = None
     throttle: float | None = None
     explained: float | None = None
-    gusts_only: bool = False
+    stick_idle: bool = False
 
     def __post_init__(self) -> None:
         self._set(numbers=self.numbers, ends=self.ends)
