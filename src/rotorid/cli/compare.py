@@ -84,12 +84,13 @@ def _print(document: CompareDocument, folder: Path) -> None:
 
     models = table(
         "models",
-        ["result", "model", "method"],
+        ["result", "model", "method", "fit"],
         ["free", "own data %", "cross-validated %", "logs %", "cost", "AIC", "BIC"],
     )
     for row in model_rows(document):
         models.add_row(
-            *(row.label, row.model, row.method, row.parameters, row.own, row.validated, row.on_logs),
+            *(row.label, row.model, row.method, row.fit.words if row.fit else ""),
+            *(row.parameters, row.own, row.validated, row.on_logs),
             *(row.cost, row.aic, row.bic),
         )
     console.print(models)

@@ -18,7 +18,8 @@ from rotorid.models.parameter import Status
 from rotorid.models.toml import structure_from_toml
 from rotorid.pipeline.comparison import ComparedManeuver, Comparison, Entry, OnLogsSummary, scored_outputs
 from rotorid.pipeline.cross_validation import signal_scores
-from rotorid.pipeline.summary import DelayBudget, ParameterEstimate, PoleEstimate, SignalScore, finite
+from rotorid.pipeline.summary import DelayBudget, FitVerdict, ParameterEstimate, PoleEstimate, SignalScore, finite
+from rotorid.pipeline.verdicts import verdict
 from rotorid.verification.fixed_parameters import Kind
 
 
@@ -42,6 +43,7 @@ class ComparedModelDocument(Document):
     outputs: list[str]
     order: int
     free_parameters: int
+    verdict: FitVerdict | None = None
     fit_percent: dict[str, float] | None = None
     cross_validation: CrossValidatedDocument | None = None
     on_logs: OnLogsSummary | None = None
@@ -137,6 +139,7 @@ def _model(entry: Entry, summary: OnLogsSummary | None) -> ComparedModelDocument
         outputs=list(fit.outputs),
         order=len(model.structure.states),
         free_parameters=sum(parameter.status == "free" for parameter in model.parameters.values()),
+        verdict=verdict(model),
         fit_percent=None if fit.fit_percent is None else dict(fit.fit_percent),
         cross_validation=None
         if validated is None

@@ -38,6 +38,7 @@ from rotorid.pipeline.summary import (
     Range,
     UnseenCombination,
 )
+from rotorid.pipeline.verdicts import verdict
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.propagation import Pole, covariance_of_all, pole_confidence
@@ -498,8 +499,6 @@ class IdentifiedModel(Immutable):
     def _said(self) -> list[str]:
         """Cost or fit, what unseen flights say, and how many remarks there are."""
         said = []
-        from rotorid.pipeline.verdicts import verdict
-
         found = verdict(self)
         said.append(f"fit: {found.word}. {found.reason}")
         if self.fit.fit_percent:

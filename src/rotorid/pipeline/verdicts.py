@@ -11,13 +11,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 from rotorid.data.display import listed
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, EXCELLENT_COST
-from rotorid.pipeline.results import IdentifiedModel, Refused
-from rotorid.pipeline.summary import Color, Cost, FitVerdict
+from rotorid.pipeline.summary import Color, Cost, Fit, FitVerdict
 from rotorid.verification.scores import GOOD_FIT_PERCENT
+
+if TYPE_CHECKING:
+    from rotorid.pipeline.results import IdentifiedModel, Refused
 
 Level: TypeAlias = Literal["good", "fair", "poor", ""]
 
@@ -70,9 +72,9 @@ def verdict(result: IdentifiedModel | Refused) -> FitVerdict:
     result
         A model, or why there is none.
     """
-    if isinstance(result, Refused):
+    fit: Fit | None = getattr(result, "fit", None)
+    if fit is None:
         return refused_verdict(result.findings)
-    fit = result.fit
     return fit_verdict(method=fit.method, cost=fit.cost, fit_percent=fit.fit_percent, findings=result.findings)
 
 

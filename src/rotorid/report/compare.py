@@ -22,6 +22,7 @@ from rotorid.documents.compare import (
 from rotorid.io.files import write_atomically
 from rotorid.pipeline.comparison import ComparedManeuver, Comparison
 from rotorid.pipeline.summary import PoleEstimate
+from rotorid.pipeline.verdicts import Verdict, badge
 from rotorid.plot.figure import minus
 from rotorid.plot.time import Curve, Score, predictions, score_dots
 from rotorid.report.files import to_json, write_together
@@ -49,6 +50,7 @@ class ModelRow:
     outputs: str
     order: str
     parameters: str
+    fit: Verdict | None
     own: str
     validated: str
     validated_kind: str
@@ -93,6 +95,7 @@ def _model_row(one: ComparedModelDocument) -> ModelRow:
         outputs=", ".join(one.outputs),
         order=str(one.order),
         parameters=str(one.free_parameters),
+        fit=badge(one.verdict) if one.verdict is not None else None,
         own=percents(own_percent(one), None),
         validated=percents(validated.mean_percent, validated.spread_percent) if validated else MISSING,
         validated_kind=_KINDS[validated.kind] if validated else "",

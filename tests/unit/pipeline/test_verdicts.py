@@ -13,11 +13,14 @@ from rotorid.cli.console import INKS
 from rotorid.cli.identify import print_result
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.documents.base import to_json
+from rotorid.documents.compare import _model
 from rotorid.documents.result import refused_document, result_document
 from rotorid.documents.review import review_document
+from rotorid.pipeline.comparison import Entry
 from rotorid.pipeline.results import IdentifiedModel, Refused
 from rotorid.pipeline.summary import Cost, PairCost
 from rotorid.pipeline.verdicts import LEVEL_OF, badge, cost_verdict, response_verdict, verdict
+from rotorid.report.compare import _model_row
 from rotorid.report.parts import cost_rows
 from rotorid.report.review import render_reviews
 from rotorid.report.words import document_verdict, summary
@@ -93,6 +96,9 @@ def test_every_place_shows_the_same_verdict(
     assert shown.level == LEVEL_OF[found.color]
     assert f'<span class="badge {shown.level}">{shown.words}</span>' in render_reviews([seen])
     assert f"fit: {word}. " in repr(made)
+    compared = _model(Entry(label="one", model=made), None)
+    assert compared.verdict == found
+    assert _model_row(compared).fit == shown
 
 
 @pytest.mark.parametrize("cost", [0.1, 7.3, 49.9])

@@ -38,6 +38,9 @@ _KNOWN = 0.25
 _LARGEST_CORRELATION = 0.95
 """... their estimates are correlated by no more than this."""
 
+_TWO_DIGITS = 10.0
+"""Percent from which an error is written without a fraction."""
+
 NO_BOUND = 1e9
 """Stands for an infinite deviation in JSON."""
 
@@ -76,7 +79,9 @@ def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding,
 def _error_words(bounds: Bounds, name: str, value: float) -> str:
     """The error of a parameter, so that nobody takes another percent for it."""
     percent = 100.0 * bounds.stds[name] / value
-    return f"; its error is ± {percent:.2g} %" if math.isfinite(percent) else ""
+    if not math.isfinite(percent):
+        return ""
+    return f"; its error is ± {percent:.0f} %" if percent >= _TWO_DIGITS else f"; its error is ± {percent:.2g} %"
 
 
 def _lag_and_delay(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:
