@@ -284,8 +284,8 @@ def _margins(review: Review) -> Card:
     names = [one.axis for one in excited]
     which = "loops keep" if len(names) > 1 else "loop keeps"
     others = [axis for axis in RATE_OF if axis not in names]
-    idle = {axis for axis, one in review.margins.items() if one.stick_idle}
-    missing = [f"{axis} (its stick hardly moved)" if axis in idle else axis for axis in others]
+    resting = {axis for axis, one in review.margins.items() if one.stick_idle}
+    missing = [f"{axis} (its stick hardly moved)" if axis in resting else axis for axis in others]
     missing += [f"M_s of {axis}" for axis in names if axis not in {one.axis for one in peaks}]
     missing += [f"oscillation of {axis}" for axis in names if axis not in review.calm]
     sentence = (
