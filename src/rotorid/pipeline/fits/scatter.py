@@ -34,6 +34,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.differences import homogeneity
 from rotorid.uncertainty.model_error import SMALLEST_MODEL_ERROR
 
 _CHANCE = 0.01
@@ -137,17 +138,13 @@ def disagreements(alone: Sequence[Alone]) -> tuple[Disagreement, ...]:
 
 
 def _compared(name: str, logs: Sequence[Alone]) -> Disagreement | None:
-    from scipy.stats import chi2
-
     if len(logs) < 2:
         return None
     values, stds = (np.array([getattr(log, part)[name] for log in logs]) for part in ("values", "stds"))
-    weights = stds**-2.0
-    mean = float(np.sum(weights * values) / np.sum(weights))
-    Q, free = float(np.sum(weights * (values - mean) ** 2)), len(logs) - 1
-    chance = float(chi2.sf(Q, free))
+    Q, chance = homogeneity(values, stds)
     if not chance < _CHANCE:
         return None
+    weights, free = stds**-2.0, len(logs) - 1
     between = (Q - free) / float(np.sum(weights) - np.sum(weights**2) / np.sum(weights))
     said = {log.record: (log.values[name], log.stds[name]) for log in logs}
     return Disagreement(parameter=name, said=said, chance=chance, scatter=float(np.sqrt(max(between, 0.0))))
