@@ -24,6 +24,7 @@ from rotorid.pipeline.preparation.hover_physics import hover_of_vehicle
 from rotorid.pipeline.preparation.resolve import Model, answers_setpoints, nonlinear_of, resolve_model
 from rotorid.pipeline.provenance import Choices, provenance
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused, parameter_estimates, pole_estimates
+from rotorid.pipeline.same_vehicle import require_one_vehicle
 from rotorid.pipeline.settings import (
     HOVER,
     MODEL,
@@ -100,6 +101,7 @@ def identify_by(
     verify: Sequence[FlightRecord] = (),
 ) -> IdentifiedModel:
     """Identify by a given method, see :func:`identify`."""
+    require_one_vehicle((*records, *verify))
     data = method.prepare(records)
     fitted = method.fit(data)
     unseen = method.verify(data, fitted, verify)

@@ -10,8 +10,8 @@ from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import UsageError
 from rotorid.models.autopilots.settings import AxisController
-from rotorid.pipeline.preparation.controllers import controllers_of
 from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.same_vehicle import different_gains, gains_of
 from rotorid.pipeline.tuning.filters import with_filters
 from rotorid.pipeline.tuning.flown import FlownAxis, explained, flown_axis, require_calm, require_gains, require_room
 from rotorid.pipeline.tuning.plants import plant_of, rate_model, require_known
@@ -80,11 +80,12 @@ def gains_apart(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[Find
         others = [record for record in logs if record is not taken]
         if taken is None or not others:
             continue
-        here = _gains(axis, taken)
+        here = gains_of(taken, (axis,))
         for record in others:
-            there = _gains(axis, record)
-            changed = {name: f"{name} {there[name]:g} for {here[name]:g}" for name in here.keys() & there}
-            changed = {name: words for name, words in changed.items() if here[name] != there[name]}
+            changed = {
+                name: f"{name} {then:g} for {now:g}"
+                for name, (now, then) in different_gains(here, gains_of(record, (axis,))).items()
+            }
             if changed:
                 apart.setdefault((record.source.name, taken.source.name), {}).update(changed)
     found = []
@@ -97,11 +98,6 @@ def gains_apart(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[Find
         )
         found.append(warn("gains_differ", name, message, parameters=len(changed)))
     return found
-
-
-def _gains(axis: Axis, record: FlightRecord) -> Mapping[str, float]:
-    found = controllers_of(record).axis(axis)
-    return found.gains if found is not None else {}
 
 
 def known_axis(
