@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,10 +15,11 @@ from rotorid.documents.results import result_files
 from rotorid.errors import UsageError
 from rotorid.models.parameter import Status
 from rotorid.models.toml import structure_from_toml
-from rotorid.pipeline.comparison import ComparedManeuver, Comparison, Entry, OnLogsSummary, scored_outputs
+from rotorid.pipeline.comparison import ComparedManeuver, Comparison, Entry, OnLogsSummary, basis_of, scored_outputs
 from rotorid.pipeline.cross_validation import signal_scores
 from rotorid.pipeline.summary import DelayBudget, FitVerdict, ParameterEstimate, PoleEstimate, SignalScore, finite
 from rotorid.pipeline.verdicts import verdict
+from rotorid.uncertainty.differences import Difference, Verdict, differences
 from rotorid.verification.fixed_parameters import Kind
 
 
@@ -58,13 +58,16 @@ class ComparedValueDocument(Document):
     """A parameter of one result.
 
     ``z`` is its difference from that of the first result that has it, over the standard deviation of a difference of
-    independent estimates. Results that were fitted to a log in common are not independent: between them it is ``null``.
+    independent estimates; of a number that cannot change sign, of their logarithms. Results that were fitted to a log
+    in common are not independent, and a delay beside a lag is another number than one alone: there it is ``null``.
+    ``verdict`` says whether it changed, by the rule of ``fleet``.
     """
 
     value: float
     std: float | None
     status: Status
     z: float | None = None
+    verdict: Verdict | None = None
 
 
 class ComparedParameterDocument(Document):
@@ -161,48 +164,58 @@ def _model(entry: Entry, summary: OnLogsSummary | None) -> ComparedModelDocument
 
 def _parameters(entries: Sequence[Entry]) -> dict[str, ComparedParameterDocument]:
     """Every parameter by its name; where units differ it is another one, and is called so."""
-    logs = {entry.label: entry.fitted_logs for entry in entries}
     found: dict[str, tuple[str, dict[str, ParameterEstimate]]] = {}
     for entry in entries:
         for name, parameter in entry.model.parameters.items():
             unit, _ = found.setdefault(name, (parameter.unit, {}))
             own = name if unit == parameter.unit else f"{name} [{parameter.unit}]"
             found.setdefault(own, (parameter.unit, {}))[1][entry.label] = parameter
+    known = {entry.label: entry for entry in entries}
+    pairs = [(name, *labels) for name, (_, values) in found.items() for labels in _independent(name, values, known)]
+    compared = differences(
+        [
+            (name.partition(" ")[0], _estimate(found[name][1][before]), _estimate(found[name][1][after]))
+            for name, before, after in pairs
+        ]
+    )
+    answers = {(name, label): one for (name, _, label), one in zip(pairs, compared, strict=True)}
     return {
-        name: ComparedParameterDocument(unit=unit, values=_values(values, logs))
+        name: ComparedParameterDocument(
+            unit=unit,
+            values={label: _value(one, answers.get((name, label))) for label, one in values.items()},
+        )
         for name, (unit, values) in found.items()
     }
 
 
-def _values(
-    values: Mapping[str, ParameterEstimate], logs: Mapping[str, frozenset[str]]
-) -> dict[str, ComparedValueDocument]:
-    """Values with their distance from the first, where no log stands behind both."""
-    first = next((label for label, one in values.items() if one.std is not None), None)
-    return {
-        label: ComparedValueDocument(
-            value=one.value,
-            std=one.std,
-            status=one.status,
-            z=None if first is None or logs[label] & logs[first] else z_score(one, values[first]),
-        )
-        for label, one in values.items()
-    }
+def _independent(
+    name: str, values: Mapping[str, ParameterEstimate], entries: Mapping[str, Entry]
+) -> Iterator[tuple[str, str]]:
+    """The first result that has an error, with each that measured the same number on other logs."""
+    first = next((label for label, one in values.items() if one.std), None)
+    if first is None:
+        return
+    here = entries[first]
+    parameter = name.partition(" ")[0]
+    for label, one in values.items():
+        there = entries[label]
+        alike = basis_of(there.model, parameter) == basis_of(here.model, parameter)
+        if label != first and one.std and alike and not here.fitted_logs & there.fitted_logs:
+            yield first, label
 
 
-def z_score(one: ParameterEstimate, other: ParameterEstimate | None) -> float | None:
-    """Difference of two independent estimates over its standard deviation; ``None`` for one and the same.
+def _estimate(one: ParameterEstimate) -> tuple[float, float]:
+    return one.value, one.std or 0.0
 
-    Examples
-    --------
-    >>> a, b = (ParameterEstimate(value=x, unit="1/s", std=s, status="free") for x, s in ((-2.0, 0.3), (-3.0, 0.4)))
-    >>> z_score(b, a)
-    -2.0
-    """
-    if other is None or one is other or one.std is None or other.std is None:
-        return None
-    std = math.hypot(one.std, other.std)
-    return (one.value - other.value) / std if std > 0.0 else None
+
+def _value(one: ParameterEstimate, difference: Difference | None) -> ComparedValueDocument:
+    return ComparedValueDocument(
+        value=one.value,
+        std=one.std,
+        status=one.status,
+        z=None if difference is None else finite(difference.distance),
+        verdict=None if difference is None else difference.verdict,
+    )
 
 
 def _maneuver(each: ComparedManeuver, shared: Sequence[str]) -> ComparedManeuverDocument:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import groupby
 from typing import Annotated, Literal
 
@@ -10,8 +11,10 @@ from pydantic import Field
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.review import QuantityDocument
 from rotorid.pipeline.provenance import Refused
+from rotorid.pipeline.summary import finite
 from rotorid.pipeline.tracking import FlightTracking
 from rotorid.typing import AnyArray
+from rotorid.uncertainty.differences import FALSE_SHARE, Verdict, chance, detectable, verdict
 from rotorid.verification.tracking import BLOCK_S, Why
 
 
@@ -46,7 +49,8 @@ class TrackDocument(Document):
     """``track.json``: a model followed through a flight.
 
     ``gain`` is that of the end of the flight over that of the reference. ``told_s`` are the seconds that could tell.
-    ``thrust_exponent`` is ``null`` where the power of thrust could not be told, so that other throttles say less.
+    ``verdict`` says whether it changed: by steps, or by an end that is off by more than its error and the step looked
+    for. ``thrust_exponent`` is ``null`` where the power of thrust could not be told, so that other throttles say less.
     """
 
     schema_name: Annotated[Literal["rotorid.track/1"], Field(alias="schema")] = "rotorid.track/1"
@@ -58,6 +62,8 @@ class TrackDocument(Document):
     reference_s: tuple[float, float] | None = None
     told_s: float = 0.0
     gain: QuantityDocument | None = None
+    verdict: Verdict = "undecided"
+    detectable_share: float | None = None
     thrust_exponent: float | None = None
     steps: list[GainStepDocument] = Field(default_factory=list)
     trims: list[TrimStepDocument] = Field(default_factory=list)
@@ -76,6 +82,11 @@ def track_document(found: FlightTracking | Refused) -> TrackDocument:
         return TrackDocument.model_validate(common)
     tracking = found.tracking
     ratio, std = float(tracking.ratio[-1]), float(tracking.std[-1])
+    share = detectable(std, tests=1) if tracking.told_s > 0.0 else math.inf
+    moved = (
+        abs(ratio - 1.0) > float(str(found.provenance.settings["step_share"]))
+        and chance((ratio - 1.0) / std) < FALSE_SHARE
+    )
     return TrackDocument.model_validate(
         {
             **common,
@@ -87,6 +98,8 @@ def track_document(found: FlightTracking | Refused) -> TrackDocument:
             "reference_s": found.reference_s,
             "told_s": tracking.told_s,
             "gain": {"value": ratio, "std": std, "lower": ratio - 2 * std, "upper": ratio + 2 * std, "unit": "1"},
+            "verdict": verdict(found=bool(tracking.steps) or moved, detectable_share=share),
+            "detectable_share": finite(share),
             "thrust_exponent": tracking.thrust_exponent,
             "steps": [GainStepDocument.model_validate(one) for one in tracking.steps],
             "trims": [TrimStepDocument.model_validate(one) for one in found.trims],

@@ -586,3 +586,41 @@ def _remarks(
             )
         )
     return found
+
+
+_TIMES = ("tau_", "T_")
+
+
+def basis_of(model: IdentifiedModel, parameter: str) -> str:
+    """What a delay or a lag was measured beside and by, in words; two are of one quantity where this is equal.
+
+    Without a motor lag beside it a delay holds that lag, and a rate that the autopilot has filtered comes later than
+    one that it has not. Gains and damping hardly depend on either, and have no such basis.
+
+    Parameters
+    ----------
+    model
+        A result.
+    parameter
+        Name of one of its parameters.
+    """
+    if not parameter.startswith(_TIMES):
+        return ""
+    dropped = [name for name, one in model.parameters.items() if name.startswith(_TIMES) and one.status == "dropped"]
+    words = [f"without {name}" for name in sorted(dropped)]
+    return ", ".join([*words, *(f"{name} from {source}" for name, source in sorted(model.provenance.sources.items()))])
+
+
+def other_basis(basis: str, usual: str) -> str:
+    """What sets one basis apart from the usual one, in words.
+
+    Examples
+    --------
+    >>> other_basis("r from gyro", "without T_motor, r from gyro")
+    'with T_motor'
+    >>> other_basis("r from RATE.Y", "r from SIDD.Gz")
+    'r from RATE.Y'
+    """
+    own, others = ({part for part in one.split(", ") if part} for one in (basis, usual))
+    beside = (part.replace("without", "with", 1) for part in others - own if part.startswith("without "))
+    return ", ".join(sorted([*(own - others), *beside])) or "measured otherwise"

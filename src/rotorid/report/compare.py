@@ -315,10 +315,29 @@ def comparison_summary(document: CompareDocument) -> tuple[str, ...]:
             f"Cross-validated, {best} does best with {percents(means[best], None)} %{_runner_up(means, best)}."
         )
     count = len(document.models)
-    return tuple(sentences) or (
+    ranked = sentences or [
         f"{count} results side by side. What each says of itself stands on its own data; with --log all are scored on "
-        "the same.",
-    )
+        "the same."
+    ]
+    return (*ranked, *_changes(document))
+
+
+def _changes(document: CompareDocument) -> list[str]:
+    """Whether numbers changed between results of different logs, by the rule of ``fleet``."""
+    verdicts = [
+        (name, label, value.verdict)
+        for name, one in document.parameters.items()
+        for label, value in one.values.items()
+        if value.verdict is not None
+    ]
+    if not verdicts:
+        return []
+    decided = sum(verdict != "undecided" for _, _, verdict in verdicts)
+    changed = [f"{name} in {label}" for name, label, verdict in verdicts if verdict == "changed"]
+    checked = f"{decided} of {len(verdicts)} comparisons could be decided"
+    if changed:
+        return [f"Changed from the first result: {', '.join(changed)}; {checked}."]
+    return [f"No change found between the results; {checked}." if decided else "Not enough data to see a change."]
 
 
 def _runner_up(means: Mapping[str, float], best: str, spread: float | None = None) -> str:

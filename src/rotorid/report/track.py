@@ -51,10 +51,15 @@ def sentences(document: TrackDocument) -> list[str]:
             f"(seen at {step.at_s:.0f} s)."
             for step in steps
         ]
+    elif document.verdict == "changed" and document.gain is not None:
+        gain = with_error(document.gain.value, document.gain.std)
+        said.append(f"The gain changed without a clear step: at the end it is {gain} of the reference.")
+    elif document.verdict == "unchanged":
+        said.append(f"No change of the gain was found: {_would_be_found(document)}.")
     elif document.told_s > 0.0:
-        said.append("No step of the gain was found.")
+        said.append(f"Not enough data to say whether the gain changed: {_would_be_found(document)}.")
     else:
-        said.append("Nothing can be told of this flight after its reference.")
+        said.append("Not enough data after the reference to say whether the gain changed.")
     said += [
         f"{trim.channel} at rest moved from {significant(trim.before)} to {significant(trim.after)}, seen at "
         f"{trim.at_s:.0f} s: a propeller, the center of gravity, or wind that turned."
@@ -67,3 +72,9 @@ def sentences(document: TrackDocument) -> list[str]:
     if any(one.why == "air" for one in document.cannot_tell):
         said.append("Wind rose after the reference: cut the log there, and track the rest as a log of its own.")
     return said
+
+
+def _would_be_found(document: TrackDocument) -> str:
+    """The change that the end of the flight would show."""
+    share = document.detectable_share
+    return "the end of the flight shows no change" if share is None else f"from {100.0 * share:.0f} % on it would show"
