@@ -10,6 +10,7 @@ from tests.fleet_logs import table_of
 
 from rotorid.documents.fleet import fleet_document
 from rotorid.fleets import Row, analyze
+from rotorid.fleets.table import Counts
 from rotorid.report.fleet import render_fleet
 
 PROBE = """
@@ -36,15 +37,9 @@ PROBE = """
 
 def page_of(rows: list[Row]) -> str:
     analysis = analyze(rows)
-    vehicles = len({row.vehicle for row in rows})
-    counts = {
-        "logs": len(rows),
-        "done": len(rows),
-        "resumed": 0,
-        "duplicates": 0,
-        "rows": len(rows),
-        "vehicles": vehicles,
-    }
+    counts = Counts(
+        logs=len(rows), answered=len(rows), refused=0, unreadable=0, duplicates=0, resumed=0, rows=len(rows)
+    )
     return render_fleet(analysis, fleet_document(analysis, failed=(), counts=counts, settings={}))
 
 

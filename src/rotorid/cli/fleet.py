@@ -15,12 +15,11 @@ from rotorid.cli.command import command_line, print_if_asked, require_printing
 from rotorid.cli.console import error_console, output_console, say
 from rotorid.cli.options import ForPaper, Only, Output
 from rotorid.cli.preferences import results_folder
-from rotorid.data.display import counted
 from rotorid.errors import UsageError
 from rotorid.fleets.settings import FleetSettings
 
 if TYPE_CHECKING:
-    from rotorid.documents.fleet import FleetDocument
+    from rotorid.documents.fleet import FailedLogDocument, FleetDocument
     from rotorid.fleets.engines import Engine
     from rotorid.fleets.runs import Fleet
 
@@ -83,20 +82,11 @@ def fleet_command(
                 run.write_tables()
                 say(f"rotorid: ended after {len(run.answers)} of {len(run.places)} logs; the same command goes on")
                 raise
-        rows, failed = run.rows(), run.failures()
-        analysis = analyze(rows, groups=run.groups())
-        counted = run.counted()
+        analysis = analyze(run.logged_rows(), groups=run.groups(), gains=run.gains())
         document = fleet_document(
             analysis,
-            failed=failed,
-            counts={
-                "logs": len(run.places),
-                "done": sum(bool(one.rows) for one in counted),
-                "resumed": run.resumed,
-                "duplicates": run.duplicates,
-                "rows": len(rows),
-                "vehicles": len({row.vehicle for row in rows}),
-            },
+            failed=run.failures(),
+            counts=run.counts(),
             settings=settings.asked(),
             command=command_line(),
         )
@@ -186,16 +176,21 @@ def _print(document: FleetDocument, folder: Path) -> None:
     def plain(text: str) -> None:
         console.print(text, markup=False, soft_wrap=True)
 
-    without = document.logs - document.done - document.duplicates
-    plain(
-        f"{counted(document.logs, 'log')} of {counted(document.vehicles, 'vehicle')}: {document.done} answered, "
-        f"{without} without an answer, {counted(document.duplicates, 'copy', 'copies')}, "
-        f"{document.resumed} from earlier runs; {counted(document.rows, 'row')}"
-    )
+    for sentence in document.sentences:
+        plain(sentence)
     _list(
         plain,
         "changed",
         [f"{one.vehicle}, flight {one.at_flight}: {one.words}{_because(one.usual)}" for one in document.causes],
+    )
+    _list(
+        plain,
+        "other gains",
+        [
+            f"{one.vehicle}, flight {one.at_flight} ({one.log}): "
+            + ", ".join(f"{name} {before:g} to {after:g}" for name, (before, after) in one.gains.items())
+            for one in document.other_gains
+        ],
     )
     _list(plain, "slowly changing", [f"{one.vehicle}: {one.parameter} of {one.model}" for one in document.drifts])
     _list(
@@ -222,10 +217,23 @@ def _print(document: FleetDocument, folder: Path) -> None:
             if one.found
         ],
     )
-    refused = [f"{one.log}{f' ({one.model})' if one.model else ''}: {one.reason}" for one in document.failed]
-    _list(plain, "no answer", refused)
+    _list(plain, "no answer", refusals(document.failed))
     plain(f"page: {folder / PAGE}")
     plain(f"table: {folder / document.table}")
+
+
+def refusals(failed: Sequence[FailedLogDocument]) -> list[str]:
+    """What gave no answer, each reason once: models and flights that share it are listed with it."""
+    found: dict[tuple[str, str, str], int] = {}
+    for one in failed:
+        # A reason that names its log has said so before.
+        reason = one.reason.removeprefix(f"{one.log} ")
+        key = (one.log, one.model, reason)
+        found[key] = found.get(key, 0) + 1
+    return [
+        f"{log}{f' ({model})' if model else ''}: {reason}{f' ({count} flights)' if count > 1 else ''}"
+        for (log, model, reason), count in found.items()
+    ]
 
 
 def _because(usual: str) -> str:

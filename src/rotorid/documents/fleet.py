@@ -12,8 +12,10 @@ from rotorid.documents.base import Document
 from rotorid.documents.review import QuantityDocument
 from rotorid.fleets.analysis import FleetAnalysis, History
 from rotorid.fleets.populations import Population
-from rotorid.fleets.table import FAILED, TABLE, Failed
+from rotorid.fleets.table import FAILED, TABLE, Counts, Failed
+from rotorid.fleets.verdicts import VehicleVerdict, checked, sentences, verdicts_of
 from rotorid.pipeline.summary import finite
+from rotorid.uncertainty.differences import NOTICEABLE_SHARE, Verdict
 
 
 class FailedLogDocument(Document):
@@ -29,15 +31,18 @@ class FailedLogDocument(Document):
 class PopulationDocument(Document):
     """One parameter over the fleet.
 
-    ``normal`` is the range in which 95 % of further flights of further vehicles lie; ``model_std`` a typical stated
-    model error, which is alike in all of them. Standard deviations are ``null`` where too few flew to tell.
+    ``normal`` is the range in which 95 % of further flights of further vehicles lie (of a single vehicle, its own
+    further flights), ``null`` for fewer than four flights and for two vehicles; ``model_std`` a typical stated model
+    error, which is alike in all of them. Standard deviations are ``null`` where too few flew. On the scale ``log``
+    spreads are shares of the mean, so that no range passes zero.
     """
 
     unit: str
     mean: QuantityDocument
     between_std: QuantityDocument | None
     within_std: QuantityDocument | None
-    normal: tuple[float, float]
+    normal: tuple[float, float] | None
+    scale: Literal["linear", "log"] = "linear"
     model_std: float
     vehicles: int
     flights: int
@@ -118,11 +123,59 @@ class DifferenceDocument(Document):
     found: bool
 
 
+class CheckedNumberDocument(Document):
+    """One number of a vehicle; ``detectable_share`` is the change that would have been found, ``null`` where none."""
+
+    model: str
+    parameter: str
+    verdict: Verdict
+    detectable_share: float | None
+
+
+class VehicleVerdictDocument(Document):
+    """Whether a vehicle changed, as far as its ``flights`` decide that; ``why`` says why they do not."""
+
+    vehicle: str
+    flights: int
+    verdict: Verdict
+    why: str
+    numbers: list[CheckedNumberDocument] = Field(default_factory=list)
+
+
+class CheckedDocument(Document):
+    """For how many vehicles and numbers a change could be looked for: the others are undecided, not unchanged."""
+
+    vehicles: int = 0
+    of_vehicles: int = 0
+    numbers: int = 0
+    of_numbers: int = 0
+    changed: int = 0
+    unchanged: int = 0
+    noticeable_share: float = NOTICEABLE_SHARE
+
+
+class SeveralVehiclesDocument(Document):
+    """A name that logs of several vehicles had in common."""
+
+    name: str
+    vehicles: list[str]
+
+
+class OtherGainsDocument(Document):
+    """A log that was flown with other gains than the one before it; ``gains`` name to the value before and since."""
+
+    vehicle: str
+    log: str
+    at_flight: int
+    gains: dict[str, tuple[float, float]]
+
+
 class FleetDocument(Document):
     """``fleet.json``: what a table of many logs says.
 
-    Probabilities are those of chance alone, over all flights of the series; what is listed was chosen over the whole
-    fleet so that at most 5 % of it is false.
+    ``sentences`` are those of terminal and page, the answer first. Logs are ``done``, ``refused``, ``unreadable`` or
+    ``duplicates``. Probabilities are those of chance alone, over all flights of the series; what is listed was chosen
+    over the whole fleet so that at most 5 % of it is false.
     """
 
     schema_name: Annotated[Literal["rotorid.fleet/1"], Field(alias="schema")] = "rotorid.fleet/1"
@@ -131,10 +184,17 @@ class FleetDocument(Document):
     settings: dict[str, str | int | float | bool | list[str] | None] = Field(default_factory=dict)
     logs: int
     done: int
+    refused: int = 0
+    unreadable: int = 0
     resumed: int
     duplicates: int
     rows: int
     vehicles: int
+    sentences: list[str] = Field(default_factory=list)
+    checked: CheckedDocument = CheckedDocument()
+    verdicts: list[VehicleVerdictDocument] = Field(default_factory=list)
+    several_vehicles: list[SeveralVehiclesDocument] = Field(default_factory=list)
+    other_gains: list[OtherGainsDocument] = Field(default_factory=list)
     table: str = TABLE
     failed_table: str = FAILED
     failed: list[FailedLogDocument] = Field(default_factory=list)
@@ -150,7 +210,7 @@ def fleet_document(
     analysis: FleetAnalysis,
     *,
     failed: Sequence[Failed],
-    counts: Mapping[str, int],
+    counts: Counts,
     settings: Mapping[str, Any],
     command: Sequence[str] = (),
 ) -> FleetDocument:
@@ -163,7 +223,7 @@ def fleet_document(
     failed
         What gave no answer.
     counts
-        ``logs``, ``done``, ``resumed``, ``duplicates``, ``rows``, ``vehicles``.
+        Of its logs.
     settings
         What was asked.
     command
@@ -172,14 +232,21 @@ def fleet_document(
     population: dict[str, dict[str, PopulationDocument]] = {}
     for (model, parameter), one in analysis.populations.items():
         population.setdefault(model, {})[parameter] = _population(one)
-    histories = analysis.histories
+    histories, verdicts = analysis.histories, verdicts_of(analysis)
     return FleetDocument(
-        logs=counts["logs"],
-        done=counts["done"],
-        resumed=counts["resumed"],
-        duplicates=counts["duplicates"],
-        rows=counts["rows"],
-        vehicles=counts["vehicles"],
+        logs=counts.logs,
+        done=counts.answered,
+        refused=counts.refused,
+        unreadable=counts.unreadable,
+        resumed=counts.resumed,
+        duplicates=counts.duplicates,
+        rows=counts.rows,
+        vehicles=len(verdicts),
+        sentences=list(sentences(analysis, counts)),
+        checked=CheckedDocument.model_validate(checked(verdicts)),
+        verdicts=[_verdict(one) for one in verdicts],
+        several_vehicles=[SeveralVehiclesDocument.model_validate(one) for one in analysis.several],
+        other_gains=[OtherGainsDocument.model_validate(one) for one in analysis.other_gains],
         command=list(command),
         settings=dict(settings),
         failed=[FailedLogDocument.model_validate(one) for one in failed],
@@ -232,6 +299,21 @@ def fleet_document(
     )
 
 
+def _verdict(one: VehicleVerdict) -> VehicleVerdictDocument:
+    return VehicleVerdictDocument(
+        vehicle=one.vehicle,
+        flights=one.flights,
+        verdict=one.verdict,
+        why=one.why,
+        numbers=[
+            CheckedNumberDocument(
+                model=model, parameter=name, verdict=found, detectable_share=finite(one.detectable[model, name])
+            )
+            for (model, name), found in one.numbers.items()
+        ],
+    )
+
+
 def _who(one: History) -> dict[str, str]:
     return {"vehicle": one.vehicle, "model": one.model, "parameter": one.parameter}
 
@@ -253,7 +335,8 @@ def _population(one: Population) -> PopulationDocument:
         mean=QuantityDocument.model_validate(one.mean),
         between_std=told(one.between),
         within_std=told(one.within),
-        normal=(one.low, one.high),
+        normal=None if one.low is None or one.high is None else (one.low, one.high),
+        scale="log" if one.scale.logarithmic else "linear",
         model_std=one.model_std,
         vehicles=one.vehicles,
         flights=one.flights,

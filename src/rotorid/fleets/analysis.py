@@ -2,7 +2,8 @@
 
 The flights of each vehicle are put in order. Odd flights go first, then steps or drifts are looked for in what is left;
 a vehicle counts for the population with its flights before its first change, and a vehicle that is odd does not count.
-What is called odd or changed is chosen over the whole fleet so that at most 5 % of it is false.
+What is called odd or changed is chosen over the whole fleet so that at most 5 % of it is false. What was not found is
+*unchanged* where a change of 20 % would have been found, and *undecided* elsewhere.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
@@ -23,18 +24,33 @@ from rotorid.fleets.changes import (
     Change,
     Drift,
     OddFlight,
+    Scatter,
     Spread,
-    discoveries,
     drift,
     first_step,
+    least_step,
     odd_flights,
+    places_of_steps,
+    shown_scatter,
+    stated_scatter,
     steps,
-    within_by_neighbors,
 )
 from rotorid.fleets.populations import Population, population, random_effects
-from rotorid.fleets.runs import order_of
-from rotorid.fleets.table import Row
+from rotorid.fleets.table import REVIEW, Row
+from rotorid.fleets.vehicles import SeveralVehicles, order_of, separated
+from rotorid.pipeline.comparison import other_basis
+from rotorid.pipeline.same_vehicle import different_gains
 from rotorid.typing import BoolArray, FloatArray
+from rotorid.uncertainty.differences import (
+    Scale,
+    Verdict,
+    chance,
+    detectable,
+    discoveries,
+    is_clear_of_zero,
+    scale_of,
+    verdict,
+)
 
 Name: TypeAlias = tuple[str, str]
 """Model and parameter."""
@@ -61,6 +77,12 @@ class History(Immutable):
         What was found in it.
     odd_vehicle
         Probability that a vehicle lies so far from the others by chance, where that is small; else ``None``.
+    verdict
+        Whether it changed, as far as its flights decide that.
+    detectable
+        The change, as a share, that would have been found; infinite where none would.
+    scatter_known
+        Whether two flights of it can be compared: measures that follow wind and battery need the scatter of several.
     """
 
     vehicle: str
@@ -73,6 +95,9 @@ class History(Immutable):
     drift: Drift | None = None
     odd: tuple[OddFlight, ...] = ()
     odd_vehicle: float | None = None
+    verdict: Verdict = "undecided"
+    detectable: float = math.inf
+    scatter_known: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +125,29 @@ class Cause(Immutable):
     usual: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class OtherGains(Immutable):
+    """A log that was flown with other gains than the one before it, of the same vehicle.
+
+    Parameters
+    ----------
+    vehicle, log
+        Whose.
+    at_flight
+        Number of its first flight, from 1.
+    gains
+        Name to the value before and since.
+    """
+
+    vehicle: str
+    log: str
+    at_flight: int
+    gains: Mapping[str, tuple[float, float]]
+
+    def __post_init__(self) -> None:
+        self._set(gains=self.gains)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FleetAnalysis(Immutable):
     """All that a table says.
@@ -114,12 +162,18 @@ class FleetAnalysis(Immutable):
         Between groups of flights.
     causes
         Changes of one flight together, in words.
+    several
+        Names that stood for several vehicles, which are taken apart.
+    other_gains
+        Logs that were flown with other gains than those before them.
     """
 
     populations: Mapping[Name, Population]
     histories: tuple[History, ...]
     differences: tuple[Difference, ...] = ()
     causes: tuple[Cause, ...] = ()
+    several: tuple[SeveralVehicles, ...] = ()
+    other_gains: tuple[OtherGains, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(populations=self.populations)
@@ -131,15 +185,37 @@ class FleetAnalysis(Immutable):
 
 
 class _Series(NamedTuple):
-    """The parts of a history while it is looked at."""
+    """The parts of a history while it is looked at: values on their scale, errors that count, random errors alone."""
 
     vehicle: str
     rows: list[Row]
     y: FloatArray
     s: FloatArray
+    random: FloatArray
 
 
-def analyze(rows: Iterable[Row], *, groups: Mapping[str, str] | None = None) -> FleetAnalysis:
+class _Parameter(NamedTuple):
+    """One parameter of all vehicles."""
+
+    scale: Scale
+    scatter: Scatter
+    many: list[_Series]
+
+    @property
+    def spread(self) -> Spread:
+        return self.scatter.spread
+
+    @property
+    def unit(self) -> str:
+        return self.many[0].rows[0].unit
+
+
+def analyze(
+    rows: Iterable[Row],
+    *,
+    groups: Mapping[str, str] | None = None,
+    gains: Mapping[str, Mapping[str, float]] | None = None,
+) -> FleetAnalysis:
     """Look at a table as a fleet.
 
     Parameters
@@ -148,6 +224,8 @@ def analyze(rows: Iterable[Row], *, groups: Mapping[str, str] | None = None) -> 
         Any number, of any models.
     groups
         Hash of a log to the name of its group.
+    gains
+        Hash of a log to the gains that it was flown with.
 
     Returns
     -------
@@ -159,93 +237,166 @@ def analyze(rows: Iterable[Row], *, groups: Mapping[str, str] | None = None) -> 
     >>> analyze([]).histories
     ()
     """
-    by_name = _sorted_series(rows)
-    spreads = {name: within_by_neighbors([(one.y, one.s) for one in series]) for name, series in by_name.items()}
-    tested = {
-        (name, one.vehicle): odd_flights(one.y, one.s, spreads[name]) for name, many in by_name.items() for one in many
-    }
-    odd = _odd(tested)
-    found = _changes(by_name, spreads, odd)
-    kept = {
-        (name, one.vehicle): ~odd[name, one.vehicle] & _before(found.get((name, one.vehicle)), len(one.rows))
-        for name, series in by_name.items()
-        for one in series
-    }
-    strange = _odd_vehicles(by_name, kept, spreads)
+    known, several = separated(rows)
+    found = _parameters(known)
+    series = {(name, one.vehicle): (of, one) for name, of in found.items() for one in of.many}
+    tested = {key: odd_flights(one.y, one.s, of.spread) for key, (of, one) in series.items()}
+    odd = _odd({key: tested[key] if of.scatter.known else np.ones(one.y.size) for key, (of, one) in series.items()})
+    changes = _changes(series, odd)
+    kept = {key: ~odd[key] & _before(changes.get(key), len(one.rows)) for key, (_, one) in series.items()}
+    strange = _odd_vehicles(found, kept)
+    tests = sum(_compared(of, one) for of, one in series.values())
     histories = []
-    populations: dict[Name, Population] = {}
-    for name, series in by_name.items():
-        for one in series:
-            changes, slope = found.get((name, one.vehicle), ((), None))
-            histories.append(
-                History(
-                    vehicle=one.vehicle,
-                    model=name[0],
-                    parameter=name[1],
-                    unit=one.rows[0].unit,
-                    rows=tuple(one.rows),
-                    level=_level(one, kept[name, one.vehicle], spreads[name]),
-                    changes=changes,
-                    drift=slope,
-                    odd=_said(one, odd[name, one.vehicle], tested[name, one.vehicle]),
-                    odd_vehicle=strange.get((name, one.vehicle)),
-                )
+    for key, (of, one) in series.items():
+        name, vehicle = key
+        stepped, slope = changes.get(key, ((), None))
+        reach = _detectable(of, one, tests=tests)
+        histories.append(
+            History(
+                vehicle=vehicle,
+                model=name[0],
+                parameter=name[1],
+                unit=of.unit,
+                rows=tuple(one.rows),
+                level=_level(of, one, kept[key]),
+                changes=stepped,
+                drift=slope,
+                odd=_odd_ones(of.scale, one, odd[key], tested[key]),
+                odd_vehicle=strange.get(key),
+                verdict=verdict(found=bool(stepped or slope), detectable_share=reach),
+                detectable=reach,
+                scatter_known=of.scatter.known,
             )
-        counted = [(one, kept[name, one.vehicle]) for one in series if (name, one.vehicle) not in strange]
-        counted = counted or [(one, kept[name, one.vehicle]) for one in series]
-        y = np.concatenate([one.y[keep] for one, keep in counted])
-        s = np.concatenate([one.s[keep] for one, keep in counted])
-        who = np.concatenate([np.full(int(keep.sum()), k) for k, (_, keep) in enumerate(counted)])
-        populations[name] = population(y, s, who, unit=series[0].rows[0].unit, model_std=_model_std(series))
+        )
     return FleetAnalysis(
-        populations=populations,
+        populations={
+            name: _population(of, [(one, kept[name, one.vehicle], (name, one.vehicle) in strange) for one in of.many])
+            for name, of in found.items()
+        },
         histories=tuple(histories),
-        differences=_differences(by_name, groups or {}),
+        differences=_differences(found, groups or {}),
         causes=_causes(histories),
+        several=several,
+        other_gains=tuple(_other_gains(known, gains or {})),
     )
 
 
-def _sorted_series(rows: Iterable[Row]) -> dict[Name, list[_Series]]:
+def _other_gains(rows: Sequence[Row], gains: Mapping[str, Mapping[str, float]]) -> Iterator[OtherGains]:
+    """Logs of a vehicle, in their order, whose gains are not those of the log before."""
+    vehicles: dict[str, dict[tuple[str, int], Row]] = defaultdict(dict)
+    for row in sorted(rows, key=order_of):
+        vehicles[row.vehicle].setdefault((row.log_sha256, row.flight), row)
+    for vehicle, flights in sorted(vehicles.items()):
+        before: dict[str, float] = {}
+        for number, row in enumerate(flights.values(), start=1):
+            own = gains.get(row.log_sha256, {})
+            if changed := different_gains(before, own):
+                yield OtherGains(vehicle=vehicle, log=row.log, at_flight=number, gains=changed)
+            before |= own
+
+
+def _population(of: _Parameter, many: Sequence[tuple[_Series, BoolArray, bool]]) -> Population:
+    """What is normal, without odd vehicles unless there are no others."""
+    counted = [(one, keep) for one, keep, strange in many if not strange] or [(one, keep) for one, keep, _ in many]
+    values = [[row.value for row, counts in zip(one.rows, keep, strict=True) if counts] for one, keep in counted]
+    return population(
+        np.concatenate(values),
+        np.concatenate([one.random[keep] for one, keep in counted]),
+        np.concatenate([np.full(int(keep.sum()), k) for k, (_, keep) in enumerate(counted)]),
+        unit=of.unit,
+        model_std=_model_std(of.many),
+        scale=of.scale,
+    )
+
+
+def _parameters(rows: Iterable[Row]) -> dict[Name, _Parameter]:
     """Histories by parameter and vehicle; values without an error say nothing.
 
-    A parameter that some logs state in another unit than most, such as inertia without a known arm, has a history of
-    its own there: numbers of two units have no mean.
+    A parameter that some logs state in another unit than most, such as inertia without a known arm, or that was
+    measured in another way, such as a delay without a lag beside it, or that a fit left at its bound of zero, has a
+    history of its own there: numbers of two quantities have no mean.
     """
-    told = [row for row in rows if math.isfinite(row.value) and math.isfinite(row.std) and row.std > 0.0]
-    units: dict[Name, Counter[str]] = defaultdict(Counter)
-    for row in told:
-        units[row.model, row.parameter][row.unit] += 1
-    usual = {name: max(counted, key=lambda unit: (counted[unit], unit)) for name, counted in units.items()}
+    stated = [row for row in rows if math.isfinite(row.value) and math.isfinite(row.std) and row.std > 0.0]
+    kinds: dict[Name, Counter[tuple[str, str]]] = defaultdict(Counter)
+    for row in stated:
+        kinds[row.model, row.parameter][row.unit, row.basis] += 1
+    # Of two that are as frequent, the one without fewer: a lag that was not dropped.
+    usual = {
+        name: max(counted, key=lambda kind: (counted[kind], -kind[1].count("without"), kind))
+        for name, counted in kinds.items()
+    }
     gathered: dict[Name, dict[str, list[Row]]] = defaultdict(lambda: defaultdict(list))
-    for row in told:
-        own = "" if row.unit == usual[row.model, row.parameter] else f" in {row.unit or '1'}"
+    for row in stated:
+        unit, basis = usual[row.model, row.parameter]
+        own = "" if row.unit == unit else f" in {row.unit or '1'}"
+        if row.basis != basis:
+            own += f" ({other_basis(row.basis, basis)})"
+        if not is_clear_of_zero(row.parameter, row.value, row.std):
+            own += " (zero within its error)"
         gathered[row.model, row.parameter + own][row.vehicle].append(row)
-    found: dict[Name, list[_Series]] = {}
-    for name in sorted(gathered):
-        for vehicle in sorted(gathered[name]):
-            ordered = sorted(gathered[name][vehicle], key=order_of)
-            y = np.array([row.value for row in ordered])
-            random = [row.std_random if math.isfinite(row.std_random) else row.std for row in ordered]
-            found.setdefault(name, []).append(_Series(vehicle, ordered, y, np.array(random)))
-    return found
+    return {
+        name: _parameter(name, {vehicle: sorted(gathered[name][vehicle], key=order_of) for vehicle in sorted(many)})
+        for name, many in sorted(gathered.items())
+    }
 
 
-def _level(one: _Series, keep: BoolArray, spread: Spread) -> Quantity | None:
-    """Weighted mean of the flights that count."""
+def _parameter(name: Name, many: Mapping[str, list[Row]]) -> _Parameter:
+    every = [row for rows in many.values() for row in rows]
+    scale = scale_of(
+        name[1].partition(" ")[0], np.array([row.value for row in every]), np.array([row.std for row in every])
+    )
+    values = [np.array([row.value for row in rows]) for rows in many.values()]
+    random = [np.array([_random(row) for row in rows]) for rows in many.values()]
+    model = [np.array([math.sqrt(_model_variance(row)) for row in rows]) for rows in many.values()]
+    y = [scale.values(own) for own in values]
+    r, m = ([scale.stds(own, s) for own, s in zip(values, stds, strict=True)] for stds in (random, model))
+    if name[0] == REVIEW:
+        scatter = shown_scatter(list(zip(y, r, strict=True)))
+    else:
+        scatter = stated_scatter(list(zip(y, r, m, strict=True)))
+    columns = zip(many, many.values(), y, scatter.stds, random, strict=True)
+    return _Parameter(scale, scatter, [_Series(*one) for one in columns])
+
+
+def _random(row: Row) -> float:
+    return row.std_random if math.isfinite(row.std_random) else row.std
+
+
+def _model_variance(row: Row) -> float:
+    return max(row.std**2 - _random(row) ** 2, 0.0)
+
+
+def _compared(of: _Parameter, one: _Series) -> bool:
+    """Whether flights of a vehicle can be compared at all."""
+    return of.scatter.known and one.y.size > 1
+
+
+def _detectable(of: _Parameter, one: _Series, *, tests: int) -> float:
+    """The change of a series that would have been found, as a share of its level."""
+    if not _compared(of, one):
+        return math.inf
+    count = tests * places_of_steps(one.y.size)
+    reach = detectable(least_step(one.s, of.spread), tests=count, freedom=of.spread.freedom)
+    level, std = _mean(one, np.ones(one.y.size, dtype=np.bool_), of.spread) or (0.0, math.inf)
+    return of.scale.share(reach, level, std)
+
+
+def _mean(one: _Series, keep: BoolArray, spread: Spread) -> tuple[float, float] | None:
+    """Weighted mean of the flights that count with its error, on the scale of the values."""
     if not keep.any():
         return None
     weight = 1.0 / np.maximum(one.s[keep] ** 2 + spread.within**2, 1e-300)
     total = float(weight.sum())
-    return Quantity.normal(float(weight @ one.y[keep]) / total, math.sqrt(1.0 / total), one.rows[0].unit)
+    return float(weight @ one.y[keep]) / total, math.sqrt(1.0 / total)
+
+
+def _level(of: _Parameter, one: _Series, keep: BoolArray) -> Quantity | None:
+    mean = _mean(one, keep, of.spread)
+    return None if mean is None else of.scale.quantity(*mean, of.unit)
 
 
 def _model_std(series: Sequence[_Series]) -> float:
-    variances = [
-        max(row.std**2 - row.std_random**2, 0.0) if math.isfinite(row.std_random) else 0.0
-        for one in series
-        for row in one.rows
-    ]
-    return math.sqrt(float(np.median(variances)))
+    return math.sqrt(float(np.median([_model_variance(row) for one in series for row in one.rows])))
 
 
 def _odd(tested: Mapping[tuple[Name, str], FloatArray]) -> dict[tuple[Name, str], BoolArray]:
@@ -260,37 +411,38 @@ _Found: TypeAlias = dict[tuple[Name, str], tuple[tuple[Change, ...], Drift | Non
 
 
 def _changes(
-    by_name: Mapping[Name, Sequence[_Series]],
-    spreads: Mapping[Name, Spread],
-    odd: Mapping[tuple[Name, str], BoolArray],
+    series: Mapping[tuple[Name, str], tuple[_Parameter, _Series]], odd: Mapping[tuple[Name, str], BoolArray]
 ) -> _Found:
     """Steps, or a drift where that explains more, of the series in which something changed."""
     entries = []
-    for name, many in by_name.items():
-        for one in many:
-            keep = ~odd[name, one.vehicle]
-            y, s = one.y[keep], one.s[keep]
-            slope = drift(y, s, spreads[name], unit=one.rows[0].unit)
-            stepped = first_step(y, s, spreads[name])
-            entries.append((name, one, keep, stepped, slope, min(1.0, 2.0 * min(stepped, _probability(slope)))))
-    chosen = discoveries([entry[5] for entry in entries])
+    for key, (of, one) in series.items():
+        if not _compared(of, one):
+            continue
+        y, s = one.y[~odd[key]], one.s[~odd[key]]
+        slope = drift(y, s, of.spread, unit="")
+        stepped = first_step(y, s, of.spread)
+        either = stepped if slope is None else min(1.0, 2.0 * min(stepped, slope.probability))
+        entries.append((key, slope, stepped, either))
+    chosen = discoveries([entry[3] for entry in entries])
     found: _Found = {}
-    for (name, one, keep, stepped, slope, _), is_found in zip(entries, chosen, strict=True):
+    for (key, slope, stepped, _), is_found in zip(entries, chosen, strict=True):
         if not is_found:
             continue
+        of, one = series[key]
+        keep = ~odd[key]
         y, s = one.y[keep], one.s[keep]
-        changes = steps(y, s, spreads[name], unit=one.rows[0].unit) if stepped < 1.0 else ()
-        if slope is not None and _drifts(y, s, spreads[name], changes, slope):
-            found[name, one.vehicle] = ((), slope)
+        changes = steps(y, s, of.spread, unit="") if stepped < 1.0 else ()
+        if slope is not None and _drifts(y, s, of.spread, changes, slope):
+            found[key] = ((), _in_unit(of, one, slope))
             continue
         # Numbers of the flights with the odd ones among them.
         numbers = np.flatnonzero(keep)
-        found[name, one.vehicle] = (
+        found[key] = (
             tuple(
                 Change(
                     at_flight=int(numbers[change.at_flight - 1]) + 1,
-                    before=change.before,
-                    after=change.after,
+                    before=of.scale.quantity(change.before.value, change.before.std, of.unit),
+                    after=of.scale.quantity(change.after.value, change.after.std, of.unit),
                     probability=change.probability,
                 )
                 for change in changes
@@ -300,8 +452,16 @@ def _changes(
     return found
 
 
-def _probability(slope: Drift | None) -> float:
-    return 1.0 if slope is None else slope.probability
+def _in_unit(of: _Parameter, one: _Series, slope: Drift) -> Drift:
+    """A slope of the scale as one of the unit, at the mean of the flights."""
+    level = float(np.mean(one.y))
+    rises = of.scale.sign if of.scale.logarithmic else 1.0
+    return Drift(
+        slope=Quantity.normal(
+            rises * of.scale.size(slope.slope.value, level), of.scale.size(slope.slope.std, level), of.unit
+        ),
+        probability=slope.probability,
+    )
 
 
 def _drifts(y: FloatArray, s: FloatArray, spread: Spread, changes: Sequence[Change], slope: Drift) -> bool:
@@ -328,25 +488,23 @@ def _before(found: tuple[tuple[Change, ...], Drift | None] | None, flights: int)
 
 
 def _odd_vehicles(
-    by_name: Mapping[Name, Sequence[_Series]],
-    kept: Mapping[tuple[Name, str], BoolArray],
-    spreads: Mapping[Name, Spread],
+    found: Mapping[Name, _Parameter], kept: Mapping[tuple[Name, str], BoolArray]
 ) -> dict[tuple[Name, str], float]:
     """Vehicles that lie apart from all others, each judged by the others; again without those that were found."""
     out: dict[tuple[Name, str], float] = {}
     for _ in range(3):
         entries = []
-        for name, many in by_name.items():
+        for name, of in found.items():
             means = []
-            for one in many:
-                level = _level(one, kept[name, one.vehicle], spreads[name])
-                if (name, one.vehicle) not in out and level is not None:
-                    means.append((one.vehicle, level.value, level.std**2))
+            for one in of.many:
+                mean = _mean(one, kept[name, one.vehicle], of.spread)
+                if (name, one.vehicle) not in out and mean is not None:
+                    means.append((one.vehicle, mean[0], mean[1] ** 2))
             if len(means) < _FEWEST_FLIGHTS:
                 continue
             entries += [((name, vehicle), p) for vehicle, p in _apart(means)]
-        found = discoveries([p for _, p in entries])
-        new = {key: p for (key, p), chosen in zip(entries, found, strict=True) if chosen}
+        chosen = discoveries([p for _, p in entries])
+        new = {key: p for (key, p), is_found in zip(entries, chosen, strict=True) if is_found}
         if not new:
             return out
         out |= new
@@ -364,25 +522,25 @@ def _apart(means: Sequence[tuple[str, float, float]]) -> list[tuple[str, float]]
         weight = 1.0 / (between + errors)
         center = float(weight @ others / weight.sum())
         std = math.sqrt(between + variance + 1.0 / float(weight.sum()))
-        found.append((vehicle, float(2.0 * stats.t.sf(abs(own - center) / std, others.size - 1))))
+        found.append((vehicle, chance((own - center) / std, others.size - 1)))
     return found
 
 
-def _said(one: _Series, odd: BoolArray, p: FloatArray) -> tuple[OddFlight, ...]:
+def _odd_ones(scale: Scale, one: _Series, odd: BoolArray, p: FloatArray) -> tuple[OddFlight, ...]:
     found = []
     for k in np.flatnonzero(odd):
         around = [j for j in (k - 2, k - 1, k + 1, k + 2) if 0 <= j < one.y.size and not odd[j]]
-        expected = float(np.mean(one.y[around])) if around else float(np.median(one.y))
-        value = Quantity.normal(float(one.y[k]), float(one.s[k]), one.rows[k].unit)
+        expected = scale.back(float(np.mean(one.y[around])) if around else float(np.median(one.y)))
+        value = scale.quantity(float(one.y[k]), float(one.s[k]), one.rows[k].unit)
         found.append(OddFlight(flight=int(k) + 1, value=value, expected=expected, probability=float(p[k])))
     return tuple(found)
 
 
-def _differences(by_name: Mapping[Name, Sequence[_Series]], groups: Mapping[str, str]) -> tuple[Difference, ...]:
+def _differences(parameters: Mapping[Name, _Parameter], groups: Mapping[str, str]) -> tuple[Difference, ...]:
     """What each group differs in from the one that comes first by its name."""
     found: list[dict[str, Any]] = []
-    for name, many in by_name.items():
-        rows = [(k, row, s) for k, one in enumerate(many) for row, s in zip(one.rows, one.s, strict=True)]
+    for name, of in parameters.items():
+        rows = [(k, row, s) for k, one in enumerate(of.many) for row, s in zip(one.rows, one.random, strict=True)]
         rows = [entry for entry in rows if entry[1].log_sha256 in groups]
         names = sorted({groups[row.log_sha256] for _, row, _ in rows})
         if len(names) < 2 or len(rows) < _FEWEST_FLIGHTS:

@@ -1,13 +1,11 @@
 """What changed: steps, odd flights and drifts in the history of one vehicle, and how sure that is.
 
-Flights of a vehicle scatter about its value by their stated errors and by a spread that all vehicles share. The spread
+Flights of a vehicle scatter about its value by their random errors and by a spread that all vehicles share. The spread
 is taken from differences of neighboring flights, of which a step spoils one: from their median, so that neither steps
-nor odd flights enter. Every test returns the probability that such a thing is seen where nothing changed, over all
-places where it could have been seen; over a whole fleet :func:`discoveries` keeps the share of false ones small.
-
-References
-----------
-Benjamini and Hochberg, "Controlling the false discovery rate", 1995.
+nor odd flights enter. Few flights show no spread, and then what the estimates state of their other errors stands for
+it (:func:`stated_scatter`): two flights are compared as :mod:`rotorid.uncertainty.differences` compares two results.
+Every test returns the probability that such a thing is seen where nothing changed, over all places where it could have
+been seen; over a whole fleet :func:`rotorid.uncertainty.differences.discoveries` keeps the share of false ones small.
 """
 
 from __future__ import annotations
@@ -23,19 +21,25 @@ from scipy import optimize, stats
 
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
-from rotorid.typing import AnyArray, BoolArray, FloatArray
-
-FALSE_SHARE = 0.05
-"""Share of false ones among what is called a change."""
+from rotorid.typing import AnyArray, FloatArray
+from rotorid.uncertainty.differences import chance
 
 _FURTHER = 0.01
 """Probability up to which a further step, before or after one that was found, counts."""
 
-_FEWEST_BEFORE = _FEWEST_AFTER = 2
+_ENOUGH = 4
+"""Flights from which on one flight is no step: it may be an odd one. Of fewer, each side may be a single one."""
+
+_STATED_DIFFERENCES = 20.0
+"""So many independent differences of neighbors weigh as much as what the estimates state of their errors."""
+
 _NORMAL_MEDIAN = float(stats.norm.ppf(0.75))
 
 _MEDIAN_EFFICIENCY = 0.3
 """Share of the differences that count as independent for their median."""
+
+_LEAST_FREEDOM = 2.0
+"""Degrees of freedom from which on a spread is known that nothing was stated of."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,32 +128,94 @@ def within_by_neighbors(
     return Spread(float(optimize.brentq(too_wide, 0.0, float(difference.max()) * 10.0)), freedom)
 
 
-def discoveries(probabilities: AnyArray | Sequence[float]) -> BoolArray:
-    """Which of many tests are discoveries, so that no more than 5 % of them are false (Benjamini and Hochberg).
+class Scatter(NamedTuple):
+    """What flights of one vehicle scatter by, and what that is known from.
+
+    Parameters
+    ----------
+    spread
+        Between flights of one vehicle, as far as the flights show it.
+    stds
+        Of each flight, shape ``(n,)``: its random error, and as much of its stated model error as stands for a
+        spread that is not known well.
+    known
+        Whether a difference can be judged at all.
+    """
+
+    spread: Spread
+    stds: tuple[FloatArray, ...]
+    known: bool
+
+
+def shown_scatter(series: Sequence[tuple[AnyArray, AnyArray]]) -> Scatter:
+    """The scatter that flights show, of numbers that follow wind, battery and pilot.
+
+    What a single flight states of them says nothing of the next, so that nothing is known until enough flew.
+
+    Parameters
+    ----------
+    series
+        Values and random errors of each vehicle, in the order of its flights.
+    """
+    shown = within_by_neighbors(series)
+    stds = tuple(np.asarray(s, dtype=np.float64) for _, s in series)
+    return Scatter(shown, stds, known=shown.freedom >= _LEAST_FREEDOM)
+
+
+def stated_scatter(series: Sequence[tuple[AnyArray, AnyArray, AnyArray]]) -> Scatter:
+    r"""The scatter of flights from what their estimates state and from what the flights show, each by its weight.
+
+    .. math:: s_k^2 = r_k^2 + \frac{\nu_0 m_k^2 + \nu\, \omega^2}{\nu_0 + \nu}
+
+    with random errors :math:`r`, stated model errors :math:`m`, the spread :math:`\omega` of
+    :func:`within_by_neighbors` and its degrees of freedom :math:`\nu` (:math:`\nu_0 = 20`); a spread beyond what is
+    stated counts in full. A model error that all flights share scatters nothing, so that few flights are judged on the
+    safe side.
+
+    Parameters
+    ----------
+    series
+        Values, random errors and model errors of each vehicle, in the order of its flights.
 
     Examples
     --------
-    >>> discoveries([0.001, 0.5, 0.02, 0.9]).tolist()
-    [True, False, True, False]
+    >>> two = stated_scatter([([100.0, 290.0], [3.0, 3.0], [4.0, 4.0])])
+    >>> two.stds[0].tolist(), two.spread.freedom
+    ([5.0, 5.0], inf)
     """
-    p = np.asarray(probabilities, dtype=np.float64)
-    order = np.argsort(p)
-    allowed = FALSE_SHARE * np.arange(1, p.size + 1) / max(p.size, 1)
-    below = np.flatnonzero(p[order] <= allowed)
-    found = np.zeros(p.size, dtype=np.bool_)
-    if below.size:
-        found[order[: below[-1] + 1]] = True
-    return found
-
-
-def _tail(distance: float, freedom: float) -> float:
-    """Two-sided probability of so many standard deviations, where the deviation was estimated."""
-    return float(2.0 * stats.t.sf(abs(distance), freedom))
+    pairs = [(np.asarray(y, dtype=np.float64), np.asarray(r, dtype=np.float64)) for y, r, _ in series]
+    models = [np.asarray(m, dtype=np.float64) for _, _, m in series]
+    # Of few vehicles one difference each is what is asked about, and shows no scatter.
+    asked = 2 if len(pairs) < _ENOUGH else 1
+    freedom = _MEDIAN_EFFICIENCY * sum(max(y.size - asked, 0) for y, _ in pairs)
+    weight = freedom / (freedom + _STATED_DIFFERENCES)
+    within = within_by_neighbors(pairs).within if freedom else 0.0
+    within2 = weight * within**2
+    if freedom >= _LEAST_FREEDOM:
+        within2 = max(within2, within**2 - (1.0 - weight) * float(np.median(np.concatenate(models) ** 2)))
+    stds = tuple(np.sqrt(r**2 + (1.0 - weight) * m**2) for (_, r), m in zip(pairs, models, strict=True))
+    return Scatter(Spread(math.sqrt(within2), freedom + _STATED_DIFFERENCES if freedom else math.inf), stds, known=True)
 
 
 def _weights(stds: FloatArray, spread: Spread) -> FloatArray:
     variance = stds**2 + spread.within**2
     return np.asarray(1.0 / np.maximum(variance, 1e-300))
+
+
+def _fewest(flights: int) -> int:
+    """Flights on each side of a step at least."""
+    return 1 if flights < _ENOUGH else 2
+
+
+def places_of_steps(flights: int) -> int:
+    """Places at which so many flights may show a step.
+
+    Examples
+    --------
+    >>> [places_of_steps(count) for count in (1, 2, 3, 4, 10)]
+    [0, 1, 2, 1, 7]
+    """
+    return max(flights - 2 * _fewest(flights) + 1, 0)
 
 
 class _Split(NamedTuple):
@@ -158,18 +224,35 @@ class _Split(NamedTuple):
     probability: float
 
 
-def _best_split(y: FloatArray, weight: FloatArray, spread: Spread) -> _Split | None:
+def _best_split(y: FloatArray, weight: FloatArray, spread: Spread, fewest: int) -> _Split | None:
     """The place where the means of both sides differ most, and how often chance alone does so at any place."""
-    if y.size < _FEWEST_BEFORE + _FEWEST_AFTER:
+    if y.size < 2 * fewest:
         return None
     sums, weights = np.cumsum(weight * y), np.cumsum(weight)
-    places = np.arange(_FEWEST_BEFORE, y.size - _FEWEST_AFTER + 1)
+    places = np.arange(fewest, y.size - fewest + 1)
     w1, w2 = weights[places - 1], weights[-1] - weights[places - 1]
     m1, m2 = sums[places - 1] / w1, (sums[-1] - sums[places - 1]) / w2
     distance = (m2 - m1) / np.sqrt(1.0 / w1 + 1.0 / w2)
     best = int(np.argmax(np.abs(distance)))
-    probability = min(1.0, places.size * _tail(float(distance[best]), spread.freedom))
+    probability = min(1.0, places.size * chance(float(distance[best]), spread.freedom))
     return _Split(int(places[best]), float(distance[best]), probability)
+
+
+def least_step(stds: AnyArray, spread: Spread) -> float:
+    """Standard deviation of a step where it is seen best, which is the middle of the flights; nan of a single one.
+
+    Parameters
+    ----------
+    stds, spread
+        As for :func:`first_step`.
+    """
+    weight = _weights(np.asarray(stds, dtype=np.float64), spread)
+    if weight.size < 2:
+        return math.nan
+    fewest = _fewest(weight.size)
+    weights = np.cumsum(weight)
+    before = weights[fewest - 1 : weight.size - fewest]
+    return float(np.sqrt(1.0 / before + 1.0 / (weights[-1] - before)).min())
 
 
 def first_step(values: AnyArray, stds: AnyArray, spread: Spread) -> float:
@@ -183,7 +266,7 @@ def first_step(values: AnyArray, stds: AnyArray, spread: Spread) -> float:
         Between flights of one vehicle.
     """
     y, s = np.asarray(values, dtype=np.float64), np.asarray(stds, dtype=np.float64)
-    split = _best_split(y, _weights(s, spread), spread)
+    split = _best_split(y, _weights(s, spread), spread, _fewest(y.size))
     return 1.0 if split is None else split.probability
 
 
@@ -209,7 +292,7 @@ def steps(values: AnyArray, stds: AnyArray, spread: Spread, *, unit: str) -> tup
     places: dict[int, float] = {}
 
     def split(start: int, stop: int, allowed: float) -> None:
-        found = _best_split(y[start:stop], weight[start:stop], spread)
+        found = _best_split(y[start:stop], weight[start:stop], spread, _fewest(y.size))
         if found is None or found.probability > allowed:
             return
         places[start + found.at] = found.probability
@@ -233,8 +316,8 @@ def _mean(y: FloatArray, weight: FloatArray, unit: str) -> Quantity:
 def odd_flights(values: AnyArray, stds: AnyArray, spread: Spread) -> FloatArray:
     """For each flight the probability that it lies so far from both its sides by chance, shape ``(n,)``.
 
-    A flight is odd that lies on the same side of the two before it and of the two after it; the first one and the last
-    have one side. The first flight after a step agrees with those after it.
+    A flight is odd that lies on the same side of the two before it and of the two after it; of four or more, the first
+    one and the last have one side. The first flight after a step agrees with those after it.
 
     Parameters
     ----------
@@ -244,9 +327,8 @@ def odd_flights(values: AnyArray, stds: AnyArray, spread: Spread) -> FloatArray:
     y, s = np.asarray(values, dtype=np.float64), np.asarray(stds, dtype=np.float64)
     weight = _weights(s, spread)
     found = np.ones(y.size)
-    if y.size < _FEWEST_BEFORE + 2:
-        return found
-    for k in range(y.size):
+    # Of three flights only the middle one has two sides; an end that differs is a step.
+    for k in range(y.size) if y.size >= _ENOUGH else range(1, y.size - 1):
         sides = []
         for part in (slice(max(k - 2, 0), k), slice(k + 1, k + 3)):
             if y[part].size:
@@ -254,7 +336,7 @@ def odd_flights(values: AnyArray, stds: AnyArray, spread: Spread) -> FloatArray:
                 sides.append((y[k] - mean) / math.sqrt(1.0 / weight[k] + 1.0 / float(weight[part].sum())))
         same = all(one > 0 for one in sides) or all(one < 0 for one in sides)
         if same:
-            found[k] = min(1.0, y.size * _tail(min(sides, key=abs), spread.freedom))
+            found[k] = min(1.0, y.size * chance(min(sides, key=abs), spread.freedom))
     return found
 
 
@@ -280,4 +362,4 @@ def drift(values: AnyArray, stds: AnyArray, spread: Spread, *, unit: str) -> Dri
     center = float(weight @ flight / weight.sum())
     spanned = float(weight @ (flight - center) ** 2)
     slope, std = float(weight @ ((flight - center) * y)) / spanned, math.sqrt(1.0 / spanned)
-    return Drift(slope=Quantity.normal(slope, std, unit), probability=_tail(slope / std, spread.freedom))
+    return Drift(slope=Quantity.normal(slope, std, unit), probability=chance(slope / std, spread.freedom))

@@ -30,6 +30,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.errors import UsageError
 from rotorid.typing import AnyArray, FloatArray, IntArray
+from rotorid.uncertainty.differences import LINEAR, Scale
 
 LEAST_VEHICLES, LEAST_FLIGHTS = 3, 4
 """Vehicles without which the spread between them, and flights without which no spread is known."""
@@ -50,7 +51,10 @@ class Population(Immutable):
     between, within
         Standard deviations between vehicles, and between flights of one; ``None`` where too few flew.
     low, high
-        Normal range: what 95 % of further flights of further vehicles lie in.
+        Normal range: what 95 % of further flights of further vehicles lie in, of a single vehicle those of itself;
+        ``None`` where too few flew: fewer than four flights, or two vehicles.
+    scale
+        That of these numbers, on which spreads are normal.
     model_std
         Typical stated model error, which no number of flights shows.
     vehicles, flights
@@ -60,11 +64,12 @@ class Population(Immutable):
     mean: Quantity
     between: Quantity | None
     within: Quantity | None
-    low: float
-    high: float
+    low: float | None
+    high: float | None
     model_std: float
     vehicles: int
     flights: int
+    scale: Scale = LINEAR
 
 
 class _Likelihood:
@@ -183,8 +188,18 @@ def _profile(cost: Callable[[float, float], float], best: float, other: float, l
     return low, math.inf if high >= _WIDEST else float(optimize.brentq(above, best, high, xtol=1e-4))
 
 
-def population(values: AnyArray, stds: AnyArray, vehicle: AnyArray, *, unit: str, model_std: float = 0.0) -> Population:
+def population(
+    values: AnyArray,
+    stds: AnyArray,
+    vehicle: AnyArray,
+    *,
+    unit: str,
+    model_std: float = 0.0,
+    scale: Scale | None = None,
+) -> Population:
     """A parameter over a fleet: mean, spreads, normal range.
+
+    On a logarithmic scale the mean is the geometric one, spreads are shares of it, and no range passes zero.
 
     Parameters
     ----------
@@ -196,31 +211,33 @@ def population(values: AnyArray, stds: AnyArray, vehicle: AnyArray, *, unit: str
         Of the values.
     model_std
         Typical stated model error.
+    scale
+        On which spreads are normal; that of the values by default.
 
     Raises
     ------
     UsageError
         There is no value.
+
+    Examples
+    --------
+    >>> from rotorid.uncertainty.differences import LINEAR, Scale
+    >>> found = population([0.01, 0.02, 0.05, 0.03], [1e-3] * 4, [0] * 4, unit="s", scale=Scale(True, 1.0))
+    >>> 0.0 < found.low < 0.01
+    True
     """
-    y, s = np.asarray(values, dtype=np.float64), np.asarray(stds, dtype=np.float64)
+    scale = scale or LINEAR
+    y, s = scale.values(values), scale.stds(values, stds)
     names, who = np.unique(np.asarray(vehicle), return_inverse=True)
     vehicles = len(names)
     if not y.size:
         raise UsageError("no value came", needed="a parameter of one flight at least")
+    common: dict[str, Any] = {"model_std": model_std, "vehicles": vehicles, "flights": int(y.size), "scale": scale}
     if y.size < LEAST_FLIGHTS:
-        spread = float(np.std(y, ddof=1)) if y.size > 1 else float(s.mean())
-        mean = Quantity.normal(float(y.mean()), max(spread, float(s.mean())) / math.sqrt(y.size), unit)
-        half = stats.t.ppf(0.975, max(y.size - 1, 1)) * max(spread, float(s.mean())) * math.sqrt(1 + 1 / y.size)
-        return Population(
-            mean=mean,
-            between=None,
-            within=None,
-            low=mean.value - half,
-            high=mean.value + half,
-            model_std=model_std,
-            vehicles=vehicles,
-            flights=int(y.size),
-        )
+        # Two numbers are no spread: their stated errors stand for it, or their distance where that is more.
+        std = max(float(np.std(y, ddof=1)) if y.size > 1 else 0.0, float(s.mean())) / math.sqrt(y.size)
+        mean = scale.quantity(float(y.mean()), std, unit)
+        return Population(mean=mean, between=None, within=None, low=None, high=None, **common)
     found = random_effects(y, s, who)
     repeated = y.size > vehicles
     known = vehicles >= LEAST_VEHICLES
@@ -229,22 +246,19 @@ def population(values: AnyArray, stds: AnyArray, vehicle: AnyArray, *, unit: str
     quantile = float(stats.t.ppf(0.975, freedom))
     value = float(found.beta[0])
     half = quantile * math.sqrt(found.between[0] ** 2 + found.within[0] ** 2 + mean_std**2)
+    low, high = scale.interval(value, half) if known or vehicles == 1 else (None, None)
     return Population(
-        mean=Quantity(
-            value=value, std=mean_std, lower=value - quantile * mean_std, upper=value + quantile * mean_std, unit=unit
-        ),
-        between=_deviation(found.between, unit) if known else None,
-        within=_deviation(found.within, unit) if repeated else None,
-        low=value - half,
-        high=value + half,
-        model_std=model_std,
-        vehicles=vehicles,
-        flights=int(y.size),
+        mean=scale.quantity(value, mean_std, unit, half=quantile * mean_std),
+        between=_deviation(found.between, unit, scale, value) if known else None,
+        within=_deviation(found.within, unit, scale, value) if repeated else None,
+        low=low,
+        high=high,
+        **common,
     )
 
 
-def _deviation(found: tuple[float, float, float], unit: str) -> Quantity:
-    value, low, high = found
+def _deviation(found: tuple[float, float, float], unit: str, scale: Scale, level: float) -> Quantity:
+    value, low, high = (scale.size(one, level) for one in found)
     low, high = min(low, value), max(high, value)
     reach = high - low if math.isfinite(high) else 2.0 * (value - low)
     return Quantity(value=value, std=reach / (2.0 * TWO_SIDED_95), lower=low, upper=high, unit=unit)

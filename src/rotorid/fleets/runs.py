@@ -19,7 +19,7 @@ from rotorid import __version__
 from rotorid.data.display import visible
 from rotorid.errors import UsageError
 from rotorid.fleets.engines import Engine, Limits, Processes
-from rotorid.fleets.identity import natural, read_named, read_salt, time_of
+from rotorid.fleets.identity import read_named, read_salt, time_of
 from rotorid.fleets.places import Place, places_of
 from rotorid.fleets.settings import FleetSettings
 from rotorid.fleets.table import (
@@ -27,6 +27,7 @@ from rotorid.fleets.table import (
     JOURNAL,
     SALT,
     TABLE,
+    Counts,
     Failed,
     Journal,
     LogAnswer,
@@ -38,6 +39,7 @@ from rotorid.fleets.table import (
     sorted_rows,
     write_table,
 )
+from rotorid.fleets.vehicles import separated
 from rotorid.fleets.work import Task
 from rotorid.io.files import sha256_of
 from rotorid.io.folders import scratch_folder
@@ -186,7 +188,30 @@ class Fleet:
         return len(self.answers) - len(self.counted()) + len(self.copies)
 
     def rows(self) -> list[Row]:
-        """The table."""
+        """The table, in which a name that stood for several vehicles is one no more."""
+        return separated(self.logged_rows())[0]
+
+    def counts(self) -> Counts:
+        """Logs by what became of them."""
+        counted = self.counted()
+        read = [one for one in counted if one.log_sha256]
+        answered = sum(bool(one.rows) for one in counted)
+        return Counts(
+            logs=len(self.places),
+            answered=answered,
+            refused=sum(not one.rows for one in read),
+            unreadable=len(counted) - len(read),
+            duplicates=self.duplicates,
+            resumed=self.resumed,
+            rows=sum(len(one.rows) for one in counted),
+        )
+
+    def gains(self) -> Mapping[str, Mapping[str, float]]:
+        """Gains that each log was flown with, by its hash."""
+        return {one.log_sha256: one.gains for one in self.counted() if one.log_sha256 and one.gains}
+
+    def logged_rows(self) -> list[Row]:
+        """The table with vehicles as their logs name them: what :func:`rotorid.fleets.analyze` takes apart and says."""
         return sorted_rows(self.counted())
 
     def failures(self) -> list[Failed]:
@@ -234,11 +259,6 @@ def _moved(answer: LogAnswer, place: Place) -> LogAnswer:
         rows=tuple(replace(row, log=name, vehicle=renamed(row.vehicle)) for row in answer.rows),
         failed=tuple(replace(one, log=name, vehicle=renamed(one.vehicle)) for one in answer.failed),
     )
-
-
-def order_of(row: Row) -> tuple[Any, ...]:
-    """What puts the flights of a vehicle in order: their time, else the names of their logs."""
-    return row.time_utc, natural(row.log), row.log_sha256, row.flight
 
 
 def require_folder(folder: Path) -> None:

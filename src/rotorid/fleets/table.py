@@ -25,6 +25,9 @@ from rotorid.io.folders import replacing
 TABLE, FAILED, JOURNAL, SALT = "fleet.parquet", "failed.parquet", "fleet.journal", "fleet.salt"
 SCHEMA = "rotorid.fleet.table/1"
 _JOURNAL_SCHEMA = "rotorid.fleet.journal/1"
+REVIEW = "review"
+"""What the table calls measures of a review in the place of a model."""
+
 _MOST_LINE_BYTES = 64 << 20
 
 
@@ -52,6 +55,10 @@ class Row(Immutable):
         Kinds of the warnings of the model, with commas.
     format, firmware
         Of the log.
+    autopilot, kind, frame
+        Of the vehicle, as the log names them; empty where it does not.
+    basis
+        What a delay or a lag was measured beside and by; only those of one basis are of one quantity.
     settings
         Hash of what was asked.
     version
@@ -75,6 +82,10 @@ class Row(Immutable):
     format: str
     firmware: str
     settings: str
+    autopilot: str = ""
+    kind: str = ""
+    frame: str = ""
+    basis: str = ""
     version: str = __version__
 
     @property
@@ -123,6 +134,8 @@ class LogAnswer(Immutable):
         Hash of what was asked.
     rows, failed
         What it gave, and what it could not.
+    gains
+        Of the rate loops, by the firmware's names.
     seconds
         That the worker took.
     version
@@ -136,8 +149,12 @@ class LogAnswer(Immutable):
     settings: str
     rows: tuple[Row, ...] = ()
     failed: tuple[Failed, ...] = ()
+    gains: Mapping[str, float] = field(default_factory=dict)
     seconds: float = 0.0
     version: str = __version__
+
+    def __post_init__(self) -> None:
+        self._set(gains=self.gains)
 
     @property
     def done(self) -> bool:
@@ -149,6 +166,7 @@ class LogAnswer(Immutable):
         table = {item.name: getattr(self, item.name) for item in fields(self)}
         table["rows"] = [asdict(row) for row in self.rows]
         table["failed"] = [asdict(one) for one in self.failed]
+        table["gains"] = dict(self.gains)
         return json.dumps(_without_nan(table), ensure_ascii=True, allow_nan=False)
 
     @classmethod
@@ -167,6 +185,37 @@ class LogAnswer(Immutable):
             return cls(**table, rows=rows, failed=failed)
         except (KeyError, TypeError, AttributeError, RotoridError) as error:
             raise ValueError(f"no answer of a log: {error}") from error
+
+
+@dataclass(frozen=True, kw_only=True)
+class Counts(Immutable):
+    """Logs of a run: each is answered, refused, unreadable or a copy.
+
+    Parameters
+    ----------
+    logs
+        That were found.
+    answered
+        That gave a number.
+    refused
+        That were read and support none of what was asked.
+    unreadable
+        That could not be read, or ended their worker.
+    duplicates
+        With the content of another.
+    resumed
+        Known from earlier runs.
+    rows
+        Numbers.
+    """
+
+    logs: int
+    answered: int
+    refused: int
+    unreadable: int
+    duplicates: int
+    resumed: int
+    rows: int
 
 
 _NUMBERS = ("value", "std", "std_random", "lower", "upper")

@@ -16,16 +16,14 @@ from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, LogError, RotoridError
 from rotorid.fleets.identity import board_of, hidden
 from rotorid.fleets.places import Place, fetched
-from rotorid.fleets.table import Failed, Failure, LogAnswer, Row
+from rotorid.fleets.table import REVIEW, Failed, Failure, LogAnswer, Row
 from rotorid.io.registry import read
 from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.same_vehicle import aircraft_of, gains_of
 from rotorid.pipeline.settings import IdentifySettings
 from rotorid.pipeline.summary import ParameterEstimate
 from rotorid.signal.airborne import airborne
 from rotorid.signal.stretch import stretch
-
-REVIEW = "review"
-"""What the table calls measures of a review in the place of a model."""
 
 _SHORTEST_FLIGHT_S = 20.0
 """A flight of its own is as long."""
@@ -132,6 +130,7 @@ def _answer(task: Task, log: Path) -> LogAnswer:
         "log_sha256": record.source.sha256,
         "vehicle": hidden(board, task.salt.encode()) if board else visible(task.place.folder),
     }
+    aircraft = aircraft_of(record)
     rows: list[Row] = []
     failed: list[Failed] = []
     for number, flight in flights_of(record).items():
@@ -147,9 +146,10 @@ def _answer(task: Task, log: Path) -> LogAnswer:
                 "format": record.source.format,
                 "firmware": visible(record.source.firmware),
                 "settings": task.settings,
+                **{name: visible(words) for name, words in asdict(aircraft).items()},
             }
             rows += [Row(**common, **numbers) for numbers in told]
-    return _empty(task, log_sha256=record.source.sha256, rows=tuple(rows), failed=tuple(failed))
+    return _empty(task, log_sha256=record.source.sha256, rows=tuple(rows), failed=tuple(failed), gains=gains_of(record))
 
 
 def _told(record: FlightRecord, task: Task) -> Iterator[tuple[str, list[dict[str, Any]] | str]]:
@@ -177,6 +177,8 @@ def _told(record: FlightRecord, task: Task) -> Iterator[tuple[str, list[dict[str
 
 
 def _numbers(model: IdentifiedModel) -> Iterator[dict[str, Any]]:
+    from rotorid.pipeline.comparison import basis_of
+
     kinds = ",".join(sorted({finding.kind for finding in model.findings if finding.severity == "warning"}))
     motors = dict(model.motors.derived) if model.motors is not None else {}
     estimates: dict[str, Any] = {
@@ -193,6 +195,7 @@ def _numbers(model: IdentifiedModel) -> Iterator[dict[str, Any]]:
             "upper": _or_nan(getattr(one, "upper", None)),
             "unit": one.unit,
             "findings": kinds,
+            "basis": visible(basis_of(model, name)),
         }
 
 

@@ -33,9 +33,15 @@
   const chosen = () => populations[Number(parameters.value)];
   const of = (one) => series.filter((two) => two.model === one.model && two.parameter === one.parameter);
   const axis = (one) => (one.unit ? `${one.parameter} [${one.unit}]` : one.parameter);
-  const band = (one, name) => ({
+  // Too few flights have no normal range.
+  const band = (one, name) => (one.low === null ? [] : [{
     type: "rect", xref: "paper", x0: 0, x1: 1, yref: "y", y0: one.low, y1: one.high, line: { width: 0 },
     fillcolor: USUAL, opacity: 0.12, layer: "below", name,
+  }]);
+  const reach = (values, ends) => ({
+    type: "data", symmetric: false, thickness: 1, width: 0,
+    array: ends.map(([, high], k) => (high ?? values[k]) - values[k]),
+    arrayminus: ends.map(([low], k) => values[k] - (low ?? values[k])),
   });
 
   const frame = { height: 320, margin: { l: 70, r: 20, t: 56, b: 50 }, hovermode: "closest" };
@@ -43,26 +49,28 @@
   const population = () => {
     const one = chosen();
     const many = of(one).filter((two) => two.level)
-      .map((two) => ({ value: two.level[0], std: two.level[1], series: two })).sort((a, b) => a.value - b.value);
+      .map((two) => ({ value: two.level[0], ends: two.level.slice(1), series: two })).sort((a, b) => a.value - b.value);
     const words = (two) => vehicles[two.series.vehicle];
     const group = (keep, symbol, color, name) => {
       const part = many.map((two, k) => [two, k]).filter(([two]) => keep(two));
       return {
         type: many.length > 400 ? "scattergl" : "scatter", mode: "markers", name,
         x: part.map(([, k]) => k + 1), y: part.map(([two]) => two.value), text: part.map(([two]) => words(two)),
-        error_y: { type: "data", array: part.map(([two]) => 1.96 * two.std), thickness: 1, width: 0 },
+        error_y: reach(part.map(([two]) => two.value), part.map(([two]) => two.ends)),
         marker: { symbol, color, size: 8 }, hovertemplate: "%{text}: %{y:.5g}<extra></extra>",
       };
     };
     const odd = (two) => two.series.odd_vehicle;
     const changed = (two) => two.series.changes.length > 0 && !odd(two);
+    const open = (two) => two.series.verdict === "undecided" && !odd(two);
     const lines = [
-      group((two) => !odd(two) && !changed(two), "circle", USUAL, "as the rest"),
+      group((two) => !odd(two) && !changed(two) && !open(two), "circle", USUAL, "no change found"),
+      group(open, "circle-open", USUAL, "not enough data to see a change"),
       group(changed, "diamond", CHANGED, "changed (before it)"),
       group(odd, "x", ODD, "differs"),
     ].filter((line) => line.x.length);
     const layout = {
-      ...frame, legend, shapes: [band(one, "normal")],
+      ...frame, legend, shapes: band(one, "normal"),
       xaxis: { title: { text: "vehicles, in the order of their values" }, zeroline: false, range: [0, many.length + 1] },
       yaxis: { title: { text: axis(one) }, zeroline: false },
     };
@@ -80,7 +88,7 @@
       type: y.length > 1000 ? "scattergl" : "scatter", mode: "markers", name,
       x: x.filter(keep), y: y.filter((_, k) => keep(k + 1)),
       text: x.filter(keep).map((k) => logs[found.log[k - 1]]),
-      error_y: { type: "data", array: x.filter(keep).map((k) => 1.96 * found.std[k - 1]), thickness: 1, width: 0 },
+      error_y: reach(y.filter((_, k) => keep(k + 1)), x.filter(keep).map((k) => found.ends[k - 1])),
       marker: { symbol, color, size: 7 }, hovertemplate: "flight %{x}, %{text}: %{y:.5g}<extra></extra>",
     });
     const lines = [];
@@ -97,7 +105,7 @@
       line: { color: ODD, dash: "dot", width: 1.5 },
     }));
     const layout = {
-      ...frame, legend, shapes: [band(one, "normal"), ...changes],
+      ...frame, legend, shapes: [...band(one, "normal"), ...changes],
       xaxis: { title: { text: `flights of ${vehicles[who]}` }, zeroline: false },
       yaxis: { title: { text: axis(one) }, zeroline: false },
       annotations: found ? [] : [{ text: "no such number of this vehicle", showarrow: false, xref: "paper", yref: "paper", x: 0.5, y: 0.5 }],

@@ -7,12 +7,13 @@ thousand logs stay smooth.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from rotorid.data.display import counted, visible
-from rotorid.documents.fleet import FleetDocument, PopulationDocument
+from rotorid.data.quantity import Quantity
+from rotorid.documents.fleet import FleetDocument, PopulationDocument, VehicleVerdictDocument
 from rotorid.fleets.analysis import FleetAnalysis, History
 from rotorid.plot.figure import minus
 from rotorid.report.frame import MISSING, render, significant, unit, with_error
@@ -52,8 +53,9 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
         pictures=(),
         further_script="fleet.js",
         further=_for_script(analysis),
-        title=f"{counted(document.logs, 'log')} of {counted(document.vehicles, 'vehicle')}",
-        sentences=_sentences(document),
+        title=f"{counted(document.vehicles, 'vehicle')} in {counted(document.logs, 'log')}",
+        sentences=document.sentences,
+        unchanged=[one for one in document.verdicts if one.verdict != "changed"],
         document=document,
         populations=[
             _row(model, name, one) for model, many in document.population.items() for name, one in many.items()
@@ -62,40 +64,18 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
         more_failed=max(len(document.failed) - _MOST_FAILED, 0),
         significant=significant,
         percent=_percent,
+        checked=_checked,
     )
 
 
-def _sentences(document: FleetDocument) -> list[str]:
-    changed = sorted({one.vehicle for one in document.changes})
-    odd = sorted({one.vehicle for one in document.outliers.vehicles})
-    first = (
-        f"{counted(len(changed), 'vehicle')} changed: {_listed(changed)}."
-        if changed
-        else "No vehicle changed from one flight to the next."
-    )
-    said = [first]
-    if odd:
-        said.append(
-            f"{counted(len(odd), 'vehicle')} differ{'s' if len(odd) == 1 else ''} from the rest: {_listed(odd)}."
-        )
-    if drifting := sorted({one.vehicle for one in document.drifts}):
-        said.append(f"Slowly changing: {_listed(drifting)}.")
-    if odd_flights := {(one.vehicle, one.flight) for one in document.outliers.flights}:
-        are = "is" if len(odd_flights) == 1 else "are"
-        said.append(f"{counted(len(odd_flights), 'flight')} {are} unlike those before and after.")
-    whole = [one for one in document.failed if not one.flight and not one.model]
-    said.append(
-        f"{counted(document.rows, 'number')} of {counted(document.done, 'log')}"
-        + (f"; {counted(len(whole), 'log')} could not be used" if whole else "")
-        + (f"; {counted(document.duplicates, 'copy', 'copies')} counted once" if document.duplicates else "")
-        + "."
-    )
-    return said
-
-
-def _listed(names: Sequence[str], most: int = 6) -> str:
-    shown = ", ".join(names[:most])
-    return f"{shown} and {len(names) - most} more" if len(names) > most else shown
+def _checked(one: VehicleVerdictDocument) -> str:
+    """Numbers of a vehicle that could be checked, with the change that each would have shown."""
+    found = [
+        f"{number.parameter} ({100.0 * number.detectable_share:.0f} %)"
+        for number in one.numbers
+        if number.verdict == "unchanged" and number.detectable_share is not None
+    ]
+    return f"{len(found)} of {len(one.numbers)}" + (f": {', '.join(found)}" if found else "")
 
 
 def _percent(value: float | None) -> str:
@@ -103,7 +83,6 @@ def _percent(value: float | None) -> str:
 
 
 def _row(model: str, name: str, one: PopulationDocument) -> PopulationRow:
-    low, high = one.normal
     return PopulationRow(
         model=model,
         parameter=name,
@@ -112,7 +91,7 @@ def _row(model: str, name: str, one: PopulationDocument) -> PopulationRow:
         shared=significant(one.model_std, digits=2),
         between=_deviation(one.between_std),
         within=_deviation(one.within_std),
-        normal=f"{significant(low)} to {significant(high)}",
+        normal=MISSING if one.normal is None else " to ".join(significant(end) for end in one.normal),
         vehicles=one.vehicles,
         flights=one.flights,
     )
@@ -144,8 +123,10 @@ def _for_script(analysis: FleetAnalysis) -> dict[str, Any]:
             "time": [row.time_utc for row in one.rows] if any(row.time_utc for row in one.rows) else [],
             "value": [_short(row.value) for row in one.rows],
             "std": [_short(row.std) for row in one.rows],
+            "ends": [[_short(row.lower), _short(row.upper)] for row in one.rows],
             "findings": [number(findings, row.findings) for row in one.rows],
-            "level": None if one.level is None else [_short(one.level.value), _short(one.level.std)],
+            "level": None if one.level is None else [_short(end) for end in _ends(one.level)],
+            "verdict": one.verdict,
             "changes": [_change(one, k) for k in range(len(one.changes))],
             "drift": None if one.drift is None else _short(one.drift.slope.value),
             "odd": [odd.flight for odd in one.odd],
@@ -164,12 +145,16 @@ def _for_script(analysis: FleetAnalysis) -> dict[str, Any]:
                 "parameter": name,
                 "unit": unit(one.mean.unit),
                 "mean": _short(one.mean.value),
-                "low": _short(one.low),
-                "high": _short(one.high),
+                "low": None if one.low is None else _short(one.low),
+                "high": None if one.high is None else _short(one.high),
             }
             for (model, name), one in analysis.populations.items()
         ],
     }
+
+
+def _ends(level: Quantity) -> tuple[float, float, float]:
+    return level.value, level.lower, level.upper
 
 
 def _change(one: History, number: int) -> Mapping[str, float]:

@@ -162,6 +162,8 @@ def test_failures_have_a_table_of_their_own(tmp_path: Path) -> None:
     write_logs(tmp_path / "logs", 1, "unreadable", first=5)
     found = run(tmp_path / "logs", tmp_path / "out")
     assert [one.reason for one in found.failures()] == ["This is no flight log."]
+    counts = found.counts()
+    assert (counts.logs, counts.answered, counts.unreadable, counts.rows) == (3, 2, 1, 2)
     parquet = pytest.importorskip("pyarrow.parquet")
     assert parquet.read_table(tmp_path / "out" / FAILED).column("kind").to_pylist() == ["unreadable"]
 

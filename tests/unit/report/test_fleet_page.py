@@ -2,41 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from tests.fleet_logs import table_of
 
 from rotorid.documents.fleet import fleet_document
 from rotorid.fleets import analyze
-from rotorid.fleets.table import Failed
+from rotorid.fleets.table import Counts
 from rotorid.report.fleet import render_fleet
 
 
-def page(failed: Sequence[Failed] = ()) -> str:
+def page() -> str:
     """Four vehicles of six flights, of 500 ± 2 by chance and ± 10 with what all have alike."""
     values = 500.0 + np.random.default_rng(1).standard_normal((4, 6))
     analysis = analyze(table_of(values.tolist(), 10.0, std_random=2.0))
-    counts = {"logs": 26, "done": 24, "resumed": 0, "duplicates": 0, "rows": 24, "vehicles": 4}
-    return render_fleet(analysis, fleet_document(analysis, failed=failed, counts=counts, settings={}))
+    counts = Counts(logs=26, answered=24, refused=0, unreadable=2, duplicates=0, resumed=0, rows=24)
+    return render_fleet(analysis, fleet_document(analysis, failed=(), counts=counts, settings={}))
 
 
-def unread(place: int, *, flight: int = 0, model: str = "") -> Failed:
-    return Failed(
-        log="LOG00001.BFL",
-        log_sha256=f"{place}",
-        vehicle="",
-        flight=flight,
-        model=model,
-        kind="unreadable",
-        reason="It is no log.",
-    )
-
-
-def test_logs_of_one_name_in_several_folders_are_several() -> None:
-    failed = [unread(1), unread(2), unread(3, flight=1, model="rate.roll")]
-    assert "; 2 logs could not be used." in page(failed)
-    assert "could not be used" not in page()
+def test_logs_that_could_not_be_read_are_those_of_the_counts() -> None:
+    assert "24 of 26 logs gave 24 numbers of 4 vehicles; 2 could not be read." in page()
 
 
 def test_a_mean_stands_beside_the_error_that_all_flights_share() -> None:

@@ -1,0 +1,240 @@
+"""What a fleet says of each vehicle, in one place for terminal, page and file: changed, unchanged, or not decided.
+
+A vehicle changed where any of its numbers did; it is unchanged where none did and at least one would have shown a
+change of 20 %; else its flights decide nothing, and the reason is named. All sentences are made here, from one set of
+counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from rotorid.data.base import Immutable
+from rotorid.data.display import counted
+from rotorid.fleets.analysis import FleetAnalysis, History
+from rotorid.fleets.table import Counts
+from rotorid.uncertainty.differences import NOTICEABLE_SHARE, Verdict
+
+_PERCENT = f"{100.0 * NOTICEABLE_SHARE:.0f} %"
+
+
+@dataclass(frozen=True, kw_only=True)
+class VehicleVerdict(Immutable):
+    """Whether a vehicle changed.
+
+    Parameters
+    ----------
+    vehicle, flights
+        Which, and how often it flew.
+    verdict
+        Of all its numbers.
+    numbers
+        Model and parameter to the verdict of each.
+    detectable
+        To the change, as a share, that would have been found; infinite where none would.
+    why
+        Why its flights decide nothing; empty where they do.
+    """
+
+    vehicle: str
+    flights: int
+    verdict: Verdict
+    numbers: Mapping[tuple[str, str], Verdict]
+    detectable: Mapping[tuple[str, str], float]
+    why: str = ""
+
+    def __post_init__(self) -> None:
+        self._set(numbers=self.numbers, detectable=self.detectable)
+
+    @property
+    def decided(self) -> int:
+        """How many numbers could be checked."""
+        return sum(one != "undecided" for one in self.numbers.values())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checked(Immutable):
+    """For how many vehicles and numbers a change could be looked for."""
+
+    vehicles: int
+    of_vehicles: int
+    numbers: int
+    of_numbers: int
+    changed: int
+    unchanged: int
+
+
+def checked(verdicts: Sequence[VehicleVerdict]) -> Checked:
+    """For how many vehicles and numbers a change could be looked for.
+
+    Examples
+    --------
+    >>> checked([]).of_vehicles
+    0
+    """
+    return Checked(
+        vehicles=sum(one.verdict != "undecided" for one in verdicts),
+        of_vehicles=len(verdicts),
+        numbers=sum(one.decided for one in verdicts),
+        of_numbers=sum(len(one.numbers) for one in verdicts),
+        changed=sum(one.verdict == "changed" for one in verdicts),
+        unchanged=sum(one.verdict == "unchanged" for one in verdicts),
+    )
+
+
+def verdicts_of(analysis: FleetAnalysis) -> tuple[VehicleVerdict, ...]:
+    """The verdict of each vehicle of a fleet."""
+    histories: dict[str, list[History]] = defaultdict(list)
+    for one in analysis.histories:
+        histories[one.vehicle].append(one)
+    return tuple(_verdict(vehicle, many) for vehicle, many in sorted(histories.items()))
+
+
+def _verdict(vehicle: str, many: Sequence[History]) -> VehicleVerdict:
+    numbers = {(one.model, one.parameter): one.verdict for one in many}
+    order: tuple[Verdict, ...] = ("changed", "unchanged", "undecided")
+    found = min(numbers.values(), key=order.index)
+    return VehicleVerdict(
+        vehicle=vehicle,
+        flights=len({(row.log_sha256, row.flight) for one in many for row in one.rows}),
+        verdict=found,
+        numbers=numbers,
+        detectable={(one.model, one.parameter): one.detectable for one in many},
+        why=_why(many) if found == "undecided" else "",
+    )
+
+
+def _why(many: Sequence[History]) -> str:
+    """Why flights of a vehicle decide nothing."""
+    flights = {(row.log_sha256, row.flight) for one in many for row in one.rows}
+    if len(flights) < 2:
+        return "it flew once"
+    repeated = [one for one in many if len(one.rows) > 1]
+    if not repeated:
+        return "no two of its flights measured the same quantity"
+    compared = [one for one in repeated if one.scatter_known]
+    if not compared:
+        return "too few flights to know how much these quantities scatter"
+    best = min(compared, key=lambda one: one.detectable)
+    if not math.isfinite(best.detectable):
+        return "its numbers may be zero within their errors"
+    return f"a change of less than {_percent(best.detectable)} of {best.parameter} would be missed"
+
+
+def _percent(share: float) -> str:
+    """A share that a reader can grasp: percents, or a factor.
+
+    Examples
+    --------
+    >>> _percent(0.3649), _percent(2.4)
+    ('36 %', 'a factor of 3.4')
+    """
+    return f"{100.0 * share:.0f} %" if share < 1.0 else f"a factor of {1.0 + share:.2g}"
+
+
+def sentences(analysis: FleetAnalysis, counts: Counts) -> tuple[str, ...]:
+    """What a fleet says in words: the answer first, then what it rests on."""
+    verdicts = verdicts_of(analysis)
+    return (
+        _headline(verdicts),
+        *_basis(verdicts),
+        *_separated(analysis),
+        *_gains(analysis),
+        *_others(analysis),
+        _logs(counts, len(verdicts)),
+    )
+
+
+def _headline(verdicts: Sequence[VehicleVerdict]) -> str:
+    of = checked(verdicts)
+    if not of.of_vehicles:
+        return "No log gave a number, so nothing can be compared."
+    if of.changed:
+        names = _listed([one.vehicle for one in verdicts if one.verdict == "changed"])
+        if of.of_vehicles == 1:
+            return f"The vehicle changed: {names}."
+        return f"{of.changed} of {of.of_vehicles} vehicles changed: {names}."
+    if not of.vehicles:
+        if all(one.flights < 2 for one in verdicts):
+            what = "the vehicle flew once" if of.of_vehicles == 1 else f"each of {of.of_vehicles} vehicles flew once"
+            return f"Not enough flights to see a change: {what}."
+        what = "the vehicle" if of.of_vehicles == 1 else f"any of {of.of_vehicles} vehicles"
+        return f"Not enough data to say whether {what} changed."
+    if of.of_vehicles == 1:
+        return f"No change found in {verdicts[0].vehicle}."
+    return f"No change found in {of.vehicles} of {of.of_vehicles} vehicles" + (
+        "." if of.vehicles == of.of_vehicles else "; not enough data for the others."
+    )
+
+
+def _basis(verdicts: Sequence[VehicleVerdict]) -> Iterator[str]:
+    """What the answer rests on, and why it is missing elsewhere."""
+    of = checked(verdicts)
+    if of.numbers:
+        yield (
+            f"{of.numbers} of {counted(of.of_numbers, 'quantity', 'quantities')} could be checked for a change of "
+            f"{_PERCENT} or more."
+        )
+    if of.changed and of.unchanged:
+        yield f"No change found in {counted(of.unchanged, 'other vehicle')}."
+    reasons: dict[str, list[str]] = defaultdict(list)
+    for one in verdicts:
+        if one.why:
+            reasons[one.why].append(one.vehicle)
+    if len(verdicts) > 1 or all(one.flights > 1 for one in verdicts):
+        for why, names in list(reasons.items())[:3]:
+            yield f"Not decided for {_listed(names)}: {why}."
+        if len(reasons) > 3:
+            yield f"Not decided for {sum(len(names) for names in list(reasons.values())[3:])} more, for other reasons."
+    if reasons:
+        yield f"To decide it, fly the same maneuvers again{'' if len(verdicts) == 1 else ' with each of them'}."
+
+
+def _separated(analysis: FleetAnalysis) -> Iterator[str]:
+    for one in analysis.several:
+        yield f"The logs of {one.name} are of {len(one.vehicles)} vehicles: {_listed(one.vehicles)}."
+
+
+def _gains(analysis: FleetAnalysis) -> Iterator[str]:
+    """Flights with other gains, as their loops and margins then are others."""
+    vehicles = sorted({one.vehicle for one in analysis.other_gains})
+    if vehicles:
+        first = analysis.other_gains[0]
+        names = [f"{name} {before:g} to {after:g}" for name, (before, after) in first.gains.items()]
+        yield (
+            f"Gains changed between flights of {_listed(vehicles)} ({first.log}: {_listed(names, 2)}): make sure that "
+            "they are of one vehicle. Loops and margins change with gains."
+        )
+
+
+def _others(analysis: FleetAnalysis) -> Iterator[str]:
+    odd = sorted({one.vehicle for one in analysis.histories if one.odd_vehicle is not None})
+    if odd:
+        yield f"{counted(len(odd), 'vehicle')} differ{'s' if len(odd) == 1 else ''} from the rest: {_listed(odd)}."
+    if drifting := sorted({one.vehicle for one in analysis.histories if one.drift is not None}):
+        yield f"Slowly changing: {_listed(drifting)}."
+    if flights := {(one.vehicle, odd.flight) for one in analysis.histories for odd in one.odd}:
+        are = "is" if len(flights) == 1 else "are"
+        yield f"{counted(len(flights), 'flight')} {are} unlike those before and after."
+
+
+def _logs(counts: Counts, vehicles: int) -> str:
+    gave = f"{counts.answered} of {counted(counts.logs, 'log')} gave {counted(counts.rows, 'number')}"
+    parts = [f"{gave} of {counted(vehicles, 'vehicle')}" if vehicles else gave]
+    if counts.refused:
+        parts.append(f"{counts.refused} could not support what was asked")
+    if counts.unreadable:
+        parts.append(f"{counts.unreadable} could not be read")
+    if counts.duplicates:
+        parts.append(f"{counted(counts.duplicates, 'copy', 'copies')} counted once")
+    if counts.resumed:
+        parts.append(f"{counts.resumed} known from earlier runs")
+    return "; ".join(parts) + "."
+
+
+def _listed(names: Sequence[str], most: int = 6) -> str:
+    shown = ", ".join(names[:most])
+    return f"{shown} and {len(names) - most} more" if len(names) > most else shown
