@@ -317,27 +317,44 @@ def _parameters(rows: Iterable[Row]) -> dict[Name, _Parameter]:
     history of its own there: numbers of two quantities have no mean.
     """
     stated = [row for row in rows if math.isfinite(row.value) and math.isfinite(row.std) and row.std > 0.0]
-    kinds: dict[Name, Counter[tuple[str, str]]] = defaultdict(Counter)
+    kinds: dict[Name, Counter[_Kind]] = defaultdict(Counter)
     for row in stated:
-        kinds[row.model, row.parameter][row.unit, row.basis] += 1
-    # Of two that are as frequent, the one without fewer: a lag that was not dropped.
+        kinds[row.model, row.parameter][_kind(row)] += 1
+    # Of kinds that are as frequent, the one that is clear of zero, and with a lag that was not dropped.
     usual = {
-        name: max(counted, key=lambda kind: (counted[kind], -kind[1].count("without"), kind))
+        name: max(counted, key=lambda kind: (counted[kind], kind.clear, -kind.basis.count("without"), kind))
         for name, counted in kinds.items()
     }
     gathered: dict[Name, dict[str, list[Row]]] = defaultdict(lambda: defaultdict(list))
     for row in stated:
-        unit, basis = usual[row.model, row.parameter]
-        own = "" if row.unit == unit else f" in {row.unit or '1'}"
-        if row.basis != basis:
-            own += f" ({other_basis(row.basis, basis)})"
-        if not is_clear_of_zero(row.parameter, row.value, row.std):
-            own += " (zero within its error)"
+        own = _otherwise(_kind(row), usual[row.model, row.parameter])
         gathered[row.model, row.parameter + own][row.vehicle].append(row)
     return {
         name: _parameter(name, {vehicle: sorted(gathered[name][vehicle], key=order_of) for vehicle in sorted(many)})
         for name, many in sorted(gathered.items())
     }
+
+
+class _Kind(NamedTuple):
+    """What makes numbers of one name those of one quantity."""
+
+    unit: str
+    basis: str
+    clear: bool
+
+
+def _kind(row: Row) -> _Kind:
+    return _Kind(row.unit, row.basis, is_clear_of_zero(row.parameter, row.value, row.std))
+
+
+def _otherwise(kind: _Kind, usual: _Kind) -> str:
+    """What a quantity is called beside the usual one of its name; empty for that."""
+    words = "" if kind.unit == usual.unit else f" in {kind.unit or '1'}"
+    if kind.basis != usual.basis:
+        words += f" ({other_basis(kind.basis, usual.basis)})"
+    if kind.clear != usual.clear:
+        words += " (clear of zero)" if kind.clear else " (zero within its error)"
+    return words
 
 
 def _parameter(name: Name, many: Mapping[str, list[Row]]) -> _Parameter:

@@ -249,7 +249,16 @@ def _reference(record: FlightRecord, name: str, start_s: float, stop_s: float) -
     """A model of the beginning of a flight, over the band in which it will be used."""
     part = stretch(record, start_s, stop_s)
     low, high = (2.0 * math.pi * edge for edge in BAND_HZ)
-    return identify(part, name, band_rad_s=(low, high))
+    try:
+        return identify(part, name, band_rad_s=(low, high))
+    except InsufficientDataError as error:
+        raise InsufficientDataError(
+            f"the first {stop_s - start_s:.0f} s of the flight, which are the reference, do not support {name}: "
+            f"{error.came}",
+            needed=error.needed,
+            remedy=f"take a longer reference with --first, or identify {name} on a whole log and give that result",
+            findings=error.findings,
+        ) from error
 
 
 def _names(record: FlightRecord, axis: Axis, instrument: str) -> dict[str, str]:

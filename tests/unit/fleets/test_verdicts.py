@@ -184,3 +184,14 @@ def test_other_gains_are_remarked_on() -> None:
     (one,) = found.other_gains
     assert (one.log, one.at_flight, one.gains) == ("quad-002.ulg", 2, {"P": (0.15, 0.2)})
     assert any("make sure that they are of one vehicle" in sentence for sentence in found.sentences)
+
+
+def test_the_mean_of_one_flight_is_its_value_under_its_own_name() -> None:
+    """Also of what keeps its sign, which is compared by logarithms, and of what may be zero."""
+    rows = [
+        row_of("quad", 1, value, std, parameter=name)
+        for name, value, std in (("L_roll", 113.47, 1.09), ("tau_roll", 0.0033, 0.0028))
+    ]
+    means = documented(rows).population["rate.roll"]
+    assert means["L_roll"].mean.value == pytest.approx(113.47, rel=1e-14)
+    assert means["tau_roll"].mean.value == pytest.approx(0.0033, rel=1e-14)
