@@ -20,6 +20,7 @@ from rotorid.report.frame import MISSING, render, significant, unit, with_error
 
 _DIGITS = 7
 _MOST_FAILED = 200
+_MOST_UNCHANGED, _MOST_NUMBERS = 50, 6
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -48,6 +49,7 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
     document
         The same as it is written, with what failed.
     """
+    unchanged = [one for one in document.verdicts if one.verdict != "changed"]
     return render(
         "fleet.html",
         pictures=(),
@@ -55,7 +57,8 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
         further=_for_script(analysis),
         title=f"{counted(document.vehicles, 'vehicle')} in {counted(document.logs, 'log')}",
         sentences=document.sentences,
-        unchanged=[one for one in document.verdicts if one.verdict != "changed"],
+        unchanged=unchanged[:_MOST_UNCHANGED],
+        more_unchanged=max(len(unchanged) - _MOST_UNCHANGED, 0),
         document=document,
         populations=[
             _row(model, name, one) for model, many in document.population.items() for name, one in many.items()
@@ -75,7 +78,8 @@ def _checked(one: VehicleVerdictDocument) -> str:
         for number in one.numbers
         if number.verdict == "unchanged" and number.detectable_share is not None
     ]
-    return f"{len(found)} of {len(one.numbers)}" + (f": {', '.join(found)}" if found else "")
+    more = ", …" if len(found) > _MOST_NUMBERS else ""
+    return f"{len(found)} of {len(one.numbers)}" + (f": {', '.join(found[:_MOST_NUMBERS])}{more}" if found else "")
 
 
 def _percent(value: float | None) -> str:
