@@ -58,6 +58,8 @@ class CommandRelation(Immutable):
         Mean of the throttle stick, shape ``(windows,)``; zero where it is not logged.
     source
         Where the rate stands in the log.
+    sample_rate_hz
+        Of the common clock.
     """
 
     omega_rad_s: FloatArray
@@ -66,6 +68,7 @@ class CommandRelation(Immutable):
     setpoint: ComplexArray | None
     throttle: FloatArray
     source: str
+    sample_rate_hz: float
 
     def __post_init__(self) -> None:
         self._set(signals=self.signals)
@@ -210,6 +213,7 @@ def _transformed(
         setpoint=spectra(setpoint) if setpoint else None,
         throttle=np.concatenate(sticks) if sticks else np.zeros(len(rate)),
         source=first.channels[first.names.index(RATE_OF[axis])].source,
+        sample_rate_hz=first.sample_rate_hz,
     )
 
 

@@ -53,6 +53,11 @@ _SURE = 2.0
 _HIGHEST_RAD_S = 200.0
 """Faster motion shows by how much of a step a set-point is late, more than which gains flew."""
 
+_TRIED = 9
+"""Times by which the rate may be late."""
+
+_BEST_FIRST: tuple[ControllerVerdict, ...] = ("made", "not checked", "not made")
+
 _GROUPS = 12
 """Groups of windows, of which each is left out once."""
 
@@ -79,7 +84,7 @@ class ControllerCheck(Immutable):
     verdict
         ``made``, ``not made``, or ``not checked`` where the log does not show it.
     why
-        The reason of another verdict than ``made``, as a sentence without its end.
+        The reason of another verdict than ``made``, as a sentence without its full stop.
     remedy
         What would help.
     setpoint
@@ -223,24 +228,27 @@ def _by_command(
         why = f"Set-point and rate of {axis} explain too little of its command, whatever the gains"
         return _unchecked(axis, why, _FASTER, setpoint)
     made = made_by_paths(record, relation, controller, driven=driven)
-    ahead = made.pop("f", np.zeros_like(measured))
-    paths = _path_gains(measured - ahead, made, related)
-    whole = sum(made.values(), start=ahead)
-    left = _left(measured, whole, related)
+    of_rate = made_by_paths(record, replace(relation, setpoint=None), controller, driven=driven)
     noise = _noise(relation, command, related)
-    unexplained = float(np.sqrt(max(left**2 - noise**2, 0.0)))
-    return _judged(
-        record,
-        ControllerCheck(
+    checks = []
+    for late_s in (0.0, _late_s(relation, measured, made, of_rate, related)):
+        paths = _later(relation, made, of_rate, late_s)
+        ahead = paths.pop("f", np.zeros_like(measured))
+        gains = _path_gains(measured - ahead, paths, related)
+        # What limits take back of the integral is no other gain.
+        shares = {letter: min(max(gains[letter].slope, 0.0), 1.0) if letter == "i" else 1.0 for letter in paths}
+        whole = sum((shares[letter] * path for letter, path in paths.items()), start=ahead)
+        found = ControllerCheck(
             axis=axis,
             verdict="made",
             setpoint=setpoint,
-            unexplained=unexplained,
+            unexplained=float(np.sqrt(max(_left(measured, whole, related) ** 2 - noise**2, 0.0))),
             correlation=_correlation(measured, whole, related),
-            paths=paths,
-        ),
-        {"p": (1.0, 1.0), "i": (1.0, 1.0), "d": (least_derivative, 1.0)},
-    )
+            paths=gains,
+        )
+        checks.append(_judged(record, found, {"p": (1.0, 1.0), "i": (0.0, 1.0), "d": (least_derivative, 1.0)}))
+    # A filter of the rate that the log does not have, or stamps, may be off: gains are others only if they are at both.
+    return min(checks, key=lambda check: _BEST_FIRST.index(check.verdict))
 
 
 def _by_terms(
@@ -311,9 +319,37 @@ def _judged(
         why = f"{unlike}: {share} {100.0 * EXPLAINED:.0f} %{_changed(record)}"
         return replace(found, verdict="not made", why=why, remedy=_REMEDY)
     if doubts:
-        why = f"The flight is too short to check the gains of {found.axis}: it shows {shown}"
-        return replace(found, verdict="not checked", why=why, remedy="Fly longer.")
+        why = f"The flight shows the gains of {found.axis} too vaguely, {shown}"
+        return replace(found, verdict="not checked", why=why, remedy="Fly longer, or log faster.")
     return found
+
+
+def _later(
+    relation: CommandRelation, made: Mapping[str, ComplexArray], of_rate: Mapping[str, ComplexArray], late_s: float
+) -> dict[str, ComplexArray]:
+    """What the paths make where the controller takes the rate later than the log has it."""
+    late = np.exp(-1j * relation.omega_rad_s * late_s) - 1.0
+    return {letter: path + of_rate[letter] * late for letter, path in made.items()}
+
+
+def _late_s(
+    relation: CommandRelation,
+    measured: ComplexArray,
+    made: Mapping[str, ComplexArray],
+    of_rate: Mapping[str, ComplexArray],
+    related: BoolArray,
+) -> float:
+    """By how much later the controller takes the rate, within a sample of the log, as its paths fit best."""
+    target = _stacked(measured[:, related]).ravel()
+
+    def explained(late_s: float) -> float:
+        paths = _later(relation, made, of_rate, late_s)
+        columns = np.stack([_stacked(path[:, related]).ravel() for path in paths.values()], axis=-1)
+        products = columns.T @ target
+        return float(products @ _solved(columns.T @ columns, products))
+
+    tried = [float(share) / relation.sample_rate_hz for share in np.linspace(-1.0, 1.0, _TRIED)]
+    return max(tried, key=explained)
 
 
 def _changed(record: FlightRecord) -> str:

@@ -159,7 +159,7 @@ def _margins(flight: Flown, axis: Axis) -> tuple[MarginReview, list[Untold]]:
     settings = _logged_settings(flight, axis)
     way = max(ways, key=lambda one: _coherence(histories, one.channel, command)) if len(ways) > 1 else ways[0]
     seen = check_controller(flight.record, axis)
-    if seen.verdict == "not made" or (seen.verdict == "not checked" and seen.setpoint):
+    if seen.verdict == "not made" or (seen.verdict == "not checked" and seen.setpoint and seen.unexplained is None):
         raise _CannotError(f"{seen.why}.", seen.remedy)
     plant = _plant(flight, axis, way, histories)
     flown = _nearest(settings, seen)
