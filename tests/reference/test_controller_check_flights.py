@@ -92,3 +92,11 @@ def test_px4_before_1_12_filters_its_derivative_twice_everywhere(unpacked: Calla
         assert found is not None
         assert [filter_.kind for filter_ in found.derivative_filters] == ["Butterworth"]
         assert found.derivative_cutoff_hz == 0.0
+
+
+def test_a_gyro_in_front_of_its_filter_makes_no_other_gains(shared_data: Path) -> None:
+    """A real PX4 of 2017: its controller took the rate some 13 ms later, and its integral was held back."""
+    record = rotorid.read(shared_data / "px4/zmr250")
+    found = {axis: check_controller(record, axis) for axis in RATE_OF}
+    assert [check.verdict for check in found.values()] == ["made", "not checked", "made"]
+    assert found["roll"].paths["i"].slope < 0.6

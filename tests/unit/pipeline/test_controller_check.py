@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from tests.unit.pipeline.controller_readers import readings, verdicts
 from tests.unit.pipeline.test_flown_firmware import BETAFLIGHT, NEW, OLD, PX4, flight
@@ -187,6 +188,28 @@ def test_another_filter_shows_in_what_stays_unexplained() -> None:
     flew = check_controller(WHOLE, "roll")
     assert flew.unexplained is not None
     assert flew.unexplained < 0.05
+
+
+def test_an_integral_that_limits_take_back_is_no_other_gain_and_a_larger_one_is() -> None:
+    slow = PX4 | {f"MC_{axis}RATE_I": 6.0 for axis in ("ROLL", "PITCH")}
+    held = made(slow | {"MC_ROLLRATE_I": 2.0}, NEW, logged=slow)
+    assert (check_controller(held, "roll").verdict, check_controller(held, "roll").paths["i"].slope) == (
+        "made",
+        pytest.approx(1.0 / 3.0, abs=0.05),
+    )
+    assert check_controller(made(slow, NEW, logged=slow | {"MC_ROLLRATE_I": 2.0}), "roll").verdict == "not made"
+
+
+def test_a_rate_that_is_logged_in_front_of_a_filter_is_no_other_gain() -> None:
+    """The controller sees it most of a sample later; the gains stay as they are."""
+    own = controllers_of(WHOLE).axis("roll")
+    assert own is not None
+    (topic,) = WHOLE.topics
+    row = next(row for row, channel in enumerate(topic.channels) if channel.name == "p")
+    values = topic.values.copy()
+    values[row] = np.interp(topic.time_s + 0.003, topic.time_s, values[row])
+    early = replace(WHOLE, topics=(replace(topic, values=values),))
+    assert check_controller(early, "roll").verdict == "made"
 
 
 def test_the_loop_rate_of_betaflight_is_that_of_its_header_and_not_of_its_log() -> None:

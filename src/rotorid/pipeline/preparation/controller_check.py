@@ -8,7 +8,9 @@ is fitted to the logged command,
 over windows of 4 s, at the frequencies where some linear relation of set-point and rate explains the command. Of gains
 that flew each :math:`k` is one. A path counts where it makes a third of the command and more: on the logs of PX4,
 ArduPilot and Betaflight at hand, logged at 24 to 1000 Hz, gains that flew lie within 9 % of one there (11 % in a limit
-cycle), and gains that are wrong by 20 % beyond 13 %. A wrong filter shows in what stays unexplained.
+cycle), and gains that are wrong by 20 % beyond 13 %. A wrong filter shows in what stays unexplained. Two things are no
+other gains: an integral below its own, which limits take back, and a rate that is taken up to a sample later
+than it is logged, as behind a filter that the log does not know.
 
 Betaflight's integral, derivative and feed-forward move with the sticks. There the logged terms are compared, each with
 its own path, and the derivative may lie between its two ends.
