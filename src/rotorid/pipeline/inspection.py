@@ -185,8 +185,8 @@ def _support(record: FlightRecord, input: str, output: str, found: _PerAxis, can
 
 def _unlogged(record: FlightRecord, rates: Mapping[str, float]) -> Support | None:
     """The refusal of a log that lacks channels, or holds them too slowly."""
-    advice = logging_advice(record, min(rates.values()))
     missing = [name for name in rates if name not in record.channel_names]
+    advice = logging_advice(record, min(rates.values()), tuple(missing))
     if missing:
         return Support(possible=False, because=f"the log lacks {' and '.join(missing)}", remedy=advice)
     slow = [f"{name} at {rate:.3g} Hz" for name, rate in rates.items() if rate < LOWEST_RATE_HZ]

@@ -42,7 +42,7 @@ from rotorid.fitting.delay.fit import (
 )
 from rotorid.fitting.inverse_controller import inverse_controller
 from rotorid.fitting.problem import ResidualErrors
-from rotorid.io.advice import logging_advice
+from rotorid.io.advice import gains_advice, logging_advice
 from rotorid.models.autopilots.betaflight import NAME as BETAFLIGHT
 from rotorid.models.autopilots.betaflight import TOP
 from rotorid.models.autopilots.settings import AxisController
@@ -147,7 +147,7 @@ def _require_logged(flight: Flown, axis: Axis) -> None:
     missing = [name for name in (command, rate) if name not in names]
     if missing:
         raise _CannotError(
-            f"The log holds no {' and no '.join(missing)}.", "Log the controllers' outputs and the body rates."
+            f"The log holds no {' and no '.join(missing)}.", logging_advice(flight.record, 0.0, tuple(missing))
         )
     slowest_hz = min(flight.rate_hz(command), flight.rate_hz(rate))
     if slowest_hz < LOWEST_RATE_HZ:
@@ -162,7 +162,7 @@ def _logged_settings(flight: Flown, axis: Axis, *, source: str, throttle: float 
     if settings is None:
         raise _CannotError(
             f"The log holds no gains of the {axis} controller that are known.",
-            "Log the parameters (PX4, ArduPilot), or use a Betaflight of 4.0 or later.",
+            gains_advice(flight.record),
         )
     return settings
 
