@@ -18,8 +18,9 @@ from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, Channel, FlightRecord, Maneuver, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
-from rotorid.io.advice import flying_advice, logging_advice
+from rotorid.io.advice import logging_advice
 from rotorid.models.library import RATE_AXES
+from rotorid.pipeline.next_steps import KnownOfLog, flying_remedy, next_steps
 from rotorid.pipeline.preparation.consistency import ChannelSkew, check_consistency, stretches
 from rotorid.pipeline.preparation.controllers import flown_firmware
 from rotorid.pipeline.preparation.flights import Flight
@@ -35,8 +36,6 @@ from rotorid.signal.excitations import (
 )
 from rotorid.signal.kinematics import KinematicCheck
 from rotorid.typing import Axis, FloatArray, IntArray
-
-_SID_AXIS = {"roll": 10, "pitch": 11, "yaw": 12, "thrust": 13}
 
 _PerAxis: TypeAlias = Mapping[str, Sequence[Maneuver]]
 
@@ -205,7 +204,7 @@ def _unflown(
         because = (
             f"only short maneuvers ({kinds}) excite this axis" if kinds else "no excitation of this axis was found"
         )
-        remedy = flying_advice(record).format(axis=axis, sid_axis=_SID_AXIS[axis])
+        remedy = flying_remedy(record, axis)
         if tried is not None:
             remedy += f", or try --segment {segment_of(axis, tried.start_s, tried.stop_s)}"
         return Support(possible=False, because=because, remedy=remedy)
@@ -357,6 +356,8 @@ class Inspection(Immutable):
         Parameters of the autopilot that decide what is logged, filtered and fed back.
     vehicle
         Kind of vehicle as the log says, such as ``multirotor`` or ``plane``; empty where it does not.
+    next_commands
+        Commands that lead on from here; none where the log holds no flight.
     """
 
     name: str
@@ -377,6 +378,7 @@ class Inspection(Immutable):
     battery: Battery | None = None
     settings: Mapping[str, float] = field(default_factory=dict)
     vehicle: str = ""
+    next_commands: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(supports=self.supports, settings=self.settings)
@@ -438,7 +440,7 @@ def inspect(record: FlightRecord) -> Inspection:
     candidates = {axis: candidate_excitations(record, axis) for axis in AXES}  # type: ignore[arg-type]
     flight, remarks = _flight(record)
     consistency = check_consistency(record, stretches(record, _in_time(*found.values()), flight))
-    return Inspection(
+    inspection = Inspection(
         name=record.source.name,
         format=record.source.format,
         firmware=record.source.firmware,
@@ -470,6 +472,32 @@ def inspect(record: FlightRecord) -> Inspection:
         battery=_battery(record),
         settings={name: record.parameters[name] for name in _SETTINGS if name in record.parameters},
     )
+    return replace(inspection, next_commands=_next_commands(record, inspection))
+
+
+def _next_commands(record: FlightRecord, inspection: Inspection) -> tuple[str, ...]:
+    """What the log supports, else a candidate that identify would take, and the review of what was flown."""
+    models = tuple(model for model, support in inspection.supports.items() if support.possible)
+    open_axes = [axis for axis in AXES if f"rate.{_MODEL_OF.get(axis, axis)}" not in models]
+    segment = next(
+        (
+            (f"rate.{_MODEL_OF.get(candidate.axis, candidate.axis)}", candidate.segment)
+            for candidate in inspection.candidates
+            if candidate.axis in open_axes and _would_identify(inspection, candidate)
+        ),
+        None,
+    )
+    known = KnownOfLog(record=record, models=models, segment=segment, reviewed=not inspection.flights)
+    return tuple(next_steps(known))
+
+
+_MODEL_OF = {"thrust": "vertical"}
+
+
+def _would_identify(inspection: Inspection, candidate: CandidateManeuver) -> bool:
+    """Whether all that the model of a candidate needs is there, but for the excitation that the candidate may be."""
+    support = inspection.supports.get(f"rate.{_MODEL_OF.get(candidate.axis, candidate.axis)}")
+    return support is not None and all(need.there for need in support.needs if not need.need.startswith("a sweep"))
 
 
 def coverage(time_s: FloatArray) -> tuple[tuple[float, float], ...]:

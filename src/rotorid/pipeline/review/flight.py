@@ -265,6 +265,19 @@ def _exact(value: float, std: float, unit: str) -> Quantity:
     return Quantity.normal(value, std, unit)
 
 
+def hover_throttle(record: FlightRecord, flights: Intervals) -> Quantity | None:
+    """Throttle in steady seconds of a flight, from zero to one; ``None`` where there were too few of them.
+
+    Parameters
+    ----------
+    record
+        The log.
+    flights
+        When it flew.
+    """
+    return _thrust(record, flights)[0]
+
+
 def _thrust(record: FlightRecord, flights: Intervals) -> tuple[Quantity | None, Quantity | None, list[Untold]]:
     """Throttle of hover in steady seconds, and thrust over weight."""
     untold: list[Untold] = []
