@@ -19,6 +19,7 @@ from rotorid.pipeline.joined import MOTION, UNITS, JoinedVehicle, VehicleNumber,
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.signal.motors import Linearization
 from rotorid.simulation.autopilot import Autopilot
+from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor import Multirotor
 from rotorid.simulation.multirotor_flight import Aircraft, changed
 from rotorid.typing import Axis
@@ -178,17 +179,15 @@ def _answering(joined: JoinedVehicle, like: Aircraft) -> dict[str, VehicleNumber
     The moment of a command is that of the other vehicle's rotors, so that with it :math:`I = M / L` gives the
     acceleration L that was identified; as an inertia it is as wrong as that moment.
     """
-    from rotorid.pipeline.simulation import truth_of
-
     body = require(joined, target="simulation")
-    usual = truth_of(replace(like, vehicle=body, autopilot=_autopilot(joined, body, like)[0]))
+    usual = hover_derivatives_of(body, _autopilot(joined, body, like)[0])
     found: dict[str, VehicleNumber] = {}
     for moment, control in _ANSWERS.values():
         own = next((one for one in joined.models if one.name.startswith("rate.") and control in one.parameters), None)
         number = joined.numbers[moment]
         if own is None or number.source != "default" or not own.parameters[control].value > 0.0:
             continue
-        value = number.value * usual[control].value / own.parameters[control].value
+        value = number.value * usual[control] / own.parameters[control].value
         if value > 0.0:
             words = f"{control} of {own.name}, with the rotors of {like.name}"
             found[moment] = VehicleNumber(value=value, unit=UNITS[moment], source="derived", of=words)
