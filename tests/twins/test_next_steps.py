@@ -96,7 +96,7 @@ def test_every_command_that_is_proposed_runs(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     craft = aircraft(vehicle)
-    flight = fly_multirotor(craft, everyday_plan(craft, duration_s=90.0, level="careful", seed=3), seed=3)
+    flight = fly_multirotor(craft, everyday_plan(craft, duration_s=90.0, level=0.5, seed=3), seed=3)
     write_log(Path(f"my flight.{form}"), flight, format=form)
     commands = [*commands_of("inspect", f"my flight.{form}"), *commands_of("review", f"my flight.{form}")]
     assert {words[1] for words in commands} >= {"identify", "review"}

@@ -7,11 +7,10 @@ from rotorid.io.ardupilot import advice as ardupilot
 from rotorid.io.betaflight import advice as betaflight
 from rotorid.io.px4 import advice as px4
 from rotorid.io.px4.versions import firmware_shown
+from rotorid.typing import Axis
 
 _OTHER_LOGGING = "log it, or name its source with --map"
 _TELEMETRY = "read the log on the autopilot's SD card: telemetry is a slow copy of it"
-_STICKS = "sweep the {axis} stick, slow to fast, for a minute or more"
-_OTHER_FLYING = "fly a {axis} sweep, slow to fast, for a minute or more, or name one with --segment"
 
 
 def logging_advice(record: FlightRecord, rate_hz: float, channels: tuple[str, ...] = ()) -> str:
@@ -134,15 +133,15 @@ def wind_advice(record: FlightRecord) -> str:
             return ""
 
 
-def flying_advice(record: FlightRecord) -> str:
-    """How to fly an excitation, with places for ``axis`` and ``sid_axis``."""
+def flying_advice(record: FlightRecord, axis: Axis) -> str:
+    """How this vehicle flies an excitation of an axis that its log lacks."""
     match autopilot_of(record):
         case "ArduPilot":
-            return ardupilot.flying_advice(record.parameters, record.source.firmware)
-        case "PX4":
-            return _STICKS
+            return ardupilot.flying_advice(record.parameters, record.source.firmware, axis)
+        case "PX4" | "Betaflight" | "Crazyflie":
+            return f"sweep the {axis} stick, slow to fast, for a minute or more"
         case _:
-            return _OTHER_FLYING
+            return f"fly a {axis} sweep, slow to fast, for a minute or more"
 
 
 def is_telemetry(record: FlightRecord) -> bool:

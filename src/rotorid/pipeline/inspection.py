@@ -18,9 +18,9 @@ from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, Channel, FlightRecord, Maneuver, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
-from rotorid.io.advice import logging_advice
+from rotorid.io.advice import flying_advice, logging_advice
 from rotorid.models.library import RATE_AXES
-from rotorid.pipeline.next_steps import KnownOfLog, flying_remedy, next_steps
+from rotorid.pipeline.next_steps import KnownOfLog, next_steps
 from rotorid.pipeline.preparation.consistency import ChannelSkew, check_consistency, stretches
 from rotorid.pipeline.preparation.controllers import flown_firmware
 from rotorid.pipeline.preparation.flights import Flight
@@ -204,7 +204,7 @@ def _unflown(
         because = (
             f"only short maneuvers ({kinds}) excite this axis" if kinds else "no excitation of this axis was found"
         )
-        remedy = flying_remedy(record, axis)
+        remedy = flying_advice(record, axis)
         if tried is not None:
             remedy += f", or try --segment {segment_of(axis, tried.start_s, tried.stop_s)}"
         return Support(possible=False, because=because, remedy=remedy)

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord
 from rotorid.errors import RotoridError
-from rotorid.io.advice import autopilot_of, flying_advice
-from rotorid.io.ardupilot.system_id import SID_AXIS
+from rotorid.io.advice import autopilot_of
 from rotorid.typing import Axis
 
 if TYPE_CHECKING:
@@ -107,11 +106,6 @@ def next_steps(known: KnownOfLog) -> Iterator[str]:
         yield _command("review", *log)
     if known.wanted_axes:
         yield _command("design", "sweep", *_vehicle(known, folder), "--axis", ",".join(known.wanted_axes))
-
-
-def flying_remedy(record: FlightRecord, axis: Axis) -> str:
-    """How this vehicle flies an excitation of an axis that its log lacks."""
-    return flying_advice(record).format(axis=axis, sid_axis=SID_AXIS["command", axis])
 
 
 def log_words(record: FlightRecord) -> tuple[str, ...]:

@@ -128,14 +128,15 @@ def test_what_the_firmware_lacks_or_does_already_is_not_advised(
 
 
 def test_only_firmware_with_that_mode_is_told_to_fly_it() -> None:
-    assert "SYSTEMID" in flying_advice(record("ArduPilot DataFlash", "ArduCopter V4.6.2"))
-    assert flying_advice(record("ArduPilot DataFlash", "ArduCopter V4.7.0")).endswith("entered from Stabilize")
-    assert "SYSTEMID" not in flying_advice(record("ArduPilot DataFlash as text", "ArduCopter V3.6.9"))
+    assert "SYSTEMID" in flying_advice(record("ArduPilot DataFlash", "ArduCopter V4.6.2"), "roll")
+    assert flying_advice(record("ArduPilot DataFlash", "ArduCopter V4.7.0"), "roll").endswith("entered from Stabilize")
+    assert "SYSTEMID" not in flying_advice(record("ArduPilot DataFlash as text", "ArduCopter V3.6.9"), "roll")
     small = record("ArduPilot DataFlash", "ArduCopter V4.6.2", LOG_BITMASK=176126.0)
-    assert "SYSTEMID" not in flying_advice(small)  # of a board without room for the mode
-    assert "SYSTEMID" in flying_advice(record("MAVLink telemetry", "ArduPilot", SID_AXIS=0.0))
-    assert "stick" in flying_advice(record("PX4 ULog as CSV", ""))
-    assert "--segment" in flying_advice(record("CSV", ""))
+    assert "SYSTEMID" not in flying_advice(small, "roll")  # of a board without room for the mode
+    assert "SYSTEMID" in flying_advice(record("MAVLink telemetry", "ArduPilot", SID_AXIS=0.0), "roll")
+    assert "stick" in flying_advice(record("PX4 ULog as CSV", ""), "roll")
+    assert "roll sweep" in flying_advice(record("CSV", ""), "roll")
+    assert "SID_AXIS 12" in flying_advice(record("ArduPilot DataFlash", "ArduCopter V4.6.2"), "yaw")
     assert "--map" in logging_advice(record("CSV", ""), 0.0)
 
 

@@ -11,6 +11,7 @@ from rotorid.data.findings import Finding, Severity, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, Topic
 from rotorid.io.ardupilot.firmware import RATE_FROM, Firmware, named
 from rotorid.io.ardupilot.system_id import RULES, SID_AXIS, start_mode
+from rotorid.typing import Axis
 
 _LOOP_BY_LOOP = 0.75
 """Below this part of the loop's rate at most every second sample was logged."""
@@ -30,7 +31,6 @@ _AT_LIMIT = 1.2
 _BATCHES = MappingProxyType({"INS_LOG_BAT_MASK": 1, "INS_LOG_BAT_OPT": 4})
 _OUTPUTS_BIT = 10
 
-_MIXER = SID_AXIS["command", "roll"]
 _SERVO = re.compile(r"SERVO\d+_FUNCTION")
 
 
@@ -183,11 +183,12 @@ def flies_system_id(parameters: Mapping[str, float], firmware: str) -> bool:
     return not named(firmware).before(RULES[0].since) and (not parameters or "SID_AXIS" in parameters)
 
 
-def flying_advice(parameters: Mapping[str, float], firmware: str) -> str:
-    """How to fly an excitation, with places for ``axis`` and for ``sid_axis``, one of the mixer."""
+def flying_advice(parameters: Mapping[str, float], firmware: str, axis: Axis) -> str:
+    """How to fly an excitation of an axis: added to the mixer's inputs by a firmware that has such a mode."""
     if not flies_system_id(parameters, firmware):
-        return "sweep the {axis} stick, slow to fast, for a minute or more"
-    return f"fly SYSTEMID mode with SID_AXIS {{sid_axis}}, entered from {start_mode(_MIXER).words}"
+        return f"sweep the {axis} stick, slow to fast, for a minute or more"
+    number = SID_AXIS["command", axis]
+    return f"fly SYSTEMID mode with SID_AXIS {number}, entered from {start_mode(number).words}"
 
 
 def _mask(parameters: Mapping[str, float]) -> int:

@@ -14,8 +14,8 @@ from rotorid.data.findings import worst_first
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.io.advice import logging_advice
-from rotorid.pipeline.next_steps import KnownOfLog, LoopChannels, flying_remedy, next_steps
+from rotorid.io.advice import flying_advice, logging_advice
+from rotorid.pipeline.next_steps import KnownOfLog, LoopChannels, next_steps
 from rotorid.pipeline.oscillations import (
     OscillationReview,
     describe,
@@ -284,5 +284,5 @@ def _refusals(refused: dict[str, Refused], record: FlightRecord) -> Iterator[Unt
         reasons = [finding.message for finding in answer.findings if finding.severity == "error"]
         axis = AXIS_OF.get(name)
         short = {finding.kind for finding in answer.findings} & {"no_excitation", "low_coherence"}
-        remedy = flying_remedy(record, axis) if axis and short else ""
+        remedy = flying_advice(record, axis) if axis and short else ""
         yield Untold(what=f"models.{name}", why=reasons[0] if reasons else "The data cannot support it.", remedy=remedy)
