@@ -120,7 +120,7 @@ def _write_figures(folder: Path, seen: Sequence[Review], kind: PrintedAs) -> Non
         write_atomically(folder / f"{name}.{kind}", printed(figure, kind))
 
 
-def _print(seen: Review, file: Path, map: Path | None) -> None:
+def _print(seen: Review, file: Path, map: Path | None = None) -> None:
     """One screen: what flew, a line for each card, warnings, what cannot be told, what comes next."""
     from rotorid.pipeline.review.cards import cards
     from rotorid.pipeline.review.words import gathered
