@@ -20,6 +20,22 @@ _NAME_IT = f"name the topic in {_TOPIC_LIST} before the next flight"
 _VERSION = re.compile(r"\b(\d+)\.(\d+)")
 
 
+def log_profile(firmware: str, held: int = 0) -> int:
+    """``SDLOG_PROFILE`` of a test flight: one of three lists before 1.8, then a mask of bits, added to those held.
+
+    Examples
+    --------
+    >>> log_profile("PX4 1.6.5"), log_profile("PX4 1.15.0"), log_profile("", 131)
+    (2, 25, 155)
+    """
+    return _SYSTEM_IDENTIFICATION if _before(firmware, _MASK_FROM) else held | _PROFILE_BITS
+
+
+def profile_words(firmware: str) -> str:
+    """What that value of ``SDLOG_PROFILE`` means."""
+    return "system identification" if _before(firmware, _MASK_FROM) else _BITS_TEXT
+
+
 def logging_advice(parameters: Mapping[str, float], firmware: str) -> str:
     """What makes this firmware log commands and rates faster; what does not say its version is taken for today's.
 
@@ -39,13 +55,11 @@ def logging_advice(parameters: Mapping[str, float], firmware: str) -> str:
     if _without_profile(parameters):
         return f"this firmware has no SDLOG_PROFILE: {_NAME_IT}"
     held = int(profile or 0.0)
-    old = _before(firmware, _MASK_FROM)
-    wanted = _SYSTEM_IDENTIFICATION if old else held | _PROFILE_BITS
+    wanted = log_profile(firmware, held)
     if wanted == held:
         return f"SDLOG_PROFILE = {held} holds what helps already: {_NAME_IT}"
     now = "" if profile is None else f", it is {held}"
-    meaning = "system identification" if old else _BITS_TEXT
-    return f"set SDLOG_PROFILE = {wanted} ({meaning}{now}) before the next flight"
+    return f"set SDLOG_PROFILE = {wanted} ({profile_words(firmware)}{now}) before the next flight"
 
 
 def raw_gyro_advice(parameters: Mapping[str, float], firmware: str) -> str:
