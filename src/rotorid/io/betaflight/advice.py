@@ -69,7 +69,7 @@ def raw_gyro_advice(firmware: str) -> str:
     if _OTHERS.match(firmware):
         return ""
     if _before(firmware, _UNFILTERED_FROM):
-        return "set debug_mode = GYRO_SCALED, which logs the gyro before its filters"
+        return "set debug_mode = GYRO_SCALED"
     return "set blackbox_disable_gyrounfilt = OFF"
 
 

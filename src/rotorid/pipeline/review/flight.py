@@ -476,7 +476,7 @@ def _changes(record: FlightRecord, slow: Mapping[str, float], gap_s: float) -> I
         rate_hz = min(slow[name] for name in loop)
         if record.source.format.startswith("Betaflight"):
             missing = tuple(name for name in loop if name not in record.channel_names)
-            said = f"Not logged: {', '.join(missing)}" if missing else f"Rates are logged at {rate_hz:.0f} Hz"
+            said = f"{', '.join(missing)} not logged" if missing else f"Rates are logged at {rate_hz:.0f} Hz"
             yield f"{said}: {logging_advice(record, rate_hz, missing)}."
         else:
             advice = logging_advice(record, rate_hz)
