@@ -477,7 +477,8 @@ def _changes(record: FlightRecord, slow: Mapping[str, float], gap_s: float) -> I
         if record.source.format.startswith("Betaflight"):
             missing = tuple(name for name in loop if name not in record.channel_names)
             said = f"{', '.join(missing)} not logged" if missing else f"Rates are logged at {rate_hz:.0f} Hz"
-            yield f"{said}: {logging_advice(record, rate_hz, missing)}."
+            advice = logging_advice(record, rate_hz, missing)
+            yield f"{said}: {advice}." if advice else f"{said}."
         else:
             advice = logging_advice(record, rate_hz)
             if record.source.format.startswith("PX4"):
