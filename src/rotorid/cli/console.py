@@ -305,14 +305,26 @@ def _stem(log: Path) -> str:
     return Path(log.stem if log.suffix.lower() in _PACKED else log.name).stem
 
 
-def as_given(command: str, file: Path) -> str:
-    """A command for a log with the path by which it was named, so that it runs as it is printed.
+_TAKES_LOG = ("identify", "response", "review", "tune", "inspect")
+_TAKE_FILE = ("--map", "--gains", "--for-tune")
 
-    Results and pages name logs without their folders, which are nobody's concern; a terminal knows where one is.
+
+def as_given(command: str, file: Path, map: Path | None = None) -> str:
+    """A command for a log with the paths by which log and mapping were named, so that it runs as it is printed.
+
+    Results and pages name files without their folders, which are nobody's concern; a terminal knows where one is.
 
     Examples
     --------
     >>> as_given("rotorid identify 'my log.ulg' --model rate.roll", Path("logs/my log.ulg"))
     "rotorid identify 'logs/my log.ulg' --model rate.roll"
+    >>> as_given("rotorid response roll --map m.toml --inputs roll", Path("logs/roll"), Path("maps/m.toml"))
+    'rotorid response logs/roll --map maps/m.toml --inputs roll'
     """
-    return command.replace(shlex.quote(file.name), shlex.quote(str(file)))
+    words = shlex.split(command)
+    given = {Path(one.name): str(one) for one in (file, map) if one is not None}
+    for place in range(2, len(words)):
+        before = words[place - 1]
+        if before in _TAKE_FILE or (place == 2 and before in _TAKES_LOG):
+            words[place] = given.get(Path(words[place]), words[place])
+    return shlex.join(words)

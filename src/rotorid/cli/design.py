@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -110,6 +111,7 @@ def design_command(
             **plan,
         ),
         firmware=named.firmware,
+        own=named.own,
         **design,
     )
     if tuned is not None:
@@ -131,7 +133,7 @@ def design_command(
     if output.json:
         sys.stdout.write(to_json(document))
     elif not output.quiet:
-        _print(document, [*vehicle, *(["--like", like] if like else [])], made.folder)
+        _print(document, choices, vehicle, made.folder)
 
 
 def _require_one_band(tuned: Path | None, gains: Path | None, plan: dict[str, Any]) -> None:
@@ -167,7 +169,24 @@ def _shape(kind: str, vehicle: VehicleEntry) -> Shape:
     return sweep_of(vehicle.aircraft) if kind == "sweep" else parse_shape(kind)
 
 
-def _print(document: DesignDocument, vehicle: Sequence[str], folder: Path) -> None:
+def _simulation(choices: DesignChoices, vehicle: Sequence[str], folder: Path, place: Path) -> str:
+    """The command that flies a plan in simulation: the vehicle and the wind that it was computed for."""
+    from rotorid.report.files import VEHICLE_FILE
+
+    changes = [word for name, value in choices.changes.items() for word in ("--set", f"{name}={value:.6g}")]
+    flies = [str(folder / VEHICLE_FILE)] if choices.vehicle_changed else [*vehicle, *changes]
+    wind = choices.plan.wind
+    words = ["rotorid", "simulate", *flies, "--plan", str(place / "plan.json")]
+    if wind.speed_m_s:
+        words.append(f"--wind={wind.north_m_s:.3g},{wind.east_m_s:.3g}")
+    if wind.turbulence_m_s:
+        words += ["--turbulence", f"{wind.turbulence_m_s:.3g}"]
+    if wind.height_m != Air().height_m:
+        words += ["--height", f"{wind.height_m:.3g}"]
+    return shlex.join(words)
+
+
+def _print(document: DesignDocument, choices: DesignChoices, vehicle: Sequence[str], folder: Path) -> None:
     from rotorid.cli.console import output_console
 
     console = output_console()
@@ -184,7 +203,7 @@ def _print(document: DesignDocument, vehicle: Sequence[str], folder: Path) -> No
     console.print(f"plan: {place / 'plan.json'}", soft_wrap=True, markup=False)
     console.print(f"card: {place / 'flight-card.html'}", soft_wrap=True, markup=False)
     console.print(
-        f"fly it in simulation: rotorid simulate {' '.join(vehicle)} --plan {place / 'plan.json'}",
+        f"fly it in simulation: {_simulation(choices, vehicle, folder, place)}",
         soft_wrap=True,
         markup=False,
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -37,7 +36,6 @@ Plot: TypeAlias = Annotated[
 FILE, REPORT = "inspect.json", "report.html"
 _MOST_FINDINGS = 8
 _MOST_SKEWS = 6
-_RATE = {"thrust": "vertical"}
 _TOLD_ELSEWHERE = ("airborne", "clock_skew", "kinematic_consistency", "kinematics_unchecked")
 """What stands in lines of its own; only warnings of these are said again."""
 
@@ -96,7 +94,7 @@ def inspect_command(
 
         sys.stdout.write(to_json(inspect_document(inspection)))
     elif not output.quiet:
-        _print(inspection, found.read[-1], plot, out)
+        _print(inspection, found.read[-1], map, plot, out)
 
 
 def _too_many(came: str) -> UsageError:
@@ -136,7 +134,7 @@ def _inspect_several(found: Found, map: Path | None, plan: Path | None, output: 
     for record in found.records(map, each_alone=True):
         inspections.append(_inspected(record, wanted))
         if not output.json and not output.quiet:
-            _print(inspections[-1], found.read[len(inspections) - 1], None, None)
+            _print(inspections[-1], found.read[len(inspections) - 1], map, None, None)
             sys.stdout.write("\n")
     found.say_skipped()
     if output.json:
@@ -160,7 +158,7 @@ def _write(folder: Path, record: FlightRecord, inspection: Inspection) -> None:
     )
 
 
-def _print(inspection: Inspection, file: Path, plot: Path | None, out: Path | None) -> None:
+def _print(inspection: Inspection, file: Path, map: Path | None, plot: Path | None, out: Path | None) -> None:
     """One screen: the log, its topics, what was flown, whether it agrees with itself, what it supports, remarks."""
     from rotorid.cli.console import output_console
 
@@ -189,7 +187,8 @@ def _print(inspection: Inspection, file: Path, plot: Path | None, out: Path | No
     findings = [f for f in inspection.findings if f.severity != "info" or f.kind not in _TOLD_ELSEWHERE]
     if findings:
         say(_findings(findings), "findings")
-    say((as_given(command, file) for command in _next(inspection)), "next")
+    commands = [f"  {as_given(command, file, map)}" for command in inspection.next_commands]
+    say(commands or ["  nothing: this log holds no flight"], "next")
     if plot is not None:
         say([f"\npicture: {plot}"])
     if out is not None:
@@ -211,22 +210,6 @@ def _head(inspection: Inspection) -> Iterator[str]:
         yield f"in the air {spans}, {told_by(inspection.flights[0].seen_in)}"
     if inspection.settings:
         yield "  ".join(f"{name}={_setting(value)}" for name, value in inspection.settings.items())
-
-
-def _next(inspection: Inspection) -> Iterator[str]:
-    """The commands that lead on from here, for this very log."""
-    log = shlex.quote(inspection.name)
-    flown = ("excitation", "ordinary flight")
-    models = [model for model, support in inspection.supports.items() if support.possible and support.by in flown]
-    if models:
-        yield f"  rotorid identify {log} --model {','.join(models)}"
-    for candidate in inspection.candidates[:1]:
-        model = f"rate.{_RATE.get(candidate.axis, candidate.axis)}"
-        yield f"  rotorid identify {log} --model {model} --segment {candidate.segment}"
-    if inspection.flights:
-        yield f"  rotorid review {log}"
-    elif not models and not inspection.candidates:
-        yield "  nothing: this log holds no flight"
 
 
 def _setting(value: float) -> str:

@@ -68,7 +68,7 @@ def review_command(
         sys.stdout.write(text)
     elif not output.quiet:
         for one, file in zip(seen, found.read, strict=True):
-            _print(one, file)
+            _print(one, file, map)
         output_console().print(f"page: {made.folder / PAGE}", soft_wrap=True, markup=False)
     if show:
         typer.launch(str(made.folder / PAGE))
@@ -116,7 +116,7 @@ def _write_figures(folder: Path, seen: Sequence[Review], kind: PrintedAs) -> Non
         write_atomically(folder / f"{name}.{kind}", printed(figure, kind))
 
 
-def _print(seen: Review, file: Path) -> None:
+def _print(seen: Review, file: Path, map: Path | None = None) -> None:
     """One screen: what flew, a line for each card, warnings, what cannot be told, what comes next."""
     from rotorid.pipeline.review.cards import cards
     from rotorid.pipeline.review.words import gathered
@@ -149,7 +149,7 @@ def _print(seen: Review, file: Path) -> None:
     if seen.next_commands:
         plain("\nnext")
         for command in seen.next_commands:
-            plain(f"  {as_given(command, file)}")
+            plain(f"  {as_given(command, file, map)}")
     plain("")
 
 

@@ -472,6 +472,11 @@ KINDS: Mapping[str, Kind] = {
         "The firmware and the plan",
         "Whether the firmware of a log flies the ArduPilot files of a plan; a remark where it does or was not checked.",
     ),
+    "plan_differs": Kind(
+        "warning",
+        "Flown otherwise than planned",
+        "A test input was flown with another band, length or size than planned, or on an axis that the plan has not.",
+    ),
     "plan_not_flown": Kind(
         "warning", "Planned and not flown", "Test inputs of the plan that the log lacks; a remark where it lacks all."
     ),

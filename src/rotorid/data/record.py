@@ -333,12 +333,13 @@ def _median_rate_hz(time_s: FloatArray) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Source(Immutable):
-    """Where a record came from: enough to find the file again, and to know that it is the same one."""
+    """Where a record came from: enough to find the file again, to know that it is the same one, and to read it so."""
 
     name: str
     format: str
     sha256: str
     firmware: str = ""
+    mapping: str = ""
 
 
 Vehicle: TypeAlias = Literal[

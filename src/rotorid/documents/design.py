@@ -16,7 +16,7 @@ from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
 from rotorid.documents.base import Document, FindingDocument, ManeuverDocument, ProvenanceDocument, checked
 from rotorid.errors import UsageError
 from rotorid.io import documents
-from rotorid.pipeline.designs import Designed, Told, best_of
+from rotorid.pipeline.designs import Designed, Told, best_of, computed_for
 from rotorid.pipeline.flight_settings import DesignChoices
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.simulation import Simulation, flown_vehicle
@@ -295,6 +295,8 @@ def design_document(
             "prior": choices.prior.source if choices.prior is not None else None,
             "gains": choices.gains_source or None,
             "gyro_noise_rad_s": choices.gyro_noise_rad_s,
+            "hover_throttle": choices.hover_throttle,
+            "computed_for": computed_for(choices),
             "autopilot": autopilot,
         },
         seed=choices.plan.seed,

@@ -124,6 +124,7 @@ class InspectDocument(Document):
     battery: BatteryDocument | None = None
     settings: dict[str, float] = Field(default_factory=dict)
     vehicle: str = ""
+    next_commands: list[str] = Field(default_factory=list)
 
 
 class InspectionsDocument(Document):

@@ -25,6 +25,8 @@ from rotorid.io import documents
 from rotorid.models.parameter import no_such
 from rotorid.models.physical import check_inertia
 from rotorid.models.rotors import SPINS, UP, RotorLayout, library_layout
+from rotorid.pipeline.designs import computed_for
+from rotorid.pipeline.flight_settings import DesignChoices
 from rotorid.pipeline.joined import MOTION, UNITS
 from rotorid.pipeline.own_vehicles import OwnVehicle, own_vehicle
 from rotorid.signal.motors import Linearization
@@ -502,6 +504,21 @@ def vehicle_toml(entry: VehicleEntry, *, base: str | None = None, comments: Sequ
     sensors = _differing(craft.sensors, Sensors() if base is None else aircraft(base).sensors)
     lines += _table("sensors", ({"base": base} if base else {}) | sensors)
     return "\n".join(lines) + "\n"
+
+
+def flown_vehicle_toml(choices: DesignChoices) -> str:
+    """The vehicle that a plan was computed for, as a file: with the gains, noise and rotors that were taken for it.
+
+    Parameters
+    ----------
+    choices
+        What was designed.
+    """
+    entry, craft = choices.entry, choices.craft
+    base = choices.own.like if choices.own is not None else entry.name
+    words = f"the vehicle of a plan, {computed_for(choices)}"
+    named = replace(entry, summary=words, make=lambda: craft)
+    return vehicle_toml(named, base=base if base in VEHICLES else None)
 
 
 def _body(vehicle: Multirotor) -> Table:

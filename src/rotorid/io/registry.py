@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -118,14 +118,17 @@ def read(
     [[3.1416, 0.0]]
     """
     path = Path(path)
+    named_by = ""
     if mapping is not None and not isinstance(mapping, ChannelMapping):
+        named_by = visible(Path(mapping).name)
         mapping = read_mapping(Path(mapping))
     if path.is_dir() and mapping is None:
         return screened(_read_folder(path))
     parts = {file: mapping.part(file) for file in mapping.files} if mapping else {}
     record = _read_file(path, parts.pop("", None), sandbox=sandbox)
     others = {file: _read_file(_below(path.parent, file), part, sandbox=sandbox) for file, part in parts.items()}
-    return screened(joined(record, others))
+    record = screened(joined(record, others))
+    return replace(record, source=replace(record.source, mapping=named_by)) if named_by else record
 
 
 def _read_file(path: Path, mapping: ChannelMapping | None, *, sandbox: bool) -> FlightRecord:

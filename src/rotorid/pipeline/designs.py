@@ -11,11 +11,13 @@ import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
 from rotorid.data.base import Immutable
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, warn
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, input_unit
 from rotorid.data.record import AXES
@@ -519,6 +521,64 @@ def design(choices: DesignChoices) -> tuple[Designed, ...]:
         loop = with_prior(loop, choices.prior)
     _require_wanted(choices, models)
     return tuple(_designed(choices, craft, loop, models, kind) for kind in choices.kinds)
+
+
+_HOVER_S = 30.0
+_ROTORCRAFT: Mapping[int, str] = MappingProxyType({4: "quadrotor", 6: "hexarotor", 8: "octorotor"})
+
+
+def has_room(choices: DesignChoices) -> bool:
+    """Whether a vehicle hovers within the limits of its plan in one draw of wind and noise, so that a test input fits.
+
+    Parameters
+    ----------
+    choices
+        What would be designed.
+    """
+    try:
+        flight = fly_multirotor(choices.aircraft, duration_s=_HOVER_S, wind=choices.plan.wind, seed=choices.plan.seed)
+    except (UsageError, ModelError):
+        return False
+    return not reached(flight).beyond(choices.plan.limits)
+
+
+def computed_for(choices: DesignChoices) -> str:
+    """Which vehicle a plan was computed for, in the words of its card.
+
+    Parameters
+    ----------
+    choices
+        What is designed.
+
+    Examples
+    --------
+    >>> computed_for(DesignChoices(vehicle="px4_quad", kinds=("pilot_sweep",)))
+    'computed for a simulated 1 kg quadrotor (px4_quad)'
+    """
+    from rotorid.vehicles.catalog import VEHICLES, aircraft
+
+    entry, own = choices.entry, choices.own
+    if own is None:
+        words = f"a simulated {_kind(entry.aircraft)} ({entry.name})" if entry.name in VEHICLES else entry.name
+    else:
+        logs = listed(list(dict.fromkeys(Path(log).name for one in own.joined.models for log in one.provenance.inputs)))
+        known = [*(["hover"] if own.has_motors else []), *own.answers]
+        like = aircraft(own.like) if own.like in VEHICLES else entry.aircraft
+        rest = f"a simulated {_kind(like)} ({own.like})"
+        whole = own.has_motors and set(choices.plan.axes) <= {*own.answers, "thrust"}
+        words = (
+            f"{entry.name} as in {logs}" if whole else f"{rest} with {listed(known)} as in {logs}" if known else rest
+        )
+    words = f"computed for {words}"
+    if not choices.gains_source:
+        return words
+    hover = " and the hover throttle" if choices.hover_throttle is not None else ""
+    return f"{words}, with the gains{hover} of {choices.gains_source}"
+
+
+def _kind(craft: Aircraft) -> str:
+    rotors = craft.vehicle.rotors.layout.rotors
+    return f"{craft.vehicle.mass_kg:.2g} kg {_ROTORCRAFT.get(rotors, f'multirotor of {rotors} rotors')}"
 
 
 def beyond_limits(one: Designed, limits: Limits) -> list[Finding]:

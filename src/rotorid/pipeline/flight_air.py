@@ -26,6 +26,7 @@ from rotorid.data.record import AXES, FlightRecord, Intervals, Maneuver, TimeHis
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.flight_settings import DesignChoices
 from rotorid.pipeline.preparation.controllers import controllers_of
+from rotorid.pipeline.review.flight import hover_throttle
 from rotorid.pipeline.review.flown import Flown, flown
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.signal.excitations import find_excitations
@@ -117,7 +118,10 @@ def logged_air(record: FlightRecord, aircraft: Aircraft, *, height_m: float = 10
 
 
 def flown_as(choices: DesignChoices, record: FlightRecord) -> DesignChoices:
-    """The choices of a design with the gains, the noise and the wind of a log.
+    """The choices of a design with the gains, the noise, the wind and the hover throttle of a log.
+
+    The throttle of hover is that of the log where nobody knows the rotors better: not where results of its motors, or
+    the user, say how strong they are.
 
     Parameters
     ----------
@@ -133,10 +137,27 @@ def flown_as(choices: DesignChoices, record: FlightRecord) -> DesignChoices:
     """
     flown = controllers_of(record)
     chosen = replace(choices, gains=flown.parameters, gains_source=record.source.name, firmware=flown.firmware.name)
+    if not (chosen.own is not None and chosen.own.has_motors) and not {"thrust", "m"} & chosen.changes.keys():
+        chosen = replace(chosen, hover_throttle=_hover(record))
     air = logged_air(record, chosen.aircraft, height_m=choices.plan.wind.height_m)
     calm = not choices.plan.wind.speed_m_s and not choices.plan.wind.turbulence_m_s
     plan = replace(choices.plan, wind=air.wind) if calm and air.wind is not None else choices.plan
-    return replace(chosen, plan=plan, gyro_noise_rad_s=air.gyro_noise_rad_s, remarks=air.findings)
+    return replace(chosen, plan=plan, gyro_noise_rad_s=air.gyro_noise_rad_s, remarks=(*chosen.remarks, *air.findings))
+
+
+_LEAST_HOVER, _MOST_HOVER = 0.1, 0.9
+"""Outside of it a throttle is none of hover, or is not in the unit of a thrust command."""
+
+
+def _hover(record: FlightRecord) -> float | None:
+    """Thrust command in hover; ``None`` where the log does not show it."""
+    try:
+        found = hover_throttle(record, flown(record).flights)
+    except InsufficientDataError:
+        return None
+    if "thrust_command" not in record or found is None or not _LEAST_HOVER < found.value < _MOST_HOVER:
+        return None
+    return found.value
 
 
 def _wind(flight: Flown, vehicle: Multirotor, height_m: float) -> Wind:

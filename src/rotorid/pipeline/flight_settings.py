@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rotorid.data.findings import Finding
     from rotorid.data.flight_plan import Entry, FlightPlan, Shape
     from rotorid.io.registry import LogFormat
+    from rotorid.pipeline.own_vehicles import OwnVehicle
     from rotorid.planning.amplitude import Limits
     from rotorid.planning.expected import FitChoices
     from rotorid.planning.prior import Prior
@@ -541,6 +542,10 @@ class DesignChoices(Immutable):
         Of the autopilot that will fly, as its logs name it; empty where it is not known.
     gyro_noise_rad_s
         Of the gyroscopes, as a log shows it; that of the vehicle where it is ``None``.
+    hover_throttle
+        Thrust command in hover, as a log shows it; that of the vehicle where it is ``None``.
+    own
+        Where the vehicle came from results: its numbers with their sources.
     remarks
         What was taken from a log, and what it does not show.
     fit
@@ -608,6 +613,8 @@ class DesignChoices(Immutable):
     gains_source: str = ""
     firmware: str = ""
     gyro_noise_rad_s: float | None = None
+    hover_throttle: float | None = None
+    own: "OwnVehicle | None" = None
     remarks: "tuple[Finding, ...]" = ()
     fit: "FitChoices" = field(default_factory=_usual_fit)
 
@@ -628,8 +635,27 @@ class DesignChoices(Immutable):
 
     @property
     def aircraft(self) -> "Aircraft":
-        """What will fly."""
-        from rotorid.simulation.multirotor_flight import changed, piloted
+        """What will fly, with a pilot who brings it back."""
+        from rotorid.simulation.multirotor_flight import piloted
+
+        # What is sent to a vehicle behind set-points is the test input alone, and nobody leans against drift.
+        return self.craft if self.entry.interface is not None else piloted(self.craft)
+
+    @property
+    def vehicle_changed(self) -> bool:
+        """Whether what flies is none that can be named: changed, or with gains, noise or rotors of a log or a result.
+
+        One behind set-points has no gains, and no file can hold it.
+        """
+        taken = self.own, self.gyro_noise_rad_s, self.hover_throttle
+        other = bool(self.changes or self.gains_source) or any(one is not None for one in taken)
+        return other and self.entry.interface is None
+
+    @property
+    def craft(self) -> "Aircraft":
+        """What will fly: body, autopilot and sensors, with all that was changed."""
+        from rotorid.pipeline.own_vehicles import hovering_at
+        from rotorid.simulation.multirotor_flight import changed
         from rotorid.vehicles.px4 import with_gains
 
         craft = changed(self.entry.aircraft, self.changes)
@@ -637,8 +663,9 @@ class DesignChoices(Immutable):
             craft = with_gains(craft, self.gains, source=self.gains_source)
         if self.gyro_noise_rad_s is not None:
             craft = replace(craft, sensors=replace(craft.sensors, gyro_noise_rad_s=self.gyro_noise_rad_s))
-        # What is sent to a vehicle behind set-points is the test input alone, and nobody leans against drift.
-        return craft if self.entry.interface is not None else piloted(craft)
+        if self.hover_throttle is not None:
+            craft = hovering_at(craft, self.hover_throttle, answers=self.own.answers if self.own is not None else ())
+        return craft
 
     @property
     def model_names(self) -> tuple[str, ...]:

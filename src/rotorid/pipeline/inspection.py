@@ -16,6 +16,7 @@ from rotorid.data.display import html_table, lines_of
 from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Topic
 from rotorid.errors import InsufficientDataError, RotoridError
+from rotorid.pipeline.next_steps import KnownOfLog, next_steps
 from rotorid.pipeline.preparation.consistency import ChannelSkew, check_consistency, stretches
 from rotorid.pipeline.preparation.controller_check import controller_findings
 from rotorid.pipeline.preparation.supports import AXIS_OF, Support, ordinary_flights, segment_of, supports
@@ -147,6 +148,8 @@ class Inspection(Immutable):
         Parameters of the autopilot that decide what is logged, filtered and fed back.
     vehicle
         Kind of vehicle as the log says, such as ``multirotor`` or ``plane``; empty where it does not.
+    next_commands
+        Commands that lead on from here; none where the log holds no flight.
     """
 
     name: str
@@ -167,6 +170,7 @@ class Inspection(Immutable):
     battery: Battery | None = None
     settings: Mapping[str, float] = field(default_factory=dict)
     vehicle: str = ""
+    next_commands: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(supports=self.supports, settings=self.settings)
@@ -229,7 +233,7 @@ def inspect(record: FlightRecord) -> Inspection:
     candidates = {axis: candidate_excitations(record, axis) for axis in AXES}  # type: ignore[arg-type]
     flight, remarks = _flight(record)
     consistency = check_consistency(record, stretches(record, _in_time(*found.values()), flight))
-    return Inspection(
+    inspection = Inspection(
         name=record.source.name,
         format=record.source.format,
         firmware=record.source.firmware,
@@ -262,6 +266,33 @@ def inspect(record: FlightRecord) -> Inspection:
         battery=_battery(record, flight),
         settings={name: record.parameters[name] for name in _SETTINGS if name in record.parameters},
     )
+    return replace(inspection, next_commands=_next_commands(record, inspection))
+
+
+def _next_commands(record: FlightRecord, inspection: Inspection) -> tuple[str, ...]:
+    """What the log supports, else a candidate that identify would take, and the review of what was flown."""
+    flown = ("excitation", "ordinary flight")
+    models = tuple(name for name, support in inspection.supports.items() if support.possible and support.by in flown)
+    open_axes = [axis for axis in AXES if f"rate.{_MODEL_OF.get(axis, axis)}" not in models]
+    segment = next(
+        (
+            (f"rate.{_MODEL_OF.get(candidate.axis, candidate.axis)}", candidate.segment)
+            for candidate in inspection.candidates
+            if candidate.axis in open_axes and _would_identify(inspection, candidate)
+        ),
+        None,
+    )
+    known = KnownOfLog(record=record, models=models, segment=segment, reviewed=not inspection.flights)
+    return tuple(next_steps(known))
+
+
+_MODEL_OF = {"thrust": "vertical"}
+
+
+def _would_identify(inspection: Inspection, candidate: CandidateManeuver) -> bool:
+    """Whether all that the model of a candidate needs is there, but for the excitation that the candidate may be."""
+    support = inspection.supports.get(f"rate.{_MODEL_OF.get(candidate.axis, candidate.axis)}")
+    return support is not None and all(need.there for need in support.needs if not need.need.startswith("a sweep"))
 
 
 _MOST_SAMPLES = 1_000_000

@@ -19,8 +19,10 @@ from rotorid.pipeline.joined import MOTION, UNITS, JoinedVehicle, VehicleNumber,
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.signal.motors import Linearization
 from rotorid.simulation.autopilot import Autopilot
+from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor import Multirotor
-from rotorid.simulation.multirotor_flight import Aircraft
+from rotorid.simulation.multirotor_flight import Aircraft, changed
+from rotorid.typing import Axis
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.vehicles.px4 import rotor_parameters, with_gains
 
@@ -42,12 +44,20 @@ class OwnVehicle(Immutable):
         Name of the vehicle that gave the rest.
     taken
         What was taken from it, in words.
+    answers
+        Axes whose answer to a command is that of the results.
     """
 
     joined: JoinedVehicle
     aircraft: Aircraft
     like: str
     taken: tuple[str, ...]
+    answers: tuple[Axis, ...] = ()
+
+    @property
+    def has_motors(self) -> bool:
+        """Whether thrust and hover are those of the results, and not of the other vehicle."""
+        return any(model.motors is not None for model in self.joined.models)
 
 
 def numbers_of(craft: Aircraft) -> dict[str, VehicleNumber]:
@@ -123,12 +133,16 @@ def own_vehicle(
         )
     usual = numbers_of(like)
     flown = [model.motors for model in models if model.motors is not None]
-    if flown and all("T_motor" not in model.parameters for model in models) and flown[0].outputs != "speed":
+    of_speeds = any(one.outputs == "speed" for one in flown)
+    delayed = flown or any(_identified(model, name) for model in models for name in _DELAYS)
+    if delayed and not of_speeds and not any(_identified(model, "T_motor") for model in models):
         # The delay that was identified stands for the lag too.
         del usual["T_motor"]
-    joined = joined_vehicle(
-        models, given=given, name=name, usual=usual, layout=None if flown else like.vehicle.rotors.layout
-    )
+    layout = None if flown else like.vehicle.rotors.layout
+    joined = joined_vehicle(models, given=given, name=name, usual=usual, layout=layout)
+    answering = _answering(joined, like)
+    if answering:
+        joined = joined_vehicle(models, given=given, name=name, usual={**usual, **answering}, layout=layout)
     body = require(joined, target="simulation")
     autopilot, taken = _autopilot(joined, body, like)
     words = [
@@ -141,7 +155,43 @@ def own_vehicle(
         aircraft=Aircraft(vehicle=body, autopilot=autopilot, sensors=like.sensors),
         like=like.name,
         taken=(*words, *taken, "noise of the sensors"),
+        answers=tuple(axis for axis, (moment, _) in _ANSWERS.items() if joined.numbers[moment].source != "default"),
     )
+
+
+def _identified(model: IdentifiedModel, name: str) -> bool:
+    """Whether a model has a parameter: of a dropped one nothing but zero is left."""
+    return name in model.parameters and model.parameters[name].value != 0.0
+
+
+_DELAYS = ("tau_roll", "tau_pitch", "tau_yaw", "tau_thrust", "tau")
+_ANSWERS: Mapping[Axis, tuple[str, str]] = {
+    "roll": ("I_xx", "L_roll"),
+    "pitch": ("I_yy", "M_pitch"),
+    "yaw": ("I_zz", "N_yaw"),
+}
+"""Axis to its moment of inertia, and to how a command accelerates it."""
+
+
+def _answering(joined: JoinedVehicle, like: Aircraft) -> dict[str, VehicleNumber]:
+    """Moments of inertia with which a vehicle answers as its rate models say, where no result knows them.
+
+    The moment of a command is that of the other vehicle's rotors, so that with it :math:`I = M / L` gives the
+    acceleration L that was identified; as an inertia it is as wrong as that moment.
+    """
+    body = require(joined, target="simulation")
+    usual = hover_derivatives_of(body, _autopilot(joined, body, like)[0])
+    found: dict[str, VehicleNumber] = {}
+    for moment, control in _ANSWERS.values():
+        own = next((one for one in joined.models if one.name.startswith("rate.") and control in one.parameters), None)
+        number = joined.numbers[moment]
+        if own is None or number.source != "default" or not own.parameters[control].value > 0.0:
+            continue
+        value = number.value * usual[control] / own.parameters[control].value
+        if value > 0.0:
+            words = f"{control} of {own.name}, with the rotors of {like.name}"
+            found[moment] = VehicleNumber(value=value, unit=UNITS[moment], source="derived", of=words)
+    return found
 
 
 def _autopilot(joined: JoinedVehicle, body: Multirotor, like: Aircraft) -> tuple[Autopilot, list[str]]:
@@ -194,6 +244,41 @@ def _logged(own: Autopilot, layout: RotorLayout, line: Linearization) -> dict[st
         if named_by("ardupilot", [kind, form]) == layout.name
     ]
     return frame | ({"FRAME_CLASS": float(named[0][0]), "FRAME_TYPE": float(named[0][1])} if named else {})
+
+
+_TURNS, _CLOSE = 20, 1e-6
+
+
+def hovering_at(craft: Aircraft, throttle: float, *, answers: Sequence[Axis] = ()) -> Aircraft:
+    """A vehicle whose rotors are as strong as one that hovers at a throttle.
+
+    Parameters
+    ----------
+    craft
+        What flies.
+    throttle
+        Thrust command in hover, from zero to one.
+    answers
+        Axes whose answer to a command is known and stays; others answer as much more as the rotors are stronger.
+
+    Examples
+    --------
+    >>> from rotorid.vehicles import aircraft
+    >>> craft = hovering_at(aircraft("px4_quad"), 0.3)
+    >>> round(float(craft.autopilot.hover_commands(craft.vehicle)[-1]), 4)
+    0.3
+    """
+    thrust, factor, found = AXES.index("thrust"), 1.0, craft
+    for _ in range(_TURNS):
+        hovers = float(found.autopilot.hover_commands(found.vehicle)[thrust])
+        if abs(hovers / throttle - 1.0) < _CLOSE:
+            break
+        factor *= hovers / throttle
+        found = changed(craft, {"thrust": factor})
+    inertia = dict(zip(("I_xx", "I_yy", "I_zz"), craft.vehicle.inertia_kg_m2.diagonal().tolist(), strict=True))
+    kept = {_ANSWERS[axis][0]: factor * inertia[_ANSWERS[axis][0]] for axis in answers}
+    found = changed(found, kept)
+    return replace(found, autopilot=_hovering(found.autopilot, found.vehicle, craft))
 
 
 def _hovering(own: Autopilot, body: Multirotor, like: Aircraft) -> Autopilot:

@@ -116,6 +116,8 @@ class FlightFacts(Immutable):
         Sentences for the pilot that nothing else on the card says.
     firmware
         Of the autopilot that will fly, as its logs name it; empty where it is not known.
+    computed_for
+        For which vehicle its numbers were computed, in words; empty where nobody says it.
 
     Raises
     ------
@@ -134,6 +136,7 @@ class FlightFacts(Immutable):
     bounds: tuple[PredictedBound, ...] = ()
     notes: tuple[str, ...] = ()
     firmware: str = ""
+    computed_for: str = ""
 
     def __post_init__(self) -> None:
         numbers = (self.room_m, self.height_m, self.climb_m, self.tilt_rad, self.rate_rad_s, *self.motors)

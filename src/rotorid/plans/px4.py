@@ -15,15 +15,13 @@ from dataclasses import dataclass
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
+from rotorid.io.px4.advice import log_profile, profile_words
 from rotorid.plans.csv import FILE, filled, number, number_above, one_line, plan_csv
 from rotorid.plans.facts import HOLD, FlightFacts, column_name
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 SCRIPT = "px4_fly_plan.py"
 PARAMETERS = "px4.params"
-LOG_PROFILE = 0b11001
-"""``SDLOG_PROFILE``: bits 0 default set, 3 system identification, 4 high rate."""
-
 _INTEGER, _REAL = 6, 9
 """Types of parameters, as QGroundControl's files number them."""
 
@@ -40,12 +38,6 @@ class _Parameter:
 
 
 _PARAMETERS = (
-    _Parameter(
-        name="SDLOG_PROFILE",
-        value=LOG_PROFILE,
-        kind=_INTEGER,
-        why="log everything at full rate: bits 0 default, 3 system identification, 4 high rate",
-    ),
     _Parameter(name="SDLOG_MODE", value=0, kind=_INTEGER, why="log from arming to disarming"),
     _Parameter(
         name="COM_RC_OVERRIDE", value=3, kind=_INTEGER, why="moving the sticks ends Offboard too: Position mode"
@@ -53,6 +45,17 @@ _PARAMETERS = (
     _Parameter(name="COM_OF_LOSS_T", value=0.5, kind=_REAL, why="Offboard ends half a second after the script is lost"),
     _Parameter(name="COM_OBL_RC_ACT", value=0, kind=_INTEGER, why="what follows then: Position mode"),
 )
+
+
+def _parameters(firmware: str) -> tuple[_Parameter, ...]:
+    """All of them, with the logging that a firmware has."""
+    profile = _Parameter(
+        name="SDLOG_PROFILE",
+        value=log_profile(firmware),
+        kind=_INTEGER,
+        why=f"log at full rate: {profile_words(firmware)}",
+    )
+    return (profile, *_PARAMETERS)
 
 
 def px4_files(plan: FlightPlan, facts: FlightFacts, *, send_rate_hz: float = 100.0) -> dict[str, str]:
@@ -104,7 +107,7 @@ def px4_files(plan: FlightPlan, facts: FlightFacts, *, send_rate_hz: float = 100
             gravity=STANDARD_GRAVITY_M_S2,
             number=number,
         ),
-        PARAMETERS: filled("px4.params", **words, parameters=_PARAMETERS, number=number),
+        PARAMETERS: filled("px4.params", **words, parameters=_parameters(facts.firmware), number=number),
     }
 
 

@@ -237,6 +237,9 @@ def arrays(result: Responses) -> dict[str, np.ndarray]:
     return found
 
 
+VEHICLE_FILE = "vehicle.toml"
+"""What a plan was computed for, where that is none that has a name."""
+
 _AUTOPILOTS: Mapping[str, Autopilot] = {"px4": "PX4", "ardupilot": "ArduPilot", "betaflight": "Betaflight"}
 
 
@@ -262,6 +265,7 @@ def write_design(
         What the user typed, for the document.
     """
     from rotorid.documents.design import design_document
+    from rotorid.documents.vehicle import flown_vehicle_toml
     from rotorid.report.design import render_design
 
     kind = autopilot or choices.aircraft.autopilot.kind
@@ -276,6 +280,8 @@ def write_design(
         findings += remarks
         together |= {(Path(place) / name).as_posix(): content for name, content in files.items()}
         written.append((place, sorted(files)))
+    if choices.vehicle_changed:
+        together[VEHICLE_FILE] = flown_vehicle_toml(choices)
     document = design_document(choices, designed, written, findings=findings, autopilot=words, command=command)
     page = render_design(designed, choices, title=_title(designed, choices), document=document)
     together |= {"design.html": page, "design.json": to_json(document)}
@@ -346,6 +352,7 @@ def _unwritten(kind: str, what: str, error: UsageError) -> Finding:
 
 
 def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> FlightFacts:
+    from rotorid.pipeline.designs import computed_for
     from rotorid.plans.facts import HAND_CLIMB_M, FlightFacts, PredictedBound, throttle_by_hand
 
     reached = one.planned.reached
@@ -375,6 +382,7 @@ def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> Fligh
         motors=(max(reached.motor_low, 0.0), min(reached.motor_high, 1.0)),
         bounds=tuple(bounds),
         firmware=choices.firmware,
+        computed_for=computed_for(choices),
     )
 
 

@@ -20,9 +20,9 @@ from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
 from rotorid.data.trust import DIRECT_COHERENCE
 from rotorid.errors import UsageError
 from rotorid.io.ardupilot.system_id import sid_axes, start_mode, throttle_of
+from rotorid.io.px4.advice import log_profile
 from rotorid.plans.ardupilot import entry_reason, plan_log_bitmask
 from rotorid.plans.facts import Autopilot, FlightFacts, PredictedBound, excited_s, flown_by_hand, throttle_by_hand
-from rotorid.plans.px4 import LOG_PROFILE
 from rotorid.report.frame import MISSING, asset, percent, significant, unit, with_error
 from rotorid.report.parts import FAR_SIGMAS
 from rotorid.typing import FloatArray
@@ -174,7 +174,7 @@ def before(plan: FlightPlan, facts: FlightFacts) -> list[str]:
     mask = plan_log_bitmask(plan)
     logging = {
         "ArduPilot": f"Parameter file loaded; LOG_BITMASK reads {mask}; space on the card",
-        "PX4": f"px4.params loaded; SDLOG_PROFILE reads {LOG_PROFILE}; space on the card",
+        "PX4": f"px4.params loaded; SDLOG_PROFILE reads {log_profile(facts.firmware)}; space on the card",
         "Betaflight": "CLI lines pasted; debug_mode reads CHIRP; blackbox empty enough",
         "other": f"Commands, rates and attitude logged at {least_rate_hz(plan):.0f} Hz or more; space on the card",
     }[facts.autopilot]

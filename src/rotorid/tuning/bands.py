@@ -15,7 +15,7 @@ import numpy as np
 from rotorid.models.controller import RateController
 from rotorid.tuning.loops import ControllerParts
 from rotorid.tuning.plant import certain_plant
-from rotorid.tuning.proposal import Judged, Wishes, propose
+from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, propose
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 BAND_OVER_CROSSOVER = 1.5
@@ -62,9 +62,42 @@ def needed_band(
     >>> low, 90.0 < high < 300.0
     (2.0, True)
     """
+    return band_of(foreseen(axis, plant, controller, parts, wishes=wishes, ends=ends), plant, parts)
+
+
+def foreseen(
+    axis: Axis,
+    plant: Callable[[FloatArray], ComplexArray],
+    controller: RateController,
+    parts: ControllerParts,
+    *,
+    wishes: Wishes | None = None,
+    ends: Sequence[ControllerParts] = (),
+) -> AxisProposal:
+    """The gains that would be proposed after the sweep, if the plant were found as it is believed to be.
+
+    Parameters
+    ----------
+    axis, plant, controller, parts, wishes, ends
+        As for :func:`needed_band`.
+    """
     # As after the sweep: modes of the speed lie below its band, and with them good loops would count as unstable.
     certain = certain_plant(plant, lowest_rad_s=LOWEST_RAD_S)
-    found = propose(axis, certain, controller, parts=parts, ends=ends, wishes=wishes)
+    return propose(axis, certain, controller, parts=parts, ends=ends, wishes=wishes)
+
+
+def band_of(
+    found: AxisProposal, plant: Callable[[FloatArray], ComplexArray], parts: ControllerParts
+) -> tuple[float, float]:
+    """Lowest and highest frequency, in rad/s, of a sweep on which gains that are foreseen can be proposed.
+
+    Parameters
+    ----------
+    found
+        See :func:`foreseen`.
+    plant, parts
+        As for :func:`needed_band`.
+    """
     highest = min(_WHOLE_OVER_CROSSOVER * crossover_rad_s(found.proposed), _reversal_rad_s(plant, parts))
     return LOWEST_RAD_S, max(highest, 2.0 * LOWEST_RAD_S)
 

@@ -207,6 +207,8 @@ class AxisProposal(Immutable):
         Root mean square of the attitude under a moment, proposed over flown: its median.
     reasons
         Why the flown gains stay, or what bounds the proposal.
+    keeps_limits
+        Whether any gains that were tried keep the limits; the flown ones are proposed where none do.
     """
 
     axis: Axis
@@ -215,6 +217,7 @@ class AxisProposal(Immutable):
     proposed: Judged
     better: float
     reasons: tuple[str, ...] = ()
+    keeps_limits: bool = True
 
     @property
     def changed(self) -> bool:
@@ -286,7 +289,13 @@ def propose(
             lower = "I" if _swings_slowly(flown, flown_parts or parts, plants) else "P and D"
             reasons.append(f"the flown gains do not keep {hot}: lower {lower} by hand, and fly the sweep again")
         return AxisProposal(
-            axis=axis, controller=controller, flown=flown, proposed=flown, better=1.0, reasons=tuple(reasons)
+            axis=axis,
+            controller=controller,
+            flown=flown,
+            proposed=flown,
+            better=1.0,
+            reasons=tuple(reasons),
+            keeps_limits=False,
         )
     better = _over(best, flown)
     broken = _flown_broken(flown, plant, wishes)

@@ -95,7 +95,11 @@ def test_a_plan_enters_where_the_reader_of_logs_finds_it() -> None:
 @pytest.mark.parametrize(
     ("firmware", "severity", "words"),
     [
-        ("", "warning", "The log does not name its firmware; the files of this plan are for ArduCopter 4.5 to 4.7"),
+        (
+            "",
+            "warning",
+            "The log does not say the version of its firmware; the files of this plan are for ArduCopter 4.5 to 4.7",
+        ),
         ("ArduPlane V4.6.1 (abc)", "warning", "The log is of ArduPlane V4.6.1 (abc), not of ArduCopter"),
         ("ArduCopter V3.6.12 (3f5ab1d0)", "warning", "ArduCopter 3.6 has no System ID mode for this plan"),
         ("ArduCopter V4.3.8 (b85d6bca)", "warning", "Load its .param files and fly the runs one by one"),

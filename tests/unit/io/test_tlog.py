@@ -239,3 +239,17 @@ def test_every_value_equals_pymavlink(tmp_path: Path) -> None:
         same = [message for message in stored if message.get_type() == name]
         for field in ours[name].fields.dtype.names or ():
             assert ours[name].fields[field].tolist() == [getattr(message, field) for message in same]
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "vehicle", "firmware"),
+    [(3, 2, "ArduCopter V4.6.2"), (3, 1, "ArduPilot V4.6.2"), (12, 2, "PX4 4.6.2")],
+)
+def test_the_version_of_the_firmware_is_that_which_was_sent(
+    tmp_path: Path, autopilot: int, vehicle: int, firmware: str
+) -> None:
+    station = Station()
+    number = 4 << 24 | 6 << 16 | 2 << 8 | 255
+    sent = station.frame(0.0, "AUTOPILOT_VERSION", 0, number, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0)
+    told = read_bytes(tmp_path, [heartbeat(station, autopilot, vehicle), sent, attitude(station, 1.0)])
+    assert told.source.firmware == firmware

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,10 +25,21 @@ CARD_FLIGHT = "real_stacks/ap_x_wind_soft_card_flight.BIN.xz"
 """ArduCopter 4.7-dev: sweeps of roll and pitch from Stabilize by the script of a plan, then doublets by hand."""
 
 
-def card_plan(*axes: Axis, repeats: int = 1) -> FlightPlan:
+CARD_BAND_HZ = 0.6 / (2.0 * math.pi), 50.0 / (2.0 * math.pi)
+CARD_SIZE = {"roll": 0.0191, "pitch": 0.0391}
+
+
+def card_plan(*axes: Axis, repeats: int = 1, **changes: Any) -> FlightPlan:
     """A plan as that of the card flight: a sweep of each axis, then doublets by the stick."""
     starts = [100.0 * index for index in range(len(axes) * repeats)]
-    sweeps = [chirp(axis, start_s=start_s) for axis, start_s in zip(axes * repeats, starts, strict=True)]
+    sweeps = [
+        chirp(
+            axis,
+            start_s=start_s,
+            **{"band_hz": CARD_BAND_HZ, "duration_s": 82.5, "amplitude": CARD_SIZE.get(axis, 0.02)} | changes,
+        )
+        for axis, start_s in zip(axes * repeats, starts, strict=True)
+    ]
     doublets = [step(axis, start_s=starts[-1] + 100.0, entry="stick") for axis in axes]
     return FlightPlan(name="card", inputs=(*sweeps, *doublets))
 
@@ -55,6 +68,43 @@ def test_the_flight_of_a_real_card_agrees_with_its_plan(unpacked: Callable[[str]
 
 
 @pytest.mark.parametrize(
+    ("changes", "words", "number"),
+    [
+        ({"band_hz": (CARD_BAND_HZ[0], 16.0)}, "0.6 to 50 rad/s were flown, 0.6 to 101 rad/s planned", 50.0),
+        ({"duration_s": 55.0}, "it lasted 82 s, planned 55 s", 82.46),
+        ({"amplitude": 0.04}, "its size is 0.0191, planned 0.04", 0.0191),
+    ],
+)
+def test_band_length_and_size_are_compared(
+    unpacked: Callable[[str], Path], changes: dict[str, Any], words: str, number: float
+) -> None:
+    """SYSTEMID logs the test input alone, with its size."""
+    findings = plan_findings(read(unpacked(CARD_FLIGHT)), card_plan("roll", "pitch", **changes))
+    (found,) = [one for one in findings if one.kind == "plan_differs" and one.where == "roll"]
+    assert words in found.message
+    assert any(value == pytest.approx(number, rel=1e-2) for value in found.numbers.values())
+
+
+def test_an_axis_that_the_plan_has_not_is_named(unpacked: Callable[[str], Path]) -> None:
+    findings = plan_findings(read(unpacked(CARD_FLIGHT)), card_plan("roll", "yaw"))
+    told = {(one.kind, one.where): one.message for one in findings}
+    assert told["plan_differs", "pitch"] == "The log has 1 sweep of pitch, which the plan has not."
+    assert told["plan_not_flown", "yaw"] == "The plan has 1 sweep of yaw, the log has none."
+
+
+def test_sweeps_of_an_offboard_script_are_flown_as_planned(unpacked: Callable[[str], Path]) -> None:
+    """Found in set-points and not declared: their lowest frequency is found a factor of two off, their length 10 %."""
+    record = read(unpacked("real_stacks/px4_sih_offboard_plan.ulg.xz"))
+    sweeps = [
+        chirp(axis, start_s=50.0 * place, entry="attitude_setpoint", band_hz=CARD_BAND_HZ, duration_s=40.0)
+        for place, axis in enumerate(("roll", "pitch"))
+    ]
+    assert [one.kind for one in plan_findings(record, FlightPlan(name="script", inputs=tuple(sweeps)))] == [
+        "plan_firmware"
+    ]
+
+
+@pytest.mark.parametrize(
     ("firmware", "severity"),
     [("ArduCopter V4.5.7", "info"), ("ArduCopter V4.6.2", "info"), ("ArduCopter V3.6.9", "warning"), ("", "warning")],
 )
@@ -63,6 +113,11 @@ def test_a_log_from_before_the_flight_is_asked_for_its_firmware(firmware: str, s
         ("plan_firmware", severity, "firmware"),
         ("plan_not_flown", "info", "log"),
     ]
+
+
+@pytest.mark.parametrize(("firmware", "severity"), [("ArduCopter V4.6.2", "info"), ("ArduPilot", "warning")])
+def test_the_firmware_of_telemetry_is_checked(firmware: str, severity: str) -> None:
+    assert found(named(firmware, "MAVLink telemetry"), card_plan("roll"))[0] == ("plan_firmware", severity, "firmware")
 
 
 def test_other_autopilots_are_not_checked_and_it_is_said() -> None:

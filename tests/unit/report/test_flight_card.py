@@ -309,6 +309,18 @@ def test_the_page_holds_everything_it_shows(name: str) -> None:
     assert len(page.attributes("aria-label")) == len(page.tables[0]) - 1
 
 
+def test_the_card_of_an_old_px4_asks_for_the_list_that_it_has() -> None:
+    text = words(FlightPlan(name="one", inputs=(chirp(),)), facts(autopilot="PX4", firmware="PX4 1.6.5"))
+    assert "SDLOG_PROFILE reads 2;" in text
+
+
+def test_the_first_line_says_for_which_vehicle_it_was_computed() -> None:
+    about = facts(computed_for="computed for a simulated 1 kg quadrotor (px4_quad)")
+    html = flight_card_html(FlightPlan(name="one", inputs=(chirp(),)), about)
+    kicker = html.partition('<p class="kicker">')[2].partition("</p>")[0]
+    assert kicker.endswith("computed for a simulated 1 kg quadrotor (px4_quad)")
+
+
 def test_no_name_becomes_markup() -> None:
     bad = '<script>alert(1)</script><img src="http://x/">'
     plan = FlightPlan(name=bad, inputs=(step("roll"),))

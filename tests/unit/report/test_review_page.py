@@ -14,6 +14,7 @@ from tests.unit.report.made_reviews import made_review, noise_map, untold_review
 
 from rotorid.data.findings import remark
 from rotorid.data.quantity import Quantity
+from rotorid.data.record import FlightRecord, Source
 from rotorid.documents.base import to_json
 from rotorid.documents.review import ReviewDocument, review_arrays, review_document
 from rotorid.errors import UsageError
@@ -211,33 +212,43 @@ def test_power_prints_the_interval_of_the_thrust() -> None:
     assert "1.6 (1.2 to 2.4) times" in told.sentence
 
 
+def log_of(form: str, **parameters: float) -> FlightRecord:
+    """A log of an autopilot; what a review says of it comes from the review."""
+    source = Source(name="my flight.ulg", format=form, sha256="")
+    return FlightRecord(source=source, topics=(), parameters=parameters)
+
+
 def test_nothing_more_is_asked_of_loops_that_swing() -> None:
     swing = OscillationReview(axis="roll", loop="rate", frequency_hz=22.9, rms=0.54, at_limit_percent=98.2)
     seen = replace(made_review("my flight.ulg"), models={})
-    assert list(next_commands(seen))
-    assert not list(next_commands(replace(seen, oscillations=(swing,))))
+    assert next_commands(log_of("PX4 ULog"), seen)
+    assert not next_commands(log_of("PX4 ULog"), replace(seen, oscillations=(swing,)))
 
 
 def test_next_commands_can_be_pasted() -> None:
-    commands = list(next_commands(replace(made_review("my flight.ulg"), models={})))
+    commands = next_commands(log_of("PX4 ULog"), replace(made_review("my flight.ulg"), models={}))
     assert "'my flight.ulg'" in " ".join(commands)
     assert any(command.startswith("rotorid design sweep --vehicle px4_quad --axis") for command in commands)
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "craft"),
-    [("ArduPilot", "ardupilot_quad"), ("Betaflight", "betaflight_quad"), ("Crazyflie", "crazyflie")],
+    ("form", "craft"),
+    [
+        ("ArduPilot DataFlash", "ardupilot_quad"),
+        ("Betaflight blackbox", "betaflight_quad"),
+        ("Crazyflie uSD", "crazyflie"),
+    ],
 )
-def test_a_flight_is_planned_for_the_autopilot_of_the_log(autopilot: str, craft: str) -> None:
-    seen = made_review()
-    seen = replace(seen, models={}, vehicle=replace(seen.vehicle, autopilot=autopilot))
-    assert [one for one in next_commands(seen) if one.startswith(f"rotorid design sweep --vehicle {craft} --axis")]
+def test_a_flight_is_planned_for_the_autopilot_of_the_log(form: str, craft: str) -> None:
+    seen = replace(made_review(), models={})
+    commands = next_commands(log_of(form), seen)
+    assert [one for one in commands if one.startswith(f"rotorid design sweep --vehicle {craft} --axis")]
 
 
 def test_models_that_were_not_looked_for_are_not_said_to_be_impossible() -> None:
     seen = replace(made_review(), models_sought=False)
     assert card_of(seen, "models").sentence == "Models were not looked for (--no-models)."
-    assert not [command for command in next_commands(seen) if "design sweep" in command]
+    assert not [command for command in next_commands(log_of("PX4 ULog"), seen) if "design sweep" in command]
 
 
 def test_full_thrust_is_that_of_the_model_where_one_tells_it() -> None:

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, Severity, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, Topic
 from rotorid.io.ardupilot.firmware import RATE_FROM, Firmware, named
 from rotorid.io.ardupilot.system_id import RULES, SID_AXIS, start_mode
+from rotorid.typing import Axis
 
 _LOOP_BY_LOOP = 0.75
 """Below this part of the loop's rate at most every second sample was logged."""
 
-_EVERY_LOOP_BITS = 0b11
-"""Bits of ``LOG_BITMASK``, fast and medium attitude, with which SYSTEMID mode logs every loop."""
+_BITS: Mapping[int, str] = MappingProxyType({0: "fast attitude", 1: "medium attitude", 18: "fast IMU"})
+"""Bits of ``LOG_BITMASK`` that a log for identification has, and their names in the documentation. Bit 0 logs ``RATE``
+in every loop, bit 18 ``IMU``; with bits 0 and 1 SYSTEMID mode logs its own messages in every loop."""
 
-_FAST_BITS = (("RATE", 0, "fast attitude"), ("IMU", 18, "fast IMU"))
-"""Message, and the bit of ``LOG_BITMASK`` that logs it in every loop."""
+_MESSAGE_BITS: Mapping[str, int] = MappingProxyType({"RATE": 0, "IMU": 18})
+_EVERY_LOOP = (0, 1)
 
 _LIMITS = ((1, "LOG_FILE_RATEMAX"), (2, "LOG_MAV_RATEMAX"), (4, "LOG_BLK_RATEMAX"))
 """Bit of ``LOG_BACKEND_TYPE``, and the parameter that limits how often that backend writes each message."""
@@ -28,7 +32,7 @@ _AT_LIMIT = 1.2
 _BATCHES = MappingProxyType({"INS_LOG_BAT_MASK": 1, "INS_LOG_BAT_OPT": 4})
 _OUTPUTS_BIT = 10
 
-_MIXER = SID_AXIS["command", "roll"]
+_SERVO = re.compile(r"SERVO\d+_FUNCTION")
 
 
 def missing_rate(firmware: Firmware, parameters: Mapping[str, float]) -> Finding:
@@ -39,7 +43,7 @@ def missing_rate(firmware: Firmware, parameters: Mapping[str, float]) -> Finding
     elif _mask(parameters) & 1:
         remedy = "bit 0 (fast attitude) of LOG_BITMASK is set already: the log is cut, or the storage was too slow"
     else:
-        remedy = "set bit 0 (fast attitude) of LOG_BITMASK"
+        remedy = _set_mask(parameters, (0,))
     return warn("missing_channel", "RATE", f"{said}; {remedy}")
 
 
@@ -63,16 +67,14 @@ def decimation_findings(
     """
     loop_hz = parameters.get("SCHED_LOOP_RATE", 0.0)
     reached_hz = max(tops_rad_s, default=0.0) / (2.0 * math.pi)
-    mask = _mask(parameters)
     if not tops_rad_s:
         return
+    remedy = f"; {_set_mask(parameters, _EVERY_LOOP)}" if _unset(parameters, _EVERY_LOOP) else ""
     for topic in topics:
         rate_hz = topic.sample_rate_hz
         named = topic.name == "RATE" or topic.name.startswith("SIDD")
         if not named or not 0.0 < rate_hz < _LOOP_BY_LOOP * loop_hz:
             continue
-        bits = mask | _EVERY_LOOP_BITS
-        remedy = "" if bits == mask else f"; set bits 0 and 1 of LOG_BITMASK to log every loop: {mask} becomes {bits}"
         yield (warn if 2.0 * reached_hz > 0.5 * rate_hz else remark)(
             "decimated",
             topic.name,
@@ -88,11 +90,10 @@ def decimation_findings(
 
 def slow_topics(topics: Sequence[Topic], parameters: Mapping[str, float], firmware: Firmware) -> Iterator[Finding]:
     """Topics too slow for what they are needed for, with the parameter to change."""
-    rates = {topic.name: topic.sample_rate_hz for topic in topics if topic.time_s.size > 1}
-    for name, bit, meaning in _FAST_BITS:
+    rates = message_rates_hz(topics)
+    for name in _MESSAGE_BITS:
         if rates.get(name, LOWEST_RATE_HZ) < LOWEST_RATE_HZ:
-            remedy = _limit(rates[name], parameters) or _bit(bit, meaning, parameters, firmware)
-            yield _too_slow(name, rates[name], "warning", remedy)
+            yield _too_slow(name, rates[name], "warning", logging_advice(parameters, firmware.text, rates[name], rates))
     if rates.get("RCOU", LOWEST_RATE_HZ) < LOWEST_RATE_HZ:
         usable = rates.get("RATE", 0.0) >= LOWEST_RATE_HZ
         mixer = "this firmware logs no mixer inputs" if firmware.before(RATE_FROM) else "use the mixer's inputs in RATE"
@@ -102,8 +103,15 @@ def slow_topics(topics: Sequence[Topic], parameters: Mapping[str, float], firmwa
         yield _too_slow("RCOU", rates["RCOU"], "info" if usable else "warning", remedy)
 
 
-def logging_advice(parameters: Mapping[str, float], firmware: str, rate_hz: float) -> str:
-    """How the next log gets commands and rates fast enough, by what this one has.
+def message_rates_hz(topics: Sequence[Topic]) -> dict[str, float]:
+    """How often each message was logged."""
+    return {topic.name: topic.sample_rate_hz for topic in topics if topic.time_s.size > 1}
+
+
+def logging_advice(
+    parameters: Mapping[str, float], firmware: str, rate_hz: float, rates_hz: Mapping[str, float] = MappingProxyType({})
+) -> str:
+    """How the next log gets commands and rates fast enough, by what this one has: one answer for all of them.
 
     Parameters
     ----------
@@ -113,19 +121,25 @@ def logging_advice(parameters: Mapping[str, float], firmware: str, rate_hz: floa
         As it introduces itself.
     rate_hz
         Rate of the slowest channel that is needed; zero where it is not logged.
+    rates_hz
+        Of the messages in the log, see :func:`message_rates_hz`.
+
+    Examples
+    --------
+    >>> logging_advice({"LOG_BITMASK": 176126.0}, "ArduCopter V4.6.2", 10.0)
+    'set LOG_BITMASK = 438271 (it is 176126; bits 0 fast attitude, 18 fast IMU are missing)'
     """
     known = named(firmware)
     if known.before(RATE_FROM):
         return f"fly firmware 3.4 or newer: {firmware} logs neither the mixer's inputs nor rates at the loop's rate"
     if limit := _limit(rate_hz, parameters):
         return limit
-    missing = [f"{meaning} (bit {bit})" for _, bit, meaning in _FAST_BITS if not _mask(parameters) >> bit & 1]
-    if not missing:
-        return "LOG_BITMASK logs fast attitude and fast IMU already: the autopilot's loop or its storage is too slow"
-    mask = _mask(parameters)
-    wanted = mask | sum(1 << bit for _, bit, _ in _FAST_BITS)
-    becomes = f": {mask} becomes {wanted}" if mask else ""
-    return f"set LOG_BITMASK so that {' and '.join(missing)} {'are' if len(missing) > 1 else 'is'} logged{becomes}"
+    # Of a storage that loses what it is asked for already, more is not asked.
+    starved = _mask(parameters) & 1 and 0.0 < rates_hz.get("RATE", 0.0) < LOWEST_RATE_HZ
+    if starved or not _unset(parameters, _MESSAGE_BITS.values()):
+        logged = "fast attitude" if starved else "fast attitude and fast IMU"
+        return f"LOG_BITMASK logs {logged} already: the autopilot's loop or its storage is too slow"
+    return _set_mask(parameters, _MESSAGE_BITS.values())
 
 
 def raw_gyro_advice(parameters: Mapping[str, float], firmware: str) -> str:
@@ -138,18 +152,22 @@ def raw_gyro_advice(parameters: Mapping[str, float], firmware: str) -> str:
     return f"set {' and '.join(missing)} (batches before and behind the filters)"
 
 
-def sensor_advice(parameters: Mapping[str, float], firmware: str, rate_hz: float) -> str:
+def sensor_advice(
+    parameters: Mapping[str, float], firmware: str, rate_hz: float, rates_hz: Mapping[str, float] = MappingProxyType({})
+) -> str:
     """How the next log holds the sensors fast enough for vibration."""
-    advice = logging_advice(parameters, firmware, rate_hz)
-    batches = not parameters or parameters.get("INS_LOG_BAT_MASK") == 0.0
-    return f"set INS_LOG_BAT_MASK = 1, or {advice}" if batches else advice
+    advice = logging_advice(parameters, firmware, rate_hz, rates_hz)
+    if parameters and parameters.get("INS_LOG_BAT_MASK") != 0.0:
+        return advice
+    return f"set INS_LOG_BAT_MASK = 1, or {advice}" if advice.startswith("set ") else "set INS_LOG_BAT_MASK = 1"
 
 
 def motor_advice(parameters: Mapping[str, float]) -> str:
     """How the next log holds the motors."""
     logged = _mask(parameters) >> _OUTPUTS_BIT & 1
     steps = [] if logged else [f"log RCOU (bit {_OUTPUTS_BIT} of LOG_BITMASK)"]
-    if not parameters or "SERVO1_FUNCTION" in parameters:
+    assigned = any(33.0 <= value <= 40.0 for name, value in parameters.items() if _SERVO.fullmatch(name))
+    if not assigned and (not parameters or "SERVO1_FUNCTION" in parameters):
         steps.append("set SERVOn_FUNCTION of the motors")
     return " and ".join(steps)
 
@@ -161,14 +179,18 @@ def wind_advice(parameters: Mapping[str, float]) -> str:
     return "set EK3_DRAG_BCOEF_X and _Y, with which EKF3 estimates it"
 
 
-def flying_advice(firmware: str) -> str:
-    """How to fly an excitation, with places for ``axis`` and for ``sid_axis``, one of the mixer.
+def flies_system_id(parameters: Mapping[str, float], firmware: str) -> bool:
+    """Whether this firmware has SYSTEMID mode: not before 4.0, nor where boards without room are built without it."""
+    return not named(firmware).before(RULES[0].since) and (not parameters or "SID_AXIS" in parameters)
 
-    Before 4.0 there is no SYSTEMID mode.
-    """
-    if named(firmware).before(RULES[0].since):
-        return "sweep the {axis} stick, slow to fast, for a minute or more"
-    return f"fly SYSTEMID mode with SID_AXIS {{sid_axis}}, entered from {start_mode(_MIXER).words}"
+
+def flying_advice(parameters: Mapping[str, float], firmware: str, *axes: Axis) -> str:
+    """How to fly excitations of axes: added to the mixer's inputs by a firmware that has such a mode."""
+    if not flies_system_id(parameters, firmware):
+        return f"sweep the {listed(axes)} stick, slow to fast, for a minute or more"
+    numbers = [SID_AXIS["command", axis] for axis in axes]
+    mode = start_mode(numbers[0]).words
+    return f"fly SYSTEMID mode with SID_AXIS {listed([str(number) for number in numbers])}, entered from {mode}"
 
 
 def _mask(parameters: Mapping[str, float]) -> int:
@@ -185,13 +207,20 @@ def _limit(rate_hz: float, parameters: Mapping[str, float]) -> str:
     return ""
 
 
-def _bit(bit: int, meaning: str, parameters: Mapping[str, float], firmware: Firmware) -> str:
-    said, mask = f"bit {bit} of LOG_BITMASK ({meaning})", _mask(parameters)
-    if firmware.before(RATE_FROM):
-        return f"{firmware.text} logs it no faster"
-    if mask >> bit & 1:
-        return f"{said} is set already, so that the autopilot's loop or its storage is too slow"
-    return f"set {said}: {mask} becomes {mask | 1 << bit}"
+def _unset(parameters: Mapping[str, float], bits: Iterable[int]) -> list[int]:
+    return [bit for bit in bits if not _mask(parameters) >> bit & 1]
+
+
+def _set_mask(parameters: Mapping[str, float], needed: Iterable[int]) -> str:
+    """The value of ``LOG_BITMASK`` with all that an identification needs: the same whatever of it is missing."""
+    mask = _mask(parameters)
+    wanted = mask | sum(1 << bit for bit in _BITS)
+    missing = ", ".join(f"{bit} {_BITS[bit]}" for bit in _unset(parameters, needed))
+    many = "," in missing
+    lacking = f"bit{'s' if many else ''} {missing} {'are' if many else 'is'} missing"
+    if not mask:
+        return f"set bits {', '.join(f'{bit} ({meaning})' for bit, meaning in _BITS.items())} of LOG_BITMASK"
+    return f"set LOG_BITMASK = {wanted} (it is {mask}; {lacking})"
 
 
 def _too_slow(name: str, rate_hz: float, severity: Severity, remedy: str) -> Finding:

@@ -209,7 +209,9 @@ def firmware_findings(plan: FlightPlan, firmware: str) -> tuple[Finding, ...]:
     oldest, newest = (".".join(map(str, one)) for one in (CHECKED[0], CHECKED[-1]))
     files = f"the files of this plan are for ArduCopter {oldest} to {newest}"
     if version is None:
-        came = f"The log is of {firmware}, not of ArduCopter" if firmware else "The log does not name its firmware"
+        came = "The log does not say the version of its firmware"
+        if firmware not in ("", "ArduPilot"):
+            came = f"The log is of {firmware}, not of ArduCopter"
         return (warn("plan_firmware", "firmware", f"{came}; {files}."),)
     called = f"ArduCopter {version[0]}.{version[1]}"
     numbers = {"major": float(version[0]), "minor": float(version[1])}

@@ -25,6 +25,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.ranges import RANGES
 from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import LogError
+from rotorid.io.betaflight.advice import field_advice
 from rotorid.io.betaflight.blackbox import MAGIC, Flight, Header, flights, parameters_of
 from rotorid.io.betaflight.status import status_of
 from rotorid.io.parameters import parameters_changed
@@ -501,12 +502,9 @@ def _wave(flight: Flight) -> FloatArray:
 
 
 _NEEDED = (
-    ("p", "the gyro is not logged, so that no response can be measured; enable it with blackbox_disable_gyro = OFF"),
-    ("az", "the accelerometer is not logged; enable it with blackbox_disable_acc = OFF"),
-    (
-        "roll_command",
-        "neither the motors nor the sums of the controllers are logged; enable them with blackbox_disable_motors = OFF",
-    ),
+    ("p", "the gyro is not logged, so that no response can be measured", "p"),
+    ("az", "the accelerometer is not logged", "az"),
+    ("roll_command", "neither the motors nor the sums of the controllers are logged", "motor_1"),
 )
 
 
@@ -523,7 +521,7 @@ def findings_of(
         *_turned_in_flight(flights),
         *(_unread(number, error) for number, error in unread),
         *(finding for flight in flights for finding in _damage(flight)),
-        *_missing(topics[0]),
+        *_missing(topics[0], flights[0].header.values.get("Firmware revision", "")),
         *_geometry(flights[0]),
     )
 
@@ -605,7 +603,7 @@ def _damage(flight: Flight) -> Iterator[Finding]:
             "gap",
             where,
             f"{damage.lost_frames} frames of {where} were never written: the logger could not keep up; lower "
-            "the logging rate (blackbox_sample_rate) or use a faster card",
+            "the logging rate, or use a faster card",
             lost_frames=damage.lost_frames,
             frames=len(flight.frames),
         )
@@ -620,10 +618,11 @@ def _damage(flight: Flight) -> Iterator[Finding]:
         )
 
 
-def _missing(topic: Topic) -> Iterator[Finding]:
-    for name, message in _NEEDED:
+def _missing(topic: Topic, firmware: str) -> Iterator[Finding]:
+    for name, message, field in _NEEDED:
         if topic.row(name) is None:
-            yield warn("missing_channel", topic.name, message)
+            advice = field_advice(firmware, (field,))
+            yield warn("missing_channel", topic.name, f"{message}; {advice}" if advice else message)
 
 
 def _geometry(flight: Flight) -> Iterator[Finding]:

@@ -83,6 +83,7 @@ LAYOUTS: Mapping[int, Layout] = MappingProxyType(
         105: _layout("HIGHRES_IMU", 93, "Q:time_usec f:xacc f:yacc f:zacc f:xgyro f:ygyro f:zgyro"),
         116: _layout("SCALED_IMU2", 76, _SCALED),
         129: _layout("SCALED_IMU3", 46, _SCALED),
+        148: _layout("AUTOPILOT_VERSION", 178, "Q:capabilities Q:uid I:flight_sw_version"),
         140: _layout("ACTUATOR_CONTROL_TARGET", 181, f"Q:time_usec {_numbered('f:control{}', 0, 8)} B:group_mlx"),
     }
 )

@@ -87,7 +87,7 @@ def read(path: Path, source: Source) -> FlightRecord:
             remedy="raise the stream rates (SR0_EXTRA1, SR0_RAW_SENS, SR0_RC_CHAN), or use the log on the SD card",
         )
     return FlightRecord(
-        source=replace(source, firmware={ARDUPILOT: "ArduPilot", PX4: "PX4"}.get(firmware, "")),
+        source=replace(source, firmware=_named(firmware, messages, status)),
         topics=topics,
         parameters=kept_parameters(parameters),
         instruments=_instruments(topics),
@@ -125,6 +125,19 @@ def _sent_by(messages: Mapping[str, Messages], sender: tuple[int, int]) -> Itera
 def _firmware(messages: Mapping[str, Messages]) -> int:
     beats = messages.get("HEARTBEAT")
     return -1 if beats is None else int(beats.fields["autopilot"][-1])
+
+
+def _named(firmware: int, messages: Mapping[str, Messages], status: Status) -> str:
+    """The firmware as its own logs name it, ``ArduCopter V4.6.2`` or ``PX4 1.15.0``; without what it did not send."""
+    name = {ARDUPILOT: "ArduPilot", PX4: "PX4"}.get(firmware, "")
+    packed = messages.get("AUTOPILOT_VERSION")
+    number = 0 if packed is None else int(packed.fields["flight_sw_version"][-1])
+    if not name or not number:
+        return name
+    version = ".".join(str(number >> place & 0xFF) for place in (24, 16, 8))
+    if firmware == PX4:
+        return f"PX4 {version}"
+    return f"{'ArduCopter' if status.vehicle == 'multirotor' else 'ArduPilot'} V{version}"
 
 
 def _status(messages: Mapping[str, Messages]) -> Status:

@@ -20,6 +20,22 @@ _NAME_IT = f"name the topic in {_TOPIC_LIST} before the next flight"
 _VERSION = re.compile(r"\b(\d+)\.(\d+)")
 
 
+def log_profile(firmware: str, held: int = 0) -> int:
+    """``SDLOG_PROFILE`` of a test flight: one of three lists before 1.8, then a mask of bits, added to those held.
+
+    Examples
+    --------
+    >>> log_profile("PX4 1.6.5"), log_profile("PX4 1.15.0"), log_profile("", 131)
+    (2, 25, 155)
+    """
+    return _SYSTEM_IDENTIFICATION if _before(firmware, _MASK_FROM) else held | _PROFILE_BITS
+
+
+def profile_words(firmware: str) -> str:
+    """What that value of ``SDLOG_PROFILE`` means."""
+    return "system identification" if _before(firmware, _MASK_FROM) else _BITS_TEXT
+
+
 def logging_advice(parameters: Mapping[str, float], firmware: str) -> str:
     """What makes this firmware log commands and rates faster; what does not say its version is taken for today's.
 
@@ -36,32 +52,37 @@ def logging_advice(parameters: Mapping[str, float], firmware: str) -> str:
     'set SDLOG_PROFILE = 2 (system identification, it is 0) before the next flight'
     """
     profile = parameters.get("SDLOG_PROFILE")
-    if profile is None and parameters:
+    if _without_profile(parameters):
         return f"this firmware has no SDLOG_PROFILE: {_NAME_IT}"
     held = int(profile or 0.0)
-    old = _before(firmware, _MASK_FROM)
-    wanted = _SYSTEM_IDENTIFICATION if old else held | _PROFILE_BITS
+    wanted = log_profile(firmware, held)
     if wanted == held:
         return f"SDLOG_PROFILE = {held} holds what helps already: {_NAME_IT}"
     now = "" if profile is None else f", it is {held}"
-    meaning = "system identification" if old else _BITS_TEXT
-    return f"set SDLOG_PROFILE = {wanted} ({meaning}{now}) before the next flight"
+    return f"set SDLOG_PROFILE = {wanted} ({profile_words(firmware)}{now}) before the next flight"
 
 
 def raw_gyro_advice(parameters: Mapping[str, float], firmware: str) -> str:
     """How the next log holds the gyro before its filters."""
-    if _before(firmware, _RAW_GYRO_FROM):
-        return f"fly firmware 1.12 or newer: {firmware} logs no gyro before its filters"
+    if _before(firmware, _RAW_GYRO_FROM) or _without_profile(parameters):
+        return f"fly firmware 1.12 or newer: {_named(firmware)} logs no gyro before its filters"
     held = int(parameters.get("SDLOG_PROFILE", 0.0))
     if held >> _RAW_GYRO_BIT & 1:
         return "bit 8 of SDLOG_PROFILE (raw IMU at its own rate) is set already: not every sensor tells it"
     return "set bit 8 of SDLOG_PROFILE (raw IMU at its own rate)"
 
 
-def motor_advice(firmware: str) -> str:
+def motor_advice(parameters: Mapping[str, float], firmware: str) -> str:
     """How the next log holds the motors."""
-    topic = "actuator_outputs" if _before(firmware, _MOTORS_FROM) else "actuator_motors"
+    old = _before(firmware, _MOTORS_FROM) or _without_profile(parameters)
+    topic = "actuator_outputs" if old else "actuator_motors"
     return f"name {topic} in {_TOPIC_LIST}"
+
+
+def gap_advice(parameters: Mapping[str, float]) -> str:
+    """How the next log has no gaps."""
+    where = _TOPIC_LIST if _without_profile(parameters) else "SDLOG_PROFILE"
+    return f"use a faster SD card or fewer topics ({where})"
 
 
 def wind_advice(parameters: Mapping[str, float]) -> str:
@@ -71,6 +92,15 @@ def wind_advice(parameters: Mapping[str, float]) -> str:
     if "EKF2_BCOEF_X" in parameters and not int(parameters.get("EKF2_AID_MASK", 32.0)) & 32:
         return "set bit 5 of EKF2_AID_MASK (drag), EKF2_BCOEF_X and _Y, with which EKF2 estimates it"
     return ""
+
+
+def _without_profile(parameters: Mapping[str, float]) -> bool:
+    """Whether parameters are those of a firmware before 1.6: a log without any may be of today."""
+    return bool(parameters) and "SDLOG_PROFILE" not in parameters
+
+
+def _named(firmware: str) -> str:
+    return firmware if _VERSION.search(firmware) else "this firmware"
 
 
 def _before(firmware: str, version: tuple[int, int]) -> bool:

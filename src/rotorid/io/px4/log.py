@@ -20,7 +20,7 @@ from rotorid.errors import LogError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.flags import vehicle_findings
 from rotorid.io.parameters import kept_parameters, parameters_changed
-from rotorid.io.px4.advice import logging_advice
+from rotorid.io.px4.advice import gap_advice, logging_advice
 from rotorid.io.px4.sensors import SENSOR_FIELDS, sensor_topics
 from rotorid.io.px4.status import STATUS_FIELDS, status_of
 from rotorid.io.px4.ulog import MAGIC, extract
@@ -384,7 +384,7 @@ def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any], firmware: str
         As it introduces itself.
     """
     yield from _damage(facts["damage"], facts["size_bytes"])
-    yield from _dropouts(facts["dropouts"])
+    yield from _dropouts(facts["dropouts"], facts["parameters"])
     if changed := facts.get("changed"):
         yield parameters_changed(changed, "Parameters changed in the log")
     sources = (channel.source.partition("[")[0] for topic in topics for channel in topic.channels)
@@ -412,7 +412,7 @@ def _damage(damage: Sequence[tuple[int, int, str]], size_bytes: int) -> Iterator
     )
 
 
-def _dropouts(dropouts: Sequence[tuple[float, float]]) -> Iterator[Finding]:
+def _dropouts(dropouts: Sequence[tuple[float, float]], parameters: Mapping[str, float]) -> Iterator[Finding]:
     if not dropouts:
         return
     total_s = sum(duration for _, duration in dropouts)
@@ -421,7 +421,7 @@ def _dropouts(dropouts: Sequence[tuple[float, float]]) -> Iterator[Finding]:
         "gap",
         "logger",
         f"The logger lost data {len(dropouts)} times, {total_s:.3f} s in all and {longest_s:.3f} s at most, at "
-        f"{at_s:.2f} s. A faster SD card or fewer topics (SDLOG_PROFILE) help.",
+        f"{at_s:.2f} s. {capital(gap_advice(parameters))}.",
         dropouts=len(dropouts),
         lost_s=total_s,
         longest_s=longest_s,

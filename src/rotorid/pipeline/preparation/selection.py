@@ -20,6 +20,7 @@ from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.io.advice import flying_advice
 from rotorid.models.library import RATE_AXES
 from rotorid.models.structure import LinearStructure
 from rotorid.pipeline.preparation.flights import Flight, longest_flight, overlap, require_duration
@@ -265,7 +266,7 @@ def _nothing_flown(
 ) -> InsufficientDataError:
     names, wanted = ", ".join(record.source.name for record in records), " or ".join(axes)
     needed = "a sweep, a multisine or a random binary signal of some 20 s and more"
-    remedy = "fly one (ArduPilot: SYSTEMID mode; PX4: slow to fast stick), or name an interval with --segment"
+    remedy = f"{flying_advice(records[0], axes[0])}, or name an interval with --segment"
     if any(record.status.foreign for record in records):
         # What helps there is nobody's test input: turns, pulses and steps of ordinary driving or flying.
         needed = f"some 20 s in which {wanted} moves slowly and fast: weaving, pulses or steps in turns"

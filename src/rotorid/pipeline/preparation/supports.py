@@ -54,7 +54,6 @@ _INSTRUMENT = "an instrument free of feedback"
 _WHOLE_HZ, _WHOLE_RAD_S = 100.0, 2.0
 """Rates and ends of excitations from which decimals say nothing."""
 
-_SID_AXIS = {"roll": 10, "pitch": 11, "yaw": 12, "thrust": 13}
 _LISTED = 4
 
 By: TypeAlias = Literal["", "excitation", "ordinary flight", "motors"]
@@ -351,7 +350,8 @@ def _unlogged(record: FlightRecord, rates: Mapping[str, float]) -> Support | Non
     missing = [name for name in rates if name not in record.channel_names]
     if not missing:
         return None
-    because, remedy = f"the log lacks {' and '.join(missing)}", logging_advice(record, min(rates.values()))
+    because = f"the log lacks {' and '.join(missing)}"
+    remedy = logging_advice(record, min(rates.values()), tuple(missing))
     return Support(possible=False, because=because, remedy=remedy, lacks="missing_channel")
 
 
@@ -408,17 +408,15 @@ def _by_ordinary(
         f"ordinary flight of {flown_s:.0f} s, {min(rates.values()):.0f} Hz, joint estimate with {instrument}: "
         "intervals several times wider than from a sweep; only identify shows whether the model fits"
     )
-    return Support(possible=True, because=because, remedy=f"better: {_flying(record, axis)}", by="ordinary flight")
-
-
-def _flying(record: FlightRecord, *axes: Axis) -> str:
-    return flying_advice(record).format(axis=listed(axes), sid_axis=listed([str(_SID_AXIS[axis]) for axis in axes]))
+    return Support(
+        possible=True, because=because, remedy=f"better: {flying_advice(record, axis)}", by="ordinary flight"
+    )
 
 
 def _unflown(record: FlightRecord, axis: Axis, tried: Maneuver | None) -> Support:
     """The refusal of a flight that moves an axis neither on purpose nor by stick; a candidate is pointed at."""
     because = f"the log {nothing_excites([axis], find_excitations(record, axis))}, and {_no_ordinary(record, axis)}"
-    remedy = _flying(record, axis)
+    remedy = flying_advice(record, axis)
     if tried is not None:
         remedy += f", or try --segment {segment_of(axis, tried.start_s, tried.stop_s)}"
     return Support(possible=False, because=because, remedy=remedy, lacks="no_excitation")
@@ -488,7 +486,7 @@ def _coupled_support(record: FlightRecord, model: str) -> Support:
         return replace(refused, needs=refused.needs or needs)
     if still := [axis for axis, rich in found.items() if not rich]:
         because = f"the log holds no sweep of {listed(still)}"
-        remedy = _flying(record, *still)
+        remedy = flying_advice(record, *still)
         return Support(possible=False, because=because, remedy=remedy, needs=needs, lacks="no_excitation")
     because = f"{listed(axes)} were excited; only identify shows whether the model fits"
     return Support(possible=True, because=because, needs=needs, by="excitation")

@@ -19,7 +19,7 @@ import numpy as np
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.errors import InsufficientDataError, ModelError
-from rotorid.io.advice import logging_advice, raw_gyro_advice, wind_advice
+from rotorid.io.advice import gap_advice, logging_advice, raw_gyro_advice, wind_advice
 from rotorid.models.rotors import layout_of
 from rotorid.pipeline.review.motors import steady_windows, thrust_curve
 from rotorid.pipeline.review.values import FlightSummary, LoggingReview, Untold, VehicleReview
@@ -257,6 +257,19 @@ def _exact(value: float, std: float, unit: str) -> Quantity:
     return Quantity.normal(value, std, unit)
 
 
+def hover_throttle(record: FlightRecord, flights: Intervals) -> Quantity | None:
+    """Throttle in steady seconds of a flight, from zero to one; ``None`` where there were too few of them.
+
+    Parameters
+    ----------
+    record
+        The log.
+    flights
+        When it flew.
+    """
+    return _thrust(record, flights)[0]
+
+
 def _thrust(record: FlightRecord, flights: Intervals) -> tuple[Quantity | None, Quantity | None, list[Untold]]:
     """Throttle of hover in steady seconds, and thrust over weight."""
     untold: list[Untold] = []
@@ -452,12 +465,10 @@ def _changes(record: FlightRecord, slow: Mapping[str, float], gap_s: float) -> I
     if loop:
         rate_hz = min(slow[name] for name in loop)
         if record.source.format.startswith("Betaflight"):
-            yield (
-                f"Rates are logged at {rate_hz:.0f} Hz: raise blackbox_sample_rate to 1/8 of an 8 kHz loop (1 kHz) or "
-                "more."
-                if "p" in slow
-                else f"Not logged, or too slowly: {', '.join(loop)}; see blackbox_disable_* in the command line."
-            )
+            missing = tuple(name for name in loop if name not in record.channel_names)
+            said = f"{', '.join(missing)} not logged" if missing else f"Rates are logged at {rate_hz:.0f} Hz"
+            advice = logging_advice(record, rate_hz, missing)
+            yield f"{said}: {advice}." if advice else f"{said}."
         else:
             advice = logging_advice(record, rate_hz)
             if record.source.format.startswith("PX4"):
@@ -466,13 +477,7 @@ def _changes(record: FlightRecord, slow: Mapping[str, float], gap_s: float) -> I
             else:
                 yield f"{advice[0].upper()}{advice[1:]}."
     if gap_s > 0.0:
-        how = {
-            "PX4": "use a faster SD card or fewer topics (SDLOG_PROFILE)",
-            "ArduPilot": "use a faster SD card, a larger LOG_FILE_BUFSIZE, or fewer messages (LOG_BITMASK)",
-            "Betaflight": "lower blackbox_sample_rate or use a faster card",
-        }
-        told = next((text for name, text in how.items() if record.source.format.startswith(name)), "log less")
-        yield f"The longest gap in flight is {1e3 * gap_s:.0f} ms: {told}."
+        yield f"The longest gap in flight is {1e3 * gap_s:.0f} ms: {gap_advice(record)}."
     if "p_raw" not in record and (advice := raw_gyro_advice(record)).startswith("set "):
         yield f"{advice[0].upper()}{advice[1:]}, which logs the gyro before its filters too."
     if not any(name.startswith("motor_speed_") for name in record.channel_names):

@@ -192,8 +192,9 @@ def _missing(flight: Flown, loop: Loop, instrument: Instrument, channel: str) ->
     if loop.reference not in names or loop.name not in names:
         if loop.name not in _EXPECTED or (flown_directly and not loop.of_rates):
             return Untold(what=what, why="")
-        lacking = " and no ".join(name for name in (loop.reference, loop.name) if name not in names)
-        return Untold(what=what, why=f"The log holds no {lacking}.", remedy=logging_advice(flight.record, 0.0))
+        lacking = tuple(name for name in (loop.reference, loop.name) if name not in names)
+        remedy = logging_advice(flight.record, 0.0, lacking)
+        return Untold(what=what, why=f"The log holds no {' and no '.join(lacking)}.", remedy=remedy)
     if flown_directly and not loop.of_rates:
         return Untold(what=what, why="")
     if not channel:

@@ -131,7 +131,7 @@ def _require_logged(flight: Flown, axis: Axis) -> None:
     missing = [name for name in (command, rate) if name not in names]
     if missing:
         raise _CannotError(
-            f"The log holds no {' and no '.join(missing)}.", "Log the controllers' outputs and the body rates."
+            f"The log holds no {' and no '.join(missing)}.", logging_advice(flight.record, 0.0, tuple(missing))
         )
     slowest_hz = min(flight.rate_hz(command), flight.rate_hz(rate))
     if slowest_hz < LOWEST_RATE_HZ:

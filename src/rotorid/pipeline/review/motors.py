@@ -24,7 +24,7 @@ from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Intervals
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, ModelError
-from rotorid.io.advice import motor_advice
+from rotorid.io.advice import motor_advice, speed_advice
 from rotorid.models.rotors import layout_of
 from rotorid.pipeline.review.flown import Flown, flown, loop_response
 from rotorid.pipeline.review.values import MotorReview, Untold
@@ -360,7 +360,7 @@ def _explained(apart: FloatArray, columns: FloatArray) -> float:
 
 def _events(record: FlightRecord, flights: Intervals) -> tuple[tuple[float, ...], list[Untold]]:
     what = "motors.events"
-    remedy = "log the motors' speeds (bidirectional DShot) at 40 Hz and more"
+    remedy = speed_advice(record)
     speeds, outputs = or_none(logged_speeds, record), or_none(logged_outputs, record)
     if speeds is None or outputs is None:
         why = "The motors' speeds are not logged."

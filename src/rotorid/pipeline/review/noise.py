@@ -515,7 +515,9 @@ def _delays(record: FlightRecord, sensors: Sequence[_Sensor], _: Intervals) -> T
     together = np.abs(near - after.time_s) <= 1.5 / before.rate_hz
     if np.mean(together) < 0.5:
         why = "The batches before and behind the filters were taken one after the other, not at the same time."
-        return numbers, [*untold, Untold(what=what, why=why, remedy="log GYR before and behind (INS_RAW_LOG_OPT = 9)")]
+        has = "INS_RAW_LOG_OPT" in record.parameters
+        both = "log GYR before and behind (INS_RAW_LOG_OPT = 9)" if has else ""
+        return numbers, [*untold, Untold(what=what, why=why, remedy=both)]
     raw = np.interp(after.time_s, before.time_s, before.values)
     measured = measured_delay(after.time_s, raw, after.values, band_hz=_DELAY_BAND_HZ)
     if measured is None:

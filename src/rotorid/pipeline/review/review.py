@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging as logs
 import math
-import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +15,8 @@ from rotorid.data.findings import worst_first
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.io.advice import logging_advice
+from rotorid.io.advice import flying_advice, logging_advice
+from rotorid.pipeline.next_steps import KnownOfLog, LoopChannels, next_steps
 from rotorid.pipeline.oscillations import (
     OscillationReview,
     describe,
@@ -52,14 +52,6 @@ from rotorid.typing import Axis
 _PROGRESS = logs.getLogger("rotorid.progress")
 _STEPS = ("flight", "logging", "oscillations", "loops", "margins", "noise", "motors", "models")
 
-_VEHICLES = {
-    "PX4": "px4_quad",
-    "ArduPilot": "ardupilot_quad",
-    "ArduCopter": "ardupilot_quad",
-    "Betaflight": "betaflight_quad",
-    "Crazyflie": "crazyflie",
-}
-"""Whose files and loops a plan for this autopilot is made with, unless the user has a vehicle of his own."""
 
 Part = TypeVar("Part")
 
@@ -162,7 +154,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
         if motors_limited(swinging):
             untold.append(_hidden_by_limits("models", swinging))
         else:
-            found = part("models", lambda: _models(record, _craft(kind.autopilot)), found)
+            found = part("models", lambda: _models(record), found)
     summary, untold = _with_thrust_of(found, summary, untold)
     seen = Review(
         name=record.source.name,
@@ -192,7 +184,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
             ]
         ),
     )
-    return replace(seen, next_commands=tuple(next_commands(seen)))
+    return replace(seen, next_commands=next_commands(record, seen))
 
 
 def _oscillations(
@@ -234,7 +226,7 @@ def _margins_of(
     return kept, [*missing, *(one for one in untold if one.what.split(".")[1] not in axes)]
 
 
-def _models(record: FlightRecord, craft: str) -> tuple[dict[str, IdentifiedModel | Refused], list[Untold]]:
+def _models(record: FlightRecord) -> tuple[dict[str, IdentifiedModel | Refused], list[Untold]]:
     if record.status.foreign:
         return {}, [Untold(what="models", why=f"{capital(foreign_vehicle(record))}; all models are of multirotors.")]
     several = identify_several(record)
@@ -243,7 +235,7 @@ def _models(record: FlightRecord, craft: str) -> tuple[dict[str, IdentifiedModel
         Untold(what=f"models.{name}", why=f"{capital(support.because)}.", remedy=support.remedy)
         for name, support in lacking.items()
     ]
-    return dict(several), [*_refusals(several.refused, craft), *unsupported]
+    return dict(several), [*_refusals(several.refused, record), *unsupported]
 
 
 def _with_thrust_of(
@@ -260,36 +252,30 @@ def _with_thrust_of(
     return summary, untold
 
 
-def _craft(autopilot: str) -> str:
-    """The vehicle of the library that flies as the autopilot does."""
-    return _VEHICLES.get(autopilot.partition(" ")[0], "px4_quad")
-
-
-def next_commands(seen: Review) -> Iterator[str]:
+def next_commands(record: FlightRecord, seen: Review) -> tuple[str, ...]:
     """The commands that lead on from here, for this very log.
 
     Parameters
     ----------
+    record
+        The log.
     seen
-        A review.
+        Its review.
     """
-    log = shlex.quote(seen.name)
-    stands = [name for name, model in seen.models.items() if isinstance(model, IdentifiedModel)]
-    if stands:
-        yield f"rotorid identify {log} --model {','.join(stands)}"
-    if seen.oscillations:
-        # The log shows the limits of its loops, and a sweep on top of them would not be a safe flight.
-        return
-    for loop in seen.loops.values():
-        instrument = " --estimate direct" if loop.instrument == "direct" else ""
-        yield f"rotorid response {log} --inputs {loop.reference} --outputs {loop.answer}{instrument}"
-        break
-    axes = [axis for name, axis in AXIS_OF.items() if name not in stands]
-    if seen.models_sought and axes and seen.flight.flights and seen.vehicle.kind in ("", "multirotor"):
-        craft = _craft(seen.vehicle.autopilot)
-        # A design takes gains of logs of these two.
-        gains = f" --gains {log}" if seen.margins and craft in ("px4_quad", "ardupilot_quad") else ""
-        yield f"rotorid design sweep --vehicle {craft} --axis {','.join(axes)}{gains}"
+    identified = {name: model for name, model in seen.models.items() if isinstance(model, IdentifiedModel)}
+    known = KnownOfLog(record=record, models=tuple(identified), identified=tuple(identified.values()))
+    if not seen.oscillations:
+        # A log that swings shows the limits of its loops, and a sweep on top of them would not be a safe flight.
+        loop = next(iter(seen.loops.values()), None)
+        wanted = seen.models_sought and seen.flight.flights and seen.vehicle.kind in ("", "multirotor")
+        known = replace(
+            known,
+            loop=None
+            if loop is None
+            else LoopChannels(reference=loop.reference, answer=loop.answer, direct=loop.instrument == "direct"),
+            wanted_axes=tuple(axis for name, axis in AXIS_OF.items() if name not in identified) if wanted else (),
+        )
+    return tuple(next_steps(known))
 
 
 def untold_by(error: InsufficientDataError, what: str) -> Untold:
@@ -298,10 +284,10 @@ def untold_by(error: InsufficientDataError, what: str) -> Untold:
     return Untold(what=what, why=why, remedy=error.remedy)
 
 
-def _refusals(refused: dict[str, Refused], craft: str) -> Iterator[Untold]:
+def _refusals(refused: dict[str, Refused], record: FlightRecord) -> Iterator[Untold]:
     for name, answer in refused.items():
         reasons = [finding.message for finding in answer.findings if finding.severity == "error"]
         axis = AXIS_OF.get(name)
         short = {finding.kind for finding in answer.findings} & {"no_excitation", "low_coherence"}
-        remedy = f"rotorid design sweep --vehicle {craft} --axis {axis}" if axis and short else ""
+        remedy = flying_advice(record, axis) if axis and short else ""
         yield Untold(what=f"models.{name}", why=reasons[0] if reasons else "The data cannot support it.", remedy=remedy)

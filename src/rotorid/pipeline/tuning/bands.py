@@ -23,8 +23,9 @@ from rotorid.planning.aircraft import aircraft_loop, rate_filters
 from rotorid.planning.loop import LoopModel
 from rotorid.planning.prior import with_prior
 from rotorid.simulation.multirotor_flight import Aircraft
-from rotorid.tuning.bands import LOWEST_RAD_S, needed_band
+from rotorid.tuning.bands import LOWEST_RAD_S, band_of, crossover_rad_s, foreseen
 from rotorid.tuning.loops import ControllerParts, frequency_grid
+from rotorid.tuning.proposal import AxisProposal
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 _LOGGED = 0.5
@@ -79,7 +80,9 @@ def designed_for_tune(
     for axis in axes:
         sent = (choices.plan.entry or default_entry(craft, axis)) != "command"
         most = min(_LOGGED * np.pi * logged_hz, _SENT_RAD_S if sent else np.inf)
-        highest = _highest_rad_s(axis, controllers[axis], craft, loop)
+        found, highest = _foreseen(axis, controllers[axis], craft, loop)
+        if not found.keeps_limits:
+            short.append(_no_gains(axis, found))
         bands[axis] = (LOWEST_RAD_S, float(min(np.ceil(highest), np.floor(most))))
         if highest > bands[axis][1]:
             short.append(
@@ -111,8 +114,20 @@ def _with_gains_of(choices: DesignChoices, models: Sequence[IdentifiedModel]) ->
     return replace(choices, gains={**known.gains, **known.filters}, gains_source="the result", firmware=firmware)
 
 
-def _highest_rad_s(axis: Axis, controller: AxisController, craft: Aircraft, loop: LoopModel) -> float:
-    """Upper end of the band of an axis, with the vehicle of the plan as plant."""
+def _no_gains(axis: Axis, found: AxisProposal) -> Finding:
+    """That a band is one of the flown gains, since none are foreseen."""
+    words = "; ".join(found.reasons)
+    return warn(
+        "tuning_bound",
+        axis,
+        f"No gains of {axis} are foreseen ({words}). Its sweep has the band of the flown gains, "
+        "which may end below that of gains that tune will find.",
+        flown_crossover_rad_s=crossover_rad_s(found.flown),
+    )
+
+
+def _foreseen(axis: Axis, controller: AxisController, craft: Aircraft, loop: LoopModel) -> tuple[AxisProposal, float]:
+    """Gains foreseen for an axis with the vehicle of the plan as plant, and the upper end of the band for them."""
     row, column = loop.outputs.index(RATE_OF[axis]), loop.inputs.index(f"{axis}_command")
 
     def plant(omega_rad_s: FloatArray) -> ComplexArray:
@@ -124,4 +139,5 @@ def _highest_rad_s(axis: Axis, controller: AxisController, craft: Aircraft, loop
     parts = ControllerParts(controller=controller.controller, omega_rad_s=omega, seen=filters, logged=filters)
     ends = tuple(at_ends(controller, parts).values())
     wishes = wishes_of(controller, TuneSettings())
-    return needed_band(axis, plant, controller.controller, parts, wishes=wishes, ends=ends)[1]
+    found = foreseen(axis, plant, controller.controller, parts, wishes=wishes, ends=ends)
+    return found, band_of(found, plant, parts)[1]
