@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
@@ -12,10 +14,12 @@ from rotorid.models.autopilots.settings import AxisController
 from rotorid.pipeline.preparation.controllers import logged_axis
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.tuning.filters import with_filters
-from rotorid.pipeline.tuning.flown import FlownAxis, explained, flown_axis, require_gains, require_room
+from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, explained, flown_axis, require_gains, require_room
 from rotorid.pipeline.tuning.plants import plant_of, plant_remarks, rate_model, require_known
+from rotorid.tuning.bands import needed_band
 from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid, loop_figures
 from rotorid.tuning.plant import UncertainPlant
+from rotorid.tuning.proposal import Wishes
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 _OF_FIRMWARE = ("firmware_contradicted", "controller_unexplained")
@@ -60,6 +64,30 @@ class KnownAxis(Immutable):
     def drawn(self) -> ComplexArray:
         """All likely plants, shape ``(draws, f)``."""
         return self.plant.drawn(self.omega_rad_s)
+
+    def needed_rad_s(self, wishes: Wishes) -> float:
+        """Upper end of the sweep on which gains can be proposed and checked, see :func:`needed_rad_s`."""
+        return needed_rad_s(self.flown.axis, self.plant, self.flown.controller, self.parts, wishes)
+
+
+def needed_rad_s(
+    axis: Axis, plant: UncertainPlant, controller: AxisController, parts: ControllerParts, wishes: Wishes
+) -> float:
+    """Upper end in whole rad/s of the sweep on which gains of an axis can be proposed and checked.
+
+    Parameters
+    ----------
+    axis, plant
+        Of which the most likely plant counts.
+    controller
+        As flown.
+    parts
+        What its gains do, with the filters that are to be flown.
+    wishes
+        Limits.
+    """
+    ends = tuple(at_ends(controller, parts).values())
+    return float(np.ceil(needed_band(axis, plant.response, parts.controller, parts, wishes=wishes, ends=ends)[1]))
 
 
 def log_of(axis: Axis, logs: Sequence[FlightRecord]) -> FlightRecord | None:

@@ -26,12 +26,12 @@ from rotorid.pipeline.preparation.controllers import flown_firmware
 from rotorid.pipeline.provenance import Provenance, autopilot_of, provenance, require_one_autopilot
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import Setting, as_records, require_seed
-from rotorid.pipeline.tuning.axis import KnownAxis, gains_apart, known_axis
+from rotorid.pipeline.tuning.axis import KnownAxis, gains_apart, known_axis, needed_rad_s
 from rotorid.pipeline.tuning.filters import FilterPrice, changed_filters, prices
 from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, flown_controllers, settings_records
 from rotorid.pipeline.tuning.shared import require_filters_hold
 from rotorid.pipeline.tuning.thrust import ThrustLinearization, linearization
-from rotorid.tuning.bands import BAND_OVER_CROSSOVER, needed_band
+from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.files import parameter_files
 from rotorid.tuning.firmware import Parameter, parameters_of, ranges_of, rounded, scaled, written
 from rotorid.tuning.loops import ControllerParts, Gains
@@ -212,9 +212,7 @@ class AxisTuning(Immutable):
     @cached_property
     def needed_rad_s(self) -> float:
         """Upper end of the sweep on which the gains of the goal can be proposed and checked."""
-        ends = tuple(at_ends(self.controller, self.parts).values())
-        plant, controller = self.plant.response, self.parts.controller
-        return needed_band(self.proposal.axis, plant, controller, self.parts, wishes=self.wishes, ends=ends)[1]
+        return needed_rad_s(self.proposal.axis, self.plant, self.controller, self.parts, self.wishes)
 
     @property
     def changed(self) -> bool:
