@@ -243,7 +243,8 @@ def _print(document: TuneDocument, folder: Path) -> None:
         )
         console.print(line, highlight=False, markup=False)
     if document.robustness:
-        console.print(f"limit: {document.robustness}", highlight=False, markup=False)
+        limit = f"limit: {document.robustness}; 95 of 100 likely plants keep it, so intervals may end a little above it"
+        console.print(limit, highlight=False, markup=False)
     print_findings(document.findings)
     for name in (*document.files, *document.rollback_files):
         console.print(f"file: {folder / name}", soft_wrap=True, markup=False)

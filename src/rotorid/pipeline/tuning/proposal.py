@@ -70,7 +70,7 @@ class TuneSettings(Immutable):
         How many times larger a helicopter of full scale is, for guidelines made for those; ``None`` where the fit of
         ``physical.motors`` is to say, or none.
     draws, seed
-        How many likely plants, and the seed of the draws.
+        How many likely plants, and the seed of the draws. Of 50 the gains of equal plants differ by a step of the grid.
 
     Raises
     ------
@@ -84,7 +84,7 @@ class TuneSettings(Immutable):
     keep: tuple[str, ...] = ()
     filters: Mapping[str, float] = field(default_factory=dict)
     scale: float | None = None
-    draws: int = 50
+    draws: int = 200
     seed: int = 0
 
     def __post_init__(self) -> None:
