@@ -70,10 +70,9 @@ def plant_remarks(axis: Axis, given: Sequence[IdentifiedModel], model: Identifie
         remarks.append(remark("plant_of_choice", axis, message))
     unused = [one for one in given if one.name == model.name and one is not model]
     if unused:
-        logs = " and ".join(dict.fromkeys(", ".join(one.provenance.inputs) for one in unused))
         message = (
-            f"{counted(len(unused) + 1, 'result')} of {model.name} came: that of {', '.join(model.provenance.inputs)} "
-            f"was used, and those of {logs} were not. Give the logs alone to use all of them."
+            f"{counted(len(unused) + 1, 'result')} of {model.name} came, and the first was used, of "
+            f"{', '.join(model.provenance.inputs)}. Give the logs alone to use all flights."
         )
         remarks.append(remark("plant_of_choice", axis, message))
     return remarks
@@ -81,11 +80,8 @@ def plant_remarks(axis: Axis, given: Sequence[IdentifiedModel], model: Identifie
 
 def _in_words(value: Setting) -> str:
     """A choice in one short piece of text."""
-    return (
-        ", ".join(f"{one:g}" if isinstance(one, float) else str(one) for one in value)
-        if (isinstance(value, list))
-        else str(value)
-    )
+    values = value if isinstance(value, list) else [value]
+    return ", ".join(f"{one:g}" if isinstance(one, float) else str(one) for one in values)
 
 
 def plant_of(

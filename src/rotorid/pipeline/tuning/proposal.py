@@ -509,7 +509,7 @@ def _thrust_remarks(thrust: ThrustLinearization) -> list[Finding]:
         return []
     message = (
         f"The curve of thrust of physical.motors makes the loops {low:.2f} to {high:.2f} times those of hover over the "
-        "throttle that was flown: the proposed gains keep their limits over all of it, and are lower than without it."
+        "throttle that was flown: the proposed gains keep their limits over all of it; without it they may be higher."
     )
     return [remark("thrust_range", thrust.parameter, message, lowest=low, highest=high)]
 
