@@ -452,17 +452,17 @@ def _searched(
 
 
 def _simplest(found: Sequence[tuple[float, Gains]], flown: Gains) -> Gains:
-    """Of gains that hold an attitude as well as the best, those of the least D, and of these the least changed.
+    """Of gains that hold an attitude as well as the best, with its A, those of the least D, then the least changed.
 
     Where D or I hardly matters, the best of them is an accident of the draws.
     """
-    least = min(over for over, _ in found)
+    least, best = min(found, key=lambda one: one[0])
 
     def change(gains: Gains) -> tuple[float, float]:
         pairs = [(value, getattr(flown, name)) for name, value in gains.as_dict().items() if name != "D"]
         return gains.D, sum(abs(math.log(now / before)) for now, before in pairs if now > 0.0 and before > 0.0)
 
-    return min((gains for over, gains in found if over <= _AS_GOOD * least), key=change)
+    return min((gains for over, gains in found if over <= _AS_GOOD * least and gains.A == best.A), key=change)
 
 
 class _Shape(NamedTuple):
