@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -43,10 +43,15 @@ from rotorid.fitting.delay.fit import (
 from rotorid.fitting.inverse_controller import inverse_controller
 from rotorid.fitting.problem import ResidualErrors
 from rotorid.io.advice import logging_advice
-from rotorid.models.autopilots.betaflight import NAME as BETAFLIGHT
 from rotorid.models.autopilots.betaflight import TOP
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
+from rotorid.pipeline.preparation.controller_check import (
+    ControllerMatch,
+    match_controller,
+    window_frequencies,
+    window_spectra,
+)
 from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, logged_axis, usual_throttle
 from rotorid.pipeline.review.flown import LEAST_MOTION_S, Flown, loop_response
 from rotorid.pipeline.review.values import Instrument, MarginReview, Untold
@@ -75,22 +80,6 @@ their own held it in 83 to 87 % and in 80 %."""
 
 _FEWEST_POINTS = 8
 """Frequencies of the plant that have to be known, and be no controller, before margins are told."""
-
-_SAME_TERM, _SAME_COMMAND = 0.1, 0.2
-"""How far from one the logged P term, or the command, may lie over what the gains make of set-point and rate, for gains
-that flew."""
-
-_ALIKE = 0.9
-"""Least correlation of the logged signal with what the gains make."""
-
-_EXPLAINED_RAD_S = (3.0, 60.0)
-"""Where that is looked at."""
-
-_OF_NYQUIST = 0.3
-"""Share of the Nyquist frequency of the log up to which it is."""
-
-_FEWEST_SAMPLES = 1000
-"""Of logged terms, which are not looked at in shorter stretches."""
 
 LARGEST_CHI_SQUARE = 3.0
 """For each degree of freedom; a model that misses the plant by more says nothing of what lies beyond."""
@@ -175,8 +164,8 @@ def _margins(flight: Flown, axis: Axis) -> tuple[MarginReview, list[Untold]]:
     throttle, source = usual_throttle(flight.record), _source(histories, rate)
     settings = _logged_settings(flight, axis, source=source, throttle=throttle)
     way = max(ways, key=lambda one: _coherence(histories, one.channel, command)) if len(ways) > 1 else ways[0]
-    seen = _explained(histories, axis, settings, flight, way)
-    if seen is not None and not seen.holds:
+    seen = match_controller(flight.record, axis, settings, histories, intervals=flight.during(way.kind))
+    if seen is not None and not seen.made:
         raise _CannotError(*seen.refusal(axis))
     plant = _plant(flight, axis, way, histories)
     flown = _nearest(settings, seen)
@@ -229,9 +218,6 @@ _BAND_RAD_S = (5.0, 60.0)
 
 _ATTITUDES = ("phi_setpoint", "theta_setpoint", "psi_setpoint")
 
-_WINDOW_S = 4.0
-"""Length of the windows of all spectra here."""
-
 
 def _ways(flight: Flown, axis: Axis) -> list[_Way]:
     """What may tell the plant of an axis, at least one."""
@@ -271,7 +257,7 @@ def _histories(flight: Flown, axis: Axis, ways: Sequence[_Way]) -> tuple[TimeHis
 
 def _coherence(histories: Sequence[TimeHistory], one: str, other: str) -> float:
     """Mean coherence of two channels where loops cross."""
-    x, y, omega = (*(_spectra(histories, name) for name in (one, other)), _lines(histories))
+    x, y, omega = (*(window_spectra(histories, name) for name in (one, other)), window_frequencies(histories))
     inside = (omega >= _BAND_RAD_S[0]) & (omega <= _BAND_RAD_S[1])
     power = np.mean(np.abs(x) ** 2, axis=0) * np.mean(np.abs(y) ** 2, axis=0)
     shared = np.abs(np.mean(x.conj() * y, axis=0)) ** 2
@@ -319,198 +305,7 @@ def _without_trap(plant: FrequencyResponse, controllers: Sequence[LoggedControll
     return at_points(plant, kept)
 
 
-# What the controller has to explain.
-
-
-class _Term(NamedTuple):
-    """A regression of a logged signal on what the gains make of the others."""
-
-    slope: float
-    correlation: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Explained(Immutable):
-    """How the gains of a log explain its command: the whole, and each term by its letter where terms are logged."""
-
-    whole: _Term
-    terms: Mapping[str, _Term] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self._set(terms=self.terms)
-
-    @property
-    def correlation(self) -> float:
-        return self.whole.correlation
-
-    @property
-    def holds(self) -> bool:
-        """Whether the gains are those that flew."""
-        if "p" in self.terms:
-            # The mix is what the motors had room for: only the terms are as the gains make them.
-            own = self.terms["p"]
-            return abs(own.slope - 1.0) <= _SAME_TERM and own.correlation >= _ALIKE and self.whole.slope > 0.0
-        return abs(self.whole.slope - 1.0) <= _SAME_COMMAND and self.whole.correlation >= _ALIKE
-
-    def refusal(self, axis: Axis) -> tuple[str, str]:
-        """Why the gains do not count as those that flew, and what would help."""
-        name, one = ("its P term", self.terms["p"]) if "p" in self.terms else ("it", self.whole)
-        if "p" in self.terms and self.whole.slope <= 0.0:
-            return (
-                f"The {axis} command that the motors make does not follow the sum of the controller's terms.",
-                "Margins need a quadrotor with the usual order of its motors.",
-            )
-        if one.correlation < _ALIKE:
-            return (
-                f"Set-point, rate and the gains in the log explain the logged {axis} command with a correlation of "
-                f"{one.correlation:.2f} only, where {_ALIKE:g} is needed to take them for those that flew.",
-                f"{_MOVE} Log faster. Gains that changed in flight, or a controller with other parts, have no margins "
-                "here.",
-            )
-        return (
-            f"The gains in the log do not make the logged {axis} command: {name} is {one.slope:.2f} times what "
-            "set-point, rate and gains make.",
-            "Give the log in which they flew. Gains that changed in flight, or a controller with other parts, have no "
-            "margins here.",
-        )
-
-
-def _explained(
-    histories: Sequence[TimeHistory], axis: Axis, settings: AxisController, flight: Flown, way: _Way
-) -> _Explained | None:
-    """What the gains make of set-point and rate, against the command; ``None`` where no set-point is logged."""
-    rate, command = RATE_OF[axis], f"{axis}_command"
-    setpoint = f"{rate}_setpoint"
-    if setpoint not in histories[0].names:
-        return None
-    own = settings.ends.get(TOP, settings.controller).rate_loop
-    if settings.autopilot == BETAFLIGHT:
-        logged = _as_logged(flight, (rate, setpoint, command, *(f"{axis}_{one}_term" for one in "pid")), way)
-        if logged:
-            return _by_terms(logged, axis, own)
-    omega, inside = _band(histories)
-    if not omega.size:
-        return None
-    r, y, u = (_spectra(histories, name)[:, inside] for name in (setpoint, rate, command))
-    if f"{axis}_excitation" in histories[0].names:
-        u = u - _spectra(histories, f"{axis}_excitation")[:, inside]
-    made = (
-        own.setpoint_response(omega) * r
-        - acting_on(flight.record, own, source=_source(histories, rate)).response(omega) * y
-    )
-    # What is fed forward from the stick goes with the slope of the set-point.
-    ahead = [1j * omega * r] if settings.autopilot == BETAFLIGHT else []
-    return _Explained(whole=_regressed(u, [made, *ahead], r))
-
-
-def _by_terms(logged: Sequence[TimeHistory], axis: Axis, own: RateController) -> _Explained | None:
-    """Each logged term on its own path, and their sum on the command."""
-    omega, inside = _band(logged)
-    if not omega.size:
-        return None
-    rate = RATE_OF[axis]
-    r, y, u = (_spectra(logged, name)[:, inside] for name in (f"{rate}_setpoint", rate, f"{axis}_command"))
-    terms = {
-        one: _spectra(logged, f"{axis}_{one}_term")[:, inside]
-        for one in "pidf"
-        if f"{axis}_{one}_term" in logged[0].names
-    }
-    of_error = {
-        "p": replace(own, integral=0.0, derivative_s2=0.0) if own.proportional_s else None,
-        "i": replace(own, proportional_s=0.0, derivative_s2=0.0) if own.integral else None,
-    }
-    paths = {one: part.response(omega) * (r - y) for one, part in of_error.items() if part is not None}
-    if own.derivative_s2 > 0.0:
-        paths["d"] = -own.derivative_response(omega) * y
-    found = {one: _regressed(terms[one], [path], r) for one, path in paths.items() if one in terms}
-    return _Explained(whole=_regressed(u, [sum(terms.values(), start=np.zeros_like(u))], r), terms=found)
-
-
-def _as_logged(flight: Flown, needed: Sequence[str], way: _Way) -> list[TimeHistory]:
-    """Channels as one topic holds them, a history for each part of the flights; none where it lacks one of the first.
-
-    A blackbox writes all of its fields at the same steps of the loop, so that nothing has to be brought on one clock.
-    """
-    found = []
-    for start_s, stop_s in flight.during(way.kind):
-        for topic in flight.record.topics:
-            inside = (topic.time_s >= start_s) & (topic.time_s <= stop_s)
-            names = [one.name for one in topic.channels]
-            # Yaw flies without D, which is then not logged.
-            if set(needed[:4]) <= set(names) and np.count_nonzero(inside) > _FEWEST_SAMPLES:
-                rows = [row for row, name in enumerate(names) if name in needed or name.endswith("_f_term")]
-                found.append(
-                    TimeHistory(
-                        values=topic.values[rows][:, inside],
-                        channels=tuple(topic.channels[row] for row in rows),
-                        sample_rate_hz=topic.sample_rate_hz,
-                        start_s=start_s,
-                    )
-                )
-                break
-    return found
-
-
-def _band(histories: Sequence[TimeHistory]) -> tuple[FloatArray, BoolArray]:
-    """Frequencies at which a controller is checked, and which lines they are."""
-    omega = _lines(histories)
-    top = min(_EXPLAINED_RAD_S[1], _OF_NYQUIST * math.pi * histories[0].sample_rate_hz)
-    inside = (omega >= _EXPLAINED_RAD_S[0]) & (omega <= top)
-    return omega[inside], inside
-
-
-def _regressed(signal: ComplexArray, paths: Sequence[ComplexArray], by: ComplexArray) -> _Term:
-    r"""Real slope of the first path, with the others beside it, and the correlation of what all make.
-
-    All are taken as far as they go with the set-point, :math:`\overline{R^* X} / \sqrt{\overline{|R|^2}}` over the
-    windows: noise that a slow log folds down is in the command and not in what is made of its rate.
-    """
-    size = np.sqrt(np.mean(np.abs(by) ** 2, axis=0))
-    size[size == 0.0] = 1.0
-
-    def along(values: ComplexArray) -> FloatArray:
-        shared = np.mean(by.conj() * values, axis=0) / size
-        return np.concatenate([shared.real, shared.imag])
-
-    columns, target = np.stack([along(one) for one in paths], axis=1), along(signal)
-    slopes = np.linalg.lstsq(columns, target, rcond=None)[0]
-    made = columns @ slopes
-    both = float(np.linalg.norm(made) * np.linalg.norm(target))
-    return _Term(float(slopes[0]), float(made @ target) / both if both > 0.0 else 0.0)
-
-
-def _lines(histories: Sequence[TimeHistory]) -> FloatArray:
-    rate_hz = histories[0].sample_rate_hz
-    return np.asarray(2.0 * math.pi * np.fft.rfftfreq(_samples(histories), 1.0 / rate_hz))
-
-
-def _samples(histories: Sequence[TimeHistory]) -> int:
-    longest = max(int(history.values.shape[1]) for history in histories)
-    return min(int(_WINDOW_S * histories[0].sample_rate_hz), longest)
-
-
-def _spectra(histories: Sequence[TimeHistory], name: str) -> ComplexArray:
-    """Spectra of a channel in windows of four seconds that overlap by half, shape ``(windows, lines)``."""
-    count = _samples(histories)
-    taper = np.hanning(count)
-    found = []
-    for history in histories:
-        values = history[name]
-        sound = np.asarray(np.isfinite(history.values).all(axis=0))
-        for start in range(0, values.size - count + 1, max(count // 2, 1)):
-            part = slice(start, start + count)
-            if sound[part].all():
-                found.append(np.fft.rfft(taper * (values[part] - values[part].mean())))
-    if not found:
-        raise InsufficientDataError(
-            f"no {count / histories[0].sample_rate_hz:.3g} s of {name} without missing samples came",
-            needed="longer stretches of a flight",
-            remedy="fly longer, or log without gaps",
-        )
-    return np.array(found, dtype=np.complex128)
-
-
-def _nearest(settings: AxisController, seen: _Explained | None) -> dict[str, RateController]:
+def _nearest(settings: AxisController, seen: ControllerMatch | None) -> dict[str, RateController]:
     """The controllers at the ends between which it moves, that nearest to what flew first."""
     if not settings.ends:
         return {"": settings.controller}
@@ -523,7 +318,7 @@ def _nearest(settings: AxisController, seen: _Explained | None) -> dict[str, Rat
     return {name: ends[name] for name in order}
 
 
-def _as_flown(controller: RateController, seen: _Explained | None) -> RateController | None:
+def _as_flown(controller: RateController, seen: ControllerMatch | None) -> RateController | None:
     """The controller with the integral that the flight shows of it; ``None`` where it shows none."""
     if seen is None or "i" not in seen.terms or not controller.proportional_s:
         return None
@@ -864,7 +659,9 @@ _MOVED = 0.2
 """How far the logged I term may fall short of what its gain makes before that is said."""
 
 
-def _remarks(flight: Flown, axis: Axis, settings: AxisController, seen: _Explained | None, main: str) -> list[Finding]:
+def _remarks(
+    flight: Flown, axis: Axis, settings: AxisController, seen: ControllerMatch | None, main: str
+) -> list[Finding]:
     found = []
     factors = [values for _, values in flight.samples(f"{axis}_slew_factor")]
     if factors:
