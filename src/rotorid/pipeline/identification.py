@@ -5,13 +5,15 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from rotorid.data.findings import refusal, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.models.autopilots.settings import described
+from rotorid.data.axes import RATE_OF
+from rotorid.models.autopilots.settings import described, loop_settings
 from rotorid.models.derived import require_useful
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.structure import LinearStructure
@@ -19,7 +21,8 @@ from rotorid.pipeline.derivation import derivation, derivation_findings
 from rotorid.pipeline.fits.methods import Fitted, Frequency, InTime, Method, Prepared
 from rotorid.pipeline.fits.motors.method import Motors
 from rotorid.pipeline.fits.time.nonlinear import Nonlinear
-from rotorid.pipeline.preparation.controllers import flown_firmware, logged_axis
+from rotorid.pipeline.preparation.command_noise import command_densities
+from rotorid.pipeline.preparation.controllers import flown_firmware, logged_axis, usual_throttle
 from rotorid.pipeline.preparation.hover_physics import hover_of_vehicle
 from rotorid.pipeline.preparation.resolve import Model, answers_setpoints, nonlinear_of, resolve_model
 from rotorid.pipeline.provenance import Choices, provenance
@@ -112,7 +115,7 @@ def identify_by(
         parameters=parameters,
         bounds=fitted.bounds,
         fit=told.fit,
-        data=told.data,
+        data=replace(told.data, command_densities=command_densities(records, fitted.structure.inputs)),
         verification=method.checks(fitted, unseen),
         verifications=unseen,
         pole_estimates=pole_estimates(told.poles),
@@ -124,7 +127,7 @@ def identify_by(
         motors=told.motors,
         nonlinear=told.nonlinear,
         derived=derived,
-        controller=controller_settings(records),
+        controller=controller_settings(records, data.sources),
         findings=worst_first(
             [
                 *(finding for record in (*records, *verify) for finding in record.findings),
@@ -145,17 +148,34 @@ def identify_by(
     )
 
 
-def controller_settings(records: Sequence[FlightRecord]) -> ControllerSettings | None:
-    """The controller of roll, pitch and yaw of the first log that says anything of one."""
+def controller_settings(
+    records: Sequence[FlightRecord], sources: Mapping[str, str] | None = None
+) -> ControllerSettings | None:
+    """The controller of roll, pitch and yaw of the first log that says anything of one.
+
+    Parameters
+    ----------
+    records
+        The logs.
+    sources
+        Where the rates of the model stand in the logs; of other rates the best copy counts.
+    """
     for record in records:
         found = [
-            one
-            for axis in ("roll", "pitch", "yaw")
-            if (one := logged_axis(record, f"{axis}_command", source="")) is not None
+            controller
+            for axis, rate in RATE_OF.items()
+            if (controller := logged_axis(record, f"{axis}_command", source=_source(record, rate, sources or {})))
         ]
         if found:
-            return ControllerSettings(**described(found))
+            return ControllerSettings(
+                **described(found), settings=loop_settings(record.parameters), throttle=usual_throttle(record)
+            )
     return None
+
+
+def _source(record: FlightRecord, rate: str, sources: Mapping[str, str]) -> str:
+    best = next((topic.channels[row].source for topic, row in record.holding(rate)), "")
+    return sources.get(rate, best)
 
 
 def _known(settings: Choices) -> Mapping[str, tuple[float, float]]:

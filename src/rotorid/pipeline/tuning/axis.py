@@ -6,9 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, warn
+from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
-from rotorid.errors import UsageError
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.pipeline.preparation.controllers import logged_axis
 from rotorid.pipeline.results import IdentifiedModel
@@ -18,6 +17,8 @@ from rotorid.pipeline.tuning.plants import plant_of, rate_model, require_known
 from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid, loop_figures
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.typing import Axis, ComplexArray, FloatArray
+
+_OF_FIRMWARE = ("firmware_contradicted", "controller_unexplained")
 
 _NAMED = 6
 """Gains that are listed where logs differ."""
@@ -134,7 +135,7 @@ def known_axis(
     InsufficientDataError
         Its gains, its plant or its room are not known well enough.
     UsageError
-        Filters came without a log, or no such filter is in it.
+        No such filter is among the parameters.
     """
     record = log_of(axis, logs)
     if record is not None:
@@ -142,11 +143,8 @@ def known_axis(
         findings += [one for one in require_room(record) if one not in findings]
     model = rate_model(axis, given, logs)
     flown = flown_axis(axis, model, record)
-    if record is None and filters:
-        raise UsageError("--set came with results alone", needed="the log, whose parameters tell the filters")
-    if record is not None:
-        findings += explained(flown, model)
-    then = with_filters(record, filters) if record is not None and filters else None
+    findings += explained(flown, model) if record is not None else _unchecked(model)
+    then = with_filters(flown.record, filters) if filters else None
     plant = plant_of(model, axis, draws=draws, seed=seed)
     omega = frequency_grid(flown.controller.controller)
     noise = flown.rate_noise(omega, plant.band_rad_s)
@@ -162,3 +160,13 @@ def known_axis(
     loops = loop_figures(omega, known.drawn() * known.flown_parts.rate(known.gains), from_rad_s=plant.known_from_rad_s)
     require_known(axis, plant, loops.usual_crossover_rad_s)
     return known
+
+
+def _unchecked(model: IdentifiedModel) -> list[Finding]:
+    """What a result alone does not show of its flight, and what it says of the firmware."""
+    message = (
+        f"{model.name} came without its log: whether a motor stood at a limit, and whether its gains made the commands, "
+        "was not checked. Give the log beside the result."
+    )
+    told = [finding for finding in model.findings if finding.kind in _OF_FIRMWARE]
+    return [*told, remark("room_not_checked", model.name, message)]

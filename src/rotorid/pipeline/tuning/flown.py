@@ -20,14 +20,15 @@ import numpy as np
 
 from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import Finding, refusal, remark
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots.betaflight import NAME as BETAFLIGHT
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.pipeline.checking.controllers import Controllers
 from rotorid.pipeline.oscillations import describe, numbers_of, remedy, reviewed_oscillations
-from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, logged_axis
+from rotorid.pipeline.preparation.command_noise import LEAST_NOISE_HZ, command_density
+from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, logged_axis, usual_throttle
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.segments import cut
 from rotorid.pipeline.responses import response
@@ -60,9 +61,6 @@ _FEWEST_POINTS = 5
 _NOT_SEEN = 0.3
 """Share of the command that a controller must have made, for its gains to show at all."""
 
-_LEAST_NOISE_HZ = 30.0
-"""Faster rates are noise, as far as they also lie beyond the band of the plant, times the next."""
-
 _NOISE_OVER_BAND = 1.5
 
 _FEWEST_NOISE_POINTS = 8
@@ -83,15 +81,22 @@ class FlownAxis:
     controller
         As flown.
     record
-        Its log, ``None`` where a result alone came.
+        Its log; of a result alone a record without samples, with the parameters that the result keeps.
     source
-        Where the rate stands in the log.
+        Where the rate of the plant stands in the log.
+    density
+        Rad/s and one-sided density of the command over the flight, shape ``(2, n)``; ``None`` where it was logged too
+        slowly.
+    throttle
+        Usual share of the throttle in flight.
     """
 
     axis: Axis
     controller: AxisController
-    record: FlightRecord | None
+    record: FlightRecord
     source: str
+    density: FloatArray | None = None
+    throttle: float = 0.0
 
     def parts(
         self, omega_rad_s: FloatArray, *, then: FlightRecord | None = None, noise: FloatArray | None = None
@@ -107,11 +112,6 @@ class FlownAxis:
         noise
             Density of the noise of the rate, shape ``(f,)``.
         """
-        ones = np.ones(omega_rad_s.size, dtype=np.complex128)
-        if self.record is None:
-            return ControllerParts(
-                controller=self.controller.controller, omega_rad_s=omega_rad_s, seen=ones, logged=ones, rate_noise=noise
-            )
         acting = acting_on(self.record, self.controller.controller, source=self.source)
         seen, logged = combined_response(acting.seen, omega_rad_s), combined_response(acting.logged, omega_rad_s)
         controller = self.controller.controller
@@ -126,8 +126,10 @@ class FlownAxis:
     def with_parameters(self, record: FlightRecord) -> AxisController:
         """The controller by the parameters of another record."""
         # Other filters do not change which firmware flew, and no longer make the logged commands.
-        firmware = self.controller.firmware
-        found = logged_axis(record, f"{self.axis}_command", source=self.source, firmware=firmware)
+        firmware, rate_hz = self.controller.firmware, self.controller.loop_rate_hz
+        found = axis_controller(
+            record.parameters, self.axis, firmware=firmware, loop_rate_hz=rate_hz, throttle=self.throttle
+        )
         if found is None:
             raise UsageError(f"the parameters make no controller of {self.axis}", needed="filters that can be flown")
         return found
@@ -139,13 +141,10 @@ class FlownAxis:
         through: the density of the command over the squared gain of the controller. Below that the noise is taken to
         go on as it begins there.
         """
-        if self.record is None:
+        if self.density is None:
             return None
-        found = _density(self.record, f"{self.axis}_command")
-        if found is None:
-            return None
-        at, density = found
-        edge = max(2.0 * np.pi * _LEAST_NOISE_HZ, _NOISE_OVER_BAND * band_rad_s[1])
+        at, density = self.density
+        edge = max(2.0 * np.pi * LEAST_NOISE_HZ, _NOISE_OVER_BAND * band_rad_s[1])
         beyond = at > edge
         if np.count_nonzero(beyond) < _FEWEST_NOISE_POINTS:
             return None
@@ -160,23 +159,6 @@ class FlownAxis:
         return np.asarray(rate)
 
 
-def _density(record: FlightRecord, channel: str) -> tuple[FloatArray, FloatArray] | None:
-    """One-sided density of a channel by rad/s, over the whole log: the median over windows of half a second."""
-    from scipy.signal import welch
-
-    for topic in record.topics:
-        row = topic.row(channel)
-        if row is not None and np.isfinite(topic.sample_rate_hz) and topic.sample_rate_hz > 2.0 * _LEAST_NOISE_HZ:
-            values = topic.values[row]
-            values = values[np.isfinite(values)]
-            window = round(topic.sample_rate_hz)
-            if values.size < 4 * window:
-                return None
-            hz, density = welch(values, fs=topic.sample_rate_hz, nperseg=window, average="median")
-            return np.asarray(2.0 * np.pi * hz), np.asarray(density / (2.0 * np.pi))
-    return None
-
-
 def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) -> FlownAxis:
     """The controller that flew an axis, by the parameters of the log or by what the result says of them.
 
@@ -186,20 +168,46 @@ def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) 
         Neither says which gains flew, or how the rate was filtered.
     """
     command, source = f"{axis}_command", model.provenance.sources.get(RATE_OF[axis], "")
-    found = None
     if record is not None:
-        found = logged_axis(record, command, source=source)
+        found, throttle = logged_axis(record, command, source=source), usual_throttle(record)
+        density = command_density(record, command)
     elif (known := model.controller) is not None:
-        found = _told(known, axis)
-    if found is None:
+        found, throttle = _controller_of(known, axis), known.throttle or 0.0
+        record, density = record_of(model), model.data.command_densities.get(command)
+        if found is not None and not known.settings:
+            raise InsufficientDataError(
+                f"the result of {axis} does not hold the filters of its gyro: an older version made it",
+                needed="a result of this version",
+                remedy="identify anew, or give the log beside the result",
+            )
+    else:
+        found = None
+    if found is None or record is None:
         raise _no_gains(axis)
-    if record is None and not source.startswith(_BEHIND_FILTERS):
-        raise InsufficientDataError(
-            f"the filter of the gyro of {axis} is not known: its rate stands in {source or 'an unknown place'}",
-            needed="the log, whose parameters tell it",
-            remedy="give the log beside the result",
-        )
-    return FlownAxis(axis=axis, controller=found, record=record, source=source)
+    return FlownAxis(axis=axis, controller=found, record=record, source=source, density=density, throttle=throttle)
+
+
+def record_of(model: IdentifiedModel) -> FlightRecord:
+    """A record without samples that holds what a result keeps of the parameters of its log.
+
+    Parameters
+    ----------
+    model
+        A result that knows its controller.
+    """
+    known = model.controller
+    assert known is not None
+    name = next((maneuver.record for maneuver in model.provenance.maneuvers), model.name)
+    return FlightRecord(
+        source=Source(name=name, format=known.autopilot, sha256="", firmware=known.firmware),
+        topics=(),
+        parameters={**known.gains, **known.filters, **known.settings},
+    )
+
+
+def settings_records(given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> Sequence[FlightRecord]:
+    """Logs, or records without samples of the results that keep their parameters where no log came."""
+    return logs or [record_of(model) for model in given if model.controller is not None and model.controller.settings]
 
 
 def flown_controllers(
@@ -217,16 +225,20 @@ def flown_controllers(
     found: dict[Axis, AxisController] = {}
     for axis in axes:
         held = (logged_axis(record, f"{axis}_command", source="") for record in logs)
-        told = (_told(known, axis) for model in given if (known := model.controller) is not None)
-        if (one := next(filter(None, chain(held, told)), None)) is not None:
+        kept = (_controller_of(known, axis) for model in given if (known := model.controller) is not None)
+        if (one := next(filter(None, chain(held, kept)), None)) is not None:
             found[axis] = one
     return found
 
 
-def _told(known: ControllerSettings, axis: Axis) -> AxisController | None:
+def _controller_of(known: ControllerSettings, axis: Axis) -> AxisController | None:
     """The controller of an axis by what a result says of it."""
     return axis_controller(
-        {**known.gains, **known.filters}, axis, firmware=known.firmware, loop_rate_hz=known.loop_rate_hz
+        {**known.gains, **known.filters, **known.settings},
+        axis,
+        firmware=known.firmware,
+        loop_rate_hz=known.loop_rate_hz,
+        throttle=known.throttle or 0.0,
     )
 
 
@@ -322,8 +334,6 @@ def explained(flown: FlownAxis, model: IdentifiedModel) -> list[Finding]:
         Other gains flew than those of the parameters.
     """
     record, axis = flown.record, flown.axis
-    if record is None:
-        return []
     if not flown.source.startswith(_BEHIND_FILTERS):
         return _by_responses(flown, record)
     controllers = Controllers(record=record, given={})

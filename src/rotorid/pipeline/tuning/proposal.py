@@ -28,7 +28,7 @@ from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import Setting, as_records, require_seed
 from rotorid.pipeline.tuning.axis import KnownAxis, gains_apart, known_axis
 from rotorid.pipeline.tuning.filters import FilterPrice, changed_filters, prices
-from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, flown_controllers
+from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, flown_controllers, settings_records
 from rotorid.pipeline.tuning.shared import require_filters_hold
 from rotorid.pipeline.tuning.thrust import ThrustLinearization, linearization
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER, needed_band
@@ -327,8 +327,9 @@ def tune(
         raise UsageError("nothing came to tune", needed="results of identify, logs, or both")
     findings = [finding for record in logs for finding in (*record.findings, *flown_firmware(record).findings)]
     findings += [*require_one_autopilot(given, logs), *gains_apart(chosen.axes, logs)]
-    autopilot = next((name for one in logs if (name := autopilot_of(one))), "")
-    thrust = linearization(given, logs[0] if logs else None, autopilot=autopilot, seed=chosen.seed)
+    settings_from = settings_records(given, logs)
+    autopilot = next((name for record in settings_from if (name := autopilot_of(record))), "")
+    thrust = linearization(given, next(iter(settings_from), None), autopilot=autopilot, seed=chosen.seed)
     findings += thrust.findings if thrust is not None else ()
     known: dict[Axis, KnownAxis] = {}
     refused: dict[Axis, InsufficientDataError] = {}
@@ -535,7 +536,7 @@ def _parameters(known: KnownAxis, settings: TuneSettings, found: AxisProposal) -
     flown, then = known.flown.controller, known.controller
     new = {**then.filters, **(written(then, found.proposed.gains) if found.changed else {})}
     before = {**flown.gains, **flown.filters}
-    gyro = changed_filters(known.flown.record, settings.filters, gyro=True) if known.flown.record is not None else {}
+    gyro = changed_filters(known.flown.record, settings.filters, gyro=True)
     return {name: (value, new.get(name, value)) for name, value in before.items()} | gyro
 
 
@@ -586,8 +587,8 @@ def _together(
     """All axes, with their files."""
     first = next(iter(axes.values())).controller
     changes = {name: pair for one in axes.values() for name, pair in one.parameters.items() if pair[0] != pair[1]}
-    if logs:
-        changes |= changed_filters(logs[0], settings.filters)
+    for record in settings_records(given, logs)[:1]:
+        changes |= changed_filters(record, settings.filters)
     every: dict[str, float] = {}
     for one in axes.values():
         every |= written(one.controller, one.proposal.flown.gains)
