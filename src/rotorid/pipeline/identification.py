@@ -9,14 +9,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import refusal, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.data.axes import RATE_OF
 from rotorid.models.autopilots.settings import described, loop_settings
 from rotorid.models.derived import require_useful
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.structure import LinearStructure
+from rotorid.pipeline.checking.candidate import UNFILTERED
 from rotorid.pipeline.derivation import derivation, derivation_findings
 from rotorid.pipeline.fits.methods import Fitted, Frequency, InTime, Method, Prepared
 from rotorid.pipeline.fits.motors.method import Motors
@@ -175,7 +176,7 @@ def controller_settings(
 
 def _source(record: FlightRecord, rate: str, sources: Mapping[str, str]) -> str:
     best = next((topic.channels[row].source for topic, row in record.holding(rate)), "")
-    return sources.get(rate, best)
+    return sources.get(rate, best).removesuffix(UNFILTERED)
 
 
 def _known(settings: Choices) -> Mapping[str, tuple[float, float]]:

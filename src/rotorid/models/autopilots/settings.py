@@ -96,18 +96,7 @@ _LOOP_SETTINGS = (
     *("INS_GYRO_FILTER", "INS_GYRO_RATE", "INS_FAST_SAMPLE", "INS_HNTCH_", "INS_HNTC2_", "INS_NOTCH_", "FILT"),
     *("SCHED_LOOP_RATE", "ATC_RAT_", "ATC_ANG_", "ATC_THR_G_BOOST", "MOT_THST_EXPO", "MOT_SPIN_", "MOT_BAT_VOLT_"),
     *("gyro_", "dterm_", "looptime", "pid_process_denom", "features", "dshot_bidir", "rpm_filter_", "yaw_lowpass_hz"),
-    *(
-        "rollPID",
-        "pitchPID",
-        "yawPID",
-        "levelPID",
-        "d_min",
-        "d_max",
-        "tpa_",
-        "minthrottle",
-        "maxthrottle",
-        "motorOutput",
-    ),
+    *("rollPID", "pitchPID", "yawPID", "levelPID", "d_min", "d_max", "tpa_"),
     *("iterm_relax", "anti_gravity", "abs_control", "use_integrated_yaw", "thrust_linear", "dyn_"),
 )
 """Beginnings of the names of parameters by which controllers, the filters in front of them and thrust are made."""

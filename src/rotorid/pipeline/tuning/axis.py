@@ -13,7 +13,7 @@ from rotorid.pipeline.preparation.controllers import logged_axis
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.tuning.filters import with_filters
 from rotorid.pipeline.tuning.flown import FlownAxis, explained, flown_axis, require_gains, require_room
-from rotorid.pipeline.tuning.plants import plant_of, rate_model, require_known
+from rotorid.pipeline.tuning.plants import plant_of, plant_remarks, rate_model, require_known
 from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid, loop_figures
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.typing import Axis, ComplexArray, FloatArray
@@ -142,10 +142,11 @@ def known_axis(
         require_gains(axis, record)
         findings += [one for one in require_room(record) if one not in findings]
     model = rate_model(axis, given, logs)
+    findings += [one for one in plant_remarks(axis, given, model) if one not in findings]
     flown = flown_axis(axis, model, record)
     findings += explained(flown, model) if record is not None else _unchecked(model)
     then = with_filters(flown.record, filters) if filters else None
-    plant = plant_of(model, axis, draws=draws, seed=seed)
+    plant = plant_of(model, axis, draws=draws, seed=seed, passed=flown.passed)
     omega = frequency_grid(flown.controller.controller)
     noise = flown.rate_noise(omega, plant.band_rad_s)
     known = KnownAxis(
@@ -165,7 +166,7 @@ def known_axis(
 def _unchecked(model: IdentifiedModel) -> list[Finding]:
     """What a result alone does not show of its flight, and what it says of the firmware."""
     message = (
-        f"{model.name} came without its log: whether a motor stood at a limit, and whether its gains made the commands, "
+        f"{model.name} came without its log: whether a motor reached a limit, and whether the gains made the commands, "
         "was not checked. Give the log beside the result."
     )
     told = [finding for finding in model.findings if finding.kind in _OF_FIRMWARE]

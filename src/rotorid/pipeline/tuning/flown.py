@@ -25,6 +25,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots.betaflight import NAME as BETAFLIGHT
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import AxisController
+from rotorid.pipeline.checking.candidate import UNFILTERED
 from rotorid.pipeline.checking.controllers import Controllers
 from rotorid.pipeline.oscillations import describe, numbers_of, remedy, reviewed_oscillations
 from rotorid.pipeline.preparation.command_noise import LEAST_NOISE_HZ, command_density
@@ -34,8 +35,8 @@ from rotorid.pipeline.preparation.segments import cut
 from rotorid.pipeline.responses import response
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.summary import ControllerSettings
-from rotorid.signal.autopilot_filters import controller_filters
-from rotorid.signal.filters import combined_response
+from rotorid.signal.autopilot_filters import controller_filters, known_filters
+from rotorid.signal.filters import KnownFilter, combined_response
 from rotorid.signal.motors import in_flight, linearization_of, logged_outputs, or_none, range_is_known
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.typing import Axis, ComplexArray, FloatArray
@@ -98,6 +99,11 @@ class FlownAxis:
     density: FloatArray | None = None
     throttle: float = 0.0
 
+    @property
+    def passed(self) -> tuple[KnownFilter, ...]:
+        """Filters that the rate of the plant has passed; none where ``identify`` took them out."""
+        return () if self.source.endswith(UNFILTERED) else known_filters(self.record, self.source)
+
     def parts(
         self, omega_rad_s: FloatArray, *, then: FlightRecord | None = None, noise: FloatArray | None = None
     ) -> ControllerParts:
@@ -112,8 +118,9 @@ class FlownAxis:
         noise
             Density of the noise of the rate, shape ``(f,)``.
         """
-        acting = acting_on(self.record, self.controller.controller, source=self.source)
-        seen, logged = combined_response(acting.seen, omega_rad_s), combined_response(acting.logged, omega_rad_s)
+        source = self.source.removesuffix(UNFILTERED)
+        acting = acting_on(self.record, self.controller.controller, source=source)
+        seen, logged = combined_response(acting.seen, omega_rad_s), combined_response(self.passed, omega_rad_s)
         controller = self.controller.controller
         if then is not None:
             before, after = (combined_response(controller_filters(one), omega_rad_s) for one in (self.record, then))
@@ -169,7 +176,8 @@ def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) 
     """
     command, source = f"{axis}_command", model.provenance.sources.get(RATE_OF[axis], "")
     if record is not None:
-        found, throttle = logged_axis(record, command, source=source), usual_throttle(record)
+        found = logged_axis(record, command, source=source.removesuffix(UNFILTERED))
+        throttle = usual_throttle(record)
         density = command_density(record, command)
     elif (known := model.controller) is not None:
         found, throttle = _controller_of(known, axis), known.throttle or 0.0

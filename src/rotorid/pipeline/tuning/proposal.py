@@ -46,6 +46,7 @@ FULL_SCALE_M = 16.4
 
 TUNED_AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw")
 _NEARLY = 1.15
+_SAME_GAIN = 1e-3
 _STEP_RATE_HZ, _STEP_SAMPLES, _STEP_SHOWN_S = 250.0, 4096, 2.0
 
 
@@ -330,7 +331,7 @@ def tune(
     settings_from = settings_records(given, logs)
     autopilot = next((name for record in settings_from if (name := autopilot_of(record))), "")
     thrust = linearization(given, next(iter(settings_from), None), autopilot=autopilot, seed=chosen.seed)
-    findings += thrust.findings if thrust is not None else ()
+    findings += [*thrust.findings, *_thrust_remarks(thrust)] if thrust is not None else []
     known: dict[Axis, KnownAxis] = {}
     refused: dict[Axis, InsufficientDataError] = {}
     look = {"draws": chosen.draws, "seed": chosen.seed}
@@ -501,6 +502,18 @@ def wishes_of(controller: AxisController, settings: TuneSettings, thrust: Thrust
         gain_range=thrust.flown_range if thrust is not None else (1.0, 1.0),
         ranges=ranges_of(controller),
     )
+
+
+def _thrust_remarks(thrust: ThrustLinearization) -> list[Finding]:
+    """What the curve of thrust changes of the gains, which a plant alone does not know."""
+    low, high = thrust.flown_range
+    if high - low <= _SAME_GAIN:
+        return []
+    message = (
+        f"The curve of thrust of physical.motors makes the loops {low:.2f} to {high:.2f} times those of hover over the "
+        "throttle that was flown: the proposed gains keep their limits over all of it, and are lower than without it."
+    )
+    return [remark("thrust_range", thrust.parameter, message, lowest=low, highest=high)]
 
 
 def _with_end(gains: Gains, end: ControllerParts) -> Gains:
