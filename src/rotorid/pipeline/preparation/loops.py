@@ -669,7 +669,7 @@ def _estimated(one: Quantity, factor: float = 1.0) -> Estimated:
     return Estimated(value=factor * one.value, std=factor * one.std, ends=(factor * one.lower, factor * one.upper))
 
 
-INJECTED = "measured with {}, all loops closed: the whole loop, with the outer loops"
+INJECTED = "measured with {}, all loops closed"
 """What a test signal at the mixer shows."""
 
 
@@ -780,8 +780,8 @@ def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
         make(
             "margin_beyond_band",
             axis,
-            f"The {axis} loop is seen up to {end:.3g} rad/s, and {' and '.join(told)}.{go_on} Sweep to higher "
-            "frequencies to see it.",
+            f"The {loop.scope} loop of {axis} was measured up to {end:.3g} rad/s, and {' and '.join(told)}.{go_on} Sweep to higher "
+            "frequencies to measure it.",
             omega_rad_s=end,
             **numbers,
         ),

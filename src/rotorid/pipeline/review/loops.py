@@ -26,9 +26,10 @@ from rotorid.pipeline.preparation.whole_flights import (
     LEAST_MOTION_S,
     USABLE_ERROR,
     Flown,
+    Instrument,
     loop_response,
 )
-from rotorid.pipeline.review.values import Instrument, LoopReview, StepCurve, Untold
+from rotorid.pipeline.review.values import LoopReview, StepCurve, Untold
 from rotorid.spectral.impulse import (
     NUMBERS,
     ImpulseResponse,
