@@ -25,7 +25,7 @@ from rotorid.data.findings import Finding, remark
 from rotorid.data.record import AXES, FlightRecord, Intervals, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.flight_settings import DesignChoices
-from rotorid.pipeline.review.flown import Flown, flown
+from rotorid.pipeline.preparation.whole_flights import Flown, flown
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.signal.excitations import find_excitations
 from rotorid.simulation.multirotor import Multirotor, Sensors

@@ -24,9 +24,9 @@ from rotorid.pipeline.oscillations import (
     reviewed_oscillations,
 )
 from rotorid.pipeline.preparation.controllers import flown_firmware
+from rotorid.pipeline.preparation.whole_flights import Flown, flown
 from rotorid.pipeline.results import IdentifiedModel, Refused
 from rotorid.pipeline.review.flight import flight, logging, vehicle
-from rotorid.pipeline.review.flown import Flown, flown
 from rotorid.pipeline.review.loops import loops
 from rotorid.pipeline.review.margins import margins
 from rotorid.pipeline.review.motors import motors

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.pipeline.preparation.controllers import logged_axis
+from rotorid.pipeline.preparation.plants import swept_plant
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.tuning.filters import with_filters
 from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, explained, flown_axis, require_gains, require_room
@@ -95,6 +97,11 @@ def log_of(axis: Axis, logs: Sequence[FlightRecord]) -> FlightRecord | None:
     return next((one for one in logs if f"{axis}_command" in one.channel_names), logs[0] if logs else None)
 
 
+def logs_of(axis: Axis, logs: Sequence[FlightRecord]) -> list[FlightRecord]:
+    """The logs that hold command and rate of an axis."""
+    return [one for one in logs if {f"{axis}_command", RATE_OF[axis]} <= set(one.channel_names)]
+
+
 def gains_apart(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[Finding]:
     """A warning for each log that was flown with other gains than the log that is taken for the one that flew.
 
@@ -174,7 +181,9 @@ def known_axis(
     flown = flown_axis(axis, model, record)
     findings += explained(flown, model) if record is not None else _unchecked(model)
     then = with_filters(flown.record, filters) if filters else None
-    plant = plant_of(model, axis, draws=draws, seed=seed, passed=flown.passed)
+    # A result that was given may hold choices of its user; logs alone show what every verb measures of them.
+    swept = None if model in given else swept_plant(axis, logs_of(axis, logs))
+    plant = plant_of(model, axis, draws=draws, seed=seed, passed=flown.passed, measured=swept)
     omega = frequency_grid(flown.controller.controller)
     noise = flown.rate_noise(omega, plant.band_rad_s)
     known = KnownAxis(

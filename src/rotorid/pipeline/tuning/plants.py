@@ -12,10 +12,11 @@ from rotorid.data.findings import Finding, remark
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.identification import identify
+from rotorid.pipeline.preparation.plants import MeasuredPlant, drawn_plant, plant_of_result
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings, Setting
 from rotorid.signal.filters import KnownFilter, combined_response
-from rotorid.tuning.plant import MeasuredRatio, UncertainPlant, uncertain_plant
+from rotorid.tuning.plant import UncertainPlant, uncertain_plant
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 _NO_PLANT = {"starts", "search", "evaluations", "bootstrap"}
@@ -85,12 +86,19 @@ def _in_words(value: Setting) -> str:
 
 
 def plant_of(
-    model: IdentifiedModel, axis: Axis, *, draws: int, seed: int, passed: Sequence[KnownFilter] = ()
+    model: IdentifiedModel,
+    axis: Axis,
+    *,
+    draws: int,
+    seed: int,
+    passed: Sequence[KnownFilter] = (),
+    measured: MeasuredPlant | None = None,
 ) -> UncertainPlant:
-    r"""The plant with draws, from the model and what was measured beside it.
+    r"""The plant with draws: as measured, and beyond the band a lag that explains it.
 
-    A model has one delay for all that lies between command and logged rate. Filters that are known,
-    :math:`F`, with the delay :math:`\tau_F` at low frequency, are more than that beyond the band:
+    A result that holds no measured response has the response of its model. That has one delay for all that lies between
+    command and logged rate. Filters that are known, :math:`F`, with the delay :math:`\tau_F` at low frequency, are more
+    than that beyond the band:
 
     .. math:: P = P_{model} F e^{j \omega \tau_F}
 
@@ -102,10 +110,14 @@ def plant_of(
         How many, and of which seed.
     passed
         Filters that the logged rate has passed, and the response of the model with it.
+    measured
+        The plant as logs show it; what the result holds of it when not given.
     """
-    command, rate = f"{axis}_command", RATE_OF[axis]
+    measured = measured or plant_of_result(axis, model, filters=passed)
+    if measured is not None:
+        return drawn_plant(measured, draws=draws, seed=seed)
     structure = model.structure
-    row, column = structure.outputs.index(rate), structure.inputs.index(command)
+    row, column = structure.outputs.index(RATE_OF[axis]), structure.inputs.index(f"{axis}_command")
     values = structure.parameters.values
 
     def response(omega_rad_s: FloatArray) -> ComplexArray:
@@ -113,19 +125,9 @@ def plant_of(
         beyond_delay = combined_response(passed, omega) * np.exp(1j * omega * sum(one.delay_s for one in passed))
         return np.asarray(structure.response(values, omega)[row, column] * beyond_delay)
 
-    band = model.band_rad_s
-    if band is None:
+    if model.band_rad_s is None:
         raise InsufficientDataError(f"{model.name} was not fitted to responses", needed="--method frequency")
-    measured = model.data.response
-    ratio = None
-    if measured.omega_rad_s.size and rate in measured.outputs and command in measured.inputs:
-        y, u = measured.outputs.index(rate), measured.inputs.index(command)
-        used = np.asarray(model.data.used[y, u], dtype=bool)
-        if used.sum() >= 3:
-            omega, seen = measured.omega_rad_s[used], measured.values[y, u, used]
-            relative = measured.covariance[y, u][np.ix_(used, used)] / np.outer(seen, seen.conj())
-            ratio = MeasuredRatio(omega_rad_s=omega, ratio=seen / response(omega), covariance=relative)
-    return uncertain_plant(response, ratio, band_rad_s=band, draws=draws, seed=seed)
+    return uncertain_plant(response, None, band_rad_s=model.band_rad_s, draws=draws, seed=seed)
 
 
 def require_known(axis: Axis, plant: UncertainPlant, crossover_rad_s: float) -> None:
