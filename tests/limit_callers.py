@@ -11,7 +11,7 @@ from rotorid.data.record import Channel, FlightRecord, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.inspection import inspect
 from rotorid.pipeline.oscillations import reviewed_oscillations
-from rotorid.pipeline.review.flown import flown
+from rotorid.pipeline.preparation.whole_flights import flown
 from rotorid.pipeline.review.loops import loops
 from rotorid.pipeline.review.motors import motors
 from rotorid.pipeline.tuning.flown import require_room

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rotorid
-from rotorid.pipeline.review.flown import Flown, flown, loop_response
+from rotorid.pipeline.preparation.whole_flights import Flown, flown, loop_response
 from rotorid.pipeline.review.loops import loops
 from rotorid.pipeline.review.values import LoopReview, Untold
 

@@ -254,7 +254,7 @@ def test_a_margin_at_the_edge_of_the_band_is_a_bound_and_a_finding(
     loop = in_wind[1].loops["roll"]
     peak = loop.bounds["disturbance_rejection_peak"]
     assert peak.at_least
-    assert 20.0 * math.log10(peak.value) > 7.0
+    assert 20.0 * math.log10(peak.value) > 4.0
     assert not loop.bounds["phase_margin_rad"].at_least
     (finding,) = (each for each in in_wind[1].findings if each.kind == "margin_beyond_band")
     assert finding.severity == "warning"
@@ -294,5 +294,5 @@ def test_no_loop_is_computed_of_gains_that_changed_in_the_log(px4: tuple[FlightR
     changed = parameters_changed({"MC_ROLLRATE_P": (0.1, 0.15)}, "Parameters changed in the log")
     told = rotorid.response(replace(record, findings=(*record.findings, changed)), **options)
     assert told.loops["roll"].loop is None
-    assert "gains that changed in the log" in told.loops["roll"].method
+    assert "the gains changed in the log" in told.loops["roll"].method
     assert "parameters_changed" in {finding.kind for finding in told.findings}

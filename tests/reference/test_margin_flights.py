@@ -11,7 +11,7 @@ import pytest
 import rotorid
 from rotorid.data.record import FlightRecord
 from rotorid.models.autopilots.betaflight import BASE, TOP
-from rotorid.pipeline.review.flown import flown, loop_response
+from rotorid.pipeline.preparation.whole_flights import flown, loop_response
 from rotorid.pipeline.review.margins import margins
 from rotorid.pipeline.review.values import MarginReview, Untold
 

@@ -12,7 +12,7 @@ import pytest
 
 import rotorid
 from rotorid.pipeline import tune
-from rotorid.pipeline.review.flown import flown
+from rotorid.pipeline.preparation.whole_flights import flown
 from rotorid.pipeline.review.margins import margins
 from rotorid.signal.excitations import find_excitations, rich_excitations, verifying_excitations
 from rotorid.typing import Axis, FloatArray
@@ -187,7 +187,10 @@ def test_the_broken_loop_by_injection_has_the_margins_that_were_flown(
     name: str, axis: Axis, log: Callable[[str], rotorid.FlightRecord]
 ) -> None:
     found = rotorid.response(log(name), inputs=[f"{axis}_command"], outputs=["p" if axis == "roll" else "q"])
-    loop = found.loops[axis]
+    assert found.loops[axis].scope == "rate"
+    loop = found.loops[axis].whole
+    assert loop is not None
+    assert loop.scope == "whole"
     peak, crossover, margin = INJECTED[name, axis]
     assert abs(loop.numbers["crossover_rad_s"].value - crossover) < 2.0 * loop.numbers["crossover_rad_s"].std + 0.1
     phase = loop.numbers["phase_margin_rad"]

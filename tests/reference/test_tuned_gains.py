@@ -180,7 +180,7 @@ def test_the_path_stands_on_the_terminal_on_the_page_and_in_the_document(
     # I grows tenfold here: it is no gain that a flight limits.
     assert "P, D and A (angle) at most double in one flight" in page
     assert "recommended: the loop stays stable" in page
-    assert "tilts the vehicle in roll 6.2 times less than today" in page
+    assert "tilts the vehicle in roll 6.3 times less than today" in page
 
 
 def test_a_sweep_at_the_mixer_needs_no_channels_to_be_named(shared_data: Path) -> None:

@@ -20,7 +20,7 @@ from rotorid.data.quantity import Quantity
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.models.rotors import library_layout
 from rotorid.pipeline.preparation.controllers import acting_on, controllers_of
-from rotorid.pipeline.review.flown import flown
+from rotorid.pipeline.preparation.whole_flights import flown
 from rotorid.pipeline.review.loops import LOOPS, loop_of
 from rotorid.pipeline.review.margins import margins
 from rotorid.pipeline.simulation import everyday_plan

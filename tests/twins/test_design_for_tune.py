@@ -112,7 +112,7 @@ def test_the_firmware_of_a_result_is_that_of_the_plan() -> None:
     choices = DesignChoices(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=PlanChoices(axes=("roll",)))
     flew = axis_controller(choices.aircraft.autopilot.parameters, "roll", firmware="ArduCopter V4.6.2")
     assert flew is not None
-    model: Any = SimpleNamespace(controller=ControllerSettings(**described([flew])))
+    model: Any = SimpleNamespace(name="rate.pitch", controller=ControllerSettings(**described([flew])))
     assert designed_for_tune(choices, models=(model,)).firmware == "ArduCopter V4.6.2"
 
 

@@ -91,6 +91,7 @@ def _print(document: ResponseDocument, folder: Path) -> None:
     from rich.table import Table
 
     from rotorid.cli.console import output_console, print_findings
+    from rotorid.documents.response import loops_of
 
     console = output_console()
     with_instrument = f" with {', '.join(document.instruments)}" if document.instruments else ""
@@ -115,7 +116,7 @@ def _print(document: ResponseDocument, folder: Path) -> None:
             pair.unit,
         )
     console.print(table)
-    for axis, loop in document.loops.items():
+    for axis, _, loop in loops_of(document.loops):
         _print_loop(axis, loop)
     print_findings(document.findings)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
@@ -123,10 +124,10 @@ def _print(document: ResponseDocument, folder: Path) -> None:
 
 def _print_loop(axis: str, loop: LoopDocument) -> None:
     from rotorid.cli.console import output_console
-    from rotorid.report.response import loop_rows, unseen
+    from rotorid.report.response import LOOP_SCOPES, loop_rows, unseen
 
     console = output_console()
-    console.print(f"{axis} loop ({loop.method})", markup=False, highlight=False, soft_wrap=True)
+    console.print(f"{axis} {LOOP_SCOPES[loop.scope]} ({loop.method})", markup=False, highlight=False, soft_wrap=True)
     for row in loop_rows(loop):
         console.print(f"  {row.words}: {row.value} {row.unit}".rstrip(), markup=False, highlight=False)
     for missing in unseen(loop):

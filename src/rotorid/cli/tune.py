@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 _GAINS = ("P", "I", "D", "A")
 
+_FURTHER_DATA = ("room_not_checked", "plant_of_choice", "thrust_range")
+"""Kinds of remarks that say what a log, a result or a fit of motors adds to the gains, or what is missing of it."""
+
 
 def tune_command(
     given: Annotated[
@@ -243,7 +246,10 @@ def _print(document: TuneDocument, folder: Path) -> None:
         )
         console.print(line, highlight=False, markup=False)
     if document.robustness:
-        console.print(f"limit: {document.robustness}", highlight=False, markup=False)
+        limit = f"limit: {document.robustness}; 95 of 100 likely plants keep it, so intervals may end a little above it"
+        console.print(limit, highlight=False, markup=False)
+    for message in dict.fromkeys(one.message for one in document.findings if one.kind in _FURTHER_DATA):
+        console.print(f"note: {message}", highlight=False, markup=False)
     print_findings(document.findings)
     for name in (*document.files, *document.rollback_files):
         console.print(f"file: {folder / name}", soft_wrap=True, markup=False)

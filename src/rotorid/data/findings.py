@@ -547,6 +547,16 @@ KINDS: Mapping[str, Kind] = {
     ),
     "sweep_ended_early": Kind("warning", "A sweep ended early", "A sweep ended before it reached its last frequency."),
     "thrust_limit": Kind("info", "Thrust limit", "Thrust over weight stays on a plateau."),
+    "plant_of_choice": Kind(
+        "info",
+        "Which plant gains are made for",
+        "The plant of an axis is that of choices of its own, or of one of several results.",
+    ),
+    "thrust_range": Kind(
+        "info",
+        "Thrust in the gains",
+        "Gains keep their limits over the throttle that was flown, by the curve of thrust that came beside the plant.",
+    ),
     "several_trims": Kind(
         "warning", "Several trims", "Maneuvers at several speeds were taken for one, about their mean speed."
     ),

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, cast
 
 from pydantic import Field
 
 from rotorid.documents.base import Document, FindingDocument, Flags, ManeuverDocument, Numbers, ProvenanceDocument
 
 if TYPE_CHECKING:
+    from rotorid.pipeline.preparation.loops import AxisLoop
     from rotorid.pipeline.provenance import Refused
     from rotorid.pipeline.responses import Responses
 
 
 class EstimatedDocument(Document):
-    """A number and one standard deviation of it, in the unit that its name says."""
+    """A number, one standard deviation of it and its 95 % interval, in the unit that its name says."""
 
     value: float
     std: float
+    lower: float | None = None
+    upper: float | None = None
 
 
 class PairDocument(Document):
@@ -69,16 +73,19 @@ class BeyondDocument(Document):
 class LoopDocument(Document):
     """Margins of the loop of one axis: numbers with their uncertainty, or in ``not_seen`` why there is none.
 
-    Of some that were not seen ``bounds`` says on which side of the end of the band they are, and ``beyond`` what a
-    model makes of them.
+    ``scope`` says of which loop: ``rate`` is the rate loop alone, ``whole`` the loop with all outer loops closed around
+    it. Of some that were not seen ``bounds`` says on which side of the end of the band they are, and ``beyond`` what a
+    model makes of them. ``whole`` is the whole loop, where a test signal at the mixer shows it beside the rate loop.
     """
 
     method: str
+    scope: Literal["rate", "whole"] = "rate"
     band_rad_s: tuple[float, float] | None = None
     numbers: dict[str, EstimatedDocument] = Field(default_factory=dict)
     not_seen: dict[str, str] = Field(default_factory=dict)
     bounds: dict[str, BoundDocument] = Field(default_factory=dict)
     beyond: BeyondDocument | None = None
+    whole: LoopDocument | None = None
 
 
 class ResponseDocument(Document):
@@ -104,3 +111,22 @@ class ResponseDocument(Document):
 def response_document(result: Responses | Refused) -> ResponseDocument:
     """What ``rotorid response`` writes; of a refusal its findings alone, and no number."""
     return ResponseDocument.model_validate(result)
+
+
+LoopT = TypeVar("LoopT", bound="AxisLoop | LoopDocument")
+
+
+def loops_of(loops: Mapping[Any, LoopT]) -> list[tuple[str, str, LoopT]]:
+    """Every loop with its axis and a key of its own: that of the rate, then the whole one where both were measured.
+
+    Parameters
+    ----------
+    loops
+        By axis.
+    """
+    found = []
+    for axis, loop in loops.items():
+        found.append((str(axis), str(axis), loop))
+        if loop.whole is not None:
+            found.append((str(axis), f"{axis}_whole", cast("LoopT", loop.whole)))
+    return found

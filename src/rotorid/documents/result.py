@@ -58,6 +58,9 @@ from rotorid.uncertainty.cramer_rao import Bounds
 
 RESULT, MODEL, RESPONSES, SCHEMA = "result.json", "model.toml", "responses.npz", "rotorid.result/1"
 
+_DENSITY = "density_"
+"""Beginning of the names of arrays in ``responses.npz`` that hold densities of commands."""
+
 _WANTED = f"a folder that rotorid identify wrote, or its {RESULT}"
 
 
@@ -388,6 +391,7 @@ def response_arrays(data: FittedData) -> dict[str, np.ndarray]:
             "simulated": record.simulated,
         }
         arrays |= {f"record_{number}_{name}": values for name, values in parts.items()}
+    arrays |= {f"{_DENSITY}{command}": density for command, density in data.command_densities.items()}
     return arrays | {"model": data.model_response, "fitted": data.used}
 
 
@@ -444,6 +448,9 @@ def _data(document: ResultDocument, structure: LinearStructure, arrays: Mapping[
         used=arrays["fitted"],
         least_coherence=least_coherence(asked, joint=response.estimate == "joint"),
         simulated=tuple(_record(document, arrays, number) for number in range(len(document.records))),
+        command_densities={
+            name.removeprefix(_DENSITY): values for name, values in arrays.items() if name.startswith(_DENSITY)
+        },
     )
 
 

@@ -153,9 +153,10 @@ def _axis(one: AxisTuning) -> AxisTuneDocument:
     return AxisTuneDocument(
         changed=one.changed,
         band_rad_s=one.plant.band_rad_s,
-        flown=quantity_documents(quantities(flown.rate)),
+        # Of a loop that flew the stable draws count alone, as everywhere.
+        flown=quantity_documents(quantities(flown.rate.as_flown)),
         proposed=quantity_documents(quantities(proposed.rate)),
-        flown_whole=quantity_documents(quantities(flown.whole)),
+        flown_whole=quantity_documents(quantities(flown.whole.as_flown)),
         proposed_whole=quantity_documents(quantities(proposed.whole)),
         flown_attitude=quantity_documents(quantities(flown.attitude)),
         proposed_attitude=quantity_documents(quantities(proposed.attitude)),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,6 +19,7 @@ from rotorid.pipeline.derivation import derivation, derivation_findings
 from rotorid.pipeline.fits.methods import Fitted, Frequency, InTime, Method, Prepared
 from rotorid.pipeline.fits.motors.method import Motors
 from rotorid.pipeline.fits.time.nonlinear import Nonlinear
+from rotorid.pipeline.preparation.command_noise import command_densities
 from rotorid.pipeline.preparation.controller_check import controller_findings
 from rotorid.pipeline.preparation.controllers import controllers_of
 from rotorid.pipeline.preparation.hover_physics import hover_of_vehicle
@@ -114,7 +116,7 @@ def identify_by(
         parameters=parameters,
         bounds=fitted.bounds,
         fit=told.fit,
-        data=told.data,
+        data=replace(told.data, command_densities=command_densities(records, fitted.structure.inputs)),
         verification=method.checks(fitted, unseen),
         verifications=unseen,
         pole_estimates=pole_estimates(told.poles),

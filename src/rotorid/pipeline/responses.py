@@ -466,7 +466,7 @@ def response(
         raise _nothing_usable(measured, (*findings, *chosen.findings), limit)
     _PROGRESS.info("loops and margins")
     axes = [axis_of(name) for name in inputs if is_command(name)]
-    loops = {axis: loop for axis in axes if (loop := axis_loop(axis, flown, chosen.flown))}
+    loops = {axis: loop for axis in axes if (loop := axis_loop(axis, flown, chosen.flown, settings))}
     remarks = (
         *(f for record in records for f in record.findings),
         *chosen.findings,

@@ -123,6 +123,8 @@ class FittedData(Immutable):
         The maneuvers that were used, with their data.
     simulated
         What a fit in time was made to: every record, measured and simulated.
+    command_densities
+        Command of a rate loop to rad/s and one-sided density of it over the whole log, shape ``(2, n)``.
     """
 
     response: FrequencyResponse
@@ -132,6 +134,7 @@ class FittedData(Immutable):
     least_coherence: float = 0.6
     segments: tuple[Segment, ...] = ()
     simulated: tuple[SimulatedRecord, ...] = ()
+    command_densities: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -184,6 +184,9 @@ class ControllerSettings:
         Steps per second; ``None`` where the log does not say.
     gains, filters
         Parameters of the rate and angle loops, and of the filters in them.
+    settings
+        All parameters on which the loops depend, those of the gyro's filters included, by the names in the log; empty
+        in results that do not hold them.
     throttle
         Usual share of the throttle, by which Betaflight moves them; ``None`` for others.
     """
@@ -193,6 +196,7 @@ class ControllerSettings:
     loop_rate_hz: float | None
     gains: dict[str, float]
     filters: dict[str, float]
+    settings: dict[str, float] = field(default_factory=dict)
     throttle: float | None = None
 
 

@@ -215,6 +215,7 @@ def write_responses(folder: Path, result: Responses, *, title: str) -> None:
 
 def arrays(result: Responses) -> dict[str, np.ndarray]:
     """Arrays of ``responses.npz``; no pickles, names as plain text."""
+    from rotorid.documents.response import loops_of
     from rotorid.documents.result import measured_arrays
 
     diagnostics = result.measured.diagnostics
@@ -227,12 +228,12 @@ def arrays(result: Responses) -> dict[str, np.ndarray]:
         "input_coherence": diagnostics.input_coherence,
         "condition": diagnostics.condition,
     }
-    for axis, loop in result.loops.items():
+    for _, key, loop in loops_of(result.loops):
         if loop.loop is not None:
             found |= {
-                f"{axis}_loop_omega_rad_s": loop.loop.omega_rad_s,
-                f"{axis}_loop_values": loop.loop.values[0, 0],
-                f"{axis}_loop_random_error": loop.loop.random_error[0, 0],
+                f"{key}_loop_omega_rad_s": loop.loop.omega_rad_s,
+                f"{key}_loop_values": loop.loop.values[0, 0],
+                f"{key}_loop_random_error": loop.loop.random_error[0, 0],
             }
     return found
 

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument
+from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument, loops_of
 from rotorid.pipeline.preparation.loops import AxisLoop
 from rotorid.pipeline.responses import Pair, Responses
 from rotorid.pipeline.verdicts import Verdict
@@ -33,7 +33,7 @@ from rotorid.report.words import response_summary
 from rotorid.spectral.derived import Estimated, read_points
 from rotorid.spectral.loops import sensitivity
 from rotorid.spectral.margins import Bound
-from rotorid.typing import Axis, FloatArray
+from rotorid.typing import FloatArray
 
 _DEGREES = 180.0 / math.pi
 
@@ -295,7 +295,11 @@ def _usable(result: Responses) -> list[tuple[str, str]]:
     return [(response.outputs[y], response.inputs[u]) for y, u in np.argwhere(result.used.any(axis=-1))]
 
 
-def loop_pictures(axis: Axis, loop: AxisLoop) -> tuple[Picture, ...]:
+LOOP_SCOPES = {"rate": "rate loop", "whole": "whole loop"}
+"""Which loop around an axis, in words."""
+
+
+def loop_pictures(axis: str, loop: AxisLoop) -> tuple[Picture, ...]:
     """The broken loop with its margins and the sensitivity with its bandwidth; none where the loop was not seen."""
     # What no number was read from is no picture: the axis was not excited.
     if loop.loop is None or not (used := read_points(loop.loop)).any():
@@ -422,11 +426,11 @@ def _drawn(result: Responses) -> _Drawn:
 def _loops(result: Responses) -> tuple[Loop, ...]:
     return tuple(
         Loop(
-            axis=axis,
+            axis=f"{axis} {LOOP_SCOPES[loop.scope]}",
             method=loop.method,
             rows=loop_rows(loop),
             unseen=unseen(loop),
-            pictures=loop_pictures(axis, loop),
+            pictures=loop_pictures(key, loop),
         )
-        for axis, loop in result.loops.items()
+        for axis, key, loop in loops_of(result.loops)
     )

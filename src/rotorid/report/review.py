@@ -221,7 +221,7 @@ def _section(review: Review, anchor: str) -> Section:
         loops=_rows(_LOOP_ROWS, [loop.numbers for loop in review.loops.values()]),
         loop_names=names,
         bodes=tuple(_bode(loop, f"{anchor}-bode-{name}") for name, loop in review.loops.items()),
-        margins=_rows(_MARGIN_ROWS, [margin.numbers for margin in review.margins.values()]),
+        margins=_margin_rows(list(review.margins.values())),
         margin_names=tuple(review.margins),
         broken=tuple(
             _broken(margin, f"{anchor}-broken-{axis}")
@@ -259,6 +259,19 @@ def _rows(
         if any(name in column for column in columns):
             label = f"{told} [{shown}]" if shown else told
             rows.append(NumberRow(words=label, cells=tuple(_cell(column.get(name), factor) for column in columns)))
+    return tuple(rows)
+
+
+def _margin_rows(margins: Sequence[MarginReview]) -> tuple[NumberRow, ...]:
+    """Margins of all axes; what lies beyond the band of an axis is marked as a model's."""
+    rows = []
+    names = [name for name in _MARGIN_ROWS if any(name in margin.numbers for margin in margins)]
+    for name, row in zip(names, _rows(_MARGIN_ROWS, [margin.numbers for margin in margins]), strict=True):
+        cells = tuple(
+            (value, f"{reach}, by model".removeprefix(", ")) if name in margin.by_model else (value, reach)
+            for margin, (value, reach) in zip(margins, row.cells, strict=True)
+        )
+        rows.append(NumberRow(words=row.words, cells=cells))
     return tuple(rows)
 
 

@@ -305,6 +305,8 @@ def verification_tables(document: VerifyDocument) -> tuple[Table, ...]:
 
 def response_tables(document: ResponseDocument) -> tuple[Table, ...]:
     """Tables of measured responses: the band of each, windows and records, and margins of the loops."""
+    from rotorid.documents.response import loops_of
+
     pairs = Table(
         name="responses",
         caption="What can be used of each response, and its mean coherence and random error there.",
@@ -338,8 +340,8 @@ def response_tables(document: ResponseDocument) -> tuple[Table, ...]:
             Column("std", "Std", _two),
         ),
         rows=tuple(
-            (axis, name, number.value, number.std)
-            for axis, loop in document.loops.items()
+            (key, name, number.value, number.std)
+            for _, key, loop in loops_of(document.loops)
             for name, number in loop.numbers.items()
         ),
         errors={"value": "std"},

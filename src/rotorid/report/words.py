@@ -813,7 +813,8 @@ def _octaves(pair: Pair) -> float:
 
 
 def _loop(axis: str, loop: AxisLoop) -> str:
-    """Crossover and margins of one axis; empty where none was seen."""
+    """Crossover and margins of one axis, of the rate loop and of the whole loop; empty where none was seen."""
+    whole = _loop(axis, loop.whole) if loop.whole is not None else ""
     seen = []
     if crossover := loop.numbers.get("crossover_rad_s"):
         seen.append(f"crossover at {with_error(crossover.value, crossover.std)} rad/s")
@@ -823,7 +824,9 @@ def _loop(axis: str, loop: AxisLoop) -> str:
         seen.append(f"gain margin {in_decibels(up.value, up.std)} dB")
     if bandwidth := loop.numbers.get("attitude_bandwidth_rad_s"):
         seen.append(f"attitude bandwidth {with_error(bandwidth.value, bandwidth.std)} rad/s")
-    return f"{axis.capitalize()} loop: {', '.join(seen)}." if seen else ""
+    name = "Whole loop" if loop.scope == "whole" else "Rate loop"
+    own = f"{name} of {axis}: {', '.join(seen)}." if seen else ""
+    return " ".join(sentence for sentence in (own, whole) if sentence)
 
 
 def _gravest(result: Responses) -> tuple[str, ...]:

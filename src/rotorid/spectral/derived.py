@@ -490,6 +490,8 @@ class Estimated:
         In the unit that the name of its field says.
     std
         One standard deviation, same unit.
+    ends
+        Of its 95 % interval, where the error is not that of a normal distribution.
 
     Examples
     --------
@@ -500,11 +502,24 @@ class Estimated:
 
     value: float
     std: float
+    ends: tuple[float, float] | None = None
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval of a normal distribution."""
+        """The 95 % interval, that of a normal distribution unless its ends are known."""
+        if self.ends is not None:
+            return self.ends
         return self.value - TWO_SIDED_95 * self.std, self.value + TWO_SIDED_95 * self.std
+
+    @property
+    def lower(self) -> float:
+        """Lower end of the interval."""
+        return self.interval[0]
+
+    @property
+    def upper(self) -> float:
+        """Upper end of the interval."""
+        return self.interval[1]
 
 
 class Local(NamedTuple):

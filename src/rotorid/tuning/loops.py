@@ -10,7 +10,7 @@ Both are broken at the command. The first is what rate modes fly, the second wha
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -171,6 +171,8 @@ class LoopFigures(Immutable):
         Frequency up to which the sensitivity stays below -3 dB.
     stable
         One where the closed loop is stable, else zero. The other figures of an unstable loop are no margins.
+    gain_margin_rad_s, lower_gain_margin_rad_s, sensitivity_peak_rad_s
+        Frequencies at which these are read; not a number where nothing is.
     """
 
     crossover_rad_s: FloatArray
@@ -181,6 +183,17 @@ class LoopFigures(Immutable):
     sensitivity_peak: FloatArray
     rejection_bandwidth_rad_s: FloatArray
     stable: FloatArray
+    gain_margin_rad_s: FloatArray
+    lower_gain_margin_rad_s: FloatArray
+    sensitivity_peak_rad_s: FloatArray
+
+    @property
+    def as_flown(self) -> LoopFigures:
+        """Those of the stable draws, since a loop that flew was stable; all of them where none is."""
+        kept = self.stable > 0.0
+        if kept.all() or not kept.any():
+            return self
+        return LoopFigures(**{one.name: getattr(self, one.name)[kept] for one in fields(self)})
 
     @property
     def usual_crossover_rad_s(self) -> float:
@@ -346,18 +359,33 @@ def _one(omega: FloatArray, loop: ComplexArray, phase: FloatArray, start: int) -
     margins = np.pi + phases
     half_turns = _crossings(ln, phase, -np.pi)
     gains = np.array([np.interp(place, ln, gain) for place in half_turns])
-    above, below = gains[gains < 0.0], gains[gains >= 0.0]
+    above, below = gains < 0.0, gains >= 0.0
     sensitivity = 1.0 / np.abs(1.0 + loop)
+    up, up_at = _nearest_to_one(half_turns[above], gains[above])
+    down, down_at = _nearest_to_one(half_turns[below], gains[below])
+    peak = int(sensitivity.argmax())
     return {
         "crossover_rad_s": float(np.exp(crossings[-1])) if crossings.size else np.nan,
         "phase_margin_rad": float(margins.min()) if crossings.size else np.nan,
-        "gain_margin": float(np.exp(-above.max())) if above.size else np.inf,
-        "lower_gain_margin": float(np.exp(-below.min())) if below.size else 0.0,
+        "gain_margin": up if above.any() else np.inf,
+        "lower_gain_margin": down if below.any() else 0.0,
         "delay_margin_s": float(np.min(margins / np.exp(crossings))) if crossings.size else np.nan,
         "sensitivity_peak": float(sensitivity.max()),
         "rejection_bandwidth_rad_s": _bandwidth(omega, sensitivity),
         "stable": float(_stable(gain[start:], phase[start:])),
+        "gain_margin_rad_s": up_at,
+        "lower_gain_margin_rad_s": down_at,
+        # What still rises at the highest frequency has its peak somewhere else.
+        "sensitivity_peak_rad_s": float(omega[peak]) if peak < omega.size - 1 else np.nan,
     }
+
+
+def _nearest_to_one(places: FloatArray, gains: FloatArray) -> tuple[float, float]:
+    """The factor that brings the loop to -1 where the least is needed, and the frequency there."""
+    if not gains.size:
+        return np.nan, np.nan
+    row = int(np.abs(gains).argmin())
+    return float(np.exp(-gains[row])), float(np.exp(places[row]))
 
 
 def _crossings(at: FloatArray, values: FloatArray, level: float) -> FloatArray:

@@ -46,6 +46,9 @@ from rotorid.typing import Axis, ComplexArray, FloatArray
 QUANTILE = 0.05
 """Of the draws, that may miss a limit."""
 
+_AS_GOOD = 1.01
+"""Attitude under a moment over that of the best gains, up to which the simplest of them are proposed."""
+
 _KEPT_SHAPES = 60
 _ROOM = 1.3
 _ANGLE_ROOM = 3.0
@@ -444,18 +447,31 @@ def _searched(
         reasons.append("no gains that were tried keep the limits on the identified plant")
         return None
     ranked.sort(key=lambda one: one[0])
-    best: tuple[float, Gains] | None = None
+    found: list[tuple[float, Gains]] = []
     for _, shape in ranked[:_KEPT_SHAPES]:
         gains = _best_of(shape, parts, drawn, start, flown, wishes)
         if gains is None:
             continue
         over = float(np.median(attitude_rms(parts.omega_rad_s, drawn, drawn * parts.whole(gains))))
-        if best is None or over < best[0]:
-            best = over, gains
-    if best is None:
+        found.append((over, gains))
+    if not found:
         reasons.append("no gains hold the limits on all likely plants: the plant is not known well enough")
         return None
-    return _inside(parts, plants, best[1], flown, wishes, reasons, ends)
+    return _inside(parts, plants, _simplest(found, flown.gains), flown, wishes, reasons, ends)
+
+
+def _simplest(found: Sequence[tuple[float, Gains]], flown: Gains) -> Gains:
+    """Of gains that hold an attitude as well as the best, with its A, those of the least D, then the least changed.
+
+    Where D or I hardly matters, the best of them is an accident of the draws.
+    """
+    least, best = min(found, key=lambda one: one[0])
+
+    def change(gains: Gains) -> tuple[float, float]:
+        pairs = [(value, getattr(flown, name)) for name, value in gains.as_dict().items() if name != "D"]
+        return gains.D, sum(abs(math.log(now / before)) for now, before in pairs if now > 0.0 and before > 0.0)
+
+    return min((gains for over, gains in found if over <= _AS_GOOD * least and gains.A == best.A), key=change)
 
 
 class _Shape(NamedTuple):

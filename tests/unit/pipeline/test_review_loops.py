@@ -9,9 +9,9 @@ from rotorid.data.findings import refusal
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.excitation.sticks import everyday_stick
+from rotorid.pipeline.preparation.whole_flights import flown, loop_response, with_floor
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.results import Refused
-from rotorid.pipeline.review.flown import flown, loop_response, with_floor
 from rotorid.pipeline.review.loops import LOOPS, loop_of, loops
 from rotorid.pipeline.review.review import _craft, _refusals
 from rotorid.typing import FloatArray

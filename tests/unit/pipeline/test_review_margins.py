@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,9 +13,12 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, S
 from rotorid.models.autopilots.betaflight import BASE, TOP
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.controller import RateController
-from rotorid.pipeline.review.flown import flown
-from rotorid.pipeline.review.margins import _read, margins
+from rotorid.pipeline.preparation.loops import read_margins
+from rotorid.pipeline.preparation.whole_flights import flown
+from rotorid.pipeline.review.margins import margins
 from rotorid.pipeline.review.values import MarginReview, Untold
+from rotorid.tuning.loops import loop_figures
+from rotorid.tuning.plant import certain_plant
 from rotorid.typing import ComplexArray, FloatArray
 
 RATE_HZ, LENGTH_S, THROTTLE = 1000.0, 40.0, 0.3
@@ -170,7 +174,15 @@ def test_a_command_that_the_terms_do_not_make_has_no_margins() -> None:
 
 def test_a_model_below_a_half_turn_at_its_crossover_has_no_peak() -> None:
     """With too strong an integral it is unstable, whatever the size of its sensitivity."""
-    s = 1j * np.geomspace(0.5, 600.0, 500)
-    for loop in (100.0 / s * (0.002 + 1.0 / s) * (1.0 + 8.0 / s) * np.exp(-0.01 * s), 20.0 / s**2 / (1.0 + 0.05 * s)):
-        assert set(_read(s.imag, loop)) == {"crossover_rad_s"}
-    assert "sensitivity_peak" in _read(s.imag, 10.0 / s * np.exp(-0.02 * s))
+    omega = np.geomspace(0.5, 600.0, 500)
+
+    def numbers(loop: Callable[[ComplexArray], ComplexArray]) -> set[str]:
+        plant = certain_plant(lambda at: np.asarray(loop(1j * at)))
+        return set(read_margins(loop_figures(omega, plant.drawn(omega)), plant)[0])
+
+    for unstable in (
+        lambda s: 100.0 / s * (0.002 + 1.0 / s) * (1.0 + 8.0 / s) * np.exp(-0.01 * s),
+        lambda s: 20.0 / s**2 / (1.0 + 0.05 * s),
+    ):
+        assert numbers(unstable) == {"crossover_rad_s"}
+    assert "sensitivity_peak" in numbers(lambda s: 10.0 / s * np.exp(-0.02 * s))

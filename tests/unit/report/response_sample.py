@@ -68,6 +68,7 @@ def axis_loop() -> AxisLoop:
         margins=loop_margins(loop),
         rejection=disturbance_rejection(sensitivity(loop)),
         attitude=None,
+        scope="whole",
     )
 
 

@@ -13,7 +13,7 @@ from tests.unit.report.response_sample import CROSSOVER_RAD_S, DELAY_S, HOLLOW, 
 from tests.unit.report.sample import HOSTILE
 
 from rotorid.data.response import Estimate
-from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument
+from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument, loops_of, response_document
 from rotorid.report.frame import significant, with_error
 from rotorid.report.response import loop_rows, pair_rows, render_responses, unseen
 from rotorid.report.words import response_summary
@@ -73,6 +73,21 @@ def test_every_number_that_a_loop_can_have_has_its_words() -> None:
     seen = axis_loop()
     assert len(loop_rows(seen)) == len(seen.numbers)
     assert [entry.words for entry in unseen(seen)] == ["Gain margin downward"]
+
+
+def test_a_rate_loop_and_the_whole_loop_stand_beside_each_other() -> None:
+    both = dataclasses.replace(axis_loop(), scope="rate", whole=axis_loop())
+    found = dataclasses.replace(responses(), loops={"roll": both})
+    assert [(axis, key, loop.scope) for axis, key, loop in loops_of(found.loops)] == [
+        ("roll", "roll", "rate"),
+        ("roll", "roll_whole", "whole"),
+    ]
+    words = " ".join(response_summary(found))
+    assert "Rate loop of roll: crossover at" in words
+    assert "Whole loop of roll: crossover at" in words
+    written = response_document(found).loops["roll"]
+    assert (written.scope, written.whole.scope if written.whole else "") == ("rate", "whole")
+    assert all(number.lower < number.value < number.upper for number in written.numbers.values())
 
 
 def blank(part: Any) -> dict[str, Any]:
@@ -147,7 +162,7 @@ def test_words_come_first_and_name_what_was_measured(page: Page) -> None:
     )
     assert rest[0] == "3 of 4 responses can be used in some band."
     assert rest[1].startswith("Widest: sideward specific force ay over roll command, from 0.5 to ")
-    assert "Roll loop: crossover at" in " ".join(rest)
+    assert "Whole loop of roll: crossover at" in " ".join(rest)
     assert rest[-1] == ("Most serious finding: unheard of (roll_sweeps.ulg): A file was named roll_sweeps.ulg.")
     # Behind the menu, which names the parts too.
     shown = page.words[page.words.index(first) :]

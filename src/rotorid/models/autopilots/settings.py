@@ -91,6 +91,28 @@ def described(controllers: Sequence[AxisController]) -> dict[str, Any]:
     }
 
 
+_LOOP_SETTINGS = (
+    *("IMU_GYRO_", "IMU_DGYRO_CUTOFF", "IMU_INTEG_RATE", "MC_", "THR_MDL_FAC", "MOT_SLEW_"),
+    *("INS_GYRO_FILTER", "INS_GYRO_RATE", "INS_FAST_SAMPLE", "INS_HNTCH_", "INS_HNTC2_", "INS_NOTCH_", "FILT"),
+    *("SCHED_LOOP_RATE", "ATC_RAT_", "ATC_ANG_", "ATC_THR_G_BOOST", "MOT_THST_EXPO", "MOT_SPIN_", "MOT_BAT_VOLT_"),
+    *("gyro_", "dterm_", "looptime", "pid_process_denom", "features", "dshot_bidir", "rpm_filter_", "yaw_lowpass_hz"),
+    *("rollPID", "pitchPID", "yawPID", "levelPID", "d_min", "d_max", "tpa_"),
+    *("iterm_relax", "anti_gravity", "abs_control", "use_integrated_yaw", "thrust_linear", "dyn_"),
+)
+"""Beginnings of the names of parameters by which controllers, the filters in front of them and thrust are made."""
+
+
+def loop_settings(parameters: Mapping[str, float]) -> dict[str, float]:
+    """The parameters of a log on which its rate loops depend: gains, filters of loop and gyro, steps, curve of thrust.
+
+    Examples
+    --------
+    >>> loop_settings({"IMU_GYRO_CUTOFF": 40.0, "BAT1_CAPACITY": 4000.0})
+    {'IMU_GYRO_CUTOFF': 40.0}
+    """
+    return {name: float(value) for name, value in parameters.items() if name.startswith(_LOOP_SETTINGS)}
+
+
 def version_of(firmware: str) -> Version | None:
     """Major and minor number of a firmware's name, or ``None`` where it has none.
 

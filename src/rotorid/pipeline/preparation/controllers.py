@@ -27,7 +27,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.models.autopilots.betaflight import NAME as BETAFLIGHT
 from rotorid.models.autopilots.betaflight import OLDEST
 from rotorid.models.autopilots.reading import axis_controller
-from rotorid.models.autopilots.settings import AxisController, described, version_of
+from rotorid.models.autopilots.settings import AxisController, described, loop_settings, version_of
 from rotorid.models.autopilots.versions import firmware_candidates
 from rotorid.models.controller import Driven, RateController
 from rotorid.pipeline.preparation.command_relation import CommandRelation, command_relation
@@ -190,7 +190,11 @@ class LogControllers(Immutable):
         if not found:
             return None
         moves = found[0].autopilot == BETAFLIGHT
-        return ControllerSettings(**described(found), throttle=self.throttle if moves else None)
+        return ControllerSettings(
+            **described(found),
+            settings=loop_settings(self.parameters),
+            throttle=self.throttle if moves else None,
+        )
 
     def with_parameters(self, parameters: Mapping[str, float]) -> LogControllers:
         """The same program with other parameters, which did not make the logged commands."""
@@ -207,7 +211,7 @@ def controllers_of_result(known: ControllerSettings) -> LogControllers:
     """
     return LogControllers(
         origin="the result",
-        parameters={**known.gains, **known.filters},
+        parameters={**known.gains, **known.filters, **known.settings},
         firmware=FlownFirmware(name=known.firmware, unexplained={}),
         loop_rate_hz=known.loop_rate_hz,
         throttle=known.throttle or 0.0,

@@ -1,50 +1,420 @@
-"""The loop around an axis as the same flight shows it: the broken loop with its margins, sensitivity, attitude."""
+r"""The loop around an axis as a flight shows it: the one answer of ``review``, ``response`` and ``tune``.
+
+.. math:: L = \hat P C
+
+is the *rate loop alone*, broken at the command: the plant as the flight shows it
+(:mod:`rotorid.pipeline.preparation.plants`) times the controller of the log without its angle loop, as far as that
+controller made the logged command. Its margins are read from many likely plants, which are the measurement inside the
+band and a lag with a growing error beyond it, so each has its own interval wherever it lies; what lies beyond the band
+is named as such. Only stable plants count, since the loop flew.
+
+A test signal at the mixer shows the *whole loop* too, with the outer loops closed, whatever the gains are.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import NamedTuple
+from typing import Literal
 
 import numpy as np
 
 from rotorid.data.axes import ANGLE_OF, RATE_OF
+from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import FlightRecord, TimeHistory
+from rotorid.data.quantity import Quantity
+from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError
-from rotorid.fitting.delay.estimate import AIRFRAME_ORDERS, FASTEST_GROWTH_RAD_S, LONGEST_S
-from rotorid.fitting.delay.fit import LateLag, Limits, ResponseFit, ResponsePoints, fit_order, simplest
-from rotorid.pipeline.preparation.controllers import LoggedController
+from rotorid.io.advice import logging_advice
+from rotorid.models.autopilots.betaflight import TOP
+from rotorid.models.autopilots.settings import AxisController
+from rotorid.models.controller import RateController
+from rotorid.pipeline.preparation.command_relation import injection_delay_s
+from rotorid.pipeline.preparation.controller_check import ControllerCheck, check_controller
+from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, controllers_of
 from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.measure import Measured, logged_controllers
+from rotorid.pipeline.preparation.measure import Measured
+from rotorid.pipeline.preparation.plants import (
+    MOVE,
+    MeasuredPlant,
+    PlantUnavailableError,
+    drawn_plant,
+    enters_the_mixer,
+    ordinary_plant,
+    swept_plant,
+    whole_flight,
+)
 from rotorid.pipeline.preparation.segments import cut, histories, with_surroundings
+from rotorid.pipeline.preparation.whole_flights import flown
+from rotorid.pipeline.settings import MeasureSettings
 from rotorid.signal.excitations import find_excitations
-from rotorid.spectral.derived import Estimated, log_curve, selected, with_model_error
+from rotorid.spectral.derived import Estimated, with_model_error
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.loops import injected_loop, sensitivity, series
 from rotorid.spectral.margins import (
     AttitudeBandwidth,
     Bound,
     DisturbanceRejection,
+    GainCrossover,
     LoopMargins,
+    PhaseCrossover,
     attitude_bandwidth,
     disturbance_rejection,
     loop_margins,
 )
 from rotorid.spectral.windows import band_of, grid_rad_s, margin_s, plan_of_records
-from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
+from rotorid.tuning.loops import LoopFigures, frequency_grid, loop_figures, quantities
+from rotorid.tuning.plant import UncertainPlant
+from rotorid.typing import Axis, FloatArray
 
 MODEL_ERROR = 0.007
 """Share of a measured loop that it errs by whatever the length of the flight, alike over an octave."""
 
-_LARGEST_ERROR, _LEAST_COHERENCE = 0.3, 0.3
+NUMBERS = (
+    "crossover_rad_s",
+    "phase_margin_deg",
+    "delay_margin_s",
+    "gain_margin_db",
+    "sensitivity_peak",
+    "disturbance_rejection_rad_s",
+)
+"""What is read of a rate loop, as far as the flight shows it."""
+
+_FASTER = "Log commands and rates faster, and move the stick more quickly."
+
+RATE_LOOP = "measured vehicle times the gains in the log, rate loop alone"
+"""What the loop of every verb is."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RateLoop(Immutable):
+    """The rate loop of an axis as it was flown, without its angle loop.
+
+    Parameters
+    ----------
+    measured, plant
+        The plant as the flight shows it, and draws of it.
+    controller
+        The rate controller by the gains and filters of the log; of one that moves in flight the end nearest to what
+        flew.
+    settings
+        What the log says of the controller, by the firmware's own names.
+    check
+        Whether the gains made the command.
+    loop
+        Broken-loop response in the band.
+    numbers
+        By the names of :data:`NUMBERS`.
+    by_model
+        Names of those that lie beyond the band, where a lag goes on.
+    missing
+        Name of each number that the flight does not show, and why.
+    places_rad_s
+        Name of a number to the frequency at which it is read.
+    ends
+        Names of states between which the controller moves in flight, to the numbers there; empty for one that stays.
+    """
+
+    measured: MeasuredPlant
+    plant: UncertainPlant
+    controller: RateController
+    settings: AxisController
+    check: ControllerCheck
+    loop: FrequencyResponse
+    numbers: Mapping[str, Quantity]
+    by_model: tuple[str, ...]
+    missing: Mapping[str, str]
+    places_rad_s: Mapping[str, Quantity]
+    ends: Mapping[str, Mapping[str, Quantity]] = field(default_factory=dict)
+
+
+def rate_loop(
+    axis: Axis, records: FlightRecord | Sequence[FlightRecord], settings: MeasureSettings | None = None
+) -> RateLoop:
+    """The rate loop of an axis as one or several flights with the same gains show it.
+
+    Parameters
+    ----------
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    records
+        Logs of one vehicle; several of them only with rich excitations.
+    settings
+        How rich excitations are measured.
+
+    Raises
+    ------
+    PlantUnavailableError
+        The log does not show plant or controller; it says why, and what would help.
+    InsufficientDataError
+        It is too short.
+    """
+    logs = [records] if isinstance(records, FlightRecord) else list(records)
+    record = logs[0]
+    for one in logs:
+        _require_logged(one, axis)
+    _require_same_gains(axis, logs)
+    measured, known, check = swept_plant(axis, logs, settings), _settings(record, axis), check_controller(record, axis)
+    controllers = _nearest(known, check)
+    if measured is not None:
+        _require_made(check)
+    elif len(logs) > 1:
+        raise PlantUnavailableError(
+            f"Nothing excited {axis} in these logs but the stick, and several ordinary flights are not joined.",
+            "Give one log.",
+        )
+    else:
+        flight = flown(record)
+        whole = whole_flight(flight, axis)
+        _require_made(check, in_doubt=True)
+        acting = [acting_on(record, one.rate_loop, source=whole.source) for one in controllers.values()]
+        measured = ordinary_plant(flight, whole, acting)
+    return _read(record, measured, known, check, controllers)
+
+
+def _require_logged(record: FlightRecord, axis: Axis) -> None:
+    """Refuse a log without command or rate of an axis, or with these too slow."""
+    rate, command = RATE_OF[axis], f"{axis}_command"
+    missing = [name for name in (command, rate) if name not in record.channel_names]
+    if missing:
+        raise PlantUnavailableError(
+            f"The log holds no {' and no '.join(missing)}.", "Log the controllers' outputs and the body rates."
+        )
+    slowest_hz = min(record.rate_hz(command), record.rate_hz(rate))
+    if slowest_hz < LOWEST_RATE_HZ:
+        raise PlantUnavailableError(
+            f"Command and rate of {axis} are logged at {slowest_hz:.0f} Hz; {LOWEST_RATE_HZ:.0f} Hz is the least.",
+            logging_advice(record, slowest_hz),
+        )
+
+
+def _require_same_gains(axis: Axis, records: Sequence[FlightRecord]) -> None:
+    changed = any(finding.kind == "parameters_changed" for record in records for finding in record.findings)
+    each = [controllers_of(record).axis(axis) for record in records]
+    if changed or any(one != each[0] for one in each):
+        where = "in the log" if changed else "between the logs"
+        raise PlantUnavailableError(
+            f"The gains changed {where}, so no loop belongs to them.", "Give one log that was flown with one set."
+        )
+
+
+def _settings(record: FlightRecord, axis: Axis) -> AxisController:
+    known = controllers_of(record)
+    settings = known.axis(axis)
+    if settings is None:
+        why, remedy = known.unknown_gains(axis)
+        raise PlantUnavailableError(f"{why}.", remedy)
+    return settings
+
+
+def _require_made(check: ControllerCheck, *, in_doubt: bool = False) -> None:
+    """Refuse gains that did not fly; of a flight without a sweep also those of which the log shows nothing."""
+    unseen = check.verdict == "not checked" and bool(check.setpoint) and check.unexplained is None
+    if check.verdict == "not made" or (in_doubt and unseen):
+        raise PlantUnavailableError(f"{check.why}.", check.remedy)
+
+
+def _nearest(settings: AxisController, check: ControllerCheck) -> dict[str, RateController]:
+    """The controllers at the ends between which it moves, that nearest to what flew first."""
+    if not settings.ends:
+        return {"": settings.controller}
+    ends = dict(settings.ends)
+    own = check.terms.get("d")
+    if own is None:
+        return ends
+    top = ends[TOP].derivative_s2
+    order = sorted(ends, key=lambda name: abs(ends[name].derivative_s2 - own.slope * top))
+    return {name: ends[name] for name in order}
+
+
+def _integral_as_flown(controller: RateController, check: ControllerCheck) -> RateController | None:
+    """The controller with the integral that the flight shows of it; ``None`` where it shows none."""
+    if "i" not in check.terms or not controller.proportional_s:
+        return None
+    return replace(controller, integral=controller.integral * min(max(check.terms["i"].slope, 0.0), 1.0))
+
+
+def _read(
+    record: FlightRecord,
+    measured: MeasuredPlant,
+    known: AxisController,
+    check: ControllerCheck,
+    controllers: Mapping[str, RateController],
+) -> RateLoop:
+    plant = drawn_plant(measured)
+    withheld = _NOT_BY_GUSTS if measured.gusts else _BY_STICK if measured.idle else ()
+    acting = {name: acting_on(record, one.rate_loop, source=measured.source) for name, one in controllers.items()}
+    each = {
+        name: read_margins(figures_of(plant, one, gusts=measured.gusts), plant, withheld=withheld)
+        for name, one in acting.items()
+    }
+    main, *_ = each
+    numbers, by_model, places = each[main]
+    moved = _integral_as_flown(controllers[main], check)
+    if moved is not None:
+        other = acting_on(record, moved.rate_loop, source=measured.source)
+        numbers = _widened(
+            numbers, read_margins(figures_of(plant, other, gusts=measured.gusts), plant, withheld=withheld)[0]
+        )
+    loop = series(measured.response, acting[main].response(measured.response.omega_rad_s))
+    loop = with_model_error(loop, MODEL_ERROR)
+    missing = _reasons(loop, numbers, plant, withheld)
+    if not set(numbers) & set(NUMBERS):
+        raise PlantUnavailableError(missing["crossover_rad_s"], MOVE if measured.idle else _FASTER)
+    return RateLoop(
+        measured=measured,
+        plant=plant,
+        controller=controllers[main],
+        settings=known,
+        check=check,
+        loop=loop,
+        numbers=numbers,
+        by_model=by_model,
+        missing=missing,
+        places_rad_s=places,
+        ends={name: one[0] for name, one in each.items()} if len(each) > 1 else {},
+    )
+
+
+def figures_of(plant: UncertainPlant, controller: LoggedController, *, gusts: bool = False) -> LoopFigures:
+    """Margins over the draws of a plant under a controller that flew; what gusts alone show ends with the band."""
+    omega = frequency_grid(controller.controller)
+    omega = omega[omega <= plant.band_rad_s[1]] if gusts else omega
+    loops = plant.drawn(omega) * controller.response(omega)
+    return loop_figures(omega, loops, from_rad_s=plant.known_from_rad_s)
+
+
+_BEYOND_RATIO = 6.0
+"""How far beyond the band a lag is followed, over the end of the band."""
+
+_LEAST_SHARE = 0.9
+"""Share of the draws that must have a number for it to be there."""
+
+_PLACES = {
+    "crossover_rad_s": "crossover_rad_s",
+    "phase_margin_deg": "crossover_rad_s",
+    "delay_margin_s": "crossover_rad_s",
+    "gain_margin_db": "gain_margin_rad_s",
+    "sensitivity_peak": "sensitivity_peak_rad_s",
+    "disturbance_rejection_rad_s": "rejection_bandwidth_rad_s",
+}
+"""Numbers to the field of :class:`LoopFigures` that holds the frequency at which each is read."""
+
+_BY_STICK = ("gain_margin_db", "sensitivity_peak")
+"""What a flight with an idle stick does not show, even where short maneuvers moved the set-point."""
+
+_NOT_BY_GUSTS = (*_BY_STICK, "disturbance_rejection_rad_s")
+"""What gusts alone do not show: below the crossover they make the controller of the vehicle, not the plant."""
+
+_WIDEST_CROSSOVER = 3.0
+"""Highest over lowest frequency of a crossover; where a gain lies along one for longer there is none to speak of."""
+
+
+def read_margins(
+    figures: LoopFigures, plant: UncertainPlant, *, withheld: Sequence[str] = ()
+) -> tuple[dict[str, Quantity], tuple[str, ...], dict[str, Quantity]]:
+    """Margins of a loop that flew: numbers, names of those beyond the band, and the frequencies of all.
+
+    Parameters
+    ----------
+    figures
+        Over the draws of the plant.
+    plant
+        Whose band counts as measured; beyond it a number is there only where a lag goes on.
+    withheld
+        Names of what such a flight does not show.
+    """
+    flew = figures.as_flown
+    unstable = not figures.stable.any()
+    told = quantities(flew)
+    told["disturbance_rejection_rad_s"] = told.pop("rejection_bandwidth_rad_s", None)  # type: ignore[arg-type]
+    low, high = plant.band_rad_s
+    numbers: dict[str, Quantity] = {}
+    places: dict[str, Quantity] = {}
+    by_model = []
+    for name, where in _PLACES.items():
+        at = getattr(flew, where)
+        seen = at[np.isfinite(at)]
+        quantity = told.get(name)
+        if quantity is None or seen.size < _LEAST_SHARE * at.size or name in withheld:
+            continue
+        # A loop that no draw makes stable is not the one that flew: its other numbers are no margins.
+        if unstable and name != "crossover_rad_s":
+            continue
+        place = float(np.median(seen))
+        beyond = place > high
+        if place < low or (beyond and not (plant.goes_on and place <= _BEYOND_RATIO * high)):
+            continue
+        at_place = _at(seen)
+        if where == "crossover_rad_s" and at_place.upper > _WIDEST_CROSSOVER * at_place.lower:
+            continue
+        numbers[name] = quantity
+        places[name] = at_place
+        by_model += [name] if beyond else []
+    return numbers, tuple(by_model), places
+
+
+def _at(omega_rad_s: FloatArray) -> Quantity:
+    low, middle, high = np.quantile(omega_rad_s, (0.025, 0.5, 0.975))
+    std = float(np.std(omega_rad_s))
+    return Quantity(value=float(middle), std=std, lower=float(low), upper=float(high), unit="rad/s")
+
+
+def _widened(numbers: Mapping[str, Quantity], other: Mapping[str, Quantity]) -> dict[str, Quantity]:
+    r"""Numbers whose intervals reach to those of a controller that flew for a part of the time.
+
+    What lies between both is as likely everywhere, :math:`\sigma^2 = \Delta^2 / 3`.
+    """
+    found = {}
+    for name, one in numbers.items():
+        found[name] = one
+        if name in other and one.std > 0.0:
+            moved = other[name].value - one.value
+            more = math.hypot(1.0, moved / math.sqrt(3.0) / one.std)
+            found[name] = replace(
+                one,
+                std=one.std * more,
+                lower=one.value - more * (one.value - one.lower),
+                upper=one.value + more * (one.upper - one.value),
+            )
+    return found
+
+
+def _reasons(
+    loop: FrequencyResponse, numbers: Mapping[str, Quantity], plant: UncertainPlant, withheld: Sequence[str]
+) -> dict[str, str]:
+    low, high = plant.band_rad_s
+    sizes = np.abs(loop.values[0, 0])
+    crossed = bool(sizes.max() > 1.0 > sizes.min())
+    cannot = f"The loop is seen in {low:.3g} to {high:.3g} rad/s"
+    crossing = "crosses one over a wide range" if crossed else "does not pass one there"
+    reasons = dict.fromkeys(
+        ("crossover_rad_s", "phase_margin_deg", "delay_margin_s"), f"{cannot}, and its gain {crossing}."
+    )
+    bound = loop_margins(loop).bounds.get("gain_margin_up")
+    least = f"; it is at least {20.0 * math.log10(bound.value):.1f} dB" if bound is not None else ""
+    refused = "" if plant.goes_on else " No model of the plant explains the flight well enough to go on from there."
+    reasons["gain_margin_db"] = f"{cannot}, and its phase does not pass −180° there{least}.{refused}"
+    reasons["sensitivity_peak"] = f"{cannot}, and the sensitivity has no peak there.{refused}"
+    reasons["disturbance_rejection_rad_s"] = f"{cannot}, and the sensitivity does not rise through −3 dB there."
+    reasons |= dict.fromkeys(withheld, "The stick rested: gusts alone do not show it.")
+    return {name: why for name, why in reasons.items() if name not in numbers}
+
+
+def remedy_of(loop: RateLoop) -> str:
+    """What would show the numbers that are missing."""
+    return MOVE if loop.measured.idle else _FASTER
+
+
+# The loops of ``response``: the same numbers under its names, the whole loop beside them, and the attitude.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Beyond:
-    """What a model of the vehicle times the controller in the log says beyond the band; nothing of it was measured.
+    """What a lag fitted to the measured vehicle times the controller in the log says beyond the band.
 
     Parameters
     ----------
@@ -76,7 +446,11 @@ class AxisLoop:
     attitude
         Bandwidth of the attitude's answer to its command.
     beyond
-        What lies beyond the band by model and controller, where a margin does and both are known.
+        What lies beyond the band by model and controller, where both are known.
+    scope
+        ``rate`` for the rate loop alone, ``whole`` for the loop with the outer loops closed around it.
+    whole
+        The whole loop, where a test signal at the mixer shows it beside the rate loop.
     """
 
     method: str
@@ -85,6 +459,8 @@ class AxisLoop:
     rejection: DisturbanceRejection | None
     attitude: AttitudeBandwidth | None
     beyond: Beyond | None = None
+    scope: Literal["rate", "whole"] = "rate"
+    whole: AxisLoop | None = None
 
     @property
     def band_rad_s(self) -> tuple[float, float] | None:
@@ -127,11 +503,13 @@ def _public_name(part: LoopMargins | DisturbanceRejection | AttitudeBandwidth, n
     return f"attitude_{name}" if isinstance(part, AttitudeBandwidth) else name
 
 
-def axis_loop(axis: Axis, measured: Measured, flown: Sequence[Flight]) -> AxisLoop | None:
-    """The loop around an axis, from whatever the flight offers; ``None`` where it offers nothing.
+def axis_loop(
+    axis: Axis, measured: Measured, flights: Sequence[Flight], settings: MeasureSettings | None = None
+) -> AxisLoop | None:
+    """The loop around an axis, from whatever the flights offer; ``None`` where they offer nothing.
 
-    An injection at the mixer gives the broken loop directly. Otherwise the measured rate response times the gains in
-    the log, of the rate loop alone. The attitude's answer is that to its instrument, the stick or the set-point.
+    The rate loop alone where the gains are known, and the whole loop where an injection at the mixer shows it. The
+    attitude's answer is that to its instrument, the stick or the set-point.
 
     Parameters
     ----------
@@ -139,27 +517,148 @@ def axis_loop(axis: Axis, measured: Measured, flown: Sequence[Flight]) -> AxisLo
         The axis.
     measured
         Responses of a command of this axis, and the data behind them.
-    flown
+    flights
         Records and maneuvers behind them.
+    settings
+        Of the response; segments and shifts count.
     """
-    records = histories(measured.segments)
-    loop, method = _injected(axis, measured, flown, records) or _computed(axis, measured, flown) or (None, "")
-    loop = loop and with_model_error(loop, MODEL_ERROR)
-    attitude = _attitude(axis, measured, records)
-    if loop is None and attitude is None:
+    records = list({id(record): record for record, _ in flights}.values())
+    attitude = _attitude(axis, measured, histories(measured.segments))
+    whole = _whole_loop(axis, records)
+    # Band, windows and estimate are choices of the response that is shown: the loop is that of the other verbs.
+    shown = settings or MeasureSettings()
+    own = {name: shift for name, shift in shown.shifts.items() if name in (f"{axis}_command", RATE_OF.get(axis))}
+    segments = tuple(one for one in shown.segments if one.axis == axis)
+    plain = MeasureSettings(segments=segments, shifts=own)
+    try:
+        found = _of_rate(rate_loop(axis, records, plain)) if axis in RATE_OF else None
+        why = ""
+    except InsufficientDataError as error:
+        found, why = None, str(error.came or error)
+    if found is not None:
+        return replace(found, attitude=attitude, whole=whole)
+    if whole is not None:
+        return replace(whole, attitude=attitude)
+    if attitude is None:
         return None
-    found = AxisLoop(
-        method=method or _no_loop(flown),
-        loop=loop,
-        margins=loop_margins(loop) if loop else None,
-        rejection=disturbance_rejection(sensitivity(loop)) if loop else None,
+    return AxisLoop(
+        method=f"no broken loop: {why[:1].lower()}{why[1:].rstrip('.')}",
+        loop=None,
+        margins=None,
+        rejection=None,
         attitude=attitude,
     )
-    return replace(found, beyond=_beyond(axis, found, measured, flown)) if found.bounds else found
+
+
+def _whole_loop(axis: Axis, records: Sequence[FlightRecord]) -> AxisLoop | None:
+    try:
+        return loop_by_injection(axis, records)
+    except InsufficientDataError:
+        return None
+
+
+def _of_rate(found: RateLoop) -> AxisLoop:
+    """A rate loop under the names of ``response``."""
+    named = _named(found)
+    seen = {name: value for name, value in named.items() if _SOURCES[name] not in found.by_model}
+    local = loop_margins(found.loop)
+    rejection = disturbance_rejection(sensitivity(found.loop))
+    omega, phase, delay = (seen.get(name) for name in ("crossover_rad_s", "phase_margin_rad", "delay_margin_s"))
+    crossovers = (
+        (GainCrossover(omega_rad_s=omega, phase_margin_rad=phase, delay_margin_s=delay),)
+        if omega and phase and delay
+        else ()
+    )
+    up = seen.get("gain_margin_up")
+    turns = (
+        (PhaseCrossover(omega_rad_s=_estimated(found.places_rad_s["gain_margin_db"]), gain_margin=up),) if up else ()
+    )
+    margins = {
+        name: seen.get(name)
+        for name in ("phase_margin_rad", "delay_margin_s", "gain_margin_up", "modulus_margin", "modulus_omega_rad_s")
+    }
+    margins["gain_margin_down"] = local.gain_margin_down
+    rejected = {
+        name: seen.get(f"disturbance_rejection_{name}") for name in ("bandwidth_rad_s", "peak", "peak_omega_rad_s")
+    }
+    reasons = {name: found.missing.get(source, _BEYOND_BAND) for name, source in _SOURCES.items()}
+    return AxisLoop(
+        method=RATE_LOOP,
+        loop=found.loop,
+        margins=LoopMargins(
+            gain_crossovers=crossovers,
+            phase_crossovers=turns,
+            **margins,
+            not_seen={
+                name: reasons.get(name, local.not_seen.get(name, "")) for name, one in margins.items() if one is None
+            },
+            bounds={name: bound for name, bound in local.bounds.items() if margins[name] is None},
+        ),
+        rejection=DisturbanceRejection(
+            **rejected,
+            not_seen={name: reasons[f"disturbance_rejection_{name}"] for name, one in rejected.items() if one is None},
+            bounds={name: bound for name, bound in rejection.bounds.items() if rejected[name] is None},
+        ),
+        attitude=None,
+        beyond=Beyond(
+            method="a lag with a delay fitted to the measured vehicle, times the controller in the log",
+            up_to_rad_s=_BEYOND_RATIO * found.plant.band_rad_s[1],
+            numbers={name: value for name, value in named.items() if name not in seen},
+        )
+        if found.by_model
+        else None,
+    )
+
+
+_BEYOND_BAND = "it lies beyond the band"
+
+_SOURCES = {
+    "crossover_rad_s": "crossover_rad_s",
+    "phase_margin_rad": "phase_margin_deg",
+    "delay_margin_s": "delay_margin_s",
+    "gain_margin_up": "gain_margin_db",
+    "modulus_margin": "sensitivity_peak",
+    "modulus_omega_rad_s": "sensitivity_peak",
+    "disturbance_rejection_bandwidth_rad_s": "disturbance_rejection_rad_s",
+    "disturbance_rejection_peak": "sensitivity_peak",
+    "disturbance_rejection_peak_omega_rad_s": "sensitivity_peak",
+}
+"""Names of ``response`` to those of :data:`NUMBERS`."""
+
+
+def _named(found: RateLoop) -> dict[str, Estimated]:
+    """Numbers of a rate loop under the names and in the units of ``response``."""
+    named: dict[str, Estimated] = {}
+    for name, source in _SOURCES.items():
+        if source not in found.numbers:
+            continue
+        one = found.numbers[source]
+        if name.endswith("_omega_rad_s"):
+            named[name] = _estimated(found.places_rad_s[source])
+        elif name == "phase_margin_rad":
+            named[name] = _estimated(one, math.pi / 180.0)
+        elif name == "gain_margin_up":
+            factor = 10.0 ** (one.value / 20.0)
+            ends = 10.0 ** (one.lower / 20.0), 10.0 ** (one.upper / 20.0)
+            named[name] = Estimated(value=factor, std=factor * one.std * math.log(10.0) / 20.0, ends=ends)
+        elif name == "modulus_margin":
+            ends = 1.0 / one.upper, 1.0 / one.lower
+            named[name] = Estimated(value=1.0 / one.value, std=one.std / one.value**2, ends=ends)
+        else:
+            named[name] = _estimated(one)
+    return named
+
+
+def _estimated(one: Quantity, factor: float = 1.0) -> Estimated:
+    return Estimated(value=factor * one.value, std=factor * one.std, ends=(factor * one.lower, factor * one.upper))
+
+
+INJECTED = "measured with {}, all loops closed"
+"""What a test signal at the mixer shows."""
 
 
 def loop_by_injection(axis: Axis, records: Sequence[FlightRecord]) -> AxisLoop | None:
-    """The loop around an axis by its injections at the mixer alone; ``None`` where a flight has none.
+    """The whole loop around an axis by its injections at the mixer alone; ``None`` where a flight has none.
 
     It needs neither a model of the vehicle nor the gains of its controller, and no other instrument: what is wrong with
     an identified plant is not wrong here.
@@ -177,19 +676,19 @@ def loop_by_injection(axis: Axis, records: Sequence[FlightRecord]) -> AxisLoop |
         The injections are too short, or the command was not logged beside them.
     """
     command, excitation = f"{axis}_command", f"{axis}_excitation"
-    flown = [
+    flights = [
         Flight(record, maneuver)
         for record in records
-        if _enters_the_mixer(record, excitation)
+        if enters_the_mixer(record, excitation)
         for maneuver in find_excitations(record, axis)
         if maneuver.signal == excitation and maneuver.kind in RICH_KINDS
     ]
-    if not flown:
+    if not flights:
         return None
-    wider = with_surroundings(flown, margin_s([one.maneuver for one in flown]), (command, excitation))
+    wider = with_surroundings(flights, margin_s([one.maneuver for one in flights]), (command, excitation))
     segments, _ = cut(wider, channels=(command, excitation))
     cut_out = histories(segments)
-    band = band_of([one.maneuver for one in flown], cut_out[0].sample_rate_hz)
+    band = band_of([one.maneuver for one in flights], cut_out[0].sample_rate_hz)
     plan = plan_of_records([one.duration_s for one in cut_out], band)
     loop = injected_loop(
         cut_out,
@@ -197,77 +696,22 @@ def loop_by_injection(axis: Axis, records: Sequence[FlightRecord]) -> AxisLoop |
         excitation=excitation,
         omega_rad_s=grid_rad_s(band, plan),
         windows_s=plan.lengths_s,
-        injection_delay_s=_injection_delay_s(flown),
+        injection_delay_s=_common_delay_s(records),
     )
     loop = with_model_error(loop, MODEL_ERROR)
     return AxisLoop(
-        method=f"measured with {excitation}, all loops closed",
+        method=INJECTED.format(excitation),
         loop=loop,
         margins=loop_margins(loop),
         rejection=disturbance_rejection(sensitivity(loop)),
         attitude=None,
+        scope="whole",
     )
 
 
-def _enters_the_mixer(record: FlightRecord, excitation: str) -> bool:
-    """Whether an excitation is a share of the command: one that enters as a rate or an angle has their unit."""
-    rows = (topic.row(excitation) for topic in record.topics)
-    return any(
-        row is not None and topic.channels[row].unit == "1" for topic, row in zip(record.topics, rows, strict=True)
-    )
-
-
-def _injection_delay_s(flown: Sequence[Flight]) -> float:
-    """What the system identification mode of ArduPilot logs enters the mixer one loop later."""
-    rates_hz = {_loop_rate_hz(record) for record, _ in flown}
-    return 1.0 / rates_hz.pop() if len(rates_hz) == 1 and all(rates_hz) else 0.0
-
-
-def _gains_changed(flown: Sequence[Flight]) -> bool:
-    return any(finding.kind == "parameters_changed" for record, _ in flown for finding in record.findings)
-
-
-def _no_loop(flown: Sequence[Flight]) -> str:
-    gains = "gains that changed in the log" if _gains_changed(flown) else "no gains in the log"
-    return f"no injection at the mixer and {gains}: no broken loop"
-
-
-def _injected(
-    axis: Axis, measured: Measured, flown: Sequence[Flight], records: Sequence[TimeHistory]
-) -> tuple[FrequencyResponse, str] | None:
-    excitation, response = f"{axis}_excitation", measured.response
-    if excitation not in response.instruments or not all(_enters_the_mixer(one.record, excitation) for one in flown):
-        return None
-    # Maneuvers of another instrument were flown without it.
-    records = [record for record in records if excitation in record.names and np.ptp(record[excitation]) > 0.0]
-    loop = injected_loop(
-        records,
-        command=f"{axis}_command",
-        excitation=excitation,
-        omega_rad_s=response.omega_rad_s,
-        windows_s=response.windows_s,
-        injection_delay_s=_injection_delay_s(flown),
-    )
-    return loop, f"measured with {excitation}, all loops closed"
-
-
-def _loop_rate_hz(record: FlightRecord) -> float:
-    return record.parameters.get("SCHED_LOOP_RATE", 0.0) if "SID_AXIS" in record.parameters else 0.0
-
-
-def _computed(axis: Axis, measured: Measured, flown: Sequence[Flight]) -> tuple[FrequencyResponse, str] | None:
-    response, rate = measured.response, RATE_OF.get(axis, "")
-    if rate not in response.outputs or response.estimate != "joint" or len(response.inputs) > 1:
-        return None
-    parameters = flown[0][0].parameters
-    controllers = logged_controllers(flown, measured, f"{axis}_command", rate)
-    if len(controllers) != 1 or any(record.parameters != parameters for record, _ in flown):
-        return None
-    if _gains_changed(flown):
-        return None
-    plant = selected(response, outputs=[rate], inputs=[f"{axis}_command"])
-    gains = controllers[0].rate_loop.response(response.omega_rad_s)
-    return series(plant, gains), "measured vehicle times the gains in the log, rate loop alone"
+def _common_delay_s(records: Sequence[FlightRecord]) -> float:
+    delays_s = {injection_delay_s(record) for record in records}
+    return delays_s.pop() if len(delays_s) == 1 else 0.0
 
 
 def _attitude(axis: Axis, measured: Measured, records: Sequence[TimeHistory]) -> AttitudeBandwidth | None:
@@ -289,169 +733,11 @@ def _attitude(axis: Axis, measured: Measured, records: Sequence[TimeHistory]) ->
     return attitude_bandwidth(with_model_error(answer, MODEL_ERROR))
 
 
-_BEYOND_RATIO = 6.0
-"""How far over the end of the band the model is taken."""
-
-_BEYOND_POINTS = 800
-
-_TOP_OCTAVE = (0.45, 0.85)
-"""Share of the band's end between which a model is tied to the measurement: the last points hold the end of a sweep."""
-
-_SAME_LOOP = 0.2
-"""Rms of the logarithm of measured over computed loop below which the controller is the one that flew."""
-
-_WRONG_PER_E_FOLD = 0.15
-"""What a rate model is off by outside of its band, for each factor of e in frequency."""
-
-_FEWEST_POINTS, _FEWEST_TIED = 8, 4
 _WORDS = {
     "disturbance_rejection_peak": ("sensitivity peak", 0.0, "dB"),
     "phase_margin_rad": ("phase margin", 180.0 / np.pi, "°"),
     "gain_margin_up": ("gain margin", 0.0, "dB"),
 }
-
-
-def _beyond(axis: Axis, found: AxisLoop, measured: Measured, flown: Sequence[Flight]) -> Beyond | None:
-    """Margins beyond the band, of a late lag fitted to the measured vehicle, and the controller in the log."""
-    response, rate, command = measured.response, RATE_OF.get(axis, ""), f"{axis}_command"
-    if found.loop is None or rate not in response.outputs or command not in response.inputs:
-        return None
-    controllers = logged_controllers(flown, measured, command, rate)
-    vehicle = _late_lag(
-        selected(response, outputs=[rate], inputs=[command]), measured.segments[0].history.sample_rate_hz
-    )
-    curve = log_curve(found.loop)
-    if len(controllers) != 1 or vehicle is None or not curve.bands:
-        return None
-    end = float(np.exp(curve.bands[-1][1]))
-    x = np.log(found.loop.omega_rad_s / end)
-    tied = (
-        np.isin(np.log(found.loop.omega_rad_s), curve.x) & (x >= np.log(_TOP_OCTAVE[0])) & (x <= np.log(_TOP_OCTAVE[1]))
-    )
-    if np.count_nonzero(tied) < _FEWEST_TIED:
-        return None
-    controller = _flown(controllers[0], vehicle, found.loop, tied)
-    if controller is None:
-        return None
-    top = end * _BEYOND_RATIO
-    if controller.controller.step_s > 0.0:
-        top = min(top, 0.5 * np.pi / controller.controller.step_s)
-    if top <= end:
-        return None
-    omega = np.geomspace(end * _TOP_OCTAVE[1], top, _BEYOND_POINTS)
-    numbers = _margins_beyond(found.loop, tied, omega, lambda at: vehicle.loop(controller, at))
-    wanted = set(found.not_seen) | {"crossover_rad_s"}
-    return Beyond(
-        method=f"a lag of {vehicle.model.order.words} fitted to the measured vehicle, times the controller in the log",
-        up_to_rad_s=float(omega[-1]),
-        numbers={name: number for name, number in numbers.items() if name in wanted - set(found.numbers)},
-    )
-
-
-class _Vehicle(NamedTuple):
-    """A late lag with its coefficients."""
-
-    model: LateLag
-    theta: FloatArray
-
-    def loop(self, controller: LoggedController, omega_rad_s: FloatArray) -> ComplexArray:
-        return np.asarray(self.model.response(self.theta, omega_rad_s)[0] * controller.response(omega_rad_s))
-
-
-def _late_lag(plant: FrequencyResponse, sample_rate_hz: float) -> _Vehicle | None:
-    used = (plant.random_error <= _LARGEST_ERROR) & (plant.coherence >= _LEAST_COHERENCE)
-    if np.count_nonzero(used) < _FEWEST_POINTS:
-        return None
-    points = ResponsePoints.of(plant, used, (0, 0))
-    scale = float(np.sqrt(points.omega_rad_s[0] * points.omega_rad_s[-1]))
-    limits = Limits(delays_s=(0.0, LONGEST_S), fastest_rad_s=FASTEST_GROWTH_RAD_S)
-    models = [
-        LateLag(order=order, scale_rad_s=scale, hold="smooth", sample_s=1.0 / sample_rate_hz)
-        for order in AIRFRAME_ORDERS
-        if 2 * points.omega_rad_s.size > order.coefficients + 1
-    ]
-    try:
-        fits = [fit_order(ResponseFit(data=points, model=model), limits) for model in models]
-    except InsufficientDataError:
-        return None
-    best = simplest(fits)
-    return _Vehicle(next(model for model in models if model.order == best.order), best.solution.theta)
-
-
-def _flown(
-    controller: LoggedController, vehicle: _Vehicle, loop: FrequencyResponse, tied: BoolArray
-) -> LoggedController | None:
-    """With the angle loop or without: which makes the measured loop near its end; ``None`` where none does."""
-    omega, values = loop.omega_rad_s[tied], loop.values[0, 0, tied]
-    tried = [
-        (float(np.sqrt(np.mean(np.abs(np.log(values / vehicle.loop(one, omega))) ** 2))), one)
-        for one in (controller, controller.rate_loop)
-    ]
-    off, best = min(tried, key=lambda item: item[0])
-    return best if off <= _SAME_LOOP else None
-
-
-def _margins_beyond(
-    loop: FrequencyResponse, tied: BoolArray, omega_rad_s: FloatArray, model: Callable[[FloatArray], ComplexArray]
-) -> dict[str, Estimated]:
-    r"""Margins of a model that is brought to the mean of what was measured near the end of the band.
-
-    .. math:: L = L_{model} \, e^{a + b \ln(\omega / \omega_0)}
-
-    with the complex level :math:`a` measured, and a complex :math:`b` of zero and 0.15: a model is off the more the
-    farther it goes on. Deviations follow from a step of one deviation of each to either side.
-    """
-    H, x = loop.values[0, 0, tied], np.log(loop.omega_rad_s[tied])
-    weight = 1.0 / loop.random_error[0, 0, tied] ** 2
-    weight /= weight.sum()
-    level = weight @ np.log(H / model(loop.omega_rad_s[tied]))
-    relative = loop.covariance[0, 0][np.ix_(tied, tied)] / np.outer(H, H.conj())
-    std = np.sqrt(0.5 * max(float(np.real(weight @ relative @ weight)), 0.0))
-    away, course = np.log(omega_rad_s) - weight @ x, model(omega_rad_s) * np.exp(level)
-    exact = _read(omega_rad_s, course)
-    ways = [
-        part * direction for part in (std * np.ones_like(away), _WRONG_PER_E_FOLD * away) for direction in (1.0, 1j)
-    ]
-    moved = [[_read(omega_rad_s, course * np.exp(sign * way)) for sign in (1.0, -1.0)] for way in ways]
-    return {
-        name: Estimated(
-            value=value,
-            std=float(np.sqrt(sum(0.25 * (up[name] - down[name]) ** 2 for up, down in moved))),
-        )
-        for name, value in exact.items()
-        if all(name in one for pair in moved for one in pair)
-    }
-
-
-def _read(omega_rad_s: FloatArray, values: ComplexArray) -> dict[str, float]:
-    """Margins of exact values on a close grid, as far as they are there, by the names of the loop's numbers."""
-    found: dict[str, float] = {}
-    x, gain = np.log(omega_rad_s), np.log(np.abs(values))
-    for k in np.flatnonzero((gain[:-1] > 0.0) & (gain[1:] <= 0.0))[-1:]:
-        share = gain[k] / (gain[k] - gain[k + 1])
-        omega = float(np.exp(x[k] + share * (x[k + 1] - x[k])))
-        # From the opposite of minus one, so that no turn lies between the two points.
-        margin = float(np.angle(-values[k]) + share * np.angle(values[k + 1] / values[k]))
-        found |= {"crossover_rad_s": omega, "phase_margin_rad": margin}
-        # Below -180 degrees at its last crossover a loop is unstable: no delay and no factor brings it to -1.
-        if margin <= 0.0:
-            return found
-        found["delay_margin_s"] = margin / omega
-    turns = np.flatnonzero((values.imag[:-1] < 0.0) & (values.imag[1:] >= 0.0) & (values.real[:-1] < 0.0))
-    for k in turns[:1]:
-        share = values.imag[k] / (values.imag[k] - values.imag[k + 1])
-        margin = float(np.exp(-(gain[k] + share * (gain[k + 1] - gain[k]))))
-        found |= {"gain_margin_up": margin} if margin >= 1.0 else {"gain_margin_down": margin}
-    distance = np.abs(1.0 + values)
-    least = int(distance.argmin())
-    if 0 < least < distance.size - 1 and distance[least] < 1.0:
-        found |= {"modulus_margin": float(distance[least]), "modulus_omega_rad_s": float(omega_rad_s[least])}
-        found |= {
-            "disturbance_rejection_peak": float(1.0 / distance[least]),
-            "disturbance_rejection_peak_omega_rad_s": float(omega_rad_s[least]),
-        }
-    return found
-
 
 _BY_MODEL = "a model of the vehicle times the controller in the log gives beyond it"
 
@@ -473,8 +759,8 @@ def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
         make(
             "margin_beyond_band",
             axis,
-            f"The {axis} loop is seen up to {end:.3g} rad/s, and {' and '.join(told)}.{go_on} Sweep to higher "
-            "frequencies to see it.",
+            f"The {loop.scope} loop of {axis} was measured up to {end:.3g} rad/s, and {' and '.join(told)}.{go_on} "
+            "Sweep to higher frequencies to measure it.",
             omega_rad_s=end,
             **numbers,
         ),

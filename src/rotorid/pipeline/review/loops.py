@@ -22,13 +22,14 @@ from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.io.advice import logging_advice
-from rotorid.pipeline.review.flown import (
+from rotorid.pipeline.preparation.whole_flights import (
     LEAST_MOTION_S,
     USABLE_ERROR,
     Flown,
+    Instrument,
     loop_response,
 )
-from rotorid.pipeline.review.values import Instrument, LoopReview, StepCurve, Untold
+from rotorid.pipeline.review.values import LoopReview, StepCurve, Untold
 from rotorid.signal.motors import motor_limits
 from rotorid.spectral.impulse import (
     NUMBERS,
@@ -153,7 +154,7 @@ def loops(flight: Flown) -> tuple[dict[str, LoopReview], tuple[Untold, ...]]:
     Parameters
     ----------
     flight
-        The flight, by :func:`rotorid.pipeline.review.flown.flown`.
+        The flight, by :func:`rotorid.pipeline.preparation.whole_flights.flown`.
 
     Returns
     -------

@@ -26,7 +26,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.io.advice import motor_advice, speed_advice
 from rotorid.models.rotors import layout_of
-from rotorid.pipeline.review.flown import Flown, flown, loop_response
+from rotorid.pipeline.preparation.whole_flights import Flown, flown, loop_response
 from rotorid.pipeline.review.values import MotorReview, Untold
 from rotorid.signal.limits import MotorLimits
 from rotorid.signal.motors import (

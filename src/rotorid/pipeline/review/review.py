@@ -27,9 +27,9 @@ from rotorid.pipeline.oscillations import (
 )
 from rotorid.pipeline.preparation.controller_check import controller_findings
 from rotorid.pipeline.preparation.supports import AXIS_OF, END_FIRST, foreign_vehicle, rate_support
+from rotorid.pipeline.preparation.whole_flights import Flown, flown
 from rotorid.pipeline.results import IdentifiedModel, Refused
 from rotorid.pipeline.review.flight import flight, logging, vehicle
-from rotorid.pipeline.review.flown import Flown, flown
 from rotorid.pipeline.review.loops import loops
 from rotorid.pipeline.review.margins import margins
 from rotorid.pipeline.review.motors import motors

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
 
@@ -19,10 +19,8 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
 from rotorid.pipeline.oscillations import OscillationReview
+from rotorid.pipeline.preparation.whole_flights import Instrument
 from rotorid.typing import Axis, FloatArray
-
-Instrument: TypeAlias = Literal["direct", "stick", "setpoint"]
-"""What tells the response of a loop: its own set-point, or what drives it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,19 +5,34 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, warn
+from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
-from rotorid.errors import UsageError
 from rotorid.models.autopilots.settings import AxisController
+from rotorid.pipeline.preparation.plants import swept_plant
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.same_vehicle import different_gains, gains_of
 from rotorid.pipeline.tuning.filters import with_filters
-from rotorid.pipeline.tuning.flown import FlownAxis, explained, flown_axis, require_calm, require_gains, require_room
-from rotorid.pipeline.tuning.plants import plant_of, rate_model, require_known
+from rotorid.pipeline.tuning.flown import (
+    FlownAxis,
+    at_ends,
+    explained,
+    flown_axis,
+    require_calm,
+    require_gains,
+    require_room,
+)
+from rotorid.pipeline.tuning.plants import plant_of, plant_remarks, rate_model, require_known
+from rotorid.tuning.bands import needed_band
 from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid, loop_figures
 from rotorid.tuning.plant import UncertainPlant
+from rotorid.tuning.proposal import Wishes
 from rotorid.typing import Axis, ComplexArray, FloatArray
+
+_OF_FIRMWARE = ("firmware_contradicted", "controller_unexplained")
 
 _NAMED = 6
 """Gains that are listed where logs differ."""
@@ -60,10 +75,39 @@ class KnownAxis(Immutable):
         """All likely plants, shape ``(draws, f)``."""
         return self.plant.drawn(self.omega_rad_s)
 
+    def needed_rad_s(self, wishes: Wishes) -> float:
+        """Upper end of the sweep on which gains can be proposed and checked, see :func:`needed_rad_s`."""
+        return needed_rad_s(self.flown.axis, self.plant, self.flown.controller, self.parts, wishes)
+
+
+def needed_rad_s(
+    axis: Axis, plant: UncertainPlant, controller: AxisController, parts: ControllerParts, wishes: Wishes
+) -> float:
+    """Upper end in whole rad/s of the sweep on which gains of an axis can be proposed and checked.
+
+    Parameters
+    ----------
+    axis, plant
+        Of which the most likely plant counts.
+    controller
+        As flown.
+    parts
+        What its gains do, with the filters that are to be flown.
+    wishes
+        Limits.
+    """
+    ends = tuple(at_ends(controller, parts).values())
+    return float(np.ceil(needed_band(axis, plant.response, parts.controller, parts, wishes=wishes, ends=ends)[1]))
+
 
 def log_of(axis: Axis, logs: Sequence[FlightRecord]) -> FlightRecord | None:
     """The log that shows an axis: the first with its command, else the first."""
     return next((one for one in logs if f"{axis}_command" in one.channel_names), logs[0] if logs else None)
+
+
+def logs_of(axis: Axis, logs: Sequence[FlightRecord]) -> list[FlightRecord]:
+    """The logs that hold command and rate of an axis."""
+    return [one for one in logs if {f"{axis}_command", RATE_OF[axis]} <= set(one.channel_names)]
 
 
 def gains_apart(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[Finding]:
@@ -130,7 +174,7 @@ def known_axis(
     InsufficientDataError
         Its gains, its plant or its room are not known well enough.
     UsageError
-        Filters came without a log, or no such filter is in it.
+        No such filter is among the parameters.
     """
     record = log_of(axis, logs)
     if record is not None:
@@ -139,13 +183,13 @@ def known_axis(
     model = rate_model(axis, given, logs)
     if record is not None:
         findings += [one for one in require_room(record, model) if one not in findings]
+    findings += [one for one in plant_remarks(axis, given, model) if one not in findings]
     flown = flown_axis(axis, model, record)
-    if record is None and filters:
-        raise UsageError("--set came with results alone", needed="the log, whose parameters tell the filters")
-    if record is not None:
-        findings += explained(flown)
-    then = with_filters(record, filters) if record is not None and filters else None
-    plant = plant_of(model, axis, draws=draws, seed=seed)
+    findings += explained(flown) if record is not None else _unchecked(model)
+    then = with_filters(flown.record, filters) if filters else None
+    # A result that was given may hold choices of its user; logs alone show what every verb measures of them.
+    swept = None if model in given else swept_plant(axis, logs_of(axis, logs))
+    plant = plant_of(model, axis, draws=draws, seed=seed, passed=flown.passed, measured=swept)
     omega = frequency_grid(flown.controller.controller)
     noise = flown.rate_noise(omega, plant.band_rad_s)
     known = KnownAxis(
@@ -160,3 +204,13 @@ def known_axis(
     loops = loop_figures(omega, known.drawn() * known.flown_parts.rate(known.gains), from_rad_s=plant.known_from_rad_s)
     require_known(axis, plant, loops.usual_crossover_rad_s)
     return known
+
+
+def _unchecked(model: IdentifiedModel) -> list[Finding]:
+    """What a result alone does not show of its flight, and what it says of the firmware."""
+    message = (
+        f"{model.name} came without its log: whether a motor reached a limit, and whether the gains made the commands, "
+        "was not checked. Give the log beside the result."
+    )
+    told = [finding for finding in model.findings if finding.kind in _OF_FIRMWARE]
+    return [*told, remark("room_not_checked", model.name, message)]

@@ -17,6 +17,7 @@ from rotorid.pipeline.designs import default_entry
 from rotorid.pipeline.flight_air import flown_as
 from rotorid.pipeline.flight_settings import DesignChoices
 from rotorid.pipeline.results import IdentifiedModel
+from rotorid.pipeline.tuning.axis import known_axis
 from rotorid.pipeline.tuning.flown import at_ends, flown_controllers
 from rotorid.pipeline.tuning.proposal import TUNED_AXES, TuneSettings, wishes_of
 from rotorid.planning.aircraft import aircraft_loop, rate_filters
@@ -41,6 +42,8 @@ def designed_for_tune(
     """Choices of a design whose sweeps have the band that ``tune`` needs from the gains of a log or a result.
 
     Each axis is swept over its own; axes at the same time over the widest. Gains, noise and wind are those of the log.
+    The band is what ``tune`` asks for on the plant of that log or result; where it shows no plant, on that of the
+    vehicle.
 
     Parameters
     ----------
@@ -80,9 +83,11 @@ def designed_for_tune(
     for axis in axes:
         sent = (choices.plan.entry or default_entry(craft, axis)) != "command"
         most = min(_LOGGED * np.pi * logged_hz, _SENT_RAD_S if sent else np.inf)
-        found, highest = _foreseen(axis, controllers[axis], craft, loop)
-        if not found.keeps_limits:
-            short.append(_no_gains(axis, found))
+        highest = _measured_rad_s(axis, models, logs)
+        if highest is None:
+            found, highest = _foreseen(axis, controllers[axis], craft, loop)
+            if not found.keeps_limits:
+                short.append(_no_gains(axis, found))
         bands[axis] = (LOWEST_RAD_S, float(min(np.ceil(highest), np.floor(most))))
         if highest > bands[axis][1]:
             short.append(
@@ -112,6 +117,15 @@ def _with_gains_of(choices: DesignChoices, models: Sequence[IdentifiedModel]) ->
         raise InsufficientDataError("the result holds no gains", needed="a log with the parameters of its autopilot")
     firmware = known.firmware or choices.firmware
     return replace(choices, gains={**known.gains, **known.filters}, gains_source="the result", firmware=firmware)
+
+
+def _measured_rad_s(axis: Axis, models: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> float | None:
+    """Upper end of the band by the plant that ``tune`` takes from the same data; ``None`` where they show none."""
+    try:
+        known = known_axis(axis, models, logs, filters={}, draws=TuneSettings().draws, seed=0, findings=[])
+    except InsufficientDataError:
+        return None
+    return known.needed_rad_s(wishes_of(known.controller, TuneSettings()))
 
 
 def _no_gains(axis: Axis, found: AxisProposal) -> Finding:

@@ -13,15 +13,17 @@ import numpy as np
 
 from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import Finding, refusal, remark
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots.settings import AxisController
+from rotorid.pipeline.checking.candidate import UNFILTERED
 from rotorid.pipeline.oscillations import describe, numbers_of, remedy, reviewed_oscillations
+from rotorid.pipeline.preparation.command_noise import LEAST_NOISE_HZ, command_density
 from rotorid.pipeline.preparation.controller_check import check_controller
 from rotorid.pipeline.preparation.controllers import LogControllers, acting_on, controllers_of, controllers_of_result
 from rotorid.pipeline.results import IdentifiedModel
-from rotorid.signal.autopilot_filters import controller_filters
-from rotorid.signal.filters import combined_response
+from rotorid.signal.autopilot_filters import controller_filters, known_filters
+from rotorid.signal.filters import KnownFilter, combined_response
 from rotorid.signal.motors import motor_limits
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.typing import Axis, FloatArray
@@ -29,9 +31,6 @@ from rotorid.typing import Axis, FloatArray
 _MOST_SATURATED = 0.02
 """Share of the time in which roll, pitch and yaw commands keep a motor at a limit above which nothing is proposed: the
 plant is that of a limit cycle."""
-
-_LEAST_NOISE_HZ = 30.0
-"""Faster rates are noise, as far as they also lie beyond the band of the plant, times the next."""
 
 _NOISE_OVER_BAND = 1.5
 
@@ -53,15 +52,27 @@ class FlownAxis:
     controller
         As flown.
     record
-        Its log, ``None`` where a result alone came.
+        Its log; of a result alone a record without samples, with the parameters that the result keeps.
     source
-        Where the rate stands in the log.
+        Where the rate of the plant stands in the log.
+    density
+        Rad/s and one-sided density of the command over the flight, shape ``(2, n)``; ``None`` where it was logged too
+        slowly.
+    known
+        The controllers of all axes, with what made them.
     """
 
     axis: Axis
     controller: AxisController
-    record: FlightRecord | None
+    record: FlightRecord
     source: str
+    known: LogControllers
+    density: FloatArray | None = None
+
+    @property
+    def passed(self) -> tuple[KnownFilter, ...]:
+        """Filters that the rate of the plant has passed; none where ``identify`` took them out."""
+        return () if self.source.endswith(UNFILTERED) else known_filters(self.record, self.source)
 
     def parts(
         self, omega_rad_s: FloatArray, *, then: FlightRecord | None = None, noise: FloatArray | None = None
@@ -77,13 +88,9 @@ class FlownAxis:
         noise
             Density of the noise of the rate, shape ``(f,)``.
         """
-        ones = np.ones(omega_rad_s.size, dtype=np.complex128)
-        if self.record is None:
-            return ControllerParts(
-                controller=self.controller.controller, omega_rad_s=omega_rad_s, seen=ones, logged=ones, rate_noise=noise
-            )
-        acting = acting_on(self.record, self.controller.controller, source=self.source)
-        seen, logged = combined_response(acting.seen, omega_rad_s), combined_response(acting.logged, omega_rad_s)
+        source = self.source.removesuffix(UNFILTERED)
+        acting = acting_on(self.record, self.controller.controller, source=source)
+        seen, logged = combined_response(acting.seen, omega_rad_s), combined_response(self.passed, omega_rad_s)
         controller = self.controller.controller
         if then is not None:
             before, after = (combined_response(controller_filters(one), omega_rad_s) for one in (self.record, then))
@@ -95,8 +102,7 @@ class FlownAxis:
 
     def with_parameters(self, record: FlightRecord) -> AxisController:
         """The controller by the parameters of another record."""
-        assert self.record is not None  # filters are replaced in a log
-        found = controllers_of(self.record).with_parameters(record.parameters).axis(self.axis)
+        found = self.known.with_parameters(record.parameters).axis(self.axis)
         if found is None:
             raise UsageError(f"the parameters make no controller of {self.axis}", needed="filters that can be flown")
         return found
@@ -108,13 +114,10 @@ class FlownAxis:
         through: the density of the command over the squared gain of the controller. Below that the noise is taken to
         go on as it begins there.
         """
-        if self.record is None:
+        if self.density is None:
             return None
-        found = _density(self.record, f"{self.axis}_command")
-        if found is None:
-            return None
-        at, density = found
-        edge = max(2.0 * np.pi * _LEAST_NOISE_HZ, _NOISE_OVER_BAND * band_rad_s[1])
+        at, density = self.density
+        edge = max(2.0 * np.pi * LEAST_NOISE_HZ, _NOISE_OVER_BAND * band_rad_s[1])
         beyond = at > edge
         if np.count_nonzero(beyond) < _FEWEST_NOISE_POINTS:
             return None
@@ -129,23 +132,6 @@ class FlownAxis:
         return np.asarray(rate)
 
 
-def _density(record: FlightRecord, channel: str) -> tuple[FloatArray, FloatArray] | None:
-    """One-sided density of a channel by rad/s, over the whole log: the median over windows of half a second."""
-    from scipy.signal import welch
-
-    for topic in record.topics:
-        row = topic.row(channel)
-        if row is not None and np.isfinite(topic.sample_rate_hz) and topic.sample_rate_hz > 2.0 * _LEAST_NOISE_HZ:
-            values = topic.values[row]
-            values = values[np.isfinite(values)]
-            window = round(topic.sample_rate_hz)
-            if values.size < 4 * window:
-                return None
-            hz, density = welch(values, fs=topic.sample_rate_hz, nperseg=window, average="median")
-            return np.asarray(2.0 * np.pi * hz), np.asarray(density / (2.0 * np.pi))
-    return None
-
-
 def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) -> FlownAxis:
     """The controller that flew an axis, by the parameters of the log or by what the result says of them.
 
@@ -154,19 +140,47 @@ def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) 
     InsufficientDataError
         Neither says which gains flew, or how the rate was filtered.
     """
-    source = model.provenance.sources.get(RATE_OF[axis], "")
+    command, source = f"{axis}_command", model.provenance.sources.get(RATE_OF[axis], "")
     known = model.controller
-    flown = controllers_of(record) if record is not None else None if known is None else controllers_of_result(known)
-    found = flown.axis(axis) if flown is not None else None
+    if record is not None:
+        own, flown, density = record, controllers_of(record), command_density(record, command)
+    elif known is not None:
+        own, flown, density = record_of(model), controllers_of_result(known), model.data.command_densities.get(command)
+    else:
+        raise _no_gains(axis, None)
+    found = flown.axis(axis)
     if found is None:
         raise _no_gains(axis, flown)
-    if record is None and not source.startswith(_BEHIND_FILTERS):
+    if record is None and known is not None and not known.settings:
         raise InsufficientDataError(
-            f"the filter of the gyro of {axis} is not known: its rate stands in {source or 'an unknown place'}",
-            needed="the log, whose parameters tell it",
-            remedy="give the log beside the result",
+            f"the result of {axis} does not hold the filters of its gyro: an older version made it",
+            needed="a result of this version",
+            remedy="identify anew, or give the log beside the result",
         )
-    return FlownAxis(axis=axis, controller=found, record=record, source=source)
+    return FlownAxis(axis=axis, controller=found, known=flown, record=own, source=source, density=density)
+
+
+def record_of(model: IdentifiedModel) -> FlightRecord:
+    """A record without samples that holds what a result keeps of the parameters of its log.
+
+    Parameters
+    ----------
+    model
+        A result that knows its controller.
+    """
+    known = model.controller
+    assert known is not None
+    name = next((maneuver.record for maneuver in model.provenance.maneuvers), model.name)
+    return FlightRecord(
+        source=Source(name=name, format=known.autopilot, sha256="", firmware=known.firmware),
+        topics=(),
+        parameters={**known.gains, **known.filters, **known.settings},
+    )
+
+
+def settings_records(given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> Sequence[FlightRecord]:
+    """Logs, or records without samples of the results that keep their parameters where no log came."""
+    return logs or [record_of(model) for model in given if model.controller is not None and model.controller.settings]
 
 
 def flown_controllers(
@@ -289,8 +303,6 @@ def explained(flown: FlownAxis) -> list[Finding]:
     InsufficientDataError
         Other gains flew than those of the parameters.
     """
-    if flown.record is None:
-        return []
     check = check_controller(flown.record, flown.axis)
     if check.verdict == "not made":
         raise InsufficientDataError(

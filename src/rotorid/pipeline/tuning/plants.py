@@ -7,13 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from rotorid.data.axes import RATE_OF
+from rotorid.data.display import counted
+from rotorid.data.findings import Finding, remark
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.identification import identify
+from rotorid.pipeline.preparation.plants import MeasuredPlant, drawn_plant, plant_of_result
 from rotorid.pipeline.preparation.supports import unsupported
 from rotorid.pipeline.results import IdentifiedModel
-from rotorid.tuning.plant import MeasuredRatio, UncertainPlant, uncertain_plant
+from rotorid.pipeline.settings import IdentifySettings, Setting
+from rotorid.signal.filters import KnownFilter, combined_response
+from rotorid.tuning.plant import UncertainPlant, uncertain_plant
 from rotorid.typing import Axis, ComplexArray, FloatArray
+
+_NO_PLANT = {"starts", "search", "evaluations", "bootstrap"}
+"""Choices of a search and of intervals, by which no plant becomes another one."""
 
 _WIDEST = 0.15
 _WITHOUT_SPEED_RAD_S = (3.0, 300.0)
@@ -39,29 +47,88 @@ def rate_model(axis: Axis, given: Sequence[IdentifiedModel], logs: Sequence[Flig
         return identify(held, name, band_rad_s=_WITHOUT_SPEED_RAD_S)
 
 
-def plant_of(model: IdentifiedModel, axis: Axis, *, draws: int, seed: int) -> UncertainPlant:
-    """The plant with draws, from the model and what was measured beside it."""
-    command, rate = f"{axis}_command", RATE_OF[axis]
+def plant_remarks(axis: Axis, given: Sequence[IdentifiedModel], model: IdentifiedModel) -> list[Finding]:
+    """Why gains of an axis may differ from those of its logs alone: other choices of ``identify``, or other results.
+
+    Parameters
+    ----------
+    axis, given
+        As for :func:`rate_model`.
+    model
+        What it answered.
+    """
+    remarks = []
+    usual = IdentifySettings().as_json()
+    changed = [
+        f"{name} = {_in_words(value)}"
+        for name, value in model.provenance.settings.items()
+        if name not in _NO_PLANT and value != usual.get(name)
+    ]
+    if changed:
+        message = (
+            f"{model.name} was identified with {', '.join(changed)}: with the usual choices the gains of {axis} may be "
+            "others."
+        )
+        remarks.append(remark("plant_of_choice", axis, message))
+    unused = [one for one in given if one.name == model.name and one is not model]
+    if unused:
+        message = (
+            f"{counted(len(unused) + 1, 'result')} of {model.name} came, and the first was used, of "
+            f"{', '.join(model.provenance.inputs)}. Give the logs alone to use all flights."
+        )
+        remarks.append(remark("plant_of_choice", axis, message))
+    return remarks
+
+
+def _in_words(value: Setting) -> str:
+    """A choice in one short piece of text."""
+    values = value if isinstance(value, list) else [value]
+    return ", ".join(f"{one:g}" if isinstance(one, float) else str(one) for one in values)
+
+
+def plant_of(
+    model: IdentifiedModel,
+    axis: Axis,
+    *,
+    draws: int,
+    seed: int,
+    passed: Sequence[KnownFilter] = (),
+    measured: MeasuredPlant | None = None,
+) -> UncertainPlant:
+    r"""The plant with draws: as measured, and beyond the band a lag that explains it.
+
+    A result that holds no measured response has the response of its model. That has one delay for all that lies between
+    command and logged rate. Filters that are known, :math:`F`, with the delay :math:`\tau_F` at low frequency, are more
+    than that beyond the band:
+
+    .. math:: P = P_{model} F e^{j \omega \tau_F}
+
+    Parameters
+    ----------
+    model, axis
+        A rate model of the axis.
+    draws, seed
+        How many, and of which seed.
+    passed
+        Filters that the logged rate has passed, and the response of the model with it.
+    measured
+        The plant as logs show it; what the result holds of it when not given.
+    """
+    measured = measured or plant_of_result(axis, model, filters=passed)
+    if measured is not None:
+        return drawn_plant(measured, draws=draws, seed=seed)
     structure = model.structure
-    row, column = structure.outputs.index(rate), structure.inputs.index(command)
+    row, column = structure.outputs.index(RATE_OF[axis]), structure.inputs.index(f"{axis}_command")
     values = structure.parameters.values
 
     def response(omega_rad_s: FloatArray) -> ComplexArray:
-        return np.asarray(structure.response(values, np.atleast_1d(omega_rad_s))[row, column])
+        omega = np.atleast_1d(omega_rad_s)
+        beyond_delay = combined_response(passed, omega) * np.exp(1j * omega * sum(one.delay_s for one in passed))
+        return np.asarray(structure.response(values, omega)[row, column] * beyond_delay)
 
-    band = model.band_rad_s
-    if band is None:
+    if model.band_rad_s is None:
         raise InsufficientDataError(f"{model.name} was not fitted to responses", needed="--method frequency")
-    measured = model.data.response
-    ratio = None
-    if measured.omega_rad_s.size and rate in measured.outputs and command in measured.inputs:
-        y, u = measured.outputs.index(rate), measured.inputs.index(command)
-        used = np.asarray(model.data.used[y, u], dtype=bool)
-        if used.sum() >= 3:
-            omega, seen = measured.omega_rad_s[used], measured.values[y, u, used]
-            relative = measured.covariance[y, u][np.ix_(used, used)] / np.outer(seen, seen.conj())
-            ratio = MeasuredRatio(omega_rad_s=omega, ratio=seen / response(omega), covariance=relative)
-    return uncertain_plant(response, ratio, band_rad_s=band, draws=draws, seed=seed)
+    return uncertain_plant(response, None, band_rad_s=model.band_rad_s, draws=draws, seed=seed)
 
 
 def require_known(axis: Axis, plant: UncertainPlant, crossover_rad_s: float) -> None:

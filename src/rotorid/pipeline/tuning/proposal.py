@@ -26,12 +26,12 @@ from rotorid.pipeline.preparation.controller_check import controller_findings
 from rotorid.pipeline.provenance import Provenance, autopilot_of, provenance, require_one_autopilot
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused
 from rotorid.pipeline.settings import Setting, as_records, require_seed
-from rotorid.pipeline.tuning.axis import KnownAxis, gains_apart, known_axis
+from rotorid.pipeline.tuning.axis import KnownAxis, gains_apart, known_axis, needed_rad_s
 from rotorid.pipeline.tuning.filters import FilterPrice, changed_filters, prices
-from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, flown_controllers
+from rotorid.pipeline.tuning.flown import FlownAxis, at_ends, flown_controllers, settings_records
 from rotorid.pipeline.tuning.shared import require_filters_hold
 from rotorid.pipeline.tuning.thrust import ThrustLinearization, linearization
-from rotorid.tuning.bands import BAND_OVER_CROSSOVER, needed_band
+from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.files import parameter_files
 from rotorid.tuning.firmware import Parameter, parameters_of, ranges_of, rounded, scaled, written
 from rotorid.tuning.loops import ControllerParts, Gains
@@ -46,6 +46,7 @@ FULL_SCALE_M = 16.4
 
 TUNED_AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw")
 _NEARLY = 1.15
+_SAME_GAIN = 1e-3
 _STEP_RATE_HZ, _STEP_SAMPLES, _STEP_SHOWN_S = 250.0, 4096, 2.0
 
 
@@ -69,7 +70,7 @@ class TuneSettings(Immutable):
         How many times larger a helicopter of full scale is, for guidelines made for those; ``None`` where the fit of
         ``physical.motors`` is to say, or none.
     draws, seed
-        How many likely plants, and the seed of the draws.
+        How many likely plants, and the seed of the draws. Of 50 the gains of equal plants differ by a step of the grid.
 
     Raises
     ------
@@ -83,7 +84,7 @@ class TuneSettings(Immutable):
     keep: tuple[str, ...] = ()
     filters: Mapping[str, float] = field(default_factory=dict)
     scale: float | None = None
-    draws: int = 50
+    draws: int = 200
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -211,9 +212,7 @@ class AxisTuning(Immutable):
     @cached_property
     def needed_rad_s(self) -> float:
         """Upper end of the sweep on which the gains of the goal can be proposed and checked."""
-        ends = tuple(at_ends(self.controller, self.parts).values())
-        plant, controller = self.plant.response, self.parts.controller
-        return needed_band(self.proposal.axis, plant, controller, self.parts, wishes=self.wishes, ends=ends)[1]
+        return needed_rad_s(self.proposal.axis, self.plant, self.controller, self.parts, self.wishes)
 
     @property
     def changed(self) -> bool:
@@ -327,9 +326,10 @@ def tune(
         raise UsageError("nothing came to tune", needed="results of identify, logs, or both")
     findings = [finding for record in logs for finding in (*record.findings, *controller_findings(record))]
     findings += [*require_one_autopilot(given, logs), *gains_apart(chosen.axes, logs)]
-    autopilot = next((name for one in logs if (name := autopilot_of(one))), "")
-    thrust = linearization(given, logs[0] if logs else None, autopilot=autopilot, seed=chosen.seed)
-    findings += thrust.findings if thrust is not None else ()
+    settings_from = settings_records(given, logs)
+    autopilot = next((name for record in settings_from if (name := autopilot_of(record))), "")
+    thrust = linearization(given, next(iter(settings_from), None), autopilot=autopilot, seed=chosen.seed)
+    findings += [*thrust.findings, *_thrust_remarks(thrust)] if thrust is not None else []
     known: dict[Axis, KnownAxis] = {}
     refused: dict[Axis, InsufficientDataError] = {}
     look = {"draws": chosen.draws, "seed": chosen.seed}
@@ -502,6 +502,18 @@ def wishes_of(controller: AxisController, settings: TuneSettings, thrust: Thrust
     )
 
 
+def _thrust_remarks(thrust: ThrustLinearization) -> list[Finding]:
+    """What the curve of thrust changes of the gains, which a plant alone does not know."""
+    low, high = thrust.flown_range
+    if high - low <= _SAME_GAIN:
+        return []
+    message = (
+        f"The curve of thrust of physical.motors makes the loops {low:.2f} to {high:.2f} times those of hover over the "
+        "throttle that was flown: the proposed gains keep their limits over all of it; without it they may be higher."
+    )
+    return [remark("thrust_range", thrust.parameter, message, lowest=low, highest=high)]
+
+
 def _with_end(gains: Gains, end: ControllerParts) -> Gains:
     return replace(gains, D=end.controller.derivative_s2)
 
@@ -535,7 +547,7 @@ def _parameters(known: KnownAxis, settings: TuneSettings, found: AxisProposal) -
     flown, then = known.flown.controller, known.controller
     new = {**then.filters, **(written(then, found.proposed.gains) if found.changed else {})}
     before = {**flown.gains, **flown.filters}
-    gyro = changed_filters(known.flown.record, settings.filters, gyro=True) if known.flown.record is not None else {}
+    gyro = changed_filters(known.flown.record, settings.filters, gyro=True)
     return {name: (value, new.get(name, value)) for name, value in before.items()} | gyro
 
 
@@ -586,8 +598,8 @@ def _together(
     """All axes, with their files."""
     first = next(iter(axes.values())).controller
     changes = {name: pair for one in axes.values() for name, pair in one.parameters.items() if pair[0] != pair[1]}
-    if logs:
-        changes |= changed_filters(logs[0], settings.filters)
+    for record in settings_records(given, logs)[:1]:
+        changes |= changed_filters(record, settings.filters)
     every: dict[str, float] = {}
     for one in axes.values():
         every |= written(one.controller, one.proposal.flown.gains)

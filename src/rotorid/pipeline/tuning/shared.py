@@ -17,6 +17,7 @@ from rotorid.pipeline.preparation.controllers import controllers_of
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.tuning.axis import KnownAxis, known_axis, log_of
 from rotorid.pipeline.tuning.filters import with_filters
+from rotorid.pipeline.tuning.flown import settings_records
 from rotorid.signal.autopilot_filters import controller_filters
 from rotorid.tuning.proposal import Wishes, judged, spoiled
 from rotorid.typing import Axis
@@ -54,7 +55,7 @@ def require_filters_hold(
     named = ", ".join(f"{name} = {value:g}" for name, value in filters.items())
     said, known = [], dict(staying)
     for axis, error in others.items():
-        if not _reached(axis, log_of(axis, logs), filters):
+        if not _reached(axis, log_of(axis, settings_records(given, logs)), filters):
             continue
         try:
             if error is not None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -19,11 +20,14 @@ from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord, Intervals, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.review.values import Instrument
 from rotorid.signal.airborne import Airborne, airborne
 from rotorid.signal.clock import missing_channel, resample, source_topic
 from rotorid.spectral.estimate import frequency_response
 from rotorid.typing import Axis, ComplexArray, FloatArray
+
+Instrument: TypeAlias = Literal["injection", "excitation", "direct", "stick", "setpoint"]
+"""What moves a loop free of its feedback, best first: a test signal at the mixer, another excitation, set-points of the
+rates that are the sticks, the stick, or the set-point of the rate."""
 
 LEAST_STICK = 0.01
 """A stick that moves less, as its standard deviation tells, rests."""
