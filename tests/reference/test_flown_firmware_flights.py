@@ -100,6 +100,15 @@ def test_margins_of_a_review_hold_the_exact_ones(axis: Axis, name: str, reviews:
     assert number.lower < exact < number.upper
 
 
+def test_short_maneuvers_show_the_loop_that_tune_finds_in_a_result(unpacked: Callable[[str], Path]) -> None:
+    """The stick was idle but for doublets: the numbers are those of the response that ``identify`` measures of them."""
+    record = rotorid.read(unpacked("px4_sitl/verify.ulg.xz"))
+    for axis in LOGS:
+        numbers, exact = review_of(record, axis).numbers, exact_margins(record, axis)
+        for name in ("crossover_rad_s", "phase_margin_deg"):
+            assert numbers[name].lower < exact[name] < numbers[name].upper, (axis, name)
+
+
 @pytest.mark.parametrize("swept", ["pitch", "yaw"])
 def test_an_axis_that_gusts_alone_moved_states_no_more_than_they_show(
     swept: Axis, logs: dict[Axis, FlightRecord]

@@ -52,7 +52,7 @@ def test_a_person_gets_a_table_with_the_usable_band(flight: Path, tmp_path: Path
     assert ran.code == 0
     assert "joint estimate with roll_excitation" in ran.out
     assert "p/roll_command" in ran.out
-    assert "roll loop (measured with roll_excitation" in ran.out
+    assert "roll whole loop (measured with roll_excitation" in ran.out
     assert "Crossover: " in ran.out
     assert str(tmp_path / "out" / "report.html") in ran.out.replace("\n", "")
 

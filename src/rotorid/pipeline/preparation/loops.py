@@ -13,6 +13,7 @@ A test signal at the mixer shows the *whole loop* too, with the outer loops clos
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -37,10 +38,12 @@ from rotorid.pipeline.preparation.controller_check import ControllerCheck, check
 from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, controllers_of
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.measure import Measured
+from rotorid.pipeline.preparation.ordinary import ordinary_flights
 from rotorid.pipeline.preparation.plants import (
     MOVE,
     MeasuredPlant,
     PlantUnavailableError,
+    WholeFlight,
     drawn_plant,
     enters_the_mixer,
     ordinary_plant,
@@ -171,8 +174,25 @@ def rate_loop(
         whole = whole_flight(flight, axis)
         _require_made(check, in_doubt=True)
         acting = [acting_on(record, one.rate_loop, source=whole.source) for one in controllers.values()]
+        short = _by_short_maneuvers(whole, record)
+        # A short maneuver may end below the crossover, which the set-point of the rate shows then.
+        with contextlib.suppress(PlantUnavailableError):
+            if short is not None:
+                return _read(record, short, known, match, controllers)
         measured = ordinary_plant(flight, whole, acting)
     return _read(record, measured, known, check, controllers)
+
+
+def _by_short_maneuvers(whole: WholeFlight, record: FlightRecord) -> MeasuredPlant | None:
+    """The plant by a stick that was idle but for short maneuvers, as ``identify`` measures it, or ``None``."""
+    parts = ordinary_flights(record, whole.axis) if whole.idle and find_excitations(record, whole.axis) else ()
+    if not parts:
+        return None
+    try:
+        found = swept_plant(whole.axis, [record], MeasureSettings(segments=parts))
+    except InsufficientDataError:
+        return None
+    return None if found is None else replace(found, instrument="stick", idle=True)
 
 
 def _require_logged(record: FlightRecord, axis: Axis) -> None:
