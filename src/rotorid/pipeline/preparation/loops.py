@@ -38,7 +38,6 @@ from rotorid.pipeline.preparation.controller_check import ControllerCheck, check
 from rotorid.pipeline.preparation.controllers import LoggedController, acting_on, controllers_of
 from rotorid.pipeline.preparation.flights import Flight
 from rotorid.pipeline.preparation.measure import Measured
-from rotorid.pipeline.preparation.ordinary import ordinary_flights
 from rotorid.pipeline.preparation.plants import (
     MOVE,
     MeasuredPlant,
@@ -51,6 +50,7 @@ from rotorid.pipeline.preparation.plants import (
     whole_flight,
 )
 from rotorid.pipeline.preparation.segments import cut, histories, with_surroundings
+from rotorid.pipeline.preparation.supports import ordinary_flights
 from rotorid.pipeline.preparation.whole_flights import flown
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.signal.excitations import find_excitations
@@ -178,7 +178,7 @@ def rate_loop(
         # A short maneuver may end below the crossover, which the set-point of the rate shows then.
         with contextlib.suppress(PlantUnavailableError):
             if short is not None:
-                return _read(record, short, known, match, controllers)
+                return _read(record, short, known, check, controllers)
         measured = ordinary_plant(flight, whole, acting)
     return _read(record, measured, known, check, controllers)
 
@@ -201,7 +201,7 @@ def _require_logged(record: FlightRecord, axis: Axis) -> None:
     missing = [name for name in (command, rate) if name not in record.channel_names]
     if missing:
         raise PlantUnavailableError(
-            f"The log holds no {' and no '.join(missing)}.", "Log the controllers' outputs and the body rates."
+            f"The log holds no {' and no '.join(missing)}.", logging_advice(record, 0.0, tuple(missing))
         )
     slowest_hz = min(record.rate_hz(command), record.rate_hz(rate))
     if slowest_hz < LOWEST_RATE_HZ:
