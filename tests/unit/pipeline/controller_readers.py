@@ -61,10 +61,11 @@ _SAID: Mapping[tuple[str, ...], ControllerVerdict] = {
 
 
 def by_tune(record: FlightRecord, axis: Axis) -> ControllerVerdict:
-    controller = controllers_of(record).axis(axis)
+    known = controllers_of(record)
+    controller = known.axis(axis)
     assert controller is not None
     try:
-        said = explained(FlownAxis(axis=axis, controller=controller, record=record, source=""))
+        said = explained(FlownAxis(axis=axis, controller=controller, known=known, record=record, source=""))
     except InsufficientDataError as refused:
         said = list(refused.findings)
     return _SAID[tuple(finding.kind for finding in said)]

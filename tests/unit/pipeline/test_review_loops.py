@@ -13,7 +13,7 @@ from rotorid.pipeline.preparation.whole_flights import flown, loop_response, wit
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.results import Refused
 from rotorid.pipeline.review.loops import LOOPS, loop_of, loops
-from rotorid.pipeline.review.review import _craft, _refusals
+from rotorid.pipeline.review.review import _refusals
 from rotorid.typing import FloatArray
 
 RATE_HZ, LENGTH_S = 250.0, 60.0
@@ -227,10 +227,11 @@ def test_short_windows_are_left_out_where_a_steep_spectrum_runs_over(sharp: bool
 
 @pytest.mark.parametrize(
     ("kind", "remedy"),
-    [("low_coherence", "rotorid design sweep --vehicle ardupilot_quad --axis roll"), ("missing_channel", "")],
+    [("low_coherence", "sweep the roll stick, slow to fast, for a minute or more"), ("missing_channel", "")],
 )
 def test_a_sweep_is_advised_where_it_would_help(kind: str, remedy: str) -> None:
     finding = refusal(kind, "p/roll_command", "Too little.")
     answer = Refused(name="rate.roll", structure=None, findings=(finding,), provenance=Provenance())
-    (told,) = _refusals({"rate.roll": answer}, _craft("ArduCopter V4.5"))
+    source = Source(name="flight.ulg", format="PX4 ULog", sha256="")
+    (told,) = _refusals({"rate.roll": answer}, FlightRecord(source=source, topics=()))
     assert (told.why, told.remedy) == ("Too little.", remedy)

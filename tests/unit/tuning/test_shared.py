@@ -11,6 +11,7 @@ import pytest
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import InsufficientDataError
 from rotorid.models.autopilots import axis_controller
+from rotorid.pipeline.preparation.controllers import controllers_of
 from rotorid.pipeline.tuning import proposal
 from rotorid.pipeline.tuning.axis import KnownAxis
 from rotorid.pipeline.tuning.filters import with_filters
@@ -49,7 +50,13 @@ def known(axis: Axis, filters: dict[str, float], *, record: FlightRecord = LOG, 
     """An axis of the log, as if it had been identified."""
     controller = axis_controller(record.parameters, axis, firmware=record.source.firmware)
     assert controller is not None
-    flown = FlownAxis(axis=axis, controller=controller, record=record, source="vehicle_angular_velocity.xyz[0]")
+    flown = FlownAxis(
+        axis=axis,
+        controller=controller,
+        record=record,
+        source="vehicle_angular_velocity.xyz[0]",
+        known=controllers_of(record),
+    )
     then = with_filters(record, filters) if filters else None
     omega = frequency_grid(controller.controller)
 
