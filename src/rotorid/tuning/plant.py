@@ -25,8 +25,8 @@ LENGTH = 0.5
 
 _LEAST_MISFIT, _LARGEST_MISFIT = 0.02, 0.5
 
-DRAWS = 50
-"""Of a plant, where nobody asks for another number."""
+DRAWS = 200
+"""Of a plant, by which every command states its loop; with 50, margins of equal plants differ by 1 % and gains by a step."""
 
 FLOOR = 0.02
 """Share of the plant that is not known anywhere: 2 % of gain and 1.2° of phase."""

@@ -35,7 +35,7 @@ from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.files import parameter_files
 from rotorid.tuning.firmware import Parameter, parameters_of, ranges_of, rounded, scaled, written
 from rotorid.tuning.loops import ControllerParts, Gains
-from rotorid.tuning.plant import UncertainPlant
+from rotorid.tuning.plant import DRAWS, UncertainPlant
 from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, flights_between, judged, propose, steps_beyond
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
@@ -84,7 +84,7 @@ class TuneSettings(Immutable):
     keep: tuple[str, ...] = ()
     filters: Mapping[str, float] = field(default_factory=dict)
     scale: float | None = None
-    draws: int = 200
+    draws: int = DRAWS
     seed: int = 0
 
     def __post_init__(self) -> None:
