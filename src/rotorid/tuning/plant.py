@@ -26,7 +26,7 @@ LENGTH = 0.5
 _LEAST_MISFIT, _LARGEST_MISFIT = 0.02, 0.5
 
 DRAWS = 200
-"""Of a plant, by which every command states its loop; with 50, margins of equal plants differ by 1 % and gains by a step."""
+"""Of a plant, by which every command states its loop. With 50, margins of equal plants differ by 1 %."""
 
 FLOOR = 0.02
 """Share of the plant that is not known anywhere: 2 % of gain and 1.2° of phase."""
