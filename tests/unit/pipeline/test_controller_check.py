@@ -14,6 +14,8 @@ from rotorid.data.findings import warn
 from rotorid.data.record import FlightRecord
 from rotorid.pipeline.preparation.controller_check import SAME_GAIN, check_controller, check_given, controller_findings
 from rotorid.pipeline.preparation.controllers import EXPLAINED, controllers_of
+from rotorid.pipeline.preparation.loops import rate_loop
+from rotorid.pipeline.preparation.plants import PlantUnavailableError
 
 ARDUPILOT = {
     **{
@@ -158,6 +160,23 @@ def test_an_unknown_controller_has_one_reason(parameters: dict[str, float], firm
     assert set(readings(record, "roll").values()) == {None}
     assert why in controllers_of(record).unknown_gains("roll")[0]
     assert check_controller(record, "roll").why == controllers_of(record).unknown_gains("roll")[0]
+
+
+@pytest.mark.parametrize(
+    ("form", "firmware", "remedy"),
+    [
+        ("PX4 ULog", NEW, "Log the parameters."),
+        ("Betaflight blackbox", RACER, "Fly Betaflight 4.0 or newer, whose gains are known."),
+        ("CSV", "", "Use a log of the autopilot, which holds its parameters."),
+        ("MAVLink telemetry", NEW, "Read the log on the autopilot's SD card: telemetry is a slow copy of it."),
+    ],
+)
+def test_what_would_show_the_gains_is_what_this_log_has(form: str, firmware: str, remedy: str) -> None:
+    record = replace(WHOLE, parameters={}, source=replace(WHOLE.source, format=form, firmware=firmware))
+    assert controllers_of(record).unknown_gains("roll")[1] == check_controller(record, "roll").remedy == remedy
+    with pytest.raises(PlantUnavailableError) as refused:
+        rate_loop("roll", record)
+    assert refused.value.remedy == remedy
 
 
 def test_gains_that_contradict_each_other_are_named_with_the_verdict() -> None:

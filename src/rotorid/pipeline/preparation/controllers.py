@@ -21,9 +21,11 @@ import numpy as np
 
 from rotorid.data.axes import RATE_OF, RATES
 from rotorid.data.base import Immutable, remembered
+from rotorid.data.display import capital
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
+from rotorid.io.advice import gains_advice
 from rotorid.models.autopilots.betaflight import NAME as BETAFLIGHT
 from rotorid.models.autopilots.betaflight import OLDEST
 from rotorid.models.autopilots.reading import axis_controller
@@ -121,6 +123,8 @@ class LogControllers(Immutable):
         :func:`rotorid.models.autopilots.reading.axis_controller`.
     throttle
         Usual share of the throttle, by which Betaflight moves gains and filters.
+    advice
+        What would show gains that are not there, as a sentence.
     """
 
     origin: str
@@ -128,6 +132,7 @@ class LogControllers(Immutable):
     firmware: FlownFirmware
     loop_rate_hz: float | None = None
     throttle: float = 0.0
+    advice: str = "Give the log with the result."
 
     def __post_init__(self) -> None:
         self._set(parameters=self.parameters)
@@ -181,8 +186,7 @@ class LogControllers(Immutable):
             if version < OLDEST:
                 why = f"{self.firmware.name} is older than 4.0, and its {axis} controller is not known"
                 return why, "Use a Betaflight of 4.0 or later."
-        why = f"The log has no gains of the {axis} controller that are known"
-        return why, "Log the parameters (PX4, ArduPilot), or use a Betaflight of 4.0 or later."
+        return f"The log has no gains of the {axis} controller that are known", self.advice
 
     def settings(self) -> ControllerSettings | None:
         """Gains and filters of roll, pitch and yaw, as results have them; ``None`` where none are known."""
@@ -246,6 +250,7 @@ def controllers_of(record: FlightRecord) -> LogControllers:
         firmware=flown_firmware(record),
         loop_rate_hz=_loop_rate_hz(record),
         throttle=_usual_throttle(record),
+        advice=f"{capital(gains_advice(record))}.",
     )
 
 
