@@ -629,7 +629,8 @@ def linearization_of(record: FlightRecord) -> Linearization | None:
 
 def _ardupilot(parameters: Mapping[str, float]) -> Linearization | None:
     names = ("MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX")
-    if any(name not in parameters for name in names):
+    # A damaged parameter is not known either.
+    if not all(np.isfinite(parameters.get(name, np.nan)) for name in names):
         return None
     expo, low, high = (parameters[name] for name in names)
     return (

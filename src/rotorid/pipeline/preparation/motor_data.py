@@ -159,8 +159,9 @@ def _outputs(record: FlightRecord, motors: Motors, part: TimeHistory) -> FloatAr
         return np.stack([np.interp(time_s, history.time_s, row) for row in history.values])
     late = np.searchsorted(history.time_s, time_s + 1e-9, side="right") - 1
     held = history.values[:, np.clip(late, 0, history.time_s.size - 1)]
-    loops = round(record.parameters.get("SCHED_LOOP_RATE", 0.0) / history.sample_rate_hz)
-    if loops < 2 or history.kind != "thrust_demand":
+    loops = np.round(record.parameters.get("SCHED_LOOP_RATE", 0.0) / history.sample_rate_hz)
+    # Not a number, as a damaged parameter is, is not two and more.
+    if not loops >= 2.0 or history.kind != "thrust_demand":
         return held
     # A loop that many times faster went on to the next logged demand by steps that nobody logged.
     share = (loops - 1) / (2.0 * loops)

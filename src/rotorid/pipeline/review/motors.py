@@ -146,6 +146,8 @@ def _limits(record: FlightRecord, limits: MotorLimits) -> dict[str, Quantity]:
             return numbers
         track = record[f"{axis}_command"]
         kept = np.isfinite(track.values)
+        if not kept.any():
+            return numbers
         values = np.interp(limits.time_s, track.time_s[kept], track.values[kept])
         commands.append(np.abs(values - (np.median(values) if axis == "thrust" else 0.0)))
     asking = np.argmax(np.stack(commands), axis=0)
