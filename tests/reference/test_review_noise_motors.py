@@ -13,8 +13,8 @@ from rotorid.data.record import FlightRecord
 from rotorid.pipeline.review.flight import flight, logging, vehicle
 from rotorid.pipeline.review.motors import motors
 from rotorid.pipeline.review.noise import noise, on_harmonics, rotor_speeds_hz
-from rotorid.signal.airborne import airborne
-from rotorid.spectral.noise import in_any, short_spectra
+from rotorid.signal.airborne import airborne, within
+from rotorid.spectral.noise import short_spectra
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def test_peaks_of_a_log_with_speeds_lie_on_harmonics_of_the_rotors(logs: Callabl
     shares, counts = [], []
     for name in ("p_raw", "q_raw", "r_raw"):
         track = record[name]
-        kept = in_any(track.time_s, airborne(record).intervals)
+        kept = within(track.time_s, airborne(record).intervals)
         spectra = short_spectra(track.time_s[kept], track.values[kept])
         assert spectra is not None
         speeds = rotor_speeds_hz(record, spectra.time_s)

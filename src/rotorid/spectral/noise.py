@@ -21,7 +21,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
-from rotorid.typing import BoolArray, FloatArray, IntArray
+from rotorid.typing import FloatArray, IntArray
 
 WINDOW_S = 0.3
 OVERLAP = 0.75
@@ -556,11 +556,3 @@ def _rms(power: FloatArray) -> Unexplained:
         return Unexplained(0.0, 0.0)
     each = [float(part.mean()) for part in np.array_split(power, min(8, power.size // 4))]
     return Unexplained(math.sqrt(total), 0.5 * float(np.std(each, ddof=1)) / math.sqrt(len(each) * total))
-
-
-def in_any(time_s: FloatArray, intervals: Sequence[tuple[float, float]]) -> BoolArray:
-    """Which stamps lie in any of the intervals, shape ``(samples,)``."""
-    inside = np.zeros(time_s.size, dtype=np.bool_)
-    for start_s, stop_s in intervals:
-        inside |= (time_s >= start_s) & (time_s <= stop_s)
-    return inside

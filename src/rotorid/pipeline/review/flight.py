@@ -248,15 +248,6 @@ def _averaged(clock: FloatArray, time_s: FloatArray, values: FloatArray) -> Floa
     return np.asarray(np.where(count > 0, means, np.interp(clock, time_s, values)))
 
 
-def _mean(values: FloatArray, unit: str) -> Quantity:
-    std = float(np.std(values)) if values.size > 1 else 0.0
-    return Quantity.normal(float(np.mean(values)), std / math.sqrt(max(min(values.size, 10), 1)), unit)
-
-
-def _exact(value: float, std: float, unit: str) -> Quantity:
-    return Quantity.normal(value, std, unit)
-
-
 def hover_throttle(record: FlightRecord, flights: Intervals) -> Quantity | None:
     """Throttle in steady seconds of a flight, from zero to one; ``None`` where there were too few of them.
 

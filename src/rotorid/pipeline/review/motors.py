@@ -28,6 +28,7 @@ from rotorid.io.advice import motor_advice, speed_advice
 from rotorid.models.rotors import layout_of
 from rotorid.pipeline.preparation.whole_flights import Flown, flown, loop_response
 from rotorid.pipeline.review.values import MotorReview, Untold
+from rotorid.signal.airborne import within
 from rotorid.signal.limits import MotorLimits
 from rotorid.signal.motors import (
     MotorHistory,
@@ -37,7 +38,6 @@ from rotorid.signal.motors import (
     motor_limits,
     or_none,
 )
-from rotorid.spectral.noise import in_any
 from rotorid.typing import BoolArray, FloatArray
 
 WORTH_SAYING = 0.08
@@ -378,7 +378,7 @@ def _events(record: FlightRecord, flights: Intervals) -> tuple[tuple[float, ...]
 
 def _lost_step(speeds: MotorHistory, outputs: MotorHistory, flights: Intervals) -> tuple[float, ...]:
     """When an output rises by a fifth of its range while the speed falls by a fifth, within 50 ms."""
-    time_s = speeds.time_s[in_any(speeds.time_s, flights)]
+    time_s = speeds.time_s[within(speeds.time_s, flights)]
     if time_s.size < 10:
         return ()
     lag = max(round(_WITHIN_S / float(np.median(np.diff(time_s)))), 1)

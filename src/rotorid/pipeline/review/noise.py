@@ -23,7 +23,7 @@ from rotorid.data.record import FlightRecord, Intervals
 from rotorid.io.advice import raw_gyro_advice, sensor_advice
 from rotorid.pipeline.preparation.controllers import controllers_of
 from rotorid.pipeline.review.values import NoiseMap, NoisePeak, NoiseReview, Untold
-from rotorid.signal.airborne import airborne
+from rotorid.signal.airborne import airborne, within
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.signal.filters import combined_response
 from rotorid.spectral.noise import (
@@ -31,7 +31,6 @@ from rotorid.spectral.noise import (
     ShortSpectra,
     by_level,
     floor_db,
-    in_any,
     lines,
     measured_delay,
     nearest_harmonic,
@@ -175,7 +174,7 @@ def _samples(
         for held, row in record.holding(name):
             if topic and held.name != topic:
                 continue
-            kept = in_any(held.time_s, flights) & np.isfinite(held.values[row])
+            kept = within(held.time_s, flights) & np.isfinite(held.values[row])
             time_s, values = held.time_s[kept], held.values[row][kept]
             rising = np.concatenate([[True], np.diff(time_s) > 0.0]) if time_s.size else np.zeros(0, dtype=np.bool_)
             if np.count_nonzero(rising) > 100:
@@ -426,7 +425,7 @@ def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Interv
         own = []
         for name in ("ax", "ay", "az"):
             track = record[f"{name}_vibration"]
-            own.append(track.values[in_any(track.time_s, flights)])
+            own.append(track.values[within(track.time_s, flights)])
         if own[0].size > 10:
             norm = np.sqrt(np.sum(np.square(own), axis=0))
             return {"vibration_m_s2": _positive(float(norm.mean()), math.sqrt(_mean_variance(norm)), "m/s²")}, []
@@ -450,7 +449,7 @@ def _clipping(record: FlightRecord, sensors: Sequence[_Sensor], flights: Interva
     numbers: dict[str, Quantity] = {}
     if "accel_clips" in record:
         track = record["accel_clips"]
-        counts = track.values[in_any(track.time_s, flights)]
+        counts = track.values[within(track.time_s, flights)]
         if counts.size > 1:
             new = float(np.sum(np.maximum(np.diff(counts), 0.0)))
             numbers["clipping_count"] = Quantity(value=new, std=0.0, lower=new, upper=new, unit="1")

@@ -37,9 +37,6 @@ _NOISE_OVER_BAND = 1.5
 _FEWEST_NOISE_POINTS = 8
 """With fewer frequencies nothing is said of noise."""
 
-_BEHIND_FILTERS = ("vehicle_angular_velocity", "RATE", "PIDR", "PIDP", "PIDY", "gyroADC")
-"""Where logs have the rate as the controller takes it, so that no filter of the gyro has to be known."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class FlownAxis:
