@@ -179,6 +179,35 @@ def test_what_would_show_the_gains_is_what_this_log_has(form: str, firmware: str
     assert refused.value.remedy == remedy
 
 
+def moved(record: FlightRecord, name: str, factor: float) -> FlightRecord:
+    """The log with another size of a channel, or on a clock that runs at another rate."""
+    (topic,) = record.topics
+    if name == "clock":
+        return replace(record, topics=(replace(topic, time_s=topic.time_s * factor),))
+    values = np.array(topic.values)
+    values[topic.row(name)] *= factor
+    return replace(record, topics=(replace(topic, values=values),))
+
+
+@pytest.mark.parametrize(
+    ("name", "channel", "factor"), [("PX4 of today", "clock", 1.0003), ("Betaflight with terms", "thrust_stick", 1.2)]
+)
+def test_gains_are_the_same_whatever_the_clock_and_the_throttle_of_a_flight(
+    name: str, channel: str, factor: float
+) -> None:
+    parameters, firmware, how = FLIGHTS[name]
+    first = made(parameters, firmware, **how)
+    second = moved(first, channel, factor)
+    one, other = (controllers_of(record).axis("roll") for record in (first, second))
+    assert one is not None
+    assert other is not None
+    assert one.controller != other.controller
+    with pytest.raises(PlantUnavailableError, match="Nothing excited roll in these logs"):
+        rate_loop("roll", [first, second])
+    with pytest.raises(PlantUnavailableError, match="The gains changed between the logs"):
+        rate_loop("roll", [first, replace(second, parameters=scaled(parameters, 1.2))])
+
+
 def test_gains_that_contradict_each_other_are_named_with_the_verdict() -> None:
     changed = warn("parameters_changed", "parameters", "MC_ROLLRATE_P 0.15 to 0.3.")
     record = replace(made(PX4, NEW, logged=scaled(PX4, 2.0)), findings=(changed,))

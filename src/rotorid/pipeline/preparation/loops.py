@@ -213,12 +213,22 @@ def _require_logged(record: FlightRecord, axis: Axis) -> None:
 
 def _require_same_gains(axis: Axis, records: Sequence[FlightRecord]) -> None:
     changed = any(finding.kind == "parameters_changed" for record in records for finding in record.findings)
-    each = [controllers_of(record).axis(axis) for record in records]
-    if changed or any(one != each[0] for one in each):
+    first = controllers_of(records[0])
+    # Rates of a loop as logs show them differ in their digits, and throttles from flight to flight: gains do not.
+    each = [
+        replace(controllers_of(record), loop_rate_hz=first.loop_rate_hz, throttle=first.throttle).axis(axis)
+        for record in records
+    ]
+    if changed or any(_made_of(one) != _made_of(each[0]) for one in each):
         where = "in the log" if changed else "between the logs"
         raise PlantUnavailableError(
             f"The gains changed {where}, so no loop belongs to them.", "Give one log that was flown with one set."
         )
+
+
+def _made_of(settings: AxisController | None) -> tuple[object, ...]:
+    """What makes a loop, whatever the firmware is called."""
+    return () if settings is None else (settings.controller, dict(settings.ends))
 
 
 def _settings(record: FlightRecord, axis: Axis) -> AxisController:
