@@ -112,8 +112,12 @@ def test_the_firmware_of_a_result_is_that_of_the_plan() -> None:
     choices = DesignChoices(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=PlanChoices(axes=("roll",)))
     flew = axis_controller(choices.aircraft.autopilot.parameters, "roll", firmware="ArduCopter V4.6.2")
     assert flew is not None
-    model: Any = SimpleNamespace(name="rate.pitch", controller=ControllerSettings(**described([flew])))
-    assert designed_for_tune(choices, models=(model,)).firmware == "ArduCopter V4.6.2"
+    known = ControllerSettings(**described([flew]), settings={"INS_GYRO_FILTER": 47.0})
+    model: Any = SimpleNamespace(name="rate.pitch", controller=known)
+    designed = designed_for_tune(choices, models=(model,))
+    assert designed.firmware == "ArduCopter V4.6.2"
+    # The filter of the gyro is no part of the controller, and of its loop all the same.
+    assert designed.aircraft.autopilot.gyro_cutoff_hz == 47.0 != choices.aircraft.autopilot.gyro_cutoff_hz
 
 
 def test_what_has_no_gains_is_refused() -> None:

@@ -16,6 +16,7 @@ from rotorid.models.autopilots.settings import AxisController
 from rotorid.pipeline.designs import default_entry
 from rotorid.pipeline.flight_air import flown_as
 from rotorid.pipeline.flight_settings import DesignChoices
+from rotorid.pipeline.preparation.controllers import controllers_of_result
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.tuning.axis import known_axis
 from rotorid.pipeline.tuning.flown import at_ends, flown_controllers
@@ -116,7 +117,8 @@ def _with_gains_of(choices: DesignChoices, models: Sequence[IdentifiedModel]) ->
     if known is None:
         raise InsufficientDataError("the result holds no gains", needed="a log with the parameters of its autopilot")
     firmware = known.firmware or choices.firmware
-    return replace(choices, gains={**known.gains, **known.filters}, gains_source="the result", firmware=firmware)
+    gains = controllers_of_result(known).parameters
+    return replace(choices, gains=gains, gains_source="the result", firmware=firmware)
 
 
 def _measured_rad_s(axis: Axis, models: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> float | None:
