@@ -13,7 +13,7 @@ from rotorid.data.findings import warn
 from rotorid.data.quantity import Quantity
 from rotorid.pipeline.results import IdentifiedModel, Refused
 from rotorid.pipeline.review.cards import STATES, Card, cards
-from rotorid.pipeline.review.values import Review
+from rotorid.pipeline.review.values import Review, Untold
 from rotorid.pipeline.summary import Cost
 
 MODELS = ("rate.roll", "rate.pitch")
@@ -173,3 +173,13 @@ def test_a_model_that_follows_the_data_only_is_named() -> None:
     told = card(follows_the_data_only(measured()), "models")
     assert (told.state, told.number) == ("part", "2 models")
     assert "Follows the data only: rate.roll." in told.sentence
+
+
+def test_motors_that_were_logged_in_an_unknown_range_are_not_called_missing() -> None:
+    seen = motors_without("imbalance", "headroom", "saturated_high_share")(measured())
+    seen = replace(seen, logging=replace(seen.logging, rates_hz={"motor_1": 100.0}))
+    why = "The log does not say in which range its motors move."
+    flown = replace(seen, cannot_tell=(Untold(what="motors.saturated_high_share", why=why),))
+    assert card(flown, "motors").sentence.startswith("Not enough data to say how evenly they work.")
+    still = replace(seen, cannot_tell=(Untold(what="motors", why="The motor outputs are not logged in the air."),))
+    assert card(still, "motors").sentence == "Motor outputs are not logged in the air."

@@ -396,8 +396,9 @@ def _motors(review: Review) -> Card:
     title = "Are the motors healthy?"
     motors, numbers = review.motors, review.motors.numbers
     imbalance, headroom, high = (numbers.get(name) for name in ("imbalance", "headroom", "saturated_high_share"))
-    if imbalance is None and headroom is None and high is None:
-        logged = "motor_1" in review.logging.rates_hz
+    logged = "motor_1" in review.logging.rates_hz
+    unseen = not logged or any(one.what == "motors" for one in review.cannot_tell)
+    if imbalance is None and headroom is None and high is None and unseen:
         sentence = f"Motor outputs are {'not logged in the air' if logged else 'not in this log'}."
         return Card(key="motors", title=title, state="cannot", number="", sentence=sentence)
     # What share of this flight stood at a limit was counted, and is no estimate.
