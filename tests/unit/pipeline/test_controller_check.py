@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -177,6 +178,9 @@ def test_what_would_show_the_gains_is_what_this_log_has(form: str, firmware: str
     with pytest.raises(PlantUnavailableError) as refused:
         rate_loop("roll", record)
     assert refused.value.remedy == remedy
+    # From a worker of another process too.
+    again = pickle.loads(pickle.dumps(refused.value))  # noqa: S301
+    assert (str(again), again.why, again.remedy) == (str(refused.value), refused.value.why, remedy)
 
 
 def moved(record: FlightRecord, name: str, factor: float) -> FlightRecord:

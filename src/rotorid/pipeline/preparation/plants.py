@@ -55,7 +55,7 @@ _FEWEST_POINTS = 8
 class PlantUnavailableError(InsufficientDataError):
     """A flight does not show the plant of an axis."""
 
-    def __init__(self, why: str, remedy: str) -> None:
+    def __init__(self, why: str, remedy: str = "") -> None:
         super().__init__(why, remedy=remedy)
         self.why, self.remedy = why, remedy
 
