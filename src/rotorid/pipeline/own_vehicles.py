@@ -16,6 +16,7 @@ from rotorid.data.record import AXES
 from rotorid.errors import UsageError
 from rotorid.models.rotors import RotorLayout, named_by
 from rotorid.pipeline.joined import MOTION, UNITS, JoinedVehicle, VehicleNumber, joined_vehicle, require
+from rotorid.pipeline.preparation.controllers import controllers_of_result
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.signal.motors import Linearization
 from rotorid.simulation.autopilot import Autopilot
@@ -198,7 +199,7 @@ def _autopilot(joined: JoinedVehicle, body: Multirotor, like: Aircraft) -> tuple
     """The autopilot of a vehicle of the library as it flies this one, and what of it is not this one's."""
     own, taken = like.autopilot, [f"the autopilot, {like.autopilot.kind} at {like.autopilot.rate_hz:g} Hz"]
     flew = joined.controller
-    gains = {**flew.gains, **flew.filters} if flew is not None else {}
+    gains = controllers_of_result(flew).parameters if flew is not None else {}
     if _GAINS.get(own.kind, "") in gains:
         own = with_gains(like, gains, source="the log").autopilot
     else:

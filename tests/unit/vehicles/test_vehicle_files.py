@@ -164,11 +164,17 @@ def assert_same(one: Aircraft, other: Aircraft) -> None:
 
 def test_gains_are_those_of_the_log() -> None:
     flew = ControllerSettings(
-        autopilot="PX4", firmware="1.17", loop_rate_hz=250.0, gains={"MC_ROLLRATE_P": 0.07}, filters={}
+        autopilot="PX4",
+        firmware="1.17",
+        loop_rate_hz=250.0,
+        gains={"MC_ROLLRATE_P": 0.07},
+        filters={},
+        settings={"IMU_GYRO_CUTOFF": 47.0},
     )
     model = replace(motors(), controller=flew)
     own = own_vehicle([model], like=aircraft("px4_quad"), given={"kappa": 0.02})
     assert own.aircraft.autopilot.rates.proportional[0] == 0.07
+    assert own.aircraft.autopilot.gyro_cutoff_hz == 47.0
     assert "gains and filters" not in own.taken
     assert "gains and filters" in own_vehicle([motors()], like=aircraft("px4_quad"), given={"kappa": 0.02}).taken
 
