@@ -13,6 +13,7 @@ from tests.unit.pipeline.test_flown_firmware import BETAFLIGHT, NEW, OLD, PX4, f
 
 from rotorid.data.findings import warn
 from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.preparation.controller_check import SAME_GAIN, check_controller, check_given, controller_findings
 from rotorid.pipeline.preparation.controllers import EXPLAINED, controllers_of
 from rotorid.pipeline.preparation.loops import rate_loop
@@ -181,6 +182,15 @@ def test_what_would_show_the_gains_is_what_this_log_has(form: str, firmware: str
     # From a worker of another process too.
     again = pickle.loads(pickle.dumps(refused.value))  # noqa: S301
     assert (str(again), again.why, again.remedy) == (str(refused.value), refused.value.why, remedy)
+
+
+def test_unknown_gains_are_the_reason_whatever_the_excitations_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nothing(*_: object) -> None:
+        raise InsufficientDataError("the sweep is too short")
+
+    monkeypatch.setattr("rotorid.pipeline.preparation.loops.swept_plant", nothing)
+    with pytest.raises(PlantUnavailableError, match="no gains of the roll controller"):
+        rate_loop("roll", replace(WHOLE, parameters={}))
 
 
 def moved(record: FlightRecord, name: str, factor: float) -> FlightRecord:

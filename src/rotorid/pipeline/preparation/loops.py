@@ -160,8 +160,8 @@ def rate_loop(
     for one in logs:
         _require_logged(one, axis)
     _require_same_gains(axis, logs)
-    measured, known, check = swept_plant(axis, logs, settings), _settings(record, axis), check_controller(record, axis)
-    controllers = _nearest(known, check)
+    known, check = _settings(record, axis), check_controller(record, axis)
+    controllers, measured = _nearest(known, check), swept_plant(axis, logs, settings)
     if measured is not None:
         _require_made(check)
     elif len(logs) > 1:
