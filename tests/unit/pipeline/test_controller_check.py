@@ -180,7 +180,7 @@ def test_what_would_show_the_gains_is_what_this_log_has(form: str, firmware: str
         rate_loop("roll", record)
     assert refused.value.remedy == remedy
     # From a worker of another process too.
-    again = pickle.loads(pickle.dumps(refused.value))  # noqa: S301
+    again = pickle.loads(pickle.dumps(refused.value))
     assert (str(again), again.why, again.remedy) == (str(refused.value), refused.value.why, remedy)
 
 
