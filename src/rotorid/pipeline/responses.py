@@ -1,9 +1,10 @@
 """Logs in, frequency responses out: which stretches are used, what of each response can be used, and loops.
 
 All rich excitations of the inputs' axes enter one estimate, except maneuvers that are far less coherent than the best
-of their axis; a flight without excitation is read whole. A pair of output and input can be used where it is coherent
-enough and where what was measured is not the inverse of the controller. Everything that follows from the responses
-(bands, means, phases that run on) is computed here; files and pages only show it.
+of their axis. Of a flight without excitation enter the parts in which the stick moves, as identify takes them, or else
+all of it. A pair of output and input can be used where it is coherent enough and where what was measured is not the
+inverse of the controller. Everything that follows from the responses (bands, means, phases that run on) is computed
+here; files and pages only show it.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from rotorid.pipeline.preparation.inverse import without_inverse_controller
 from rotorid.pipeline.preparation.loops import AxisLoop, axis_loop, beyond_band
 from rotorid.pipeline.preparation.measure import Measured, feedback_bias, measure, without_known_filters
 from rotorid.pipeline.preparation.selection import (
+    by_stick,
     described,
     each_once,
     excited_pairs,
@@ -102,8 +104,8 @@ def choose(
 ) -> Chosen:
     """The rich excitations of the inputs' axes, without those that are far less coherent than the best of their axis.
 
-    Inputs that are no commands of an axis take the excitations of the outputs' axes. Without any excitation a flight is
-    read whole.
+    Inputs that are no commands of an axis take the excitations of the outputs' axes. Without any excitation the parts
+    that a stick moves are read, or whole flights.
 
     Raises
     ------
@@ -146,7 +148,7 @@ def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs
                 "no_excitation",
                 record.source.name,
                 f"No sweep, multisine or random binary signal of {' or '.join(axes)} was found in "
-                f"{record.source.name}, so the whole flight from {start_s:.1f} to {stop_s:.1f} s was used.{trap}",
+                f"{record.source.name}, so its flight from {start_s:.1f} to {stop_s:.1f} s was used.{trap}",
                 start_s=start_s,
                 stop_s=stop_s,
             )
@@ -155,10 +157,14 @@ def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs
 
 
 def _every_flight(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs: Sequence[str]) -> list[Flight]:
-    """Flights from take-off to landing; of set-points also records in which nothing tells these."""
+    """Flights from take-off to landing; of set-points also records in which nothing tells these.
+
+    Of one command the parts in which its stick moves, as ``identify`` takes them, where there are any.
+    """
     if all(name.endswith("_setpoint") for name in inputs):
         return [whole_record(record, axes) for record in records]
-    return whole_flights(records, axes)
+    alone = len(inputs) == 1 and is_command(inputs[0])
+    return (by_stick(records, axes) if alone else []) or whole_flights(records, axes)
 
 
 def _plain(flown: Flight) -> Candidate:
@@ -398,8 +404,9 @@ def response(
     """Frequency responses of flight records: what ``rotorid response`` does.
 
     All rich excitations of the inputs' axes in all records enter one estimate, except maneuvers that are far less
-    coherent than the others. A flight without excitation is read whole, from take-off to landing. Joint input–output
-    wherever every input has an instrument, and the direct estimate beside it.
+    coherent than the others. Of a flight without excitation the parts in which the stick moves the axis of one command
+    are read, as ``identify`` takes them; else it is read whole, from take-off to landing. Joint input–output wherever
+    every input has an instrument, and the direct estimate beside it.
 
     Parameters
     ----------

@@ -168,7 +168,10 @@ def whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list
 
 
 def by_stick(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight]:
-    """The parts of each record in which the stick moves an axis, where nothing was excited on purpose."""
+    """The parts of each record in which the stick moves an axis, where nothing was excited on purpose.
+
+    ``identify`` and ``response`` measure the answer to the command of an axis over them.
+    """
     return [
         Flight(record, described(record, part))
         for record in records
