@@ -118,6 +118,7 @@ def test_the_second_flight_is_what_was_foretold(tmp_path: Path) -> None:
     assert sorted(found.first.rollback_files) == ["rollback.params", "rollback.txt"]
     write_tuning(tmp_path / "proposal", found.first, title="gains")
     foretold = load_foretold(tmp_path / "proposal")
+    assert foretold["roll"].robustness == 1.7
     # The second flight is what was foretold; the first one has the old gains still.
     again = check_tuning(foretold, found.records[1], found.models[1:])
     assert again.axes["roll"].verdict == "as_foretold"

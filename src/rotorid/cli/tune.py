@@ -54,7 +54,8 @@ def tune_command(
         typer.Option(
             "--robustness",
             rich_help_panel="Gains",
-            help="Largest sensitivity peak M_s of every loop: 1.4 soft, 1.7 recommended, 2 firm, 2.5 little reserve.",
+            help="Largest sensitivity peak M_s of every loop: 1.4 soft, 1.7 recommended, 2 firm, 2.5 little reserve; "
+            "--check takes that of the proposal.",
         ),
     ] = 1.7,
     noise: Annotated[
@@ -316,9 +317,10 @@ def _lines(one: AxisTuneDocument) -> list[str]:
         ("with the angle loop", one.flown_whole, one.proposed_whole),
     ):
         told = [
-            f"{word} {_told(before[name])}" + (f" -> {_told(after[name])}" if one.changed else "")
+            f"{word} {_told(before[name]) if name in before else 'unknown'}"
+            + (f" -> {_told(after[name])}" if one.changed else "")
             for name, word in _WORDS.items()
-            if name in before and name in after
+            if name in after
         ]
         lines.append(f"{loop}: {', '.join(told)}")
     if one.changed:

@@ -11,6 +11,7 @@ from pydantic import Field
 from rotorid.data.quantity import Quantity
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.review import QuantityDocument
+from rotorid.pipeline.preparation.loops import shown_quantities
 from rotorid.pipeline.results import Refused
 from rotorid.pipeline.tuning.proposal import AxisTuning, PathStep, TuningProposal
 from rotorid.tuning.loops import over_draws, quantities
@@ -68,6 +69,7 @@ class PathStepDocument(Document):
 class AxisTuneDocument(Document):
     """An axis: margins of the rate loop alone and of the whole loop, flown and proposed, and its parameters.
 
+    What the flight does not show of the flown loops is absent, as in ``review``.
     ``flown_attitude`` and ``proposed_attitude`` say how the attitude follows its set-point, ``attitude_ratio`` is its
     deviation under a moment, proposed over flown; ``noise_ratio`` that of the command by noise of the rate, which is
     ``noise_flown`` of the command's range where the log shows it. ``filters`` has the phase that each filter of the
@@ -153,10 +155,9 @@ def _axis(one: AxisTuning) -> AxisTuneDocument:
     return AxisTuneDocument(
         changed=one.changed,
         band_rad_s=one.plant.band_rad_s,
-        # Of a loop that flew the stable draws count alone, as everywhere.
-        flown=quantity_documents(quantities(flown.rate.as_flown)),
+        flown=quantity_documents(shown_quantities(flown.rate, one.plant)),
         proposed=quantity_documents(quantities(proposed.rate)),
-        flown_whole=quantity_documents(quantities(flown.whole.as_flown)),
+        flown_whole=quantity_documents(shown_quantities(flown.whole, one.plant)),
         proposed_whole=quantity_documents(quantities(proposed.whole)),
         flown_attitude=quantity_documents(quantities(flown.attitude)),
         proposed_attitude=quantity_documents(quantities(proposed.attitude)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -128,7 +129,11 @@ def load_foretold(path: str | Path) -> dict[Axis, Foretold]:
         raise UsageError(f"{file} is no proposal: {error}", needed=_WANTED) from error
     beside = file.parent / SIGNALS
     arrays = read_arrays(beside) if beside.is_file() else {}
-    return {axis: _foretold(axis, one, arrays) for axis, one in document.axes.items()}
+    told = {axis: _foretold(axis, one, arrays) for axis, one in document.axes.items()}
+    asked = document.provenance.settings.get("robustness")
+    if isinstance(asked, (int, float)):
+        told = {axis: replace(one, robustness=float(asked)) for axis, one in told.items()}
+    return told
 
 
 def _foretold(axis: Axis, one: AxisTuneDocument, arrays: Mapping[str, AnyArray]) -> Foretold:

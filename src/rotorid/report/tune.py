@@ -21,6 +21,7 @@ from rotorid.documents.tune import (
     tune_document,
 )
 from rotorid.documents.tune_check import METHODS, compared_words, tune_check_document
+from rotorid.pipeline.preparation.loops import shown_quantities
 from rotorid.pipeline.tuning.check import CheckedAxis, CheckedTuning
 from rotorid.pipeline.tuning.proposal import AxisTuning, TuningProposal
 from rotorid.plot.tuning import by_hand, rejection, responses, steps
@@ -423,11 +424,14 @@ def _pictures(axis: str, one: AxisTuning, scale: float | None) -> Sequence[Pictu
         kind: {name: _band(np.abs(one.responses[f"{kind}_{name}"])) for name in both}
         for kind in ("attitude", "disturbance")
     }
-    quick = {"flown": quantities(one.proposal.flown.whole), "proposed": quantities(one.proposal.proposed.whole)}
+    quick = {
+        "flown": shown_quantities(one.proposal.flown.whole, one.plant),
+        "proposed": quantities(one.proposal.proposed.whole),
+    }
     told = {
         name: (_edges(found["rejection_bandwidth_rad_s"]), _edges(found["rejection_peak_db"]))
         for name, found in quick.items()
-        if name in both and "rejection_bandwidth_rad_s" in found
+        if name in both and {"rejection_bandwidth_rad_s", "rejection_peak_db"} <= found.keys()
     }
     guided = "" if scale is None else f", with the guideline for helicopters {scale:.0f} times larger"
     sensitivities = {name: _band(np.abs(1.0 / (1.0 + one.loops[f"{name}_whole"]))) for name in both}

@@ -31,6 +31,9 @@ DRAWS = 200
 FLOOR = 0.02
 """Share of the plant that is not known anywhere: 2 % of gain and 1.2° of phase."""
 
+BEYOND_RATIO = 6.0
+"""How far beyond the band a model that explains the measurement is followed, over the end of the band."""
+
 KNOWN_FROM = 1.5
 """Stability is counted from this multiple of the lower end of the band: below it identified plants carry modes of the
 speed, with which good loops are unstable in every draw."""
@@ -110,6 +113,11 @@ class UncertainPlant(Immutable):
     def known_from_rad_s(self) -> float:
         """Frequency from which its loops are counted, see :func:`rotorid.tuning.loops.loop_figures`."""
         return KNOWN_FROM * self.band_rad_s[0]
+
+    @property
+    def reach_rad_s(self) -> float:
+        """Frequency up to which anything is said of its loops."""
+        return self.band_rad_s[1] * (BEYOND_RATIO if self.goes_on else 1.0)
 
     @property
     def draws(self) -> int:

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
+import numpy as np
+import pytest
+
+from rotorid.errors import InsufficientDataError
+from rotorid.pipeline.preparation.loops import shown_quantities
+from rotorid.pipeline.tuning.plants import require_known
+from rotorid.tuning.loops import loop_figures
 from rotorid.tuning.plant import MeasuredRatio, uncertain_plant
 
 
@@ -23,3 +30,26 @@ def test_errors_that_neighbors_share_are_not_carried_far() -> None:
     plant = uncertain_plant(lambda omega: np.ones(np.shape(omega)), measured, band_rad_s=(1.0, 20.0))
     # The truth is one; without a share of their own the mean is off by .11 inside of the band and .17 beyond it.
     assert np.abs(np.log(plant.response(np.geomspace(1.0, 40.0, 100)))).max() < 0.05
+
+
+def test_a_plant_is_followed_as_far_as_its_model_explains_it() -> None:
+    plant = uncertain_plant(lambda omega: 20.0 / (1j * omega), None, band_rad_s=(1.0, 20.0), draws=10)
+    assert plant.reach_rad_s == 6.0 * 20.0
+    assert replace(plant, goes_on=False).reach_rad_s == 20.0
+
+
+def test_gains_are_not_proposed_beyond_the_reach_of_a_plant() -> None:
+    plant = uncertain_plant(lambda omega: 20.0 / (1j * omega), None, band_rad_s=(1.0, 20.0), draws=10)
+    require_known("roll", plant, 119.0)
+    with pytest.raises(InsufficientDataError, match=r"known up to 120 rad/s only") as refused:
+        require_known("roll", plant, 121.0)
+    assert refused.value.remedy == "fly a sweep of roll up to 182 rad/s"
+
+
+def test_a_flown_loop_has_no_number_beyond_the_reach_of_its_plant() -> None:
+    plant = uncertain_plant(lambda omega: 200.0 / (1j * omega), None, band_rad_s=(1.0, 20.0), draws=10)
+    omega = np.geomspace(0.5, 600.0, 170)
+    known = {"phase_margin_deg", "crossover_rad_s"}
+    near, far = (loop_figures(omega, gain * plant.drawn(omega) * np.exp(-1e-3j * omega)) for gain in (0.5, 1.0))
+    assert known <= shown_quantities(near, plant).keys()
+    assert known.isdisjoint(shown_quantities(far, plant))

@@ -45,12 +45,12 @@ from rotorid.pipeline.preparation.plants import (
     WholeFlight,
     drawn_plant,
     enters_the_mixer,
+    identified_plant,
     ordinary_plant,
     swept_plant,
     whole_flight,
 )
 from rotorid.pipeline.preparation.segments import cut, histories, with_surroundings
-from rotorid.pipeline.preparation.supports import ordinary_flights
 from rotorid.pipeline.preparation.whole_flights import flown
 from rotorid.pipeline.settings import MeasureSettings
 from rotorid.signal.excitations import find_excitations
@@ -133,6 +133,11 @@ class RateLoop(Immutable):
     places_rad_s: Mapping[str, Quantity]
     ends: Mapping[str, Mapping[str, Quantity]] = field(default_factory=dict)
 
+    @property
+    def crossover_measured(self) -> bool:
+        """Whether the flight shows the crossover within its band."""
+        return "crossover_rad_s" in self.numbers and "crossover_rad_s" not in self.by_model
+
 
 def rate_loop(
     axis: Axis, records: FlightRecord | Sequence[FlightRecord], settings: MeasureSettings | None = None
@@ -174,25 +179,35 @@ def rate_loop(
         whole = whole_flight(flight, axis)
         _require_made(check, in_doubt=True)
         acting = [acting_on(record, one.rate_loop, source=whole.source) for one in controllers.values()]
-        short = _by_short_maneuvers(whole, record)
-        # A short maneuver may end below the crossover, which the set-point of the rate shows then.
+        by_stick = None
         with contextlib.suppress(PlantUnavailableError):
-            if short is not None:
-                return _read(record, short, known, check, controllers)
-        measured = ordinary_plant(flight, whole, acting)
+            if (identified := _as_identified(whole, record)) is not None:
+                by_stick = _read(record, identified, known, check, controllers)
+        if by_stick is not None and by_stick.crossover_measured:
+            return by_stick
+        # What identify takes ends below the crossover: the whole flight, or the set-point of the rate, may show it.
+        try:
+            over_all = _read(record, ordinary_plant(flight, whole, acting), known, check, controllers)
+        except PlantUnavailableError:
+            if by_stick is None:
+                raise
+            return by_stick
+        return by_stick if by_stick is not None and "crossover_rad_s" not in over_all.numbers else over_all
     return _read(record, measured, known, check, controllers)
 
 
-def _by_short_maneuvers(whole: WholeFlight, record: FlightRecord) -> MeasuredPlant | None:
-    """The plant by a stick that was idle but for short maneuvers, as ``identify`` measures it, or ``None``."""
-    parts = ordinary_flights(record, whole.axis) if whole.idle and find_excitations(record, whole.axis) else ()
-    if not parts:
+def _as_identified(whole: WholeFlight, record: FlightRecord) -> MeasuredPlant | None:
+    """The plant of an ordinary flight as ``identify`` measures it; ``None`` where it takes no part of the flight."""
+    if whole.idle and not find_excitations(record, whole.axis):
         return None
     try:
-        found = swept_plant(whole.axis, [record], MeasureSettings(segments=parts))
+        found = identified_plant(whole.axis, [record])
     except InsufficientDataError:
         return None
-    return None if found is None else replace(found, instrument="stick", idle=True)
+    if found is None:
+        return None
+    instrument = whole.instrument if found.channel == whole.channel else "stick"
+    return replace(found, instrument=instrument, idle=whole.idle)
 
 
 def _require_logged(record: FlightRecord, axis: Axis) -> None:
@@ -317,9 +332,6 @@ def figures_of(plant: UncertainPlant, controller: LoggedController, *, gusts: bo
     return loop_figures(omega, loops, from_rad_s=plant.known_from_rad_s)
 
 
-_BEYOND_RATIO = 6.0
-"""How far beyond the band a lag is followed, over the end of the band."""
-
 _LEAST_SHARE = 0.9
 """Share of the draws that must have a number for it to be there."""
 
@@ -376,7 +388,7 @@ def read_margins(
             continue
         place = float(np.median(seen))
         beyond = place > high
-        if place < low or (beyond and not (plant.goes_on and place <= _BEYOND_RATIO * high)):
+        if not low <= place <= plant.reach_rad_s:
             continue
         at_place = _at(seen)
         if where == "crossover_rad_s" and at_place.upper > _WIDEST_CROSSOVER * at_place.lower:
@@ -385,6 +397,22 @@ def read_margins(
         places[name] = at_place
         by_model += [name] if beyond else []
     return numbers, tuple(by_model), places
+
+
+_AS_READ = {"rejection_bandwidth_rad_s": "disturbance_rejection_rad_s", "rejection_peak_db": "sensitivity_peak"}
+"""Names of :func:`rotorid.tuning.loops.quantities` to those of the numbers on which they depend, where these differ."""
+
+
+def shown_quantities(figures: LoopFigures, plant: UncertainPlant) -> dict[str, Quantity]:
+    """Quantities of a loop that flew under the names of ``tune``, without those that its flight does not show.
+
+    Parameters
+    ----------
+    figures, plant
+        As for :func:`read_margins`.
+    """
+    shown, _, _ = read_margins(figures, plant)
+    return {name: one for name, one in quantities(figures.as_flown).items() if _AS_READ.get(name, name) in shown}
 
 
 def _at(omega_rad_s: FloatArray) -> Quantity:
@@ -632,7 +660,7 @@ def _of_rate(found: RateLoop) -> AxisLoop:
         attitude=None,
         beyond=Beyond(
             method="a lag with a delay fitted to the measured vehicle, times the controller in the log",
-            up_to_rad_s=_BEYOND_RATIO * found.plant.band_rad_s[1],
+            up_to_rad_s=found.plant.reach_rad_s,
             numbers={name: value for name, value in named.items() if name not in seen},
         )
         if found.by_model

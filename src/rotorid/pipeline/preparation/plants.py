@@ -3,8 +3,8 @@ r"""The plant of an axis, rate by command, as a flight shows it, with draws of w
 One response answers for every verb. It is measured with the best instrument that a log has: a test signal at the
 mixer, another rich excitation, set-points of the rates that are the sticks, the stick, at last the set-point of the
 rate, which gusts move a little through the outer loops. Rich excitations are cut out and measured as everywhere
-(:mod:`rotorid.pipeline.preparation.measure`); everything else is read over the whole flight
-(:mod:`rotorid.pipeline.preparation.whole_flights`).
+(:mod:`rotorid.pipeline.preparation.measure`), and so are the parts in which the stick moves where they show the
+crossover; everything else is read over the whole flight (:mod:`rotorid.pipeline.preparation.whole_flights`).
 
 Inside the band a plant is its measurement. Beyond it goes on as a lag with a delay that explains the measurement, with
 an error that grows with the distance (:mod:`rotorid.tuning.plant`). Of a flight whose lag explains too little nothing
@@ -34,7 +34,7 @@ from rotorid.pipeline.preparation.instruments import is_injection
 from rotorid.pipeline.preparation.inverse import without_inverse_controller
 from rotorid.pipeline.preparation.measure import measure
 from rotorid.pipeline.preparation.segments import source_of
-from rotorid.pipeline.preparation.selection import select_maneuvers
+from rotorid.pipeline.preparation.selection import by_stick, select_maneuvers
 from rotorid.pipeline.preparation.whole_flights import LEAST_MOTION_S, Flown, Instrument, loop_response
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings, MeasureSettings
@@ -119,10 +119,35 @@ def swept_plant(
     InsufficientDataError
         The excitations show too little.
     """
-    settings, command, rate = settings or MeasureSettings(), f"{axis}_command", RATE_OF[axis]
+    settings = settings or MeasureSettings()
     if not any(rich_excitations(record, axis) for record in records) and not settings.segments:
         return None
     flights = select_maneuvers(records, (axis,), IdentifySettings(segments=settings.segments)).fitted
+    return _cut_out(axis, flights, settings)
+
+
+def identified_plant(axis: Axis, records: Sequence[FlightRecord]) -> MeasuredPlant | None:
+    """The plant as ``identify`` measures it: by rich excitations, else over the parts in which the stick moves.
+
+    Parameters
+    ----------
+    axis, records
+        As for :func:`swept_plant`.
+
+    Raises
+    ------
+    InsufficientDataError
+        These show too little.
+    """
+    if any(rich_excitations(record, axis) for record in records):
+        return swept_plant(axis, records)
+    parts = by_stick(records, (axis,))
+    return _cut_out(axis, parts, MeasureSettings()) if parts else None
+
+
+def _cut_out(axis: Axis, flights: Sequence[Flight], settings: MeasureSettings) -> MeasuredPlant | None:
+    """The plant over maneuvers, ``None`` where nothing in them is free of feedback."""
+    command, rate = f"{axis}_command", RATE_OF[axis]
     measured = measure(flights, inputs=(command,), outputs=(rate,), settings=replace(settings, correct_filters=False))
     response = measured.response
     if response.estimate != "joint":

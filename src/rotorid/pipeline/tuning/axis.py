@@ -12,7 +12,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.models.autopilots.settings import AxisController
-from rotorid.pipeline.preparation.plants import swept_plant
+from rotorid.pipeline.preparation.plants import identified_plant
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.same_vehicle import different_gains, gains_of
 from rotorid.pipeline.tuning.filters import with_filters
@@ -188,7 +188,7 @@ def known_axis(
     findings += explained(flown) if record is not None else _unchecked(model)
     then = with_filters(flown.record, filters) if filters else None
     # A result that was given may hold choices of its user; logs alone show what every verb measures of them.
-    swept = None if model in given else swept_plant(axis, logs_of(axis, logs))
+    swept = None if model in given else identified_plant(axis, logs_of(axis, logs))
     plant = plant_of(model, axis, draws=draws, seed=seed, passed=flown.passed, measured=swept)
     omega = frequency_grid(flown.controller.controller)
     noise = flown.rate_noise(omega, plant.band_rad_s)

@@ -22,13 +22,12 @@ from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.preparation.loops import loop_by_injection
+from rotorid.pipeline.preparation.loops import loop_by_injection, shown_quantities
 from rotorid.pipeline.provenance import Provenance
 from rotorid.pipeline.results import IdentifiedModel, Records
 from rotorid.pipeline.settings import as_records
 from rotorid.pipeline.tuning.proposal import AxisTuning, TuneSettings, tune
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
-from rotorid.tuning.loops import quantities
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 COMPARED = {
@@ -73,6 +72,8 @@ class Foretold(Immutable):
         Figures of the rate loop alone and of the whole one with the proposed gains, by name.
     omega_rad_s, loops
         Frequencies, and the whole loop on all draws, ``(draws, f)``; ``None`` where a document alone is at hand.
+    robustness
+        Largest sensitivity peak that was asked for.
     """
 
     flown: Mapping[str, float]
@@ -81,6 +82,7 @@ class Foretold(Immutable):
     whole: Mapping[str, Quantity]
     omega_rad_s: FloatArray | None = None
     loops: ComplexArray | None = None
+    robustness: float = 1.7
 
     def __post_init__(self) -> None:
         self._set(flown=self.flown, proposed=self.proposed, rate=self.rate, whole=self.whole)
@@ -193,7 +195,8 @@ def check_tuning(
     models
         Rate models of it, where they are at hand.
     settings, **options
-        As for :func:`rotorid.pipeline.tuning.proposal.tune`.
+        As for :func:`rotorid.pipeline.tuning.proposal.tune`. The sensitivity peak that a proposal asked for goes before
+        that of the settings.
 
     Raises
     ------
@@ -205,12 +208,12 @@ def check_tuning(
     if not foretold:
         raise UsageError("a proposal without any axis came", needed="a tune.json in which gains were looked at")
     chosen = replace(settings or TuneSettings(), **options)
-    chosen = replace(chosen, axes=tuple(axis for axis in chosen.axes if axis in foretold), filters={})
+    asked = max(one.robustness for one in foretold.values())
+    axes_told = tuple(axis for axis in chosen.axes if axis in foretold)
+    chosen = replace(chosen, axes=axes_told, filters={}, robustness=asked)
     found = tune(models, records, settings=chosen)
     logs = as_records(records)
-    axes = {
-        axis: _checked(axis, foretold[axis], one, _injected(axis, logs), chosen) for axis, one in found.axes.items()
-    }
+    axes = {axis: _checked(axis, foretold[axis], one, _injected(axis, logs)) for axis, one in found.axes.items()}
     if not axes:
         raise InsufficientDataError("no axis of the proposal was flown", needed="a sweep of an axis of the proposal")
     said = [_finding(axis, one) for axis, one in axes.items()]
@@ -241,11 +244,9 @@ def _injected(axis: Axis, logs: Sequence[FlightRecord]) -> dict[str, Quantity]:
     return figures
 
 
-def _checked(
-    axis: Axis, before: Foretold, now: AxisTuning, injected: Mapping[str, Quantity], settings: TuneSettings
-) -> CheckedAxis:
+def _checked(axis: Axis, before: Foretold, now: AxisTuning, injected: Mapping[str, Quantity]) -> CheckedAxis:
     judged = now.proposal.flown
-    rate, whole = quantities(judged.rate), quantities(judged.whole)
+    rate, whole = (shown_quantities(loop, now.plant) for loop in (judged.rate, judged.whole))
     contradicted = any(_contradict(whole[name], measured) for name, measured in injected.items() if name in whole)
     # A plant that the test signal confirms at the crossover may say what its peak is a little above its band.
     peak_measured = "crossover_rad_s" in injected or _band_reaches_peak(now)
@@ -264,7 +265,7 @@ def _checked(
     logged = {name: value for name, (value, _) in now.parameters.items()}
     gains = _which(before, logged)
     unstable = not contradicted and not bool(np.median(judged.rate.stable * judged.whole.stable))
-    verdict = _verdict(figures, settings.robustness, unstable=unstable) if gains == "proposed" else "other_gains"
+    verdict = _verdict(figures, before.robustness, unstable=unstable) if gains == "proposed" else "other_gains"
     sentence, advice = _words(axis, verdict, gains, figures, now, contradicted=contradicted)
     return CheckedAxis(
         gains=gains,

@@ -17,6 +17,7 @@ from rotorid.pipeline.preparation.supports import unsupported
 from rotorid.pipeline.results import IdentifiedModel
 from rotorid.pipeline.settings import IdentifySettings, Setting
 from rotorid.signal.filters import KnownFilter, combined_response
+from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.plant import UncertainPlant, uncertain_plant
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
@@ -137,9 +138,16 @@ def require_known(axis: Axis, plant: UncertainPlant, crossover_rad_s: float) -> 
     Raises
     ------
     InsufficientDataError
-        It is known to no better than 15 % there.
+        It is known to no better than 15 % there, or the loop acts beyond all that is said of the plant.
     """
     low, high = plant.band_rad_s
+    if crossover_rad_s > plant.reach_rad_s:
+        raise InsufficientDataError(
+            f"the plant of {axis} is known up to {plant.reach_rad_s:.0f} rad/s only, and its loop crosses one near "
+            f"{crossover_rad_s:.0f} rad/s",
+            needed="a flight that shows the plant there",
+            remedy=f"fly a sweep of {axis} up to {BAND_OVER_CROSSOVER * crossover_rad_s:.0f} rad/s",
+        )
     at = np.array([float(np.clip(crossover_rad_s, low, high))])
     spread = float(np.std(np.log(np.abs(plant.drawn(at)))))
     if spread > _WIDEST:

@@ -1,0 +1,69 @@
+"""An ordinary flight of a real autopilot: every verb takes the same parts of it, and says the same of its loops."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import rotorid
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError
+from rotorid.pipeline.preparation.loops import rate_loop, shown_quantities
+from rotorid.pipeline.responses import Responses
+from rotorid.pipeline.tuning.axis import known_axis
+from rotorid.tuning.loops import loop_figures
+from rotorid.tuning.plant import DRAWS
+
+
+@pytest.fixture(scope="module")
+def verify(unpacked: Callable[[str], Path]) -> FlightRecord:
+    return rotorid.read(unpacked("px4_sitl/verify.ulg.xz"))
+
+
+@pytest.fixture(scope="module")
+def calm(unpacked: Callable[[str], Path]) -> FlightRecord:
+    return rotorid.read(unpacked("ardupilot_sitl/x_calm_verify.BIN.xz"))
+
+
+def test_response_takes_the_parts_that_identify_takes(verify: FlightRecord) -> None:
+    model = rotorid.identify(verify, "rate.pitch")
+    found = rotorid.response(verify, inputs="pitch_command", outputs="q")
+    assert isinstance(found, Responses)
+    fitted = [(one.start_s, one.stop_s) for one in model.provenance.maneuvers]
+    assert [(one.start_s, one.stop_s) for one in found.records if one.used] == fitted
+    biases = [
+        {name: round(number, 6) for name, number in one.numbers.items()}
+        for findings in (model.findings, found.findings)
+        for one in findings
+        if one.kind == "closed_loop_bias"
+    ]
+    assert len(biases) == 2
+    assert biases[0] == biases[1]
+
+
+def test_review_and_tune_read_one_loop(verify: FlightRecord) -> None:
+    loop = rate_loop("roll", verify)
+    known = known_axis("roll", (), [verify], filters={}, draws=DRAWS, seed=0, findings=[])
+    assert known.plant.band_rad_s == pytest.approx(loop.plant.band_rad_s, rel=1e-9)
+    figures = loop_figures(
+        known.omega_rad_s,
+        known.drawn() * known.flown_parts.rate(known.gains),
+        from_rad_s=known.plant.known_from_rad_s,
+    )
+    shown = shown_quantities(figures, known.plant)
+    for name in ("crossover_rad_s", "phase_margin_deg", "delay_margin_s"):
+        assert shown[name].value == pytest.approx(loop.numbers[name].value, rel=1e-4)
+    # Its plant and its gains are known: 14.7 rad/s.
+    assert loop.numbers["crossover_rad_s"].lower < 14.7 < loop.numbers["crossover_rad_s"].upper
+
+
+def test_gains_are_not_judged_by_a_plant_that_ends_far_below_the_crossover(calm: FlightRecord) -> None:
+    """The stick shows the plant up to 17 rad/s, the loop crosses over at 126; the set-point of the rate shows that."""
+    loop = rate_loop("roll", calm)
+    assert loop.crossover_measured
+    # Broken at the mixer, that loop has a phase margin of 19 degrees.
+    assert loop.numbers["phase_margin_deg"].value == pytest.approx(19.0, abs=3.0)
+    with pytest.raises(InsufficientDataError, match=r"known up to 104 rad/s only"):
+        known_axis("roll", (), [calm], filters={}, draws=DRAWS, seed=0, findings=[])
