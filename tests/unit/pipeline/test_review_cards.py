@@ -115,7 +115,6 @@ PIECES: list[tuple[str, str, Callable[[Review], Review]]] = [
     ("motors", "imbalance", motors_without("imbalance")),
     ("motors", "headroom", motors_without("headroom")),
     ("motors", "limit", motors_without("saturated_high_share")),
-    ("motors", "steps", lambda seen: replace(seen, motors=replace(seen.motors, steps_checked=False))),
     ("power", "thrust", lambda seen: replace(seen, flight=replace(seen.flight, thrust_to_weight=None))),
     ("power", "sag", lambda seen: replace(
         seen, flight=replace(seen.flight, battery=without(seen.flight.battery, "sag_v")))),
@@ -183,3 +182,12 @@ def test_motors_that_were_logged_in_an_unknown_range_are_not_called_missing() ->
     assert card(flown, "motors").sentence.startswith("Not enough data to say how evenly they work.")
     still = replace(seen, cannot_tell=(Untold(what="motors", why="The motor outputs are not logged in the air."),))
     assert card(still, "motors").sentence == "Motor outputs are not logged in the air."
+
+
+def test_motor_outputs_alone_answer_their_question_and_loss_of_step_is_named_where_speeds_are_logged() -> None:
+    by_speeds = card(measured(), "motors")
+    seen = measured()
+    by_outputs = card(replace(seen, motors=replace(seen.motors, steps_checked=False)), "motors")
+    assert by_outputs.state == by_speeds.state == "good"
+    assert "step" in by_speeds.title and "No motor lost step." in by_speeds.sentence
+    assert "step" not in by_outputs.title + by_outputs.sentence

@@ -393,7 +393,9 @@ def _noise(review: Review) -> Card:
 
 
 def _motors(review: Review) -> Card:
-    title = "Are the motors healthy?"
+    # Motor outputs alone say nothing of a motor that falls out of step: only logged speeds do.
+    checked = review.motors.steps_checked
+    title = f"Are the motors balanced{' and in step' * checked}, with power to spare?"
     motors, numbers = review.motors, review.motors.numbers
     imbalance, headroom, high = (numbers.get(name) for name in ("imbalance", "headroom", "saturated_high_share"))
     logged = "motor_1" in review.logging.rates_hz
@@ -408,7 +410,7 @@ def _motors(review: Review) -> Card:
         number = f"{_told(imbalance, ' %', 100.0)} imbalance"
     if motors.events:
         sentence = (
-            f"{len(motors.events)} times a motor was told to speed up and slowed down: look for a desync of its ESC."
+            f"{len(motors.events)} times a motor slowed down while its output rose: look for a desync of its ESC."
         )
         return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
     if motors_limited(review.oscillations):
@@ -448,9 +450,8 @@ def _motors(review: Review) -> Card:
         sentence = _unsure(f"enough thrust is left above hover ({room})", f"{100.0 * LEAST_HEADROOM:.0f} %", hover)
         return Card(key="motors", title=title, state="cannot", number=number, sentence=sentence)
     missing = [] if high is not None else ["share of the flight at full output"]
-    if not motors.steps_checked:
-        missing.append("loss of step")
-    sentence = f"Balanced, with {_told(left.quantity, ' %', 100.0)} headroom in hover.{limits and ' '}{limits}"
+    step = " No motor lost step." if checked else ""
+    sentence = f"Balanced, with {_told(left.quantity, ' %', 100.0)} headroom in hover.{step}{limits and ' '}{limits}"
     return Card(
         key="motors",
         title=title,
