@@ -243,7 +243,7 @@ def inspect(record: FlightRecord) -> Inspection:
         parameters=len(record.parameters),
         channels=tuple(channel for topic in record.topics for channel in _channels(topic)),
         excitations=tuple(logged(record, maneuver) for maneuver in _in_time(*found.values())),
-        supports={name: _foreseen(record, name, support) for name, support in supports(record).items()},
+        supports={name: foreseen(record, name, support) for name, support in supports(record).items()},
         findings=worst_first(
             (
                 *record.findings,
@@ -299,11 +299,20 @@ _MOST_SAMPLES = 1_000_000
 """Samples of ordinary flying up to which its responses are measured here: some seconds of work."""
 
 
-def _foreseen(record: FlightRecord, model: str, support: Support) -> Support:
+def foreseen(record: FlightRecord, model: str, support: Support) -> Support:
     """A support, or the refusal with which ``identify`` would end before any fit.
 
     An excitation shows by itself that it will do. What a stick that flew for something else, several axes together or
     motors show is prepared as for a fit.
+
+    Parameters
+    ----------
+    record
+        The log.
+    model
+        Name of the model.
+    support
+        What :func:`rotorid.pipeline.preparation.supports.supports` answers for it.
     """
     if not support.possible or (support.by == "excitation" and model in AXIS_OF) or model.startswith("rig."):
         return support

@@ -191,3 +191,13 @@ def test_motor_outputs_alone_answer_their_question_and_loss_of_step_is_named_whe
     assert by_outputs.state == by_speeds.state == "good"
     assert "step" in by_speeds.title and "No motor lost step." in by_speeds.sentence
     assert "step" not in by_outputs.title + by_outputs.sentence
+
+
+def test_a_model_that_the_log_does_not_support_is_named_and_makes_no_part() -> None:
+    seen = refused("rate.pitch")(measured())
+    lacks = card(seen, "models")
+    assert (lacks.state, lacks.number) == ("part", "1 of 2 models")
+    assert "Not identified: rate.pitch." in lacks.sentence
+    short = card(replace(seen, unsupported=("rate.pitch",)), "models")
+    assert (short.state, short.number) == ("good", "1 model")
+    assert "Not enough data: rate.pitch." in short.sentence

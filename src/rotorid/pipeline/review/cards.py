@@ -525,7 +525,8 @@ def _models(review: Review) -> Card:
     if not stands:
         sentence = "No model of the vehicle can be identified from it; see below for what to fly or log."
         return Card(key="models", title=title, state="cannot", number="", sentence=sentence)
-    sought = [*review.models]
+    # What the log does not support is no lack of the models that it does.
+    sought = [name for name in review.models if name in stands or name not in review.unsupported]
     number = f"{len(stands)} of {len(sought)} models" if len(sought) > len(stands) else _models_words(len(stands))
     sentence = f"Identified with intervals: {', '.join(stands)}."
     doubted: dict[str, list[str]] = {}
@@ -536,6 +537,7 @@ def _models(review: Review) -> Card:
     sentence += "".join(f" {capital(word)}: {', '.join(names)}." for word, names in doubted.items())
     lacking = [name for name in sought if name not in stands]
     sentence += f" Not identified: {', '.join(lacking)}." if lacking else ""
+    sentence += f" Not enough data: {', '.join(review.unsupported)}." if review.unsupported else ""
     if without_sweep(review):
         sentence += " A sweep would make them several times as certain."
     return Card(key="models", title=title, state=_good([*doubted, *lacking]), number=number, sentence=sentence)

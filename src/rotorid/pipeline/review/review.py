@@ -16,6 +16,7 @@ from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.io.advice import flying_advice, logging_advice
+from rotorid.pipeline.inspection import foreseen
 from rotorid.pipeline.next_steps import KnownOfLog, LoopChannels, next_steps
 from rotorid.pipeline.oscillations import (
     OscillationReview,
@@ -26,7 +27,7 @@ from rotorid.pipeline.oscillations import (
     reviewed_oscillations,
 )
 from rotorid.pipeline.preparation.controller_check import controller_findings
-from rotorid.pipeline.preparation.supports import AXIS_OF, END_FIRST, foreign_vehicle, rate_support
+from rotorid.pipeline.preparation.supports import AXIS_OF, END_FIRST, foreign_vehicle, rate_support, supports
 from rotorid.pipeline.preparation.whole_flights import Flown, flown
 from rotorid.pipeline.results import IdentifiedModel, Refused
 from rotorid.pipeline.review.flight import flight, logging, vehicle
@@ -166,6 +167,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
         margins=broken,
         models=found,
         models_sought=models,
+        unsupported=_unsupported(record, found),
         noise=heard,
         motors=worked,
         cannot_tell=tuple(dict.fromkeys(untold)),
@@ -236,6 +238,15 @@ def _models(record: FlightRecord) -> tuple[dict[str, IdentifiedModel | Refused],
         for name, support in lacking.items()
     ]
     return dict(several), [*_refusals(several.refused, record), *unsupported]
+
+
+def _unsupported(record: FlightRecord, found: Mapping[str, IdentifiedModel | Refused]) -> tuple[str, ...]:
+    """Models that were refused and could not have been identified, as ``inspect`` answers before any fit."""
+    refused = [name for name, answer in found.items() if isinstance(answer, Refused)]
+    if not refused:
+        return ()
+    each = supports(record)
+    return tuple(name for name in refused if not foreseen(record, name, each[name]).possible)
 
 
 def _with_thrust_of(

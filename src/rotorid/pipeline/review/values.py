@@ -303,7 +303,8 @@ class Review(Immutable):
     """Everything that one ordinary flight tells.
 
     ``models`` maps names of models to an ``IdentifiedModel`` or to an error that says why there is none; none was
-    looked for where ``models_sought`` is false. ``oscillations`` are axes that swing by themselves, ``calm``
+    looked for where ``models_sought`` is false; ``unsupported`` names those that the log does not support, as ``inspect``
+    answers. ``oscillations`` are axes that swing by themselves, ``calm``
     those that were checked and do not.
     """
 
@@ -321,6 +322,7 @@ class Review(Immutable):
     next_commands: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
     models_sought: bool = True
+    unsupported: tuple[str, ...] = ()
     oscillations: tuple[OscillationReview, ...] = ()
     calm: tuple[Axis, ...] = ()
 
