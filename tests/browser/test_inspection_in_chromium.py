@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from pathlib import Path
 
@@ -31,19 +32,35 @@ def sweep() -> tuple[np.ndarray, dict[str, np.ndarray]]:
 def test_the_page_that_the_command_writes_draws_everything(chromium: str, tmp_path: Path) -> None:
     write_csv(tmp_path / "flight.csv", *sweep())
     assert rotorid("inspect", tmp_path / "flight.csv", "--plot", tmp_path / "flight.html").code == 0
-    html = (tmp_path / "flight.html").read_text(encoding="utf-8")
+    page = (tmp_path / "flight.html").read_text(encoding="utf-8")
 
-    elements, console = dump(chromium, html, tmp_path)
+    elements, console = dump(chromium, page, tmp_path)
 
     assert console == []
     assert 'data-pictures="drawn"' in elements
     body = elements[elements.index("<body") :]
-    pictures = len(re.findall(r"data-picture=", html))
+    pictures = len(re.findall(r"data-picture=", page))
     assert pictures > 0
     assert body.count('class="cartesianlayer"') == pictures
     # The curves themselves, and not their axes alone: paths with points.
     assert len(re.findall(r'class="js-line"[^>]* d="M', body)) >= pictures
     assert re.findall(r' src="(?:\w+:)?//', elements) == []
+
+
+def test_the_page_shows_the_commands_that_the_terminal_prints() -> None:
+    time_s, columns = sweep()
+    topic = Topic(
+        name="log",
+        time_s=time_s,
+        channels=tuple(Channel(name=name, unit="1") for name in columns),
+        values=np.stack(list(columns.values())),
+    )
+    record = FlightRecord(source=Source(name="my flight.csv", format="CSV", sha256="ab"), topics=(topic,))
+    inspection = inspect(record)
+    assert inspection.next_commands
+    page = html.unescape(render_inspection(record, inspection))
+    for command in inspection.next_commands:
+        assert f"<pre><code>{command}</code></pre>" in page
 
 
 def test_names_of_a_hostile_log_stay_text(chromium: str, tmp_path: Path) -> None:
@@ -77,9 +94,9 @@ def test_what_is_injected_is_refused(chromium: str, tmp_path: Path, injected: st
     channels = (Channel(name="p", unit="rad/s"),)
     topic = Topic(name="gyro", time_s=time_s, channels=channels, values=columns["p"][None])
     record = FlightRecord(source=Source(name="flight.csv", format="CSV", sha256="ab"), topics=(topic,))
-    html = render_inspection(record, inspect(record))
-    changed = html.replace('<main id="main" tabindex="-1">', f"<main>{injected}", 1)
-    assert changed != html
+    page = render_inspection(record, inspect(record))
+    changed = page.replace('<main id="main" tabindex="-1">', f"<main>{injected}", 1)
+    assert changed != page
 
     elements, console = dump(chromium, changed, tmp_path)
 

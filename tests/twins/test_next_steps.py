@@ -18,7 +18,7 @@ from rotorid.io.registry import LogFormat, read, write_log
 from rotorid.pipeline.designs import computed_for, has_room, plan_with
 from rotorid.pipeline.flight_air import flown_as
 from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
-from rotorid.pipeline.next_steps import KnownOfLog, next_steps
+from rotorid.pipeline.next_steps import KnownOfLog, next_steps, sweep_for_tune
 from rotorid.pipeline.own_vehicles import hovering_at
 from rotorid.pipeline.simulation import everyday_plan, truth_of
 from rotorid.simulation.multirotor_flight import changed, fly_multirotor
@@ -182,3 +182,18 @@ def test_results_that_know_the_rotors_keep_them(tmp_path: Path) -> None:
     choices = DesignChoices(vehicle="px4_quad", kinds=("pilot_sweep",))
     assert flown_as(choices, record).hover_throttle == pytest.approx(0.36, abs=0.01)
     assert flown_as(replace(choices, changes={"m": 1.2}), record).hover_throttle is None
+
+
+def test_the_sweep_that_tune_asks_for_is_a_command_that_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_log(Path("my flight.bin"), fly_multirotor(aircraft("ardupilot_quad"), duration_s=20.0, seed=2), format="bin")
+    command = sweep_for_tune(read(Path("my flight.bin")), ("roll", "yaw"))
+    assert shlex.split(command)[2:] == [
+        "sweep", "--vehicle", "ardupilot_quad", "--for-tune", "my flight.bin", "--axis", "roll,yaw",
+    ]  # fmt: skip
+    assert failed([shlex.split(command)]) == {}
+
+
+def test_a_vehicle_without_gains_of_its_own_is_asked_for_no_sweep() -> None:
+    crazyflie = FlightRecord(source=Source(name="log10", format="Crazyflie uSD", sha256=""), topics=())
+    assert sweep_for_tune(crazyflie, ("roll",)) == ""

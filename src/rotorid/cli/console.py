@@ -177,14 +177,21 @@ def say_refused(
         say(f"rotorid: the results in {results.parent} are those of an earlier run")
 
 
-def print_findings(findings: Sequence[Finding | FindingDocument]) -> None:
-    """Warnings and errors to standard output, what several places have in common once; remarks stand in the files."""
+def print_findings(findings: Sequence[Finding | FindingDocument], given: Sequence[Path] = ()) -> None:
+    """Warnings and errors to standard output, what several places have in common once; remarks stand in the files.
+
+    A command within a message names the files as they were given.
+    """
     console = output_console()
     said = dict.fromkeys((f.severity, f.kind, f.message) for f in findings if f.severity != "info")
     for severity, kind, message in said:
         console.print(severity, style=_STYLES.get(severity, "bold"), end="")
         console.print(f" {kind}: ", end="")
-        console.print(message, markup=False)
+        words, found, command = message.partition(_COMMAND)
+        for file in given if found else ():
+            command = as_given(f"{_COMMAND}{command}", file).removeprefix(_COMMAND)
+        # A command that is broken into lines cannot be copied.
+        console.print(f"{words}{found}{command}", markup=False, soft_wrap=bool(found))
 
 
 class _Status(logging.Handler):
@@ -306,6 +313,9 @@ def _stem(log: Path) -> str:
 
 
 _TAKES_LOG = ("identify", "response", "review", "tune", "inspect")
+_COMMAND = "rotorid design "
+"""What a command within a message begins with."""
+
 _TAKE_FILE = ("--map", "--gains", "--for-tune")
 
 

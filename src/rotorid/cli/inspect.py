@@ -279,7 +279,8 @@ def _skews(skews: Sequence[ChannelSkew]) -> Iterator[str]:
         rest = f": {row.remedy}" if row.remedy else ""
         yield f"  {row.channel:<3} in {row.delayed} {late} {row.reference}{known if any(row.known_s) else ''}{rest}"
     if len(rows) > _MOST_SKEWS:
-        yield f"  and {len(rows) - _MOST_SKEWS} more pairs, which --json shows"
+        more = len(rows) - _MOST_SKEWS
+        yield f"  and {more} more pair{'s' * (more > 1)}, which --json shows"
 
 
 def _supports(inspection: Inspection) -> Iterator[str]:

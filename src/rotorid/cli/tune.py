@@ -150,7 +150,7 @@ def tune_command(
         write=lambda folder, proposal: _write(folder, proposal, given),
         refused=lambda error, records: refused_tune_document(refused_tuning(error, records, settings)),
         document=tune_document,
-        show=_print,
+        show=lambda document, folder: _print(document, folder, given),
     )
 
 
@@ -221,7 +221,7 @@ def _write(folder: Path, proposal: TuningProposal, given: Sequence[Path]) -> Non
     write_tuning(folder, proposal, title=f"Gains from {', '.join(one.name for one in given)}")
 
 
-def _print(document: TuneDocument, folder: Path) -> None:
+def _print(document: TuneDocument, folder: Path, given: Sequence[Path]) -> None:
     """Gains flown and proposed, margins, the path to the goal, findings, where the files are."""
     from rich.table import Table
 
@@ -251,7 +251,7 @@ def _print(document: TuneDocument, folder: Path) -> None:
         console.print(limit, highlight=False, markup=False)
     for message in dict.fromkeys(one.message for one in document.findings if one.kind in _FURTHER_DATA):
         console.print(f"note: {message}", highlight=False, markup=False)
-    print_findings(document.findings)
+    print_findings(document.findings, given)
     for name in (*document.files, *document.rollback_files):
         console.print(f"file: {folder / name}", soft_wrap=True, markup=False)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)

@@ -108,6 +108,25 @@ def next_steps(known: KnownOfLog) -> Iterator[str]:
         yield _command("design", "sweep", *_vehicle(known, folder), "--axis", ",".join(known.wanted_axes))
 
 
+def sweep_for_tune(record: FlightRecord, axes: Sequence[Axis]) -> str:
+    """The command that plans the sweep which ``tune`` needs, with the gains of a log; empty where none would take it.
+
+    Parameters
+    ----------
+    record
+        The log whose gains flew.
+    axes
+        What is to be swept.
+    """
+    from rotorid.vehicles.catalog import VEHICLES
+
+    vehicle = craft_of(record)
+    if VEHICLES[vehicle].interface is not None or not _accepted(VEHICLES[vehicle], None, record):
+        return ""
+    log = _file(record.source.name)
+    return _command("design", "sweep", "--vehicle", vehicle, "--for-tune", log, "--axis", ",".join(axes))
+
+
 def log_words(record: FlightRecord) -> tuple[str, ...]:
     """The words of a command line that name a log, and how it is read."""
     source = record.source

@@ -121,7 +121,7 @@ def test_acro_needs_no_stick() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"level": 0.004}, "rested"),
+        ({"level": 0.004}, "did not move"),
         ({"without": ("roll_stick",)}, "holds no roll stick"),
         ({"without": ("p_setpoint",)}, "holds no p_setpoint"),
         ({"in_air": ((0.0, 9.0),)}, "moved for"),

@@ -7,6 +7,8 @@ const TARGETS = ["px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", 
 const WORDS = { waiting: "waits for a free place", running: "runs", done: "done", refused: "was refused", failed: "failed", canceled: "was canceled" };
 /** Responses that are drawn at once; of more, each is drawn when it is opened. */
 const FEW = 4;
+/** Verdicts on unseen maneuvers in the words of reports. */
+const PREDICTIONS = { good: "good", diverges: "good ahead, diverges in open loop", disturbed: "disturbed", poor: "poor" };
 const plain = (name) => name.replaceAll("_", " ");
 const goes = (row) => ["waiting", "running"].includes(row.state);
 /** What a step printed of each model: one or several. */
@@ -281,7 +283,7 @@ const SHOWS = {
 };
 
 function scores(body, maneuvers) {
-  const rows = maneuvers.flatMap((one) => Object.entries(one.scores).map(([output, score]) => [`${one.axis} ${one.kind} at ${one.start_s.toFixed(1)} s of ${one.record}`, output, number(score.tic, 3), `${number(score.nrmse_fit_percent, 3)} %`, one.verdict]));
+  const rows = maneuvers.flatMap((one) => Object.entries(one.scores).map(([output, score]) => [`${one.axis} ${one.kind} at ${one.start_s.toFixed(1)} s of ${one.record}`, output, number(score.tic, 3), `${number(score.nrmse_fit_percent, 3)} %`, PREDICTIONS[one.verdict] ?? one.verdict]));
   if (rows.length) body.append(tableOf("On unseen maneuvers", ["maneuver", "output", "Theil's coefficient", "fit", "verdict"], rows));
 }
 

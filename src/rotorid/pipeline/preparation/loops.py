@@ -458,7 +458,7 @@ def _reasons(
     reasons["gain_margin_db"] = f"{cannot}, and its phase does not pass −180° there{least}.{refused}"
     reasons["sensitivity_peak"] = f"{cannot}, and the sensitivity has no peak there.{refused}"
     reasons["disturbance_rejection_rad_s"] = f"{cannot}, and the sensitivity does not rise through −3 dB there."
-    reasons |= dict.fromkeys(withheld, "The stick rested: gusts alone do not show it.")
+    reasons |= dict.fromkeys(withheld, "The stick hardly moved: gusts alone do not show it.")
     return {name: why for name, why in reasons.items() if name not in numbers}
 
 

@@ -206,7 +206,7 @@ def _missing(flight: Flown, loop: Loop, instrument: Instrument, channel: str) ->
         )
     moved_s = flight.moving_s(channel, flight.during(instrument))
     if moved_s < LEAST_MOTION_S:
-        moved = f"moved for {moved_s:.0f} s only" if moved_s else "rested"
+        moved = f"moved for {moved_s:.0f} s only" if moved_s else "did not move"
         return Untold(
             what=what,
             why=f"{_words(channel)} {moved}: gusts alone would show the controller, not the loop.",

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 from rotorid.data.display import listed
@@ -118,7 +117,7 @@ def of_numbers(thing: str, numbers: list[str]) -> str:
 
 
 _AXIS_WORDS = re.compile(r"\b(roll|pitch|yaw|p|q|r|phi|theta|psi)(_setpoint|_stick|_command)?\b")
-"""What is said of one axis in the words of another: one row for both, in the words of the first."""
+"""What is said of one axis in the words of another: one row for both, with the words of each."""
 
 
 def gathered(untold: Iterable[Untold]) -> tuple[Untold, ...]:
@@ -140,4 +139,24 @@ def gathered(untold: Iterable[Untold]) -> tuple[Untold, ...]:
     alike: dict[tuple[str, str], list[Untold]] = {}
     for row in numbers:
         alike.setdefault((_AXIS_WORDS.sub("…", row.why), _AXIS_WORDS.sub("…", row.remedy)), []).append(row)
-    return tuple(replace(same[0], what="; ".join(row.what for row in same)) for same in alike.values())
+    return tuple(
+        Untold(
+            what="; ".join(row.what for row in same),
+            why=_of_all_axes([row.why for row in same]),
+            remedy=_of_all_axes([row.remedy for row in same]),
+        )
+        for same in alike.values()
+    )
+
+
+def _of_all_axes(sentences: Sequence[str]) -> str:
+    """Sentences that differ in their axes as one that lists them.
+
+    Examples
+    --------
+    >>> _of_all_axes(["move the roll stick", "move the pitch stick", "move the roll stick"])
+    'move the roll and pitch stick'
+    """
+    words = [[found.group() for found in _AXIS_WORDS.finditer(sentence)] for sentence in sentences]
+    each = iter([listed(list(dict.fromkeys(same))) for same in zip(*words, strict=True)])
+    return _AXIS_WORDS.sub(lambda _: next(each), sentences[0])

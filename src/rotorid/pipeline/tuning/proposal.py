@@ -9,7 +9,7 @@ the flown gains stay, and the reason and the flight that would help are said. No
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -22,6 +22,7 @@ from rotorid.data.findings import Finding, Findings, refusal, remark, warn, wors
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots.settings import AxisController
+from rotorid.pipeline.next_steps import sweep_for_tune
 from rotorid.pipeline.preparation.controller_check import controller_findings
 from rotorid.pipeline.provenance import Provenance, autopilot_of, provenance, require_one_autopilot
 from rotorid.pipeline.results import IdentifiedModel, Records, Refused
@@ -357,7 +358,7 @@ def tune(
         axis: replace(one, path=_path(axis, known[axis], one.proposal, chosen, thrust)) for axis, one in axes.items()
     }
     findings += shared
-    findings += [one for axis, tuned in axes.items() for one in _said(axis, tuned)]
+    findings += _remarks(axes, settings_from)
     if chosen.filters:
         findings += require_filters_hold(
             {axis: known[axis] for axis, tuned in axes.items() if not tuned.proposal.changed},
@@ -518,28 +519,33 @@ def _with_end(gains: Gains, end: ControllerParts) -> Gains:
     return replace(gains, D=end.controller.derivative_s2)
 
 
-def _said(axis: Axis, tuned: AxisTuning) -> list[Finding]:
-    """Why the gains stay, what binds, and what a better flight would tell."""
-    found, plant = tuned.proposal, tuned.plant
-    said = []
-    if found.reasons:
-        words = "; ".join(found.reasons)
-        verb = "are bound" if found.changed else "stay"
-        said.append(remark("tuning_bound", axis, f"The gains of {axis} {verb}: {words}."))
-    crossover = found.proposed.rate.usual_crossover_rad_s
-    top = plant.band_rad_s[1]
-    if crossover * BAND_OVER_CROSSOVER > top:
-        needed = tuned.needed_rad_s
-        # A sweep that was flown so far is trusted a little less far.
-        if needed > _NEARLY * top:
+def _remarks(axes: Mapping[Axis, AxisTuning], settings_from: Sequence[FlightRecord]) -> Iterator[Finding]:
+    """Why the gains stay, what binds, and what a flight with a wider sweep would measure."""
+    short = [axis for axis, tuned in axes.items() if _ends_early(tuned)]
+    command = sweep_for_tune(settings_from[0], short) if short and settings_from else ""
+    plan = f", planned by: {command}" if command else "."
+    for axis, tuned in axes.items():
+        if tuned.proposal.reasons:
+            words = "; ".join(tuned.proposal.reasons)
+            verb = "are bound" if tuned.proposal.changed else "stay"
+            yield remark("tuning_bound", axis, f"The gains of {axis} {verb}: {words}.")
+        if axis in short:
+            crossover, top = tuned.proposal.proposed.rate.usual_crossover_rad_s, tuned.plant.band_rad_s[1]
             message = (
-                f"The plant of {axis} was seen up to {top:.0f} rad/s, and its loop crosses over at {crossover:.0f}: "
-                f"what is foretold beyond is the model's. Fly a sweep up to {needed:.0f} rad/s; rotorid design "
-                "--for-tune plans it."
+                f"The plant of {axis} was measured up to {top:.0f} rad/s, and its loop crosses over at "
+                f"{crossover:.0f}: what is predicted beyond is the model's. Fly a sweep up to "
+                f"{tuned.needed_rad_s:.0f} rad/s{plan}"
             )
-            numbers = {"crossover_rad_s": crossover, "needed_rad_s": needed}
-            said.append(warn("band_below_crossover", axis, message, **numbers))
-    return said
+            numbers = {"crossover_rad_s": crossover, "needed_rad_s": tuned.needed_rad_s}
+            yield warn("band_below_crossover", axis, message, **numbers)
+
+
+def _ends_early(tuned: AxisTuning) -> bool:
+    """Whether the band that was measured ends below what the proposed gains need."""
+    top = tuned.plant.band_rad_s[1]
+    crosses = tuned.proposal.proposed.rate.usual_crossover_rad_s
+    # A sweep that was flown so far is trusted a little less far.
+    return crosses * BAND_OVER_CROSSOVER > top and tuned.needed_rad_s > _NEARLY * top
 
 
 def _parameters(known: KnownAxis, settings: TuneSettings, found: AxisProposal) -> dict[str, tuple[float, float]]:
