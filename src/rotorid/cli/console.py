@@ -28,6 +28,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from rotorid.data.display import visible
+from rotorid.data.findings import without_repeated
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -170,9 +171,8 @@ def say_refused(
 ) -> None:
     """Why there is no result, to standard error; results of an earlier run are not mistaken for those of this one."""
     say(f"rotorid: {error}")
-    for finding in findings:
-        if not quiet and finding.severity != "info":
-            say(f"  {finding.kind}: {finding.message}")
+    for finding in () if quiet else without_repeated([one for one in findings if one.severity != "info"]):
+        say(f"  {finding.kind}: {finding.message}")
     if results.exists():
         say(f"rotorid: the results in {results.parent} are those of an earlier run")
 
@@ -183,7 +183,8 @@ def print_findings(findings: Sequence[Finding | FindingDocument], given: Sequenc
     A command within a message names the files as they were given.
     """
     console = output_console()
-    said = dict.fromkeys((f.severity, f.kind, f.message) for f in findings if f.severity != "info")
+    shown = without_repeated([f for f in findings if f.severity != "info"])
+    said = dict.fromkeys((f.severity, f.kind, f.message) for f in shown)
     for severity, kind, message in said:
         console.print(severity, style=_STYLES.get(severity, "bold"), end="")
         console.print(f" {kind}: ", end="")

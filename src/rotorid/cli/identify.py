@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from rotorid.data.record import FlightRecord
+    from rotorid.documents.base import FindingDocument
     from rotorid.documents.result import ResultDocument
     from rotorid.models.nonlinear import NonlinearStructure
     from rotorid.models.structure import LinearStructure
@@ -198,8 +199,12 @@ def _identify_several(
         return found[0]
 
     def show(document: ResultsDocument, folder: Path) -> None:
+        shared = _shared(document.results)
         for result in document.results:
-            _print_model(result)
+            _print_model(result, shared)
+        if shared:
+            output_console().print("of several models", markup=False)
+            print_findings(shared)
         _print_end(document.results, folder)
 
     title = f"{', '.join(models)} from {', '.join(log.name for log in logs)}"
@@ -272,7 +277,18 @@ def _print_end(documents: Sequence[ResultDocument], folder: Path) -> None:
     output_console().print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
 
-def _print_model(document: ResultDocument) -> None:
+def _shared(documents: Sequence[ResultDocument]) -> list[FindingDocument]:
+    """Findings that several models have in the same words, once."""
+    each = [
+        {(one.severity, one.kind, one.message): one for one in document.findings}
+        for document in documents
+        if document.parameters
+    ]
+    every = {key: one for findings in each for key, one in findings.items()}
+    return [one for key, one in every.items() if sum(key in findings for findings in each) > 1]
+
+
+def _print_model(document: ResultDocument, elsewhere: Sequence[FindingDocument] = ()) -> None:
     console = output_console()
     if not document.parameters:
         console.print(f"{document.model}: refused", markup=False)
@@ -287,7 +303,8 @@ def _print_model(document: ResultDocument) -> None:
         console.print(line)
     for combination in document.identifiability:
         console.print(combination.words, markup=False)
-    print_findings(document.findings)
+    printed = {(one.kind, one.message) for one in elsewhere}
+    print_findings([one for one in document.findings if (one.kind, one.message) not in printed])
 
 
 def _table(document: ResultDocument) -> Table:

@@ -118,6 +118,8 @@ def _print(document: ResponseDocument, folder: Path) -> None:
     console.print(table)
     for axis, _, loop in loops_of(document.loops):
         _print_loop(axis, loop)
+    if document.loops:
+        console.print("± is one standard deviation; review and tune print 95 % intervals.", style="dim", markup=False)
     print_findings(document.findings)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from rotorid.data.base import Immutable
 from rotorid.data.display import html_table, lines_of
@@ -119,6 +119,34 @@ def worst_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
         for finding in findings
     }
     return tuple(sorted(unique.values(), key=lambda finding: _ORDER[finding.severity]))
+
+
+Remark = TypeVar("Remark", bound="Worded")
+
+
+class Worded(Protocol):
+    """A finding, or its document."""
+
+    @property
+    def message(self) -> str:
+        """Its words."""
+
+
+def without_repeated(findings: Sequence[Remark]) -> list[Remark]:
+    """Findings without those whose words are part of another one: a reason, where what follows from it names it.
+
+    Examples
+    --------
+    >>> no, stay = refusal("no_excitation", "p", "Nothing moved."), warn("not_tuned", "p", "All stays: Nothing moved.")
+    >>> [finding.kind for finding in without_repeated([no, stay])]
+    ['not_tuned']
+    """
+    words = [finding.message.rstrip(".") for finding in findings]
+    return [
+        finding
+        for finding, own in zip(findings, words, strict=True)
+        if not any(own != other and own in other for other in words)
+    ]
 
 
 class Kind(NamedTuple):

@@ -347,14 +347,28 @@ def _kind(row: Row) -> _Kind:
     return _Kind(row.unit, row.basis, is_clear_of_zero(row.parameter, row.value, row.std))
 
 
+_CLEAR, _ZERO = " (clear of zero)", " (zero within its error)"
+
+
 def _otherwise(kind: _Kind, usual: _Kind) -> str:
     """What a quantity is called beside the usual one of its name; empty for that."""
     words = "" if kind.unit == usual.unit else f" in {kind.unit or '1'}"
     if kind.basis != usual.basis:
         words += f" ({other_basis(kind.basis, usual.basis)})"
     if kind.clear != usual.clear:
-        words += " (clear of zero)" if kind.clear else " (zero within its error)"
+        words += _CLEAR if kind.clear else _ZERO
     return words
+
+
+def quantity_of(parameter: str) -> str:
+    """The quantity of a history: what is clear of zero in some flights and not in others has two histories.
+
+    Examples
+    --------
+    >>> quantity_of("tau_roll (zero within its error)"), quantity_of("tau_roll")
+    ('tau_roll', 'tau_roll')
+    """
+    return parameter.removesuffix(_CLEAR).removesuffix(_ZERO)
 
 
 def _parameter(name: Name, many: Mapping[str, list[Row]]) -> _Parameter:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from rotorid.data.base import Immutable
 from rotorid.data.display import counted
-from rotorid.fleets.analysis import FleetAnalysis, History
+from rotorid.fleets.analysis import FleetAnalysis, History, quantity_of
 from rotorid.fleets.table import Counts
 from rotorid.uncertainty.differences import NOTICEABLE_SHARE, Verdict
 
@@ -50,9 +50,18 @@ class VehicleVerdict(Immutable):
         self._set(numbers=self.numbers, detectable=self.detectable)
 
     @property
+    def quantities(self) -> Mapping[tuple[str, str], bool]:
+        """Whether each quantity could be checked; histories of one quantity are not several."""
+        found: dict[tuple[str, str], bool] = {}
+        for (model, parameter), verdict in self.numbers.items():
+            key = (model, quantity_of(parameter))
+            found[key] = found.get(key, False) or verdict != "undecided"
+        return found
+
+    @property
     def decided(self) -> int:
-        """How many numbers could be checked."""
-        return sum(one != "undecided" for one in self.numbers.values())
+        """How many quantities could be checked."""
+        return sum(self.quantities.values())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +88,7 @@ def checked(verdicts: Sequence[VehicleVerdict]) -> Checked:
         vehicles=sum(one.verdict != "undecided" for one in verdicts),
         of_vehicles=len(verdicts),
         numbers=sum(one.decided for one in verdicts),
-        of_numbers=sum(len(one.numbers) for one in verdicts),
+        of_numbers=sum(len(one.quantities) for one in verdicts),
         changed=sum(one.verdict == "changed" for one in verdicts),
         unchanged=sum(one.verdict == "unchanged" for one in verdicts),
     )
@@ -166,7 +175,9 @@ def _headline(verdicts: Sequence[VehicleVerdict]) -> str:
     if of.of_vehicles == 1:
         return f"No change found in {verdicts[0].vehicle}."
     return f"No change found in {of.vehicles} of {of.of_vehicles} vehicles" + (
-        "." if of.vehicles == of.of_vehicles else "; not enough data for the others."
+        "."
+        if of.vehicles == of.of_vehicles
+        else f"; not enough data for the other{'s' * (of.of_vehicles - of.vehicles > 1)}."
     )
 
 
@@ -190,7 +201,11 @@ def _basis(verdicts: Sequence[VehicleVerdict]) -> Iterator[str]:
         if len(reasons) > 3:
             yield f"Not decided for {sum(len(names) for names in list(reasons.values())[3:])} more, for other reasons."
     if reasons:
-        yield f"To decide it, fly the same maneuvers again{'' if len(verdicts) == 1 else ' with each of them'}."
+        yield f"To decide it, fly the same maneuvers again{_with(sum(map(len, reasons.values())), len(verdicts))}."
+
+
+def _with(undecided: int, of: int) -> str:
+    return "" if of == 1 else " with it" if undecided == 1 else " with each of them"
 
 
 def _separated(analysis: FleetAnalysis) -> Iterator[str]:

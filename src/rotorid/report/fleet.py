@@ -14,7 +14,7 @@ from typing import Any
 from rotorid.data.display import counted, visible
 from rotorid.data.quantity import Quantity
 from rotorid.documents.fleet import FleetDocument, PopulationDocument, VehicleVerdictDocument
-from rotorid.fleets.analysis import FleetAnalysis, History
+from rotorid.fleets.analysis import FleetAnalysis, History, quantity_of
 from rotorid.plot.figure import minus
 from rotorid.report.frame import MISSING, render, significant, unit, with_error
 
@@ -74,12 +74,13 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
 def _checked(one: VehicleVerdictDocument) -> str:
     """Numbers of a vehicle that could be checked, with the change that each would have shown."""
     found = [
-        f"{number.parameter} ({100.0 * number.detectable_share:.0f} %)"
+        f"{quantity_of(number.parameter)} ({100.0 * number.detectable_share:.0f} %)"
         for number in one.numbers
         if number.verdict == "unchanged" and number.detectable_share is not None
     ]
     more = ", …" if len(found) > _MOST_NUMBERS else ""
-    return f"{len(found)} of {len(one.numbers)}" + (f": {', '.join(found[:_MOST_NUMBERS])}{more}" if found else "")
+    quantities = {(number.model, quantity_of(number.parameter)) for number in one.numbers}
+    return f"{len(found)} of {len(quantities)}" + (f": {', '.join(found[:_MOST_NUMBERS])}{more}" if found else "")
 
 
 def _percent(value: float | None) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from rotorid.data.findings import Finding
+from rotorid.data.findings import Finding, without_repeated
 from rotorid.data.record import Maneuver
 from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
 from rotorid.documents.base import FindingDocument, ManeuverDocument
@@ -198,7 +198,7 @@ _MOST_OF_A_KIND = 2
 
 def finding_rows(findings: Sequence[Finding | FindingDocument]) -> tuple[FindingRow, ...]:
     """Findings, the grave ones first; of one kind and gravity all but the first two fold into the first."""
-    ordered = sorted(findings, key=lambda finding: _SEVERITIES.index(finding.severity))
+    ordered = sorted(without_repeated(findings), key=lambda finding: _SEVERITIES.index(finding.severity))
     kinds: dict[tuple[str, str], list[FindingRow]] = {}
     for finding in ordered:
         kinds.setdefault((finding.severity, finding.kind), []).append(_finding_row(finding))

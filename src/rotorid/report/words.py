@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -786,8 +786,14 @@ def _usable(result: Responses) -> tuple[str, ...]:
     ordered = sorted(usable, key=lambda name: _octaves(usable[name]))
     narrow, wide = ordered[0], ordered[-1]
     found = "All" if len(usable) == count else f"{len(usable)} of"
+    first = f"{found} {count} responses can be used in some band."
+    if narrow != wide and len({pair.band_rad_s for pair in usable.values()}) == 1:
+        coherence = min(pair.mean_coherence or 0.0 for pair in usable.values())
+        worst = max(pair.mean_random_error or 0.0 for pair in usable.values())
+        band = _band(replace(usable[wide], mean_coherence=coherence, mean_random_error=worst))
+        return (first, f"Each {band} at worst.")
     return (
-        f"{found} {count} responses can be used in some band.",
+        first,
         f"Widest: {_words(wide)}, {_band(usable[wide])}.",
         *((f"Narrowest: {_words(narrow)}, {_band(usable[narrow])}.",) if narrow != wide else ()),
     )

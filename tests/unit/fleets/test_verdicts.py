@@ -68,9 +68,18 @@ def test_nothing_is_never_called_no_change(rows: list[Row]) -> None:
 def test_a_fleet_says_for_how_many_vehicles_it_could_be_checked() -> None:
     rows = [*pair(0.02, factor=1.01), row_of("once", 1, 100.0, 2.0)]
     found = documented(rows)
-    assert found.sentences[0] == "No change found in 1 of 2 vehicles; not enough data for the others."
+    assert found.sentences[0] == "No change found in 1 of 2 vehicles; not enough data for the other."
+    assert "fly the same maneuvers again with it." in " ".join(found.sentences)
     assert "1 of 2 quantities could be checked" in found.sentences[1]
     assert any("once: it flew once" in sentence for sentence in found.sentences)
+
+
+def test_a_quantity_that_is_near_zero_in_some_flights_is_counted_once() -> None:
+    rows = [*pair(0.02, factor=1.01), row_of("quad", 3, 1.0, 2.0)]
+    found = documented(rows)
+    assert len(found.verdicts[0].numbers) == 2
+    assert (found.checked.numbers, found.checked.of_numbers) == (1, 1)
+    assert "1 of 1 quantity could be checked" in found.sentences[1]
 
 
 def test_two_logs_are_compared_as_compare_does() -> None:

@@ -189,7 +189,8 @@ def test_motor_outputs_alone_answer_their_question_and_loss_of_step_is_named_whe
     seen = measured()
     by_outputs = card(replace(seen, motors=replace(seen.motors, steps_checked=False)), "motors")
     assert by_outputs.state == by_speeds.state == "good"
-    assert "step" in by_speeds.title and "No motor lost step." in by_speeds.sentence
+    assert "step" in by_speeds.title
+    assert "No motor lost step." in by_speeds.sentence
     assert "step" not in by_outputs.title + by_outputs.sentence
 
 

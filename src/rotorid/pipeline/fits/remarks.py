@@ -53,12 +53,14 @@ def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding,
         if value == 0.0:
             continue
         percents, error = (100.0 * cramer_rao / value, 100.0 * insensitivity / value), _error_words(bounds, name, value)
+        guidelines = (CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT)
+        shown = [_above(percent, limit) for percent, limit in zip(percents, guidelines, strict=True)]
         if percents[1] > INSENSITIVITY_GUIDELINE_PERCENT:
             findings.append(
                 warn(
                     "insensitive_parameter",
                     name,
-                    f"The data barely constrain {name}: its insensitivity, which is no error, is {percents[1]:.0f} % "
+                    f"The data barely constrain {name}: its insensitivity, which is no error, is {shown[1]} "
                     f"(usual up to {INSENSITIVITY_GUIDELINE_PERCENT:g} %){error}.",
                     insensitivity_percent=percents[1],
                 )
@@ -69,11 +71,23 @@ def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding,
                     "uncertain_parameter",
                     name,
                     f"{name} trades against other parameters: its Cramér–Rao bound, which is no error, is "
-                    f"{percents[0]:.0f} % (usual up to {CRAMER_RAO_GUIDELINE_PERCENT:g} %){error}.",
+                    f"{shown[0]} (usual up to {CRAMER_RAO_GUIDELINE_PERCENT:g} %){error}.",
                     cramer_rao_percent=percents[0],
                 )
             )
     return (*findings, *_lag_and_delay(parameters, bounds))
+
+
+def _above(percent: float, limit: float) -> str:
+    """A percent above a limit, with the digits that show that it is.
+
+    Examples
+    --------
+    >>> _above(20.3, 20.0), _above(33.3, 20.0), _above(10.04, 10.0)
+    ('20.3 %', '33 %', '10.04 %')
+    """
+    digits = next((digits for digits in range(3) if round(percent, digits) > limit), 0)
+    return f"{percent:.{digits}f} %"
 
 
 def _error_words(bounds: Bounds, name: str, value: float) -> str:

@@ -817,7 +817,7 @@ def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
         make(
             "margin_beyond_band",
             axis,
-            f"The {loop.scope} loop of {axis} was measured up to {end:.3g} rad/s, and {' and '.join(told)}.{go_on} "
+            f"The {loop.scope} loop of {axis} was measured up to {end:.3g} rad/s, and {', and '.join(told)}.{go_on} "
             "Sweep to higher frequencies to measure it.",
             omega_rad_s=end,
             **numbers,

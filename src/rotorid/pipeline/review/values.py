@@ -303,9 +303,9 @@ class Review(Immutable):
     """Everything that one ordinary flight tells.
 
     ``models`` maps names of models to an ``IdentifiedModel`` or to an error that says why there is none; none was
-    looked for where ``models_sought`` is false; ``unsupported`` names those that the log does not support, as ``inspect``
-    answers. ``oscillations`` are axes that swing by themselves, ``calm``
-    those that were checked and do not.
+    looked for where ``models_sought`` is false; ``unsupported`` names those that the log does not support, as
+    ``inspect`` answers. ``oscillations`` are axes that swing by themselves, ``calm`` those that were checked and do
+    not.
     """
 
     name: str
