@@ -12,6 +12,7 @@ from rotorid.io.registry import read, write_log
 from rotorid.pipeline.designs import plan_with
 from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
 from rotorid.pipeline.inspection import inspect
+from rotorid.pipeline.responses import response
 from rotorid.pipeline.review.review import review
 from rotorid.simulation.multirotor_flight import fly_multirotor
 
@@ -54,3 +55,13 @@ def test_a_channel_without_a_sound_sample(flight: FlightRecord, name: str) -> No
     numbers = review(record, models=False).motors.numbers
     assert "saturated_high_share" in numbers
     assert not any(one.startswith("saturated_by_") for one in numbers)
+
+
+def test_a_gain_that_is_no_number_leaves_the_whole_loop_and_says_why(flight: FlightRecord) -> None:
+    record = replace(flight, parameters={**flight.parameters, "ATC_RAT_RLL_P": float("nan")})
+    loop = response(record, inputs=["roll_command"], outputs=["p"]).loops["roll"]
+    assert (loop.scope, loop.whole) == ("whole", None)
+    assert loop.method == (
+        "measured with roll_excitation, all loops closed; no rate loop: the log has no gains of the roll controller "
+        "that are known"
+    )

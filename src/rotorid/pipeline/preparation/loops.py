@@ -595,12 +595,13 @@ def axis_loop(
         found, why = None, str(error.came or error)
     if found is not None:
         return replace(found, attitude=attitude, whole=whole)
+    why = f"{why[:1].lower()}{why[1:].rstrip('.')}"
     if whole is not None:
-        return replace(whole, attitude=attitude)
+        return replace(whole, attitude=attitude, method=f"{whole.method}; no rate loop: {why}" if why else whole.method)
     if attitude is None:
         return None
     return AxisLoop(
-        method=f"no broken loop: {why[:1].lower()}{why[1:].rstrip('.')}",
+        method=f"no broken loop: {why}",
         loop=None,
         margins=None,
         rejection=None,
