@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
+from rotorid.errors import InsufficientDataError
 from rotorid.models.autopilots.betaflight import BASE, TOP
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.controller import RateController
@@ -148,6 +149,20 @@ def test_a_p_term_that_the_header_does_not_make_has_no_margins() -> None:
     found, (only,) = reviewed(record(p_share=1.3))
     assert found is None
     assert "1.30 ± 0.01 times their P" in only.why
+
+
+def test_excitations_that_show_too_little_take_nothing_from_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = record()
+    whole, _ = reviewed(flight)
+
+    def nothing(*_: object) -> None:
+        raise InsufficientDataError("the sweep is too short")
+
+    monkeypatch.setattr("rotorid.pipeline.preparation.loops.swept_plant", nothing)
+    found, _ = reviewed(flight)
+    assert whole is not None
+    assert found is not None
+    assert found.numbers == whole.numbers
 
 
 def changed(flight: FlightRecord, channel: str, part: slice, value: float) -> FlightRecord:

@@ -166,7 +166,14 @@ def rate_loop(
         _require_logged(one, axis)
     _require_same_gains(axis, logs)
     known, check = _settings(record, axis), check_controller(record, axis)
-    controllers, measured = _nearest(known, check), swept_plant(axis, logs, settings)
+    controllers = _nearest(known, check)
+    try:
+        measured = swept_plant(axis, logs, settings)
+    except InsufficientDataError:
+        # Excitations that show too little take nothing from the flight around them.
+        if len(logs) > 1 or (settings is not None and settings.segments):
+            raise
+        measured = None
     if measured is not None:
         _require_made(check)
     elif len(logs) > 1:
