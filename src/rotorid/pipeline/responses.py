@@ -138,7 +138,10 @@ def _found(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight
 
 def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs: Sequence[str]) -> Chosen:
     candidates, findings = [], []
-    for record, maneuver in _every_flight(records, axes, inputs):
+    # Of one command the parts in which its stick moves, as identify takes them.
+    parts = by_stick(records, axes) if len(inputs) == 1 and is_command(inputs[0]) else []
+    which = "its flight" if parts else "the whole flight"
+    for record, maneuver in parts or _every_flight(records, axes, inputs):
         free = all(is_free([Flight(record, maneuver)], name) for name in inputs)
         trap = "" if free else " Where gusts and not the pilot move the vehicle, such a response shows the controller."
         start_s, stop_s = maneuver.start_s, maneuver.stop_s
@@ -148,7 +151,7 @@ def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs
                 "no_excitation",
                 record.source.name,
                 f"No sweep, multisine or random binary signal of {' or '.join(axes)} was found in "
-                f"{record.source.name}, so its flight from {start_s:.1f} to {stop_s:.1f} s was used.{trap}",
+                f"{record.source.name}, so {which} from {start_s:.1f} to {stop_s:.1f} s was used.{trap}",
                 start_s=start_s,
                 stop_s=stop_s,
             )
@@ -157,14 +160,10 @@ def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs
 
 
 def _every_flight(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs: Sequence[str]) -> list[Flight]:
-    """Flights from take-off to landing; of set-points also records in which nothing tells these.
-
-    Of one command the parts in which its stick moves, as ``identify`` takes them, where there are any.
-    """
+    """Flights from take-off to landing; of set-points also records in which nothing tells these."""
     if all(name.endswith("_setpoint") for name in inputs):
         return [whole_record(record, axes) for record in records]
-    alone = len(inputs) == 1 and is_command(inputs[0])
-    return (by_stick(records, axes) if alone else []) or whole_flights(records, axes)
+    return whole_flights(records, axes)
 
 
 def _plain(flown: Flight) -> Candidate:
