@@ -310,10 +310,13 @@ _WORDS = {
 
 
 def _lines(one: AxisTuneDocument) -> list[str]:
-    """Margins of both loops before and after."""
-    lines = []
+    """Why gains stay or what binds them, and margins of both loops before and after."""
+    from rotorid.documents.tune import end_of
+
+    lines = [f"{'bound' if one.changed else 'stays'}: {'; '.join(one.reasons)}"] if one.reasons else []
+    where = end_of(one)
     for loop, before, after in (
-        ("rate loop", one.flown, one.proposed),
+        (f"rate loop{where and ', '}{where}", one.flown, one.proposed),
         ("with the angle loop", one.flown_whole, one.proposed_whole),
     ):
         told = [

@@ -141,7 +141,8 @@ def without_repeated(findings: Sequence[Remark]) -> list[Remark]:
     >>> [finding.kind for finding in without_repeated([no, stay])]
     ['not_tuned']
     """
-    words = [finding.message.rstrip(".") for finding in findings]
+    # Behind a colon a sentence begins with a small letter.
+    words = [finding.message.rstrip(".").lower() for finding in findings]
     return [
         finding
         for finding, own in zip(findings, words, strict=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
@@ -185,6 +186,20 @@ def _step(step: PathStep, flown: Judged, sweep_to_rad_s: float) -> PathStepDocum
         noise_ratio=one.noise / flown.noise,
         sweep_to_rad_s=sweep_to_rad_s,
     )
+
+
+def end_of(one: AxisTuneDocument) -> str:
+    """Where in its range the D of the numbers of an axis is; empty for a D that does not move in flight.
+
+    Parameters
+    ----------
+    one
+        The axis.
+    """
+    known = one.proposed.get("crossover_rad_s")
+    each = {name: end.get("crossover_rad_s") for name, end in one.ends.items()}
+    same = [name for name, end in each.items() if known and end and math.isclose(end.value, known.value)]
+    return same[0] if len(same) == 1 else ""
 
 
 def step_name(step: PathStepDocument) -> str:

@@ -68,7 +68,7 @@ def sentences(document: TrackDocument) -> list[str]:
     lost_s = sum(one.stop_s - one.start_s for one in document.cannot_tell)
     if lost_s > 0.0:
         reasons = " or ".join(WHY[why] for why in dict.fromkeys(one.why for one in document.cannot_tell))
-        said.append(f"{lost_s:.0f} s cannot tell: {reasons}.")
+        said.append(f"No verdict for {lost_s:.0f} s: {reasons}.")
     if any(one.why == "air" for one in document.cannot_tell):
         said.append("Wind rose after the reference: cut the log there, and track the rest as a log of its own.")
     return said

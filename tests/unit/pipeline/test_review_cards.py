@@ -99,6 +99,11 @@ def follows_the_data_only(seen: Review) -> Review:
     return replace(seen, models={**seen.models, "rate.roll": replace(seen.models["rate.roll"], findings=(missed,))})
 
 
+def misses_unseen_flight(seen: Review) -> Review:
+    missed = warn("poor_verification", "p/roll_command", "It misses.", cost=170.0)
+    return replace(seen, models={**seen.models, "rate.roll": replace(seen.models["rate.roll"], findings=(missed,))})
+
+
 PIECES: list[tuple[str, str, Callable[[Review], Review]]] = [
     *[("tracking", "loop", lambda seen, gone=gone: replace(seen, loops=without(seen.loops, gone))) for gone in "pq"],
     *[("tracking", "overshoot", loop_without(loop, "overshoot_percent")) for loop in "pq"],
@@ -120,6 +125,7 @@ PIECES: list[tuple[str, str, Callable[[Review], Review]]] = [
         seen, flight=replace(seen.flight, battery=without(seen.flight.battery, "sag_v")))),
     *[("models", "refused", refused(name)) for name in MODELS],
     ("models", "data only", follows_the_data_only),
+    ("models", "unseen", misses_unseen_flight),
     ("models", "not sought", lambda seen: replace(seen, models_sought=False)),
 ]  # fmt: skip
 """Card, what of its question is taken away, and how."""
@@ -202,3 +208,22 @@ def test_a_model_that_the_log_does_not_support_is_named_and_makes_no_part() -> N
     short = card(replace(seen, unsupported=("rate.pitch",)), "models")
     assert (short.state, short.number) == ("good", "1 model")
     assert "Not enough data: rate.pitch." in short.sentence
+
+
+def test_a_margin_names_the_end_of_a_derivative_that_moves_in_flight() -> None:
+    seen = measured()
+    crossover = Quantity.normal(60.0, 2.0, "rad/s")
+    pitch = replace(
+        seen.margins["pitch"],
+        numbers={
+            **seen.margins["pitch"].numbers,
+            "sensitivity_peak": Quantity.normal(3.0, 0.1, "1"),
+            "crossover_rad_s": crossover,
+        },
+        ends={
+            "D at its base": {"crossover_rad_s": Quantity.normal(50.0, 2.0, "rad/s")},
+            "D at its top": {"crossover_rad_s": crossover},
+        },
+    )
+    told = card(replace(seen, margins={**seen.margins, "pitch": pitch}), "margins")
+    assert told.number == "pitch M_s 3.0 ± 0.2 with D at its top"

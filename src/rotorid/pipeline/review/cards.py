@@ -245,6 +245,15 @@ _SHOWN: Mapping[str, tuple[str, float]] = {
 """Unit and factor in which a judged number is shown."""
 
 
+def _margin_number(review: Review, one: _Judged) -> str:
+    """A margin, with the end of a D that moves in flight for which it was computed."""
+    margin = review.margins[one.axis]  # type: ignore[index]
+    known = margin.numbers.get("crossover_rad_s")
+    each = {name: end.get("crossover_rad_s") for name, end in margin.ends.items()}
+    same = [name for name, end in each.items() if known and end and math.isclose(end.value, known.value)]
+    return f"{_number(one)}{f' with {same[0]}' if len(same) == 1 else ''}"
+
+
 def _number(one: _Judged) -> str:
     return f"{one.axis} {one.name} {_told(one.quantity, *_SHOWN[one.name])}"
 
@@ -266,7 +275,8 @@ def _margins(review: Review) -> Card:
     # Number and sentence are of one loop: of those that are surely bad the worst, then of those that may be.
     bad, unsure = _sorted([*phases, *peaks])
     if bad:
-        return Card(key="margins", title=title, state="look", number=_number(bad[0]), sentence=_too_close(bad[0]))
+        number, sentence = _margin_number(review, bad[0]), _too_close(bad[0])
+        return Card(key="margins", title=title, state="look", number=number, sentence=sentence)
     # Gusts show numbers of an axis whose stick rests, and are no test of its loop.
     excited = [one for one in phases if not review.margins[one.axis].stick_idle]  # type: ignore[index]
     calm = _calm(review)
@@ -280,7 +290,7 @@ def _margins(review: Review) -> Card:
         remedy = _remedy(review, f"margins.{worst.axis}.") or _MOVE_MORE.format(axis=worst.axis)
         limit = f"{LEAST_PHASE_MARGIN_DEG:.0f}°" if worst in phases else f"{LARGEST_SENSITIVITY:g}"
         sentence = _unsure(f"the {worst.axis} loop keeps a safe distance from instability", limit, remedy)
-        return Card(key="margins", title=title, state="cannot", number=_number(worst), sentence=sentence)
+        return Card(key="margins", title=title, state="cannot", number=_margin_number(review, worst), sentence=sentence)
     names = [one.axis for one in excited]
     which = "loops keep" if len(names) > 1 else "loop keeps"
     others = [axis for axis in RATE_OF if axis not in names]
@@ -298,7 +308,7 @@ def _margins(review: Review) -> Card:
         key="margins",
         title=title,
         state=_good(missing),
-        number=_number(least),
+        number=_margin_number(review, least),
         sentence=f"{_calm(review, others)}{sentence}{_not_measured(missing)}",
     )
 
@@ -534,6 +544,8 @@ def _models(review: Review) -> Card:
         found = verdict(model)
         if found.color != "green":
             doubted.setdefault(found.word, []).append(name)
+        if any(one.kind == "poor_verification" for one in model.findings):
+            doubted.setdefault("misses unseen flight", []).append(name)
     sentence += "".join(f" {capital(word)}: {', '.join(names)}." for word, names in doubted.items())
     lacking = [name for name in sought if name not in stands]
     sentence += f" Not identified: {', '.join(lacking)}." if lacking else ""

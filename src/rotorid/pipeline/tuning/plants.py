@@ -66,9 +66,15 @@ def plant_remarks(axis: Axis, given: Sequence[IdentifiedModel], model: Identifie
         if name not in _NO_PLANT and value != usual.get(name)
     ]
     if changed:
+        chosen_here = (
+            f"{model.name} does not fit over its usual band, where identify and review refuse it: it was identified "
+            f"over {' to '.join(f'{end:g}' for end in _WITHOUT_SPEED_RAD_S)} rad/s, where its margins lie."
+        )
         message = (
             f"{model.name} was identified with {', '.join(changed)}: with the usual choices the gains of {axis} may be "
             "others."
+            if any(one is model for one in given)
+            else chosen_here
         )
         remarks.append(remark("plant_of_choice", axis, message))
     unused = [one for one in given if one.name == model.name and one is not model]
