@@ -176,8 +176,9 @@ def _shared_row(name: str, one: ComparedParameterDocument, labels: list[str]) ->
         found = one.values.get(label)
         if found is None or found.z is None:
             return Cell("")
-        sign = "+" if found.z >= 0.0 else "−"
-        return Cell(f"{sign}{abs(found.z):.1f} σ", abs(found.z) > FAR_SIGMAS)
+        size = f"{abs(found.z):.1f}"
+        sign = "" if size == "0.0" else "+" if found.z >= 0.0 else "−"
+        return Cell(f"{sign}{size} σ", abs(found.z) > FAR_SIGMAS)
 
     return SharedRow(
         name=name.partition(" [")[0],

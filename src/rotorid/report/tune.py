@@ -339,18 +339,18 @@ def tune_sentences(document: TuneDocument) -> tuple[str, ...]:
             continue
         ratio, peak = one.attitude_ratio, one.proposed_whole.get("sensitivity_peak")
         held = f" Predicted peak sensitivity M_s: {_told(peak)}." if peak is not None else ""
-        sentences.append(
-            f"With the new gains, a disturbance tilts the vehicle in {axis} {_less(ratio)} than today.{held}"
-        )
+        sentences.append(f"With the new gains, a disturbance tilts the vehicle in {axis} {_less(ratio)} today.{held}")
     return tuple(sentences)
 
 
 def _less(ratio: QuantityDocument) -> str:
     """A deviation over that of today, for people."""
     if ratio.value <= 1.0 / _WORTH_A_FACTOR:
-        return f"{1.0 / ratio.value:.2g} times less"
+        return f"{1.0 / ratio.value:.2g} times less than"
+    if ratio.value >= _WORTH_A_FACTOR:
+        return f"{ratio.value:.2g} times as far as"
     change = 100.0 * (ratio.value - 1.0)
-    return f"{abs(change):.0f} % {'less' if change < 0.0 else 'more'}"
+    return f"{abs(change):.0f} % {'less' if change < 0.0 else 'more'} than"
 
 
 def _axis(axis: str, document: AxisTuneDocument, one: AxisTuning, scale: float | None) -> TunedAxis:

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from rotorid.documents.tune import path_sentence
+from rotorid.report.tune import _less
 
 
 def step(ratio: float) -> SimpleNamespace:
@@ -18,3 +19,11 @@ def step(ratio: float) -> SimpleNamespace:
 def test_a_small_gain_is_said_in_percent_and_never_as_one_time(goal: float, words: str) -> None:
     way: Any = SimpleNamespace(path=[step(0.5), step(goal)])
     assert path_sentence(way).endswith(f"tilts the vehicle {words} than with the proposed gains.")
+
+
+@pytest.mark.parametrize(
+    ("ratio", "words"),
+    [(0.25, "4 times less than"), (0.9, "10 % less than"), (1.2, "20 % more than"), (5.3, "5.3 times as far as")],
+)
+def test_a_disturbance_that_tilts_much_more_is_a_factor(ratio: float, words: str) -> None:
+    assert _less(SimpleNamespace(value=ratio)) == words  # type: ignore[arg-type]

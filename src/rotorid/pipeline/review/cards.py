@@ -405,7 +405,7 @@ def _noise(review: Review) -> Card:
 def _motors(review: Review) -> Card:
     # Motor outputs alone say nothing of a motor that falls out of step: only logged speeds do.
     checked = review.motors.steps_checked
-    title = f"Are the motors balanced{' and in step' * checked}, with power to spare?"
+    title = f"Are the motors balanced{' and in step' * checked}, with room left?"
     motors, numbers = review.motors, review.motors.numbers
     imbalance, headroom, high = (numbers.get(name) for name in ("imbalance", "headroom", "saturated_high_share"))
     logged = "motor_1" in review.logging.rates_hz
