@@ -145,8 +145,26 @@ def contradictions(found: Iterable[Answer]) -> dict[str, dict[str, str]]:
 
 
 def next_commands(ran: Mapping[str, Ran]) -> list[list[str]]:
-    """The commands that the review proposes, as words; those that plan a flight leave their files."""
-    return [shlex.split(line)[1:] for line in ran["review"].document.get("next_commands", ())]
+    """The commands that ``inspect`` and ``review`` propose, as words, in their order: a plan takes what came before."""
+    proposed = [line for verb in ("inspect", "review") for line in ran[verb].document.get("next_commands", ())]
+    return [shlex.split(line)[1:] for line in dict.fromkeys(proposed)]
+
+
+def bold_cards(ran: Mapping[str, Ran]) -> list[str]:
+    """Titles of green cards of a review that do not say everything was measured."""
+    cards = ran["review"].document.get("cards", ())
+    return [card["title"] for card in cards if card["color"] == "green" and "Not measured" in card["sentence"]]
+
+
+def bold_verdicts(ran: Mapping[str, Ran]) -> list[str]:
+    """Models that are called good beside a structure that does not fit."""
+    results = ran["identify"].document.get("results", ())
+    return [
+        one["model"]
+        for one in results
+        if any(finding["kind"] == "structure_error" for finding in one["findings"])
+        and (one.get("verdict") or {}).get("color") == "green"
+    ]
 
 
 _Pairs: TypeAlias = Iterator[tuple[str, float | str]]
@@ -195,6 +213,8 @@ def _model(result: Document) -> _Pairs:
     refused_by = {one["kind"] for one in result.get("findings", ()) if one["severity"] == "error"}
     yield f"{model}: identified", str(bool(result.get("parameters")))
     yield f"{model}: supported", str(bool(result.get("parameters")) or not refused_by.isdisjoint(_TRIED))
+    if verdict := result.get("verdict"):
+        yield f"{model}: verdict", f"{verdict['word']}, {verdict['color']}"
     yield from _parameters(result)
     yield from _remarks(result.get("findings", ()), model)
     provenance = result.get("provenance") or {}
@@ -296,6 +316,7 @@ _OF_RESPONSE: Mapping[str, tuple[str, Callable[[float], float]]] = {
     "gain_margin_up": ("gain margin, dB", lambda factor: 20.0 * math.log10(factor)),
     "delay_margin_s": ("delay margin, s", float),
     "disturbance_rejection_bandwidth_rad_s": ("rejection bandwidth, rad/s", float),
+    "disturbance_rejection_peak": ("sensitivity peak", float),
 }
 
 
