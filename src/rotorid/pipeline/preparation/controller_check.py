@@ -8,9 +8,9 @@ is fitted to the logged command,
 over windows of 4 s, at the frequencies where some linear relation of set-point and rate explains the command. Of gains
 that flew each :math:`k` is one. A path counts where it makes a third of the command and more: on the logs of PX4,
 ArduPilot and Betaflight at hand, logged at 24 to 1000 Hz, gains that flew lie within 9 % of one there (11 % in a limit
-cycle), and gains that are wrong by 20 % beyond 13 %. A wrong filter shows in what stays unexplained. Two things are no
-other gains: an integral below its own, which limits take back, and a rate that is taken up to a sample later
-than it is logged, as behind a filter that the log does not know.
+cycle), and gains that are wrong by 20 % beyond 13 %. A wrong filter shows in what stays unexplained. Three things are
+no other gains: an integral below its own, which limits take back, a rate that is taken up to a sample later than it is
+logged, as behind a filter that the log does not know, and a set-point that is taken a step earlier.
 
 Betaflight's integral, derivative and feed-forward move with the sticks. There the logged terms are compared, each with
 its own path, and the derivative may lie between its two ends.
@@ -233,8 +233,11 @@ def _by_command(
     of_rate = made_by_paths(record, replace(relation, setpoint=None), controller, driven=driven)
     noise = _noise(relation, command, related)
     checks = []
-    for late_s in (0.0, _late_s(relation, measured, made, of_rate, related)):
-        paths = _later(relation, made, of_rate, late_s)
+    step_s = controller(0.0).step_s if controller(0.0).late_angle else 0.0
+    ways = [made] if step_s == 0.0 else [made, _earlier(relation, made, of_rate, step_s)]
+    timings = [(way, late_s) for way in ways for late_s in (0.0, _late_s(relation, measured, way, of_rate, related))]
+    for way, late_s in timings:
+        paths = _later(relation, way, of_rate, late_s)
         ahead = paths.pop("f", np.zeros_like(measured))
         gains = _path_gains(measured - ahead, paths, related)
         # What limits take back of the integral is no other gain.
@@ -249,7 +252,8 @@ def _by_command(
             paths=gains,
         )
         checks.append(_judged(record, found, {"p": (1.0, 1.0), "i": (0.0, 1.0), "d": (least_derivative, 1.0)}))
-    # A filter of the rate that the log does not have, or stamps, may be off: gains are others only if they are at both.
+    # A filter of the rate that the log does not have, stamps, or the step in which a firmware takes its set-point may
+    # be off: gains are others only if they are at all of them.
     return min(checks, key=lambda check: _BEST_FIRST.index(check.verdict))
 
 
@@ -332,6 +336,14 @@ def _later(
     """What the paths make where the controller takes the rate later than the log has it."""
     late = np.exp(-1j * relation.omega_rad_s * late_s) - 1.0
     return {letter: path + of_rate[letter] * late for letter, path in made.items()}
+
+
+def _earlier(
+    relation: CommandRelation, made: Mapping[str, ComplexArray], of_rate: Mapping[str, ComplexArray], step_s: float
+) -> dict[str, ComplexArray]:
+    """What the paths make where the controller takes the set-point of this step and not of the one before."""
+    earlier = np.exp(1j * relation.omega_rad_s * step_s) - 1.0
+    return {letter: path + (path - of_rate.get(letter, 0.0 * path)) * earlier for letter, path in made.items()}
 
 
 def _late_s(
