@@ -25,15 +25,15 @@ _MOST_UNCHANGED, _MOST_NUMBERS = 50, 6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PopulationRow:
-    """One parameter over the fleet; numbers are text."""
+    """One parameter over the fleet; numbers are text, the 95 % interval of a spread below it."""
 
     model: str
     parameter: str
     unit: str
     mean: str
     shared: str
-    between: str
-    within: str
+    between: tuple[str, str]
+    within: tuple[str, str]
     normal: str
     vehicles: int
     flights: int
@@ -102,11 +102,11 @@ def _row(model: str, name: str, one: PopulationDocument) -> PopulationRow:
     )
 
 
-def _deviation(one: Any) -> str:
+def _deviation(one: Any) -> tuple[str, str]:
     if one is None:
-        return MISSING
+        return MISSING, ""
     high = MISSING if one.upper is None else significant(one.upper, digits=2)
-    return f"{significant(one.value, digits=2)} ({significant(one.lower, digits=2)} to {high})"
+    return significant(one.value, digits=2), f"{significant(one.lower, digits=2)} to {high}"
 
 
 def _for_script(analysis: FleetAnalysis) -> dict[str, Any]:
