@@ -110,10 +110,10 @@ _NUMBER_WORDS = {
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NumberRow:
-    """A quantity in words and one cell for each column, its 95 % interval below the value."""
+    """A quantity in words and one cell for each column: its value, and below it its 95 % interval and a remark."""
 
     words: str
-    cells: tuple[tuple[str, str], ...]
+    cells: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -262,14 +262,15 @@ def _rows(
     return tuple(rows)
 
 
-def _margin_rows(margins: Sequence[MarginReview]) -> tuple[NumberRow, ...]:
-    """Margins of all axes; what lies beyond the band of an axis is marked as a model's."""
+def _margin_rows(margins: Sequence[MarginReview | None]) -> tuple[NumberRow, ...]:
+    """Margins of axes or flights; what lies beyond the band of an axis is marked as a model's."""
     rows = []
-    names = [name for name in _MARGIN_ROWS if any(name in margin.numbers for margin in margins)]
-    for name, row in zip(names, _rows(_MARGIN_ROWS, [margin.numbers for margin in margins]), strict=True):
+    columns = [{} if margin is None else margin.numbers for margin in margins]
+    names = [name for name in _MARGIN_ROWS if any(name in column for column in columns)]
+    for name, row in zip(names, _rows(_MARGIN_ROWS, columns), strict=True):
         cells = tuple(
-            (value, f"{reach}, by model".removeprefix(", ")) if name in margin.by_model else (value, reach)
-            for margin, (value, reach) in zip(margins, row.cells, strict=True)
+            (*cell, "by model") if margin is not None and name in margin.by_model else cell
+            for margin, cell in zip(margins, row.cells, strict=True)
         )
         rows.append(NumberRow(words=row.words, cells=cells))
     return tuple(rows)
@@ -479,9 +480,8 @@ def _compared(reviews: Sequence[Review]) -> tuple[NumberRow, ...]:
         columns = [review.loops[name].numbers if name in review.loops else {} for review in reviews]
         rows += [NumberRow(words=f"{words}: {row.words}", cells=row.cells) for row in _rows(_LOOP_ROWS, columns)]
     for axis in ("roll", "pitch", "yaw"):
-        held = [review.margins.get(axis) for review in reviews]
-        columns = [{} if one is None else one.numbers for one in held]
-        rows += [NumberRow(words=f"{axis} loop: {row.words}", cells=row.cells) for row in _rows(_MARGIN_ROWS, columns)]
+        same = _margin_rows([review.margins.get(axis) for review in reviews])
+        rows += [NumberRow(words=f"{axis} loop: {row.words}", cells=row.cells) for row in same]
     return tuple(rows)
 
 

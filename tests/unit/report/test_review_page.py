@@ -51,6 +51,14 @@ def test_two_flights_stand_side_by_side() -> None:
     assert page.index("before.ulg") < page.index("after.ulg")
 
 
+def test_margins_by_a_model_are_marked_alone_and_side_by_side() -> None:
+    marked = '<span class="words">7.4 to 10.6</span><span class="words">by model</span>'
+    assert render_reviews([made_review()]).count(marked) == 2
+    several = render_reviews([made_review("before.ulg"), made_review("after.ulg")])
+    row = several.partition("roll loop: gain margin")[2].partition("</tr>")[0]
+    assert row.count(marked) == 2
+
+
 def test_a_log_that_tells_nothing_still_makes_a_page() -> None:
     seen = untold_review()
     assert not told_anything(seen)
