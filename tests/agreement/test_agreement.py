@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import lzma
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,19 @@ LOGS = (
 )
 
 
+DIFFER: Mapping[str, Mapping[str, str]] = {
+    "betaflight/smooth_tune.BBL": {
+        "closed_loop_bias": "over the points of the response, and over those that were fitted"
+    },
+    "s500/roll_sweeps.csv": {"closed_loop_bias": "over the points of the response, and over those that were fitted"},
+    "everyday/betaflight_431_freestyle.bbl.xz": {
+        "rate loop": "D moves in flight: review states the end that flew, tune the base; each names its end",
+        "yaw: gains proposed": "identify refuses the model; tune of the log takes its response alone",
+    },
+}
+"""Questions, by words in them, that two commands answer differently of a log, and why; nothing else may."""
+
+
 @pytest.fixture(scope="module", params=LOGS)
 def flown(
     request: pytest.FixtureRequest, shared_data: Path, tmp_path_factory: pytest.TempPathFactory
@@ -48,8 +62,10 @@ def flown(
 
 
 def test_two_commands_give_one_answer(flown: tuple[str, Path, dict[str, Ran]]) -> None:
-    _, _, ran = flown
-    assert contradictions(answers(ran)) == {}
+    name, _, ran = flown
+    known, found = DIFFER.get(name, {}), contradictions(answers(ran))
+    assert {question: given for question, given in found.items() if not any(words in question for words in known)} == {}
+    assert {words for words in known if any(words in question for question in found)} == set(known)
 
 
 def test_green_is_all_of_a_question(flown: tuple[str, Path, dict[str, Ran]]) -> None:
