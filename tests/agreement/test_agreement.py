@@ -36,11 +36,12 @@ LOGS = (
 )
 
 
+FITTED = "over the points of the response, and over those that were fitted"
 DIFFER: Mapping[str, Mapping[str, str]] = {
     "betaflight/smooth_tune.BBL": {
         "closed_loop_bias": "over the points of the response, and over those that were fitted"
     },
-    "s500/roll_sweeps.csv": {"closed_loop_bias": "over the points of the response, and over those that were fitted"},
+    "s500/roll_sweeps.csv": {"closed_loop_bias": FITTED},
     "everyday/betaflight_431_freestyle.bbl.xz": {
         "rate loop": "D moves in flight: review states the end that flew, tune the base; each names its end",
         "yaw: gains proposed": "identify refuses the model; tune of the log takes its response alone",
