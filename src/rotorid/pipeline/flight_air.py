@@ -26,8 +26,8 @@ from rotorid.data.record import AXES, FlightRecord, Intervals, Maneuver, TimeHis
 from rotorid.errors import InsufficientDataError
 from rotorid.pipeline.flight_settings import DesignChoices
 from rotorid.pipeline.preparation.controllers import controllers_of
+from rotorid.pipeline.preparation.hover import hover_throttle
 from rotorid.pipeline.preparation.whole_flights import Flown, flown
-from rotorid.pipeline.review.flight import hover_throttle
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.signal.excitations import find_excitations
 from rotorid.simulation.multirotor import Multirotor, Sensors

@@ -9,15 +9,41 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord
-from rotorid.errors import UsageError
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.models.rotors import layout_of
 from rotorid.pipeline.preparation.controllers import controllers_of
-from rotorid.pipeline.review.flight import vehicle
 from rotorid.typing import Axis
 
 AUTOPILOTS = ("PX4", "ArduPilot", "Betaflight", "Crazyflie")
+
+_CLASSES: Mapping[int, str] = {
+    1: "quad",
+    2: "hexa",
+    3: "octa",
+    4: "octa quad",
+    5: "Y6",
+    7: "tri",
+    12: "dodeca hexa",
+    14: "deca",
+}
+_TYPES: Mapping[int, str] = {
+    0: "plus",
+    1: "X",
+    2: "V",
+    3: "H",
+    4: "V tail",
+    5: "A tail",
+    12: "X (Betaflight)",
+    13: "X (DJI)",
+    14: "X (clockwise)",
+    18: "X (Betaflight, reversed)",
+}
+_COUNTED: Mapping[int, str] = {3: "tri", 4: "quad", 6: "hexa", 8: "octa", 12: "dodeca"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +70,35 @@ class Aircraft(Immutable):
 
 def aircraft_of(record: FlightRecord) -> Aircraft:
     """What a log says of the vehicle that flew."""
-    found, _ = vehicle(record)
-    autopilot = found.autopilot if found.autopilot in AUTOPILOTS else ""
-    return Aircraft(autopilot=autopilot, kind=found.kind, frame=found.frame)
+    return Aircraft(autopilot=autopilot_of(record), kind=record.status.vehicle, frame=frame_of(record)[0])
+
+
+def autopilot_of(record: FlightRecord) -> str:
+    """Name of the autopilot that wrote a log; empty where no autopilot did."""
+    return next((name for name in AUTOPILOTS if record.source.format.startswith(name)), "")
+
+
+def frame_of(record: FlightRecord) -> tuple[str, str]:
+    """Name of the frame, empty where the log has none, and in brackets what the log says instead of a name."""
+    parameters = record.parameters
+    if "FRAME_CLASS" in parameters and record.source.format.startswith(("ArduPilot", "MAVLink")):
+        number = int(parameters["FRAME_CLASS"])
+        name = _CLASSES.get(number, "")
+        kind = int(parameters.get("FRAME_TYPE", 1.0))
+        return (f"{name} {_TYPES.get(kind, f'type {kind}')}".strip(), "") if name else ("", f" (FRAME_CLASS {number})")
+    if "FRAME" in parameters and record.source.format.startswith("ArduPilot"):
+        return _TYPES.get(int(parameters["FRAME"]), ""), ""
+    try:
+        layout = layout_of(record)
+    except (InsufficientDataError, ModelError):
+        return "", ""
+    count = int(layout.positions.shape[0])
+    # Arms ahead of or beside the center make a plus, arms in between an X.
+    angles = np.arctan2(layout.positions[:, 1], layout.positions[:, 0])
+    off_axis = float(np.min(np.abs(np.sin(2.0 * angles))))
+    shape = "plus" if count == 4 and float(np.max(np.abs(np.sin(2.0 * angles)))) < 0.3 else ""
+    shape = "X" if count == 4 and off_axis > 0.3 else shape
+    return f"{_COUNTED.get(count, f'{count} rotors')} {shape}".strip(), ""
 
 
 def require_one_vehicle(records: Sequence[FlightRecord]) -> None:

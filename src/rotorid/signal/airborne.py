@@ -239,6 +239,15 @@ def within(time_s: FloatArray, intervals: Intervals) -> BoolArray:
     return inside
 
 
+def in_air(record: FlightRecord, name: str, flights: Intervals) -> tuple[FloatArray, FloatArray]:
+    """Stamps and values of the finite samples of a channel in the air; empty where it is not logged."""
+    if name not in record:
+        return np.zeros(0), np.zeros(0)
+    track = record[name]
+    kept = within(track.time_s, flights) & np.isfinite(track.values)
+    return track.time_s[kept], track.values[kept]
+
+
 def _speed(time_s: FloatArray, rates: FloatArray) -> FloatArray:
     """Rms over half a second of body rates, or of what else moves, without vibration, shape ``(samples,)``."""
     step_s = float(np.median(np.diff(time_s)))

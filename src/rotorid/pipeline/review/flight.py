@@ -21,12 +21,13 @@ from rotorid.data.record import FlightRecord, Intervals
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.io.advice import gap_advice, logging_advice, raw_gyro_advice, wind_advice
 from rotorid.models.rotors import layout_of
-from rotorid.pipeline.review.motors import steady_windows, thrust_curve
+from rotorid.pipeline.preparation.hover import hover_of, thrust_curve
 from rotorid.pipeline.review.values import FlightSummary, LoggingReview, Untold, VehicleReview
-from rotorid.signal.airborne import airborne, within
+from rotorid.pipeline.same_vehicle import autopilot_of, frame_of
+from rotorid.signal.airborne import airborne, in_air
 from rotorid.signal.battery import battery_voltages
 from rotorid.signal.clock import even_step_s
-from rotorid.signal.motors import linearization_of, logged_outputs, motor_limits, or_none
+from rotorid.signal.motors import linearization_of, logged_outputs, or_none
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -35,31 +36,6 @@ GOOD_RATE_HZ = 250.0
 
 LONG_GAP = 3.0
 """Steps of a topic from which a pause is a gap."""
-
-_AUTOPILOTS = (("PX4", "PX4"), ("ArduPilot", "ArduPilot"), ("Betaflight", "Betaflight"), ("Crazyflie", "Crazyflie"))
-_CLASSES: Mapping[int, str] = {
-    1: "quad",
-    2: "hexa",
-    3: "octa",
-    4: "octa quad",
-    5: "Y6",
-    7: "tri",
-    12: "dodeca hexa",
-    14: "deca",
-}
-_TYPES: Mapping[int, str] = {
-    0: "plus",
-    1: "X",
-    2: "V",
-    3: "H",
-    4: "V tail",
-    5: "A tail",
-    12: "X (Betaflight)",
-    13: "X (DJI)",
-    14: "X (clockwise)",
-    18: "X (Betaflight, reversed)",
-}
-_COUNTED: Mapping[int, str] = {3: "tri", 4: "quad", 6: "hexa", 8: "octa", 12: "dodeca"}
 
 _TREND_S = 20.0
 """The resistance of the battery is that of what changes faster."""
@@ -88,10 +64,8 @@ def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Untold, ...]]:
     record
         The log.
     """
-    written = record.source.format
-    autopilot = next((name for start, name in _AUTOPILOTS if written.startswith(start)), "")
     history = or_none(logged_outputs, record)
-    frame, source = _frame(record)
+    frame, source = frame_of(record)
     count = history.motors if history is not None else None
     if count is None:
         try:
@@ -105,35 +79,13 @@ def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Untold, ...]]:
     if not frame:
         untold.append(Untold(what="vehicle.frame", why=f"The log does not name the frame{source}."))
     found = VehicleReview(
-        autopilot=autopilot or written,
+        autopilot=autopilot_of(record) or record.source.format,
         firmware=record.source.firmware,
         kind=record.status.vehicle,
         frame=frame,
         motors=count,
     )
     return found, tuple(untold)
-
-
-def _frame(record: FlightRecord) -> tuple[str, str]:
-    parameters = record.parameters
-    if "FRAME_CLASS" in parameters and record.source.format.startswith(("ArduPilot", "MAVLink")):
-        number = int(parameters["FRAME_CLASS"])
-        name = _CLASSES.get(number, "")
-        kind = int(parameters.get("FRAME_TYPE", 1.0))
-        return (f"{name} {_TYPES.get(kind, f'type {kind}')}".strip(), "") if name else ("", f" (FRAME_CLASS {number})")
-    if "FRAME" in parameters and record.source.format.startswith("ArduPilot"):
-        return _TYPES.get(int(parameters["FRAME"]), ""), ""
-    try:
-        layout = layout_of(record)
-    except (InsufficientDataError, ModelError):
-        return "", ""
-    count = int(layout.positions.shape[0])
-    # Arms ahead of or beside the center make a plus, arms in between an X.
-    angles = np.arctan2(layout.positions[:, 1], layout.positions[:, 0])
-    off_axis = float(np.min(np.abs(np.sin(2.0 * angles))))
-    shape = "plus" if count == 4 and float(np.max(np.abs(np.sin(2.0 * angles)))) < 0.3 else ""
-    shape = "X" if count == 4 and off_axis > 0.3 else shape
-    return f"{_COUNTED.get(count, f'{count} rotors')} {shape}".strip(), ""
 
 
 def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Untold, ...]]:
@@ -171,22 +123,13 @@ def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Untold, ...]]:
     return summary, tuple(untold)
 
 
-def _in_air(record: FlightRecord, name: str, flights: Intervals) -> tuple[FloatArray, FloatArray]:
-    """Finite samples of a channel in the air; empty where it is not logged."""
-    if name not in record:
-        return np.zeros(0), np.zeros(0)
-    track = record[name]
-    kept = within(track.time_s, flights) & np.isfinite(track.values)
-    return track.time_s[kept], track.values[kept]
-
-
 def _battery(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity], list[Untold]]:
     numbers = dict(battery_voltages(record, flights))
     if not numbers:
         why = "The battery's voltage is not logged in the air."
         return {}, [Untold(what="flight.battery", why=why, remedy="turn on the battery monitor")]
-    time_s, volts = _in_air(record, "battery_voltage", flights)
-    stamps, amperes = _in_air(record, "battery_current", flights)
+    time_s, volts = in_air(record, "battery_voltage", flights)
+    stamps, amperes = in_air(record, "battery_current", flights)
     if stamps.size < 20 or float(np.percentile(amperes, 90)) < _LEAST_CURRENT_A:
         why = "The battery's current is not logged."
         return numbers, [Untold(what="flight.battery.resistance_ohm", why=why, remedy="turn on the current sensor")]
@@ -248,69 +191,23 @@ def _averaged(clock: FloatArray, time_s: FloatArray, values: FloatArray) -> Floa
     return np.asarray(np.where(count > 0, means, np.interp(clock, time_s, values)))
 
 
-def hover_throttle(record: FlightRecord, flights: Intervals) -> Quantity | None:
-    """Throttle in steady seconds of a flight, from zero to one; ``None`` where there were too few of them.
-
-    Parameters
-    ----------
-    record
-        The log.
-    flights
-        When it flew.
-    """
-    return _thrust(record, flights)[0]
-
-
 def _thrust(record: FlightRecord, flights: Intervals) -> tuple[Quantity | None, Quantity | None, list[Untold]]:
     """Throttle of hover in steady seconds, and thrust over weight."""
+    found = hover_of(record, flights)
+    if found is None:
+        why = "Neither thrust nor motors are logged."
+        return None, None, [Untold(what=f"flight.{part}", why=why) for part in ("hover_throttle", "thrust_to_weight")]
     untold: list[Untold] = []
-    history = or_none(logged_outputs, record)
-    name = "thrust_command" if "thrust_command" in record else ""
-    time_s, values = _in_air(record, name, flights) if name else (np.zeros(0), np.zeros(0))
-    rows = values[None]
-    if record.source.format.startswith("Betaflight") or time_s.size < 20:
-        if history is None:
-            why = "Neither thrust nor motors are logged."
-            return (
-                None,
-                None,
-                [Untold(what=f"flight.{part}", why=why) for part in ("hover_throttle", "thrust_to_weight")],
-            )
-        inside = within(history.time_s, flights)
-        time_s, rows = history.time_s[inside], history.values[:, inside]
-    throttle = rows.mean(axis=0)
-    windows = _steady(record, flights, time_s, rows)
-    each = np.array([mean for window in windows if np.isfinite(mean := _between(time_s, throttle, window))])
-    hover = None
-    if each.size >= 5:
-        parts = [float(np.mean(part)) for part in np.array_split(each, min(10, each.size // 2))]
-        std = math.hypot(float(np.std(parts, ddof=1)) / math.sqrt(len(parts)), 0.003)
-        hover = Quantity.normal(float(np.median(each)), std, "1")
-    else:
-        why = f"The vehicle hovered quietly for {each.size} s only."
+    if found.hovering is None:
+        why = f"The vehicle hovered quietly for {found.steady_s} s only."
         untold.append(
             Untold(what="flight.hover_throttle", why=why, remedy="hover for 20 s without touching the sticks")
         )
-    ratio, why = _thrust_to_weight(record, flights, hover, time_s, throttle)
+    ratio, why = _thrust_to_weight(record, flights, found.hovering, found.time_s, found.throttle)
     if ratio is None:
         remedy = "raise the throttle to full for half a second in a safe climb"
         untold.append(Untold(what="flight.thrust_to_weight", why=why, remedy=remedy))
-    return hover, ratio, untold
-
-
-def _steady(record: FlightRecord, flights: Intervals, time_s: FloatArray, rows: FloatArray) -> Intervals:
-    """Seconds of steady flight: by the motors where they are logged, else by what asks for thrust."""
-    limits, limited = motor_limits(record), np.zeros(time_s.size, dtype=np.bool_)
-    if limits.time_s.size:
-        flying = limits.counted
-        time_s, rows, limited = limits.time_s[flying], limits.outputs[:, flying], limits.limited[flying]
-    found = steady_windows(record, flights, time_s, rows, limited)
-    return tuple((float(time_s[window][0]), float(time_s[window][-1])) for window in found)
-
-
-def _between(time_s: FloatArray, values: FloatArray, window: tuple[float, float]) -> float:
-    inside = values[(time_s >= window[0]) & (time_s <= window[1])]
-    return float(inside.mean()) if inside.size else math.nan
+    return found.hovering, ratio, untold
 
 
 def _thrust_to_weight(
@@ -318,7 +215,7 @@ def _thrust_to_weight(
 ) -> tuple[Quantity | None, str]:
     if linearization_of(record) is not None and hover is not None and "thrust_command" in record and hover.value > 0.02:
         return _by_hover(record, hover), ""
-    stamps, az = _in_air(record, "az", flights)
+    stamps, az = in_air(record, "az", flights)
     if stamps.size < 50 or time_s.size < 20:
         return None, "Neither the motors' curve nor the specific force is known."
     # Of stamps in bursts most steps are far shorter than the samples are apart.
@@ -358,8 +255,8 @@ def _by_hover(record: FlightRecord, hover: Quantity) -> Quantity:
 
 
 def _wind(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity], list[Untold]]:
-    _, north = _in_air(record, "wind_north", flights)
-    _, east = _in_air(record, "wind_east", flights)
+    _, north = in_air(record, "wind_north", flights)
+    _, east = in_air(record, "wind_east", flights)
     if north.size < 5 or north.size != east.size or not (np.any(north) or np.any(east)):
         why = "The log holds no estimate of the wind."
         return {}, [Untold(what="flight.wind", why=why, remedy=wind_advice(record))]
@@ -434,7 +331,7 @@ def logging(record: FlightRecord) -> tuple[LoggingReview, tuple[Untold, ...]]:
     gap_s = 0.0
     for name in ("p", "roll_command", "p_setpoint", "ax"):
         for start_s, stop_s in flights if name in record else ():
-            stamps, _ = _in_air(record, name, ((start_s, stop_s),))
+            stamps, _ = in_air(record, name, ((start_s, stop_s),))
             steps = np.diff(stamps)
             longest = float(steps.max()) if steps.size else 0.0
             if steps.size and longest > LONG_GAP * float(np.median(steps)):

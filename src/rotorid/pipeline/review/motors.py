@@ -26,13 +26,13 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.io.advice import motor_advice, speed_advice
 from rotorid.models.rotors import layout_of
+from rotorid.pipeline.preparation.hover import WINDOW_S, steady_windows, thrust_curve
 from rotorid.pipeline.preparation.whole_flights import Flown, flown, loop_response
 from rotorid.pipeline.review.values import MotorReview, Untold
 from rotorid.signal.airborne import within
 from rotorid.signal.limits import MotorLimits
 from rotorid.signal.motors import (
     MotorHistory,
-    linearization_of,
     logged_outputs,
     logged_speeds,
     motor_limits,
@@ -45,20 +45,6 @@ WORTH_SAYING = 0.08
 
 EXPLAINED = 0.9
 """Part of the squares that a pattern must explain to be named."""
-
-_STEADY_RAD_S = 0.25
-"""Body rate up to which a second is steady."""
-
-_LEVEL_RAD = 0.2
-"""Roll and pitch up to which it is."""
-
-_USUAL = 0.3
-"""How far the mean output may lie from the usual one in it, over that."""
-
-_RUNNING = 0.05
-"""Mean output, or thrust, from which the motors run."""
-
-_WINDOW_S = 1.0
 
 _FEWEST_WINDOWS = 5
 """Steady seconds from which balance and headroom are told."""
@@ -113,7 +99,7 @@ def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Untold, ...]]:
         time_s, outputs = limits.time_s[limits.counted], limits.outputs[:, limits.counted]
         steady = steady_windows(record, flight.flights, time_s, outputs, limits.limited[limits.counted])
         if len(steady) < _FEWEST_WINDOWS:
-            why = f"The vehicle hovered quietly for {len(steady) * _WINDOW_S:.0f} s only."
+            why = f"The vehicle hovered quietly for {len(steady) * WINDOW_S:.0f} s only."
             remedy = "hover for 20 s without touching the sticks"
             untold += [Untold(what=f"motors.{name}", why=why, remedy=remedy) for name in ("imbalance", "headroom")]
         else:
@@ -166,68 +152,6 @@ def _share(limits: MotorLimits, samples: BoolArray) -> Quantity:
     return Quantity(value=value, std=std, lower=max(value - half, 0.0), upper=min(value + half, 1.0), unit="1")
 
 
-def steady_windows(
-    record: FlightRecord, flights: Intervals, time_s: FloatArray, values: FloatArray, limited: BoolArray
-) -> list[slice]:
-    """Seconds of steady flight: samples of the outputs that lie in each.
-
-    Parameters
-    ----------
-    record
-        The log.
-    flights
-        In the air.
-    time_s, values
-        Of the outputs, shapes ``(n,)`` and ``(motors, n)``.
-    limited
-        Whether a motor is at a limit, shape ``(n,)``.
-    """
-    mean = values.mean(axis=0)
-    running = mean[mean > _RUNNING]
-    if not running.size:
-        return []
-    usual = float(np.median(running))
-    calm: list[tuple[FloatArray, FloatArray, float]] = []
-    for name, most in (("p", _STEADY_RAD_S), ("q", _STEADY_RAD_S), ("r", _STEADY_RAD_S)):
-        if name in record:
-            track = record[name]
-            smooth = _smooth(track.time_s, track.values, 0.1)
-            calm.append((track.time_s, np.abs(smooth), most))
-    for name in ("phi", "theta"):
-        if name in record:
-            track = record[name]
-            calm.append((track.time_s, np.abs(track.values), _LEVEL_RAD))
-    if not calm:
-        return []
-    found = []
-    for start_s, stop_s in flights:
-        # The first and last seconds hold take-off and landing.
-        for begin_s in np.arange(start_s + 1.5, stop_s - 1.5 - _WINDOW_S, _WINDOW_S).tolist():
-            first, last = np.searchsorted(time_s, [begin_s, begin_s + _WINDOW_S]).tolist()
-            if last - first < 3 or abs(float(mean[first:last].mean()) / usual - 1.0) > _USUAL:
-                continue
-            if not limited[first:last].any() and all(
-                _quiet(stamps, size, begin_s, most) for stamps, size, most in calm
-            ):
-                found.append(slice(first, last))
-    return found
-
-
-def _quiet(time_s: FloatArray, size: FloatArray, begin_s: float, most: float) -> bool:
-    first, last = np.searchsorted(time_s, [begin_s, begin_s + _WINDOW_S]).tolist()
-    if last <= first:
-        return False
-    return bool(np.sqrt(np.mean(np.square(size[first:last]))) < most)
-
-
-def _smooth(time_s: FloatArray, values: FloatArray, over_s: float) -> FloatArray:
-    from scipy.ndimage import uniform_filter1d
-
-    steps = np.diff(time_s)
-    size = max(int(over_s / float(np.median(steps))), 1) if steps.size else 1
-    return np.asarray(uniform_filter1d(values, size, mode="nearest"))
-
-
 def _balance(
     record: FlightRecord, outputs: FloatArray, steady: list[slice]
 ) -> tuple[dict[str, Quantity], dict[str, Quantity], str]:
@@ -276,30 +200,6 @@ def _balance(
         # What one weak motor asks for would look like a center of gravity off the middle.
         numbers = {name: value for name, value in numbers.items() if not name.startswith("center_of_gravity")}
     return means, numbers, pattern
-
-
-USUAL_EXPO = 0.65
-"""Curve of usual motors, as ArduPilot takes it by default: thrust :math:`(1 - e) u + e u^2` of an output :math:`u`."""
-
-
-def thrust_curve(record: FlightRecord) -> tuple[float, float, float]:
-    """Expo of the thrust by the logged outputs, and the lowest and highest that it may be.
-
-    Where the autopilot straightens the curve (``THR_MDL_FAC``, ``MOT_THST_EXPO``), its number is taken, to a quarter;
-    elsewhere the usual one, between a line and a square.
-
-    Parameters
-    ----------
-    record
-        The log.
-    """
-    if record.source.format.startswith("PX4"):
-        # What is logged is asked for in thrust, and bent on its way out.
-        return (0.0, 0.0, 0.25) if record.parameters.get("THR_MDL_FAC", 0.0) > 0.0 else (USUAL_EXPO, 0.0, 1.0)
-    known = linearization_of(record)
-    if known is not None:
-        return known.expo, max(known.expo - 0.25, 0.0), min(known.expo + 0.25, 1.0)
-    return USUAL_EXPO, 0.0, 1.0
 
 
 def _thrust_share(outputs: FloatArray, expo: float) -> FloatArray:
