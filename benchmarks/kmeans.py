@@ -23,10 +23,10 @@ import numpy as np
 
 from rotorid.data import FlightRecord
 from rotorid.fitting import FrequencyProblem, Scale, StartBox, fit_frequency, search_box, without_structural_zeros
+from rotorid.flights.measure import measure
 from rotorid.models import LinearStructure, ParameterSet, StateSpace, from_toml, library_model
-from rotorid.pipeline import IdentifySettings
-from rotorid.pipeline.preparation.measure import measure
 from rotorid.search import Progress, search
+from rotorid.settings import IdentifySettings
 from rotorid.typing import FloatArray
 from rotorid.vehicles import rig
 

@@ -23,16 +23,8 @@ import numpy as np
 
 from rotorid.data import FlightPlan
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline import (
-    Foretold,
-    PlanChoices,
-    SimulateChoices,
-    check_tuning,
-    fly_run,
-    plan_for,
-    tune,
-    write_run,
-)
+from rotorid.flying import PlanChoices, SimulateChoices, fly_run, plan_for, write_run
+from rotorid.proposing import Foretold, check_tuning, tune
 from rotorid.simulation import Aircraft, Wind, changed, number_of
 from rotorid.tuning import (
     ControllerParts,

@@ -9,12 +9,12 @@ import numpy as np
 from rotorid.data.findings import Finding
 from rotorid.data.record import Channel, FlightRecord, TimeHistory
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.inspection import inspect
-from rotorid.pipeline.oscillations import reviewed_oscillations
-from rotorid.pipeline.preparation.whole_flights import flown
-from rotorid.pipeline.review.loops import loops
-from rotorid.pipeline.review.motors import motors
-from rotorid.pipeline.tuning.flown import require_room
+from rotorid.flights.oscillations import reviewed_oscillations
+from rotorid.flights.whole_flights import flown
+from rotorid.proposing.flown_gains import require_room
+from rotorid.reviewing.inspection import inspect
+from rotorid.reviewing.loops import loops
+from rotorid.reviewing.motors import motors
 from rotorid.signal.motors import logged_outputs, motor_limits
 from rotorid.signal.quality import quality_findings
 

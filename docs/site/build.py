@@ -28,8 +28,24 @@ ROOT = HERE.parents[1]
 DOCS = ROOT / "docs"
 FACES = (
     *("rotorid", "rotorid.data", "rotorid.excitation", "rotorid.exports", "rotorid.fitting", "rotorid.fleets"),
-    *("rotorid.models", "rotorid.pipeline", "rotorid.planning", "rotorid.plot", "rotorid.reduction", "rotorid.search"),
-    *("rotorid.signal", "rotorid.simulation", "rotorid.spectral", "rotorid.tuning", "rotorid.uncertainty"),
+    *(
+        "rotorid.flights",
+        "rotorid.flying",
+        "rotorid.identifying",
+        "rotorid.loops",
+        "rotorid.models",
+        "rotorid.planning",
+    ),
+    *("rotorid.plot", "rotorid.proposing", "rotorid.reduction", "rotorid.results", "rotorid.reviewing"),
+    *(
+        "rotorid.search",
+        "rotorid.settings",
+        "rotorid.signal",
+        "rotorid.simulation",
+        "rotorid.spectral",
+        "rotorid.tuning",
+        "rotorid.uncertainty",
+    ),
     *("rotorid.vehicles", "rotorid.verification"),
 )
 """Packages whose public names are shown."""

@@ -169,7 +169,7 @@ class LabPage:
 
 def example_log(factory: pytest.TempPathFactory) -> Path:
     """The example of PX4, with two axes and half as long; flown once for all tests."""
-    from rotorid.pipeline.examples import example_named
+    from rotorid.flying.examples import example_named
     from rotorid.report.files import write_simulation
 
     folder = factory.getbasetemp() / "lab-example"

@@ -13,8 +13,8 @@ from tests.unit.cli.commands import rotorid
 
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.io.tables.csv import write_csv
-from rotorid.pipeline.inspection import inspect
 from rotorid.report.inspection import render_inspection
+from rotorid.reviewing.inspection import inspect
 
 HOSTILE = "</script><script>document.title='run'</script><img src=x onerror=document.title='run'>"
 

@@ -23,7 +23,7 @@ from tests.unit.report.made_reviews import made_review
 from tests.unit.report.test_design_page import CHOICES, designed
 
 from rotorid.documents.stitched import stitched_document
-from rotorid.pipeline.stitching import stitch
+from rotorid.flying.stitching import stitch
 from rotorid.report.design import render_design
 from rotorid.report.identification import render_sections
 from rotorid.report.review import render_reviews

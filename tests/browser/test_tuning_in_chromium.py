@@ -10,9 +10,9 @@ import pytest
 from tests.browser.chromium import SETTLED, asked
 
 from rotorid.models.autopilots import axis_controller
-from rotorid.pipeline.provenance import Provenance
-from rotorid.pipeline.tuning.proposal import AxisTuning, TuningProposal, _loops, _responses
+from rotorid.proposing.proposal import AxisTuning, TuningProposal, _loops, _responses
 from rotorid.report.tune import render_tune
+from rotorid.results.provenance import Provenance
 from rotorid.tuning import ControllerParts, Gains, frequency_grid, loop_figures, propose, uncertain_plant
 
 READY = 'document.documentElement.dataset.sliders === "ready"'

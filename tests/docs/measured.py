@@ -20,8 +20,8 @@ from typing import NamedTuple
 from tests.golden.results import DATA
 
 import rotorid
-from rotorid.pipeline.results import IdentifiedModel
 from rotorid.report.frame import with_error
+from rotorid.results.model import IdentifiedModel
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from tests.browser.lab_page import chromium, opened, serving
 
-from rotorid.pipeline.examples import EXAMPLES
+from rotorid.flying.examples import EXAMPLES
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "images"
 WIDTH, HEIGHT = 1300, 860

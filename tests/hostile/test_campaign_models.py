@@ -11,11 +11,11 @@ from tests.hostile.spoiled_logs import SPOILERS, spoiled
 
 import rotorid
 from rotorid.errors import RotoridError
+from rotorid.flying.designs import plan_with
+from rotorid.flying.examples import EXAMPLES
+from rotorid.flying.settings import PlanChoices
 from rotorid.io.registry import write_log
-from rotorid.pipeline.designs import plan_with
-from rotorid.pipeline.examples import EXAMPLES
-from rotorid.pipeline.flight_settings import PlanChoices
-from rotorid.pipeline.results import IdentifiedModel
+from rotorid.results.model import IdentifiedModel
 from rotorid.vehicles.catalog import aircraft
 
 MODEL = "rate.roll"

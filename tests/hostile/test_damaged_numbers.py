@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import FlightRecord
+from rotorid.flying.designs import plan_with
+from rotorid.flying.settings import DesignChoices, PlanChoices
 from rotorid.io.registry import read, write_log
-from rotorid.pipeline.designs import plan_with
-from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
-from rotorid.pipeline.inspection import inspect
-from rotorid.pipeline.responses import response
-from rotorid.pipeline.review.review import review
+from rotorid.loops.responses import response
+from rotorid.reviewing.assembly import review
+from rotorid.reviewing.inspection import inspect
 from rotorid.simulation.multirotor_flight import fly_multirotor
 
 

@@ -10,18 +10,18 @@ from types import MappingProxyType
 import pytest
 from tests.hostile.damage import assert_complete, hang_limit
 
+from rotorid.checking.candidate import read_candidate
 from rotorid.documents.compare import read_results
 from rotorid.documents.design import read_plan
 from rotorid.documents.result import load
 from rotorid.documents.vehicle import read_vehicle
 from rotorid.errors import RotoridError
+from rotorid.flights.given_controllers import read_controllers
 from rotorid.io.documents import DocumentError, parse_json, parse_toml
 from rotorid.io.tables.mapping import read_mapping
-from rotorid.pipeline.checking.candidate import read_candidate
-from rotorid.pipeline.checking.controllers import read_controllers
-from rotorid.pipeline.preparation.resolve import resolve_model
-from rotorid.pipeline.settings import chosen_layout
 from rotorid.planning import read_prior
+from rotorid.settings.resolve import resolve_model
+from rotorid.settings.settings import chosen_layout
 
 TOML: Mapping[str, Callable[[Path], object]] = MappingProxyType(
     {

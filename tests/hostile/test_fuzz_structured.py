@@ -31,7 +31,7 @@ from rotorid.documents.vehicle import vehicle_toml
 from rotorid.errors import RotoridError
 from rotorid.excitation.plan import planned, sequence
 from rotorid.io.tables.csv import write_csv
-from rotorid.pipeline.settings import parse_segment
+from rotorid.settings.settings import parse_segment
 from rotorid.vehicles.catalog import VEHICLES
 
 pytest.importorskip("resource", reason="limits of memory are those of Unix")
@@ -167,7 +167,7 @@ def wrong_with(read: Callable[[Path], object], path: Path) -> str:
 def compared(path: Path) -> object:
     """What ``rotorid compare`` makes of two results without a log."""
     from rotorid.documents.compare import compare_document, read_results
-    from rotorid.pipeline.comparison import compare
+    from rotorid.identifying.comparison import compare
 
     entries = read_results([path, path.with_name("other.json")])
     return to_json(compare_document(compare(entries)))

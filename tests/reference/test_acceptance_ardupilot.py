@@ -10,7 +10,7 @@ import pytest
 
 import rotorid
 from rotorid.documents.result import result_document
-from rotorid.pipeline.results import IdentifiedModel
+from rotorid.results.model import IdentifiedModel
 
 TAU_S = 2.45e-3
 """Middle of the 2.4 to 2.5 ms that the simulator shows."""

@@ -10,8 +10,8 @@ import pytest
 import rotorid
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.delay.estimate import DelayEstimate
-from rotorid.pipeline.delays import Delays, delay
-from rotorid.pipeline.settings import MeasureSettings, parse_segment
+from rotorid.identifying.delays import Delays, delay
+from rotorid.settings.settings import MeasureSettings, parse_segment
 
 
 def bebop(shared_data: Path, folder: str, band_rad_s: tuple[float, float] | None = None) -> Delays:

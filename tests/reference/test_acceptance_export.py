@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from rotorid.exports import ExportChoices, Exported, export, export_draws
+from rotorid.flying.vehicle_from_results import joined_vehicle
+from rotorid.identifying.identification import identify, identify_motors
 from rotorid.io.registry import read
-from rotorid.pipeline.identification import identify, identify_motors
-from rotorid.pipeline.joined import joined_vehicle
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import IdentifySettings, MotorChoices
+from rotorid.results.model import IdentifiedModel
+from rotorid.settings.settings import IdentifySettings, MotorChoices
 
 pytestmark = pytest.mark.slow
 

@@ -19,11 +19,11 @@ from tests.unit.exports.test_mujoco import flown as flown_in_mujoco
 from tests.unit.exports.test_rotorpy import flown as flown_in_rotorpy
 
 from rotorid.exports import ExportChoices, export
+from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
+from rotorid.identifying.identification import identify, identify_motors
 from rotorid.io.registry import read
-from rotorid.pipeline.identification import identify, identify_motors
-from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import MotorChoices
+from rotorid.results.model import IdentifiedModel
+from rotorid.settings.settings import MotorChoices
 from rotorid.simulation.multirotor import Multirotor
 from rotorid.typing import FloatArray
 

@@ -13,17 +13,17 @@ import pytest
 from tests.reference.simulators import ARDUPILOT_DAMPING_1_S, ARDUPILOT_DELAY_S, PX4, PX4_DELAYS_S
 
 import rotorid
+from rotorid.checking.unseen import check_sweeps
 from rotorid.data.record import Channel, FlightRecord
 from rotorid.documents.result import ResultDocument, result_document
 from rotorid.errors import InsufficientDataError
+from rotorid.fits.frequency.speed_damping import first_step
 from rotorid.fitting.frequency.problem import pair_costs
+from rotorid.flights.selection import select_maneuvers
 from rotorid.models.library import library_model, rate_model, speed_damping
-from rotorid.pipeline.checking.unseen import check_sweeps
-from rotorid.pipeline.fits.frequency.speed_damping import first_step
-from rotorid.pipeline.preparation.selection import select_maneuvers
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import IdentifySettings, parse_segment
-from rotorid.pipeline.summary import ParameterEstimate
+from rotorid.results.model import IdentifiedModel
+from rotorid.results.summary import ParameterEstimate
+from rotorid.settings.settings import IdentifySettings, parse_segment
 from rotorid.typing import Axis
 from rotorid.verification.verification import Verification
 

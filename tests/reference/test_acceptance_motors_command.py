@@ -10,9 +10,9 @@ import pytest
 from rotorid.data.record import Maneuver
 from rotorid.documents.result import ResultDocument, result_document
 from rotorid.errors import InsufficientDataError
+from rotorid.identifying.identification import identify_motors
 from rotorid.io.registry import read
-from rotorid.pipeline.identification import identify_motors
-from rotorid.pipeline.settings import MotorChoices
+from rotorid.settings.settings import MotorChoices
 
 INERTIA, LAG, THRUST = 0.05, 0.15, 0.03
 """How far identified values may lie from the truth."""

@@ -11,12 +11,12 @@ import pytest
 
 import rotorid
 from rotorid.documents.vehicle import parse_vehicle, vehicle_toml
-from rotorid.pipeline.designs import design, plan_with
-from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices, SimulateChoices
-from rotorid.pipeline.identification import identify_motors
-from rotorid.pipeline.own_vehicles import own_vehicle
-from rotorid.pipeline.settings import MotorChoices
-from rotorid.pipeline.simulation import fly_run, simulate, write_run
+from rotorid.flying.designs import design, plan_with
+from rotorid.flying.settings import DesignChoices, PlanChoices, SimulateChoices
+from rotorid.flying.simulation import fly_run, simulate, write_run
+from rotorid.flying.user_vehicles import own_vehicle
+from rotorid.identifying.identification import identify_motors
+from rotorid.settings.settings import MotorChoices
 from rotorid.signal.motors import logged_outputs
 from rotorid.simulation.multirotor import PERFECT
 from rotorid.simulation.multirotor_flight import Aircraft, piloted

@@ -10,7 +10,7 @@ import pytest
 
 import rotorid
 from rotorid.documents.result import result_document
-from rotorid.pipeline.results import IdentifiedModel
+from rotorid.results.model import IdentifiedModel
 
 LAG_S = 48e-3
 """Motor lag of the simulator at its 4 ms steps."""

@@ -13,7 +13,7 @@ import pytest
 import rotorid
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.responses import Responses
+from rotorid.loops.responses import Responses
 from rotorid.spectral.estimate import frequency_response
 from rotorid.typing import ComplexArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2

@@ -13,9 +13,9 @@ from scipy.interpolate import CubicSpline
 import rotorid
 from rotorid.data.record import AXES, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.preparation.consistency import ChannelSkew, Consistency, check_consistency, stretches
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.segments import cut
+from rotorid.flights.consistency import ChannelSkew, Consistency, check_consistency, stretches
+from rotorid.flights.flights import Flight
+from rotorid.flights.segments import cut
 from rotorid.signal.airborne import Airborne, airborne
 from rotorid.signal.excitations import find_excitations
 

@@ -13,8 +13,8 @@ from tests.unit.pipeline.controller_readers import readings, verdicts
 import rotorid
 from rotorid.data.axes import RATE_OF
 from rotorid.data.record import FlightRecord
-from rotorid.pipeline.preparation.controller_check import ControllerVerdict, check_controller
-from rotorid.pipeline.preparation.controllers import controllers_of
+from rotorid.flights.controller_check import ControllerVerdict, check_controller
+from rotorid.flights.controllers import controllers_of
 
 # Roll, pitch, yaw. Where none was checked the log is too slow, or holds no flight.
 FLIGHTS: Mapping[str, tuple[ControllerVerdict, ControllerVerdict, ControllerVerdict]] = {

@@ -10,7 +10,7 @@ import pytest
 
 import rotorid
 from rotorid.data.record import Maneuver
-from rotorid.pipeline.inspection import Inspection, inspect
+from rotorid.reviewing.inspection import Inspection, inspect
 
 FREESTYLE = "everyday/betaflight_431_freestyle.bbl.xz"
 PLANE = "everyday/px4_165_fixed_wing_never_flown.ulg.xz"

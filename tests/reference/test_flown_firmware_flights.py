@@ -16,12 +16,12 @@ import pytest
 import rotorid
 from rotorid.data.record import FlightRecord
 from rotorid.documents.tune import tune_document
+from rotorid.flights.controllers import EXPLAINED, flown_firmware
+from rotorid.flights.whole_flights import flown
 from rotorid.models.autopilots.reading import axis_controller
-from rotorid.pipeline.preparation.controllers import EXPLAINED, flown_firmware
-from rotorid.pipeline.preparation.whole_flights import flown
-from rotorid.pipeline.review.margins import margins
-from rotorid.pipeline.review.values import MarginReview
-from rotorid.pipeline.tuning.proposal import tune
+from rotorid.proposing.proposal import tune
+from rotorid.reviewing.margins import margins
+from rotorid.reviewing.values import MarginReview
 from rotorid.typing import Axis, FloatArray
 
 LOGS: Mapping[Axis, str] = {"roll": "px4_sitl/roll.ulg", "pitch": "px4_sitl/pitch.ulg.xz", "yaw": "px4_sitl/yaw.ulg.xz"}

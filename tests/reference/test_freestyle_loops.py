@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import rotorid
-from rotorid.pipeline.preparation.whole_flights import Flown, flown, loop_response
-from rotorid.pipeline.review.loops import loops
-from rotorid.pipeline.review.values import LoopReview, Untold
+from rotorid.flights.whole_flights import Flown, flown, loop_response
+from rotorid.reviewing.loops import loops
+from rotorid.reviewing.values import LoopReview, Untold
 
 FREESTYLE_S = (45.0, 165.0)
 

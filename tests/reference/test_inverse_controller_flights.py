@@ -12,12 +12,12 @@ import pytest
 import rotorid
 from rotorid.data.record import Maneuver
 from rotorid.errors import InsufficientDataError
+from rotorid.fits.frequency.inverse import Screened, pose_screened
+from rotorid.flights.measure import measure
+from rotorid.flights.selection import select_maneuvers
+from rotorid.identifying.identification import identify
 from rotorid.models.library import RATE_AXES, rate_model
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.preparation.inverse import Screened, pose_screened
-from rotorid.pipeline.preparation.measure import measure
-from rotorid.pipeline.preparation.selection import select_maneuvers
-from rotorid.pipeline.settings import EstimateChoice, IdentifySettings, parse_segment
+from rotorid.settings.settings import EstimateChoice, IdentifySettings, parse_segment
 from rotorid.signal.airborne import airborne
 from rotorid.typing import Axis
 

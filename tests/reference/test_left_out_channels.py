@@ -18,8 +18,8 @@ import pytest
 
 import rotorid
 from rotorid.data.record import FlightRecord
-from rotorid.pipeline import identify
-from rotorid.pipeline.results import IdentifiedModel
+from rotorid.identifying import identify
+from rotorid.results.model import IdentifiedModel
 
 SAME_RESPONSE, OTHER_RESPONSE = 0.98, 0.87
 

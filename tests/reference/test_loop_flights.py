@@ -20,10 +20,10 @@ import rotorid
 from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
+from rotorid.flights.controllers import controllers_of, logged_controller
 from rotorid.io.parameters import parameters_changed
+from rotorid.loops.rate_loops import MODEL_ERROR
 from rotorid.models.controller import RateController
-from rotorid.pipeline.preparation.controllers import controllers_of, logged_controller
-from rotorid.pipeline.preparation.loops import MODEL_ERROR
 from rotorid.signal.clock import resample
 from rotorid.signal.filters import combined_response
 from rotorid.spectral.derived import with_model_error

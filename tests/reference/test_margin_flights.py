@@ -10,10 +10,10 @@ import pytest
 
 import rotorid
 from rotorid.data.record import FlightRecord
+from rotorid.flights.whole_flights import flown, loop_response
 from rotorid.models.autopilots.betaflight import BASE, TOP
-from rotorid.pipeline.preparation.whole_flights import flown, loop_response
-from rotorid.pipeline.review.margins import margins
-from rotorid.pipeline.review.values import MarginReview, Untold
+from rotorid.reviewing.margins import margins
+from rotorid.reviewing.values import MarginReview, Untold
 
 Told = tuple[dict[str, MarginReview], dict[str, Untold]]
 

@@ -10,7 +10,7 @@ import pytest
 from tests.limit_callers import CALLERS
 
 import rotorid
-from rotorid.pipeline.tuning.flown import require_room
+from rotorid.proposing.flown_gains import require_room
 from rotorid.signal.motors import motor_limits
 
 Read = Callable[[str], rotorid.FlightRecord]

@@ -13,10 +13,10 @@ import rotorid
 from rotorid.data.axes import RATE_OF
 from rotorid.documents.result import load, save
 from rotorid.documents.tune import tune_document
-from rotorid.pipeline import TuningProposal, tune
-from rotorid.pipeline.identification import controller_settings
-from rotorid.pipeline.preparation.controllers import controllers_of
-from rotorid.pipeline.tuning.flown import flown_axis
+from rotorid.flights.controllers import controllers_of
+from rotorid.identifying.identification import controller_settings
+from rotorid.proposing import TuningProposal, tune
+from rotorid.proposing.flown_gains import flown_axis
 from rotorid.signal.autopilot_filters import controller_filters, known_filters
 from rotorid.typing import Axis
 

@@ -10,9 +10,9 @@ import pytest
 import rotorid
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.preparation.loops import rate_loop, shown_quantities
-from rotorid.pipeline.responses import Responses
-from rotorid.pipeline.tuning.axis import known_axis
+from rotorid.loops.rate_loops import rate_loop, shown_quantities
+from rotorid.loops.responses import Responses
+from rotorid.proposing.axis import known_axis
 from rotorid.tuning.loops import loop_figures
 from rotorid.tuning.plant import DRAWS
 

@@ -10,9 +10,9 @@ import pytest
 import rotorid
 from rotorid.documents.review import review_document
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.review.cards import cards
-from rotorid.pipeline.review.words import gathered
-from rotorid.pipeline.tuning.flown import require_room
+from rotorid.proposing.flown_gains import require_room
+from rotorid.reviewing.cards import cards
+from rotorid.reviewing.words import gathered
 from rotorid.signal.oscillations import check_oscillations
 
 Read = Callable[[str], rotorid.FlightRecord]

@@ -13,13 +13,13 @@ import rotorid
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.data.record import Maneuver
 from rotorid.excitation.plan import sequence, together
+from rotorid.flying.designs import expected_values
+from rotorid.flying.flight_air import logged_air
+from rotorid.flying.settings import DesignChoices, PlanChoices
 from rotorid.models.library import rate_model
-from rotorid.pipeline.designs import expected_values
-from rotorid.pipeline.flight_air import logged_air
-from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
-from rotorid.pipeline.tuning.bands import designed_for_tune
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.prediction import predict
+from rotorid.proposing.bands import designed_for_tune
 from rotorid.simulation.shaping import shaped_plan
 from rotorid.typing import FloatArray
 from rotorid.vehicles.catalog import aircraft

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import rotorid
-from rotorid.pipeline import tune
-from rotorid.pipeline.preparation.whole_flights import flown
-from rotorid.pipeline.review.margins import margins
+from rotorid.flights.whole_flights import flown
+from rotorid.proposing import tune
+from rotorid.reviewing.margins import margins
 from rotorid.signal.excitations import find_excitations, rich_excitations, verifying_excitations
 from rotorid.typing import Axis, FloatArray
 

@@ -10,9 +10,9 @@ import pytest
 
 import rotorid
 from rotorid.data.record import FlightRecord
-from rotorid.pipeline.review.flight import flight, logging, vehicle
-from rotorid.pipeline.review.motors import motors
-from rotorid.pipeline.review.noise import noise, on_harmonics, rotor_speeds_hz
+from rotorid.reviewing.flight import flight, logging, vehicle
+from rotorid.reviewing.motors import motors
+from rotorid.reviewing.noise import noise, on_harmonics, rotor_speeds_hz
 from rotorid.signal.airborne import airborne, within
 from rotorid.spectral.noise import short_spectra
 

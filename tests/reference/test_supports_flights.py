@@ -12,14 +12,14 @@ import rotorid
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.fleets.work import flights_of
+from rotorid.flights.flights import longest_flight
+from rotorid.flights.supports import supported_models
+from rotorid.identifying.identify_many import identify_several
 from rotorid.models.library import RATE_AXES
-from rotorid.pipeline.inspection import Inspection, inspect
-from rotorid.pipeline.preparation.flights import longest_flight
-from rotorid.pipeline.preparation.supports import supported_models
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.review.flight import flight
-from rotorid.pipeline.review.review import review
-from rotorid.pipeline.several import identify_several
+from rotorid.results.model import IdentifiedModel
+from rotorid.reviewing.assembly import review
+from rotorid.reviewing.flight import flight
+from rotorid.reviewing.inspection import Inspection, inspect
 
 QUICK = ("px4_sitl/roll.ulg", "px4_sitl/pitch.ulg.xz", "px4/sample.ulg", "real_stacks/ap_x_wind_limit_cycle.BIN.xz")
 FURTHER = (

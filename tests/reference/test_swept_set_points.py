@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import rotorid
-from rotorid.pipeline.preparation.whole_flights import flown
-from rotorid.pipeline.review.margins import margins
-from rotorid.pipeline.review.values import MarginReview, Untold
+from rotorid.flights.whole_flights import flown
+from rotorid.reviewing.margins import margins
+from rotorid.reviewing.values import MarginReview, Untold
 from rotorid.typing import Axis
 
 OFFBOARD, GUIDED = "px4_sih_offboard_plan.ulg.xz", "ap_x_guided_multisine.BIN.xz"

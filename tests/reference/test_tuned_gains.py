@@ -13,9 +13,9 @@ from rotorid.cli.tune import _print
 from rotorid.data.quantity import Quantity
 from rotorid.documents.tune import tune_document
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline import TuningProposal, check_tuning, tune
-from rotorid.pipeline.preparation.selection import excited_pairs
-from rotorid.pipeline.tuning.check import Foretold
+from rotorid.flights.selection import excited_pairs
+from rotorid.proposing import TuningProposal, check_tuning, tune
+from rotorid.proposing.check import Foretold
 from rotorid.report.tune import render_tune
 from rotorid.tuning.loops import quantities
 

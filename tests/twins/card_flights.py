@@ -16,7 +16,7 @@ import numpy as np
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, SimulatedFlight
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Status, Topic
 from rotorid.excitation.plan import planned
-from rotorid.pipeline.simulation import truth_of
+from rotorid.flying.simulation import truth_of
 from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor, piloted
 from rotorid.simulation.wind import CALM, Wind
 from rotorid.typing import Axis, BoolArray, FloatArray

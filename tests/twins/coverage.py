@@ -31,9 +31,9 @@ from tests.twins.motor_twins import VEHICLES, Twin, twin
 import rotorid
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.flight_settings import SimulateChoices
-from rotorid.pipeline.identification import identify_motors
-from rotorid.pipeline.simulation import truth_of
+from rotorid.flying.settings import SimulateChoices
+from rotorid.flying.simulation import truth_of
+from rotorid.identifying.identification import identify_motors
 
 WEATHERS = ("calm", "wind")
 RATE = tuple(f"rate.{axis}" for axis in ("roll", "pitch", "yaw", "vertical"))

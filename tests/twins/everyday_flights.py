@@ -18,12 +18,12 @@ import numpy as np
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, SimulatedFlight
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
+from rotorid.flights.controllers import acting_on, controllers_of
+from rotorid.flights.whole_flights import flown
+from rotorid.flying.simulation import everyday_plan
 from rotorid.models.rotors import library_layout
-from rotorid.pipeline.preparation.controllers import acting_on, controllers_of
-from rotorid.pipeline.preparation.whole_flights import flown
-from rotorid.pipeline.review.loops import LOOPS, loop_of
-from rotorid.pipeline.review.margins import margins
-from rotorid.pipeline.simulation import everyday_plan
+from rotorid.reviewing.loops import LOOPS, loop_of
+from rotorid.reviewing.margins import margins
 from rotorid.simulation.autopilot import Autopilot, Guidance, RateLoop
 from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor import PERFECT, Multirotor, Rotors, Sensors

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from rotorid import Wind, write_log
-from rotorid.pipeline.designs import plan_with
-from rotorid.pipeline.flight_settings import PlanChoices
+from rotorid.flying.designs import plan_with
+from rotorid.flying.settings import PlanChoices
 from rotorid.simulation.multirotor_flight import Sortie, changed, fly_batch
 from rotorid.vehicles.catalog import aircraft
 

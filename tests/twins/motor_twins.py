@@ -12,12 +12,12 @@ import numpy as np
 import rotorid
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.data.record import FlightRecord
+from rotorid.flying.designs import plan_for, sweep_of
+from rotorid.flying.settings import PlanChoices, SimulateChoices
+from rotorid.flying.simulation import fly_run, write_run
 from rotorid.models.rotors import RotorLayout
 from rotorid.models.thrust_curve import ExpoCurve
-from rotorid.pipeline.designs import plan_for, sweep_of
-from rotorid.pipeline.flight_settings import PlanChoices, SimulateChoices
-from rotorid.pipeline.settings import MotorChoices
-from rotorid.pipeline.simulation import fly_run, write_run
+from rotorid.settings.settings import MotorChoices
 from rotorid.simulation.linearization import MOTION, hover_derivatives_of, linearize, rotor_slopes
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.simulation.wind import Wind

@@ -14,7 +14,7 @@ import numpy as np
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, SimulatedFlight
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
-from rotorid.pipeline.simulation import everyday_plan
+from rotorid.flying.simulation import everyday_plan
 from rotorid.signal.oscillations import check_oscillations
 from rotorid.simulation.multirotor import PERFECT
 from rotorid.simulation.multirotor_flight import Aircraft, LostError, changed, fly_multirotor, piloted

@@ -10,10 +10,10 @@ import pytest
 
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.excitation.plan import planned
+from rotorid.flying.flight_air import flown_as, logged_air
+from rotorid.flying.settings import DesignChoices, PlanChoices, SimulateChoices
+from rotorid.flying.simulation import fly_run, write_run
 from rotorid.io.registry import read
-from rotorid.pipeline.flight_air import flown_as, logged_air
-from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices, SimulateChoices
-from rotorid.pipeline.simulation import fly_run, write_run
 from rotorid.simulation.wind import Wind
 
 BLOWS = Wind(north_m_s=4.0, east_m_s=-2.0, turbulence_m_s=0.8)

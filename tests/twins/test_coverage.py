@@ -30,9 +30,9 @@ from tests.twins.motor_twins import VEHICLES, truth_of, twin
 
 import rotorid
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.flight_settings import SimulateChoices
-from rotorid.pipeline.identification import identify_motors
-from rotorid.pipeline.simulation import truth_of as simulated_truth
+from rotorid.flying.settings import SimulateChoices
+from rotorid.flying.simulation import truth_of as simulated_truth
+from rotorid.identifying.identification import identify_motors
 
 SEEDS = range(1, 16)
 LEAST, MOST, LARGEST_ERROR, LARGEST_WIDTH, REFUSED = 0.90, 0.995, 1.2, 2.2, 0.1

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flying.designs import plan_with
+from rotorid.flying.settings import DesignChoices, PlanChoices
 from rotorid.io.registry import read, write_log
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import described
-from rotorid.pipeline.designs import plan_with
-from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
-from rotorid.pipeline.summary import ControllerSettings
-from rotorid.pipeline.tuning.bands import designed_for_tune
-from rotorid.pipeline.tuning.proposal import tune
 from rotorid.plans.ardupilot import system_id
+from rotorid.proposing.bands import designed_for_tune
+from rotorid.proposing.proposal import tune
+from rotorid.results.summary import ControllerSettings
 from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.simulation.wind import Wind
 from rotorid.vehicles.px4 import with_gains

@@ -10,11 +10,11 @@ import pytest
 
 from rotorid.data.flight_plan import Shape
 from rotorid.documents.result import result_document
+from rotorid.flying.designs import Designed, design
+from rotorid.flying.settings import DesignChoices, PlanChoices, SimulateChoices
+from rotorid.flying.simulation import fly_run, write_run
+from rotorid.identifying.identification import identify
 from rotorid.io.registry import read
-from rotorid.pipeline.designs import Designed, design
-from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices, SimulateChoices
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.simulation import fly_run, write_run
 from rotorid.simulation.wind import Wind
 from rotorid.typing import Axis
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from tests.twins.everyday_flights import Case, Score, cases, fly, hover_delay, record_of, scores
 
-from rotorid.pipeline.preparation.whole_flights import flown
-from rotorid.pipeline.review.loops import LOOPS, loop_of
+from rotorid.flights.whole_flights import flown
+from rotorid.reviewing.loops import LOOPS, loop_of
 
 PLANNED: Mapping[str, tuple[str, float]] = {
     "rise_time_s": ("relative", 0.05),

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rotorid.flying.designs import plan_for
+from rotorid.flying.settings import PlanChoices, SimulateChoices
+from rotorid.flying.simulation import everyday_plan, fly_run, truth_of, write_run
+from rotorid.flying.stitching import Stitched, stitch
+from rotorid.identifying.identification import identify
 from rotorid.io.registry import read
-from rotorid.pipeline.designs import plan_for
-from rotorid.pipeline.flight_settings import PlanChoices, SimulateChoices
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.simulation import everyday_plan, fly_run, truth_of, write_run
-from rotorid.pipeline.stitching import Stitched, stitch
+from rotorid.results.model import IdentifiedModel
 from rotorid.simulation.multirotor_flight import piloted
 from rotorid.vehicles import aircraft
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from rotorid.data.flight_plan import SimulatedFlight
+from rotorid.flying.designs import plan_for
+from rotorid.flying.settings import PlanChoices
+from rotorid.flying.simulation import simulate
+from rotorid.identifying.identification import identify
 from rotorid.io.registry import write_log
-from rotorid.pipeline.designs import plan_for
-from rotorid.pipeline.flight_settings import PlanChoices
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.simulation import simulate
+from rotorid.results.model import IdentifiedModel
 from rotorid.vehicles import aircraft, hummingbird
 
 STEPS = hummingbird.STEPS

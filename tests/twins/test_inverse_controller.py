@@ -10,15 +10,15 @@ import pytest
 from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.excitation.sweep import pilot_sweep
+from rotorid.fits.frequency.inverse import Screened, pose_screened, require_vehicle
+from rotorid.fits.time.fit import TimeMethod
+from rotorid.flights.flights import Flight
+from rotorid.flights.measure import measure
+from rotorid.identifying.identification import identify
 from rotorid.models.library import rate_model
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.fits.time.fit import TimeMethod
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.inverse import Screened, pose_screened, require_vehicle
-from rotorid.pipeline.preparation.measure import measure
-from rotorid.pipeline.preparation.resolve import named_model
-from rotorid.pipeline.settings import IdentifySettings, parse_segment
+from rotorid.settings.resolve import named_model
+from rotorid.settings.settings import IdentifySettings, parse_segment
 from rotorid.typing import FloatArray
 
 RATE_HZ = 250.0

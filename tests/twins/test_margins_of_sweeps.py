@@ -18,9 +18,9 @@ from tests.twins.test_tuned_loops import fly, mistuned
 
 import rotorid
 from rotorid.data.record import AXES
-from rotorid.pipeline.preparation.controllers import acting_on
-from rotorid.pipeline.preparation.loops import NUMBERS, RateLoop, figures_of, rate_loop, read_margins
-from rotorid.pipeline.preparation.plants import drawn_plant
+from rotorid.flights.controllers import acting_on
+from rotorid.loops.plants import drawn_plant
+from rotorid.loops.rate_loops import NUMBERS, RateLoop, figures_of, rate_loop, read_margins
 from rotorid.signal.filters import butterworth_low_pass, combined_response
 from rotorid.simulation.hover_flight import OUTPUTS
 from rotorid.simulation.linearization import linearize

@@ -25,11 +25,11 @@ from tests.twins.everyday_flights import (
 
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
+from rotorid.flights.whole_flights import flown
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.controller import RateController
-from rotorid.pipeline.preparation.whole_flights import flown
-from rotorid.pipeline.review.margins import NUMBERS, margins
-from rotorid.pipeline.review.values import MarginReview, Untold
+from rotorid.reviewing.margins import NUMBERS, margins
+from rotorid.reviewing.values import MarginReview, Untold
 from rotorid.signal.filters import butterworth_low_pass
 from rotorid.simulation.hover_flight import OUTPUTS
 from rotorid.simulation.linearization import linearize

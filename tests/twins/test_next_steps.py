@@ -14,13 +14,13 @@ from tests.unit.cli.commands import rotorid
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.documents.vehicle import named_vehicle
+from rotorid.flying.designs import computed_for, has_room, plan_with
+from rotorid.flying.flight_air import flown_as
+from rotorid.flying.next_steps import KnownOfLog, next_steps, sweep_for_tune
+from rotorid.flying.settings import DesignChoices, PlanChoices
+from rotorid.flying.simulation import everyday_plan, truth_of
+from rotorid.flying.user_vehicles import hovering_at
 from rotorid.io.registry import LogFormat, read, write_log
-from rotorid.pipeline.designs import computed_for, has_room, plan_with
-from rotorid.pipeline.flight_air import flown_as
-from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
-from rotorid.pipeline.next_steps import KnownOfLog, next_steps, sweep_for_tune
-from rotorid.pipeline.own_vehicles import hovering_at
-from rotorid.pipeline.simulation import everyday_plan, truth_of
 from rotorid.simulation.multirotor_flight import changed, fly_multirotor
 from rotorid.vehicles.catalog import aircraft
 from rotorid.vehicles.px4 import with_gains

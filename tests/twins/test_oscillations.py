@@ -32,10 +32,10 @@ from tests.twins.oscillating_flights import (
 
 import rotorid
 from rotorid.data.flight_plan import SimulatedFlight
+from rotorid.flights.oscillations import reviewed_oscillations
 from rotorid.io.ardupilot.writer import write_ardupilot
 from rotorid.io.betaflight.writer import write_betaflight
 from rotorid.io.px4.writer import write_px4
-from rotorid.pipeline.oscillations import reviewed_oscillations
 from rotorid.signal.oscillations import check_oscillations
 
 JITTERS = (0.0, 0.3)

@@ -15,18 +15,18 @@ from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.documents.result import result_document
 from rotorid.excitation.plan import planned
 from rotorid.excitation.sweep import pilot_sweep
+from rotorid.flying.designs import expected_values
+from rotorid.identifying.identification import identify
 from rotorid.io.registry import read, write_log
 from rotorid.models.library import RATE_AXES, library_model, rate_model
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.designs import expected_values
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import IdentifySettings
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.expected import FitChoices
 from rotorid.planning.loop import vehicle_loop
 from rotorid.planning.prediction import Prediction, predict
+from rotorid.results.model import IdentifiedModel
+from rotorid.settings.settings import IdentifySettings
 from rotorid.simulation.hover_flight import Excitation, HoverVehicle, SensorNoise, fly
 from rotorid.simulation.multirotor_flight import fly_multirotor
 from rotorid.simulation.wind import Wind

@@ -11,12 +11,12 @@ import rotorid
 from rotorid.data.record import FlightRecord
 from rotorid.documents.result import load, save
 from rotorid.documents.tune import tune_document
+from rotorid.flying.designs import plan_with
+from rotorid.flying.settings import DesignChoices, PlanChoices
 from rotorid.io.registry import read, write_log
-from rotorid.pipeline import tune
-from rotorid.pipeline.designs import plan_with
-from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.tuning.bands import designed_for_tune
+from rotorid.proposing import tune
+from rotorid.proposing.bands import designed_for_tune
+from rotorid.results.model import IdentifiedModel
 from rotorid.simulation import Wind
 from rotorid.simulation.multirotor_flight import fly_multirotor
 

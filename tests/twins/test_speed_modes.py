@@ -9,9 +9,9 @@ import pytest
 import rotorid
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.designs import plan_for
-from rotorid.pipeline.flight_settings import PlanChoices, SimulateChoices
-from rotorid.pipeline.simulation import fly_run, truth_of, write_run
+from rotorid.flying.designs import plan_for
+from rotorid.flying.settings import PlanChoices, SimulateChoices
+from rotorid.flying.simulation import fly_run, truth_of, write_run
 
 
 @pytest.fixture(scope="module")

@@ -16,15 +16,15 @@ from tests.unit.pipeline.motor_logs import ARM_M, with_speeds
 import rotorid
 from rotorid.data.record import FlightRecord, MotorRecord
 from rotorid.errors import InsufficientDataError
+from rotorid.fits.motors import fit
 from rotorid.fitting.motors.excitation import excitations
 from rotorid.fitting.motors.fit import MotorFit, fit_motors
 from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.fitting.motors.speed import measured_speed, motor_speed
+from rotorid.identifying.identification import identify_motors
 from rotorid.models.library import library_model
 from rotorid.models.motors import motor_parameters
-from rotorid.pipeline.fits.motors import fit
-from rotorid.pipeline.identification import identify_motors
-from rotorid.pipeline.settings import MotorChoices
+from rotorid.settings.settings import MotorChoices
 from rotorid.vehicles import aircraft, hummingbird
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 

@@ -20,17 +20,9 @@ from benchmarks.tuning_fleet import made
 import rotorid
 from rotorid.data.record import AXES
 from rotorid.documents.tune_check import load_foretold
-from rotorid.pipeline import (
-    PlanChoices,
-    SimulateChoices,
-    TuningProposal,
-    check_tuning,
-    fly_run,
-    plan_for,
-    tune,
-    write_run,
-)
-from rotorid.pipeline.preparation.loops import loop_by_injection
+from rotorid.flying import PlanChoices, SimulateChoices, fly_run, plan_for, write_run
+from rotorid.loops.rate_loops import loop_by_injection
+from rotorid.proposing import TuningProposal, check_tuning, tune
 from rotorid.report.files import write_tuning, write_tuning_check
 from rotorid.simulation import Wind
 from rotorid.simulation.hover_flight import OUTPUTS

@@ -15,13 +15,13 @@ import numpy as np
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.excitation.sweep import pilot_sweep
+from rotorid.fits.frequency.fit import pose
 from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.flights.flights import Flight
+from rotorid.flights.measure import measure
 from rotorid.models.library import library_model
-from rotorid.pipeline.fits.frequency.fit import pose
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.measure import measure
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.settings.settings import IdentifySettings
 from rotorid.simulation.hover_flight import Excitation, fly
 from rotorid.simulation.linear_loop import LinearLoop, fly_linear
 from rotorid.typing import Axis, FloatArray

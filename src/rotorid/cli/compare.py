@@ -10,7 +10,7 @@ import typer
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
 from rotorid.cli.options import ForPaper, Map, Only, Output
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.settings.settings import IdentifySettings
 
 if TYPE_CHECKING:
     from rotorid.documents.compare import CompareDocument
@@ -29,7 +29,7 @@ def compare_command(
 ) -> None:
     """Put models and methods side by side, on the same data with --log."""
     from rotorid.documents.compare import compare_document, read_results
-    from rotorid.pipeline.comparison import compare, refused_comparison
+    from rotorid.identifying.comparison import compare, refused_comparison
     from rotorid.report.compare import JSON, write_comparison
     from rotorid.report.publication import of_comparison
 

@@ -11,12 +11,12 @@ import typer
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
 from rotorid.cli.options import Logs, Map, Output
-from rotorid.pipeline.settings import MeasureSettings
+from rotorid.settings.settings import MeasureSettings
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
     from rotorid.documents.delay import DelayDocument, DelayEstimateDocument
-    from rotorid.pipeline.delays import Delays
+    from rotorid.identifying.delays import Delays
 
 FILE = "delay.json"
 _WAYS = {"records": "by the records", "response": "by the frequency response", "samples": "in whole samples"}
@@ -52,8 +52,8 @@ def delay_command(
     Exit code 1 where the data contradict the delay of a pair: it is left out, and the reason is said.
     """
     from rotorid.documents.delay import delay_document
+    from rotorid.identifying.delays import delay, refused_delay
     from rotorid.io.files import write_atomically
-    from rotorid.pipeline.delays import delay, refused_delay
     from rotorid.report.files import to_json, write_together
 
     results: list[Delays] = []

@@ -17,7 +17,7 @@ from rotorid.cli.preferences import results_folder
 from rotorid.data.quantity import TWO_SIDED_95
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.demo import Demonstration
+    from rotorid.flying.demo import Demonstration
 
 
 def demo_command(
@@ -31,10 +31,10 @@ def demo_command(
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Fly the built-in vehicle, identify it, verify it and write the report. Needs no data and no network."""
+    from rotorid.flying.demo import LOG_NAME, fly_demo, identify_demo
     from rotorid.io.files import write_atomically
     from rotorid.io.folders import making
     from rotorid.io.registry import read
-    from rotorid.pipeline.demo import LOG_NAME, fly_demo, identify_demo
     from rotorid.report.files import write_overview_report, write_results
 
     target = target_of(output, results_folder() / "demo", "demo", paper)
@@ -72,7 +72,7 @@ def _print(demo: Demonstration, folder: Path) -> None:
     from rich.table import Table
 
     from rotorid.cli.console import output_console
-    from rotorid.pipeline.demo import LOG_NAME
+    from rotorid.flying.demo import LOG_NAME
 
     console = output_console()
     table = Table(title="what was identified, and what flew", title_justify="left", box=None, pad_edge=False)

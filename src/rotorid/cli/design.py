@@ -18,7 +18,7 @@ from rotorid.cli.options import ForPaper, Only, Output, one_of, vehicle_names
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import Like, say_taken
 from rotorid.errors import UsageError
-from rotorid.pipeline.flight_settings import Air, DesignChoices, PlanChoices, parse_shape, plan_choices
+from rotorid.flying.settings import Air, DesignChoices, PlanChoices, parse_shape, plan_choices
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Shape
@@ -88,10 +88,10 @@ def design_command(
 ) -> None:
     """Plan a flight: test inputs as large as limits allow, what they will tell, files for pilot and autopilot."""
     from rotorid.documents.vehicle import named_vehicle
+    from rotorid.flying.designs import design as plan_flights
+    from rotorid.flying.flight_air import flown_as
     from rotorid.io.folders import making
     from rotorid.io.registry import read
-    from rotorid.pipeline.designs import design as plan_flights
-    from rotorid.pipeline.flight_air import flown_as
     from rotorid.report.files import require_autopilot, to_json, write_design
 
     require_autopilot(autopilot)
@@ -151,8 +151,8 @@ def _for_tune(choices: DesignChoices, given: Path) -> DesignChoices:
     """The same design with the gains of a log or a result, and the band that they need."""
     from rotorid.documents.results import is_result, load_results
     from rotorid.io.registry import read
-    from rotorid.pipeline.tuning.bands import designed_for_tune
     from rotorid.planning.prior import read_prior
+    from rotorid.proposing.bands import designed_for_tune
 
     if not is_result(given):
         return designed_for_tune(choices, record=read(given))
@@ -164,7 +164,7 @@ def _for_tune(choices: DesignChoices, given: Path) -> DesignChoices:
 
 def _shape(kind: str, vehicle: VehicleEntry) -> Shape:
     """The shape that a kind names; a plain sweep is the one that the autopilot can fly."""
-    from rotorid.pipeline.designs import sweep_of
+    from rotorid.flying.designs import sweep_of
 
     return sweep_of(vehicle.aircraft) if kind == "sweep" else parse_shape(kind)
 

@@ -15,11 +15,11 @@ from rotorid.cli.console import output_console, progress
 from rotorid.cli.options import Output, one_of
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.examples import Example
+    from rotorid.flying.examples import Example
 
 
 def _names() -> Iterable[str]:
-    from rotorid.pipeline.examples import EXAMPLES
+    from rotorid.flying.examples import EXAMPLES
 
     return EXAMPLES
 
@@ -37,7 +37,7 @@ def example_command(
 ) -> None:
     """Write a small log, made by the simulator in seconds, and say what to try on it."""
     from rotorid.errors import UsageError
-    from rotorid.pipeline.examples import EXAMPLES, example_named
+    from rotorid.flying.examples import EXAMPLES, example_named
 
     if name is None:
         if output.json or output.out is not None:

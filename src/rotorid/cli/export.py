@@ -16,7 +16,7 @@ from rotorid.cli.options import Output, measured, one_of
 if TYPE_CHECKING:
     from rotorid.documents.export import DrawsDocument, ExportDocument
     from rotorid.exports.target import ExportChoices, Exported
-    from rotorid.pipeline.joined import JoinedVehicle
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
 
 FILE = "export.json"
 
@@ -101,10 +101,10 @@ def export_command(
     from rotorid.documents.export import DrawsDocument
     from rotorid.documents.results import load_results
     from rotorid.exports.targets import export, export_draws, joined, target_named
+    from rotorid.flying.settings import parse_changes
     from rotorid.io.folders import making, target_folder
-    from rotorid.pipeline.flight_settings import parse_changes
-    from rotorid.pipeline.settings import chosen_layout, require_seed
     from rotorid.report.files import result_kind
+    from rotorid.settings.settings import chosen_layout, require_seed
 
     target_named(to)
     require_seed(seed)

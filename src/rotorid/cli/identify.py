@@ -15,7 +15,7 @@ from rotorid.cli.console import INKS, default_folder, output_console, print_find
 from rotorid.cli.options import ForPaper, Logs, Map, Output, models_known, one_of
 from rotorid.data.trust import BOUNDS_MEANING
 from rotorid.errors import UsageError
-from rotorid.pipeline.settings import ALL, HOVER, MODEL, IdentifySettings, motor_choices, parse_names
+from rotorid.settings.settings import ALL, HOVER, MODEL, IdentifySettings, motor_choices, parse_names
 from rotorid.units import require_units
 
 if TYPE_CHECKING:
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
     from rotorid.documents.base import FindingDocument
     from rotorid.documents.result import ResultDocument
+    from rotorid.identifying.identify_many import SeveralModels
     from rotorid.models.nonlinear import NonlinearStructure
     from rotorid.models.structure import LinearStructure
-    from rotorid.pipeline.results import IdentifiedModel
-    from rotorid.pipeline.several import SeveralModels
-    from rotorid.pipeline.summary import ParameterEstimate, SearchRuns
+    from rotorid.results.model import IdentifiedModel
+    from rotorid.results.summary import ParameterEstimate, SearchRuns
 
 
 def identify_command(
@@ -84,12 +84,12 @@ def identify_command(
 ) -> None:
     """Identify a model from flight logs: responses, bounds, verification, report."""
     from rotorid.documents.result import refused_document, result_document
+    from rotorid.identifying.cross_validation import cross_validated, parse_kind
+    from rotorid.identifying.identification import identify, refused
     from rotorid.models.nonlinear import NonlinearStructure
-    from rotorid.pipeline.cross_validation import cross_validated, parse_kind
-    from rotorid.pipeline.identification import identify, refused
-    from rotorid.pipeline.preparation.resolve import AUTO, nonlinear_of
     from rotorid.report.files import write_results
     from rotorid.report.publication import of_model
+    from rotorid.settings.resolve import AUTO, nonlinear_of
 
     kind = parse_kind(cross_validate)
     models = [name for text in model for name in parse_names(text)]
@@ -154,7 +154,7 @@ def _require_nonlinear(
     decoupled: bool,
 ) -> None:
     """Refuse options that a nonlinear model does not have, before any log is read for it."""
-    from rotorid.pipeline.fits.time.nonlinear import require_choices
+    from rotorid.identifying.nonlinear import require_choices
 
     beside = {"--cross-validate": kind, "--inputs": inputs, "--decoupled": decoupled}
     if wrong := [name for name, given in beside.items() if given]:
@@ -177,9 +177,9 @@ def _identify_several(
 ) -> None:
     """Several models into one folder: a folder for each with its files, one report, one ``results.json``."""
     from rotorid.documents.results import RESULTS, ResultsDocument, refused_results, results_document
-    from rotorid.pipeline.preparation.resolve import require_known
-    from rotorid.pipeline.several import identify_several, none_stands, own_choices, require_known_by_any
+    from rotorid.identifying.identify_many import identify_several, none_stands, own_choices, require_known_by_any
     from rotorid.report.several import write_several
+    from rotorid.settings.resolve import require_known
 
     asked: str | list[LinearStructure | str] = ALL if models == [ALL] else [_named(name, settings) for name in models]
     _require_units(() if isinstance(asked, str) else asked, settings)
@@ -227,7 +227,7 @@ def _identify_several(
 
 def _named(name: str, settings: IdentifySettings) -> LinearStructure | str:
     """One of several models."""
-    from rotorid.pipeline.preparation.resolve import finds_its_channels, resolve_model
+    from rotorid.settings.resolve import finds_its_channels, resolve_model
 
     if name == MODEL or finds_its_channels(name):
         return name
@@ -252,7 +252,7 @@ def _require_units(models: Iterable[str | LinearStructure | NonlinearStructure],
 
 def _wanted(model: str, settings: IdentifySettings, *, inputs: str | None, decoupled: bool) -> str | LinearStructure:
     """The structure, or the name of one that takes its channels from the logs."""
-    from rotorid.pipeline.preparation.resolve import finds_its_channels, require_known, resolve_model
+    from rotorid.settings.resolve import finds_its_channels, require_known, resolve_model
 
     drivers = parse_names(inputs) if inputs else ()
     if finds_its_channels(model, drivers):

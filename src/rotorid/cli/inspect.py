@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from rotorid.data.findings import Finding
     from rotorid.data.flight_plan import FlightPlan
     from rotorid.data.record import FlightRecord, Maneuver
-    from rotorid.pipeline.inspection import Inspection, LoggedChannel
-    from rotorid.pipeline.preparation.consistency import ChannelSkew
+    from rotorid.flights.consistency import ChannelSkew
+    from rotorid.reviewing.inspection import Inspection, LoggedChannel
 
 Plot: TypeAlias = Annotated[
     Path | None, typer.Option("--plot", help="Write a picture of the log: FILE.html or FILE.png.")
@@ -116,8 +116,8 @@ def plan_of(file: Path | None) -> FlightPlan | None:
 
 def _inspected(record: FlightRecord, plan: FlightPlan | None) -> Inspection:
     """What a log holds, and what it has of a plan."""
-    from rotorid.pipeline.inspection import inspect
-    from rotorid.pipeline.plan_checks import plan_findings
+    from rotorid.flying.plan_checks import plan_findings
+    from rotorid.reviewing.inspection import inspect
 
     inspection = inspect(record)
     if plan is None:

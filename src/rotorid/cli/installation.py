@@ -293,7 +293,7 @@ def _self_test() -> list[Check]:
     """A flight made, written, read and identified, in a process of its own: a library that crashes ends that one."""
     begun = time.monotonic()
     child = subprocess.run(
-        [sys.executable, "-c", "from rotorid.pipeline.self_test import main; main()"],
+        [sys.executable, "-c", "from rotorid.flying.self_test import main; main()"],
         capture_output=True,
         text=True,
         timeout=_PATIENCE_S,

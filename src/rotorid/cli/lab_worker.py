@@ -70,7 +70,7 @@ def _do(words: list[str]) -> None:
     if words[0] in ("read", "fly"):
         log, folder = Path(words[1]), Path(words[2])
         if words[0] == "fly":
-            from rotorid.pipeline.demo import fly_demo
+            from rotorid.flying.demo import fly_demo
 
             logging.getLogger("rotorid.progress").info("flying")
             fly_demo(log, seed=0)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from rotorid.cli.options import Json, models_known, one_of
-from rotorid.pipeline.settings import MODEL, parse_names
+from rotorid.settings.settings import MODEL, parse_names
 
 if TYPE_CHECKING:
     from rotorid.models.nonlinear import NonlinearStructure
@@ -145,7 +145,7 @@ def _text(
         nonlinear_model_names,
     )
     from rotorid.models.toml import from_toml, to_toml
-    from rotorid.pipeline.preparation.resolve import named_model
+    from rotorid.settings.resolve import named_model
 
     if name == MODEL:
         raise UsageError(

@@ -1,7 +1,7 @@
 """Options of commands: those of settings, made from their fields, and the few that several commands share.
 
 A command is a function. Where one of its arguments is a class of settings, :func:`with_options` puts an option for
-every field with an :class:`~rotorid.pipeline.settings.Option` in its place, and hands the command the settings.
+every field with an :class:`~rotorid.settings.settings.Option` in its place, and hands the command the settings.
 
 Numbers may be given with a unit. Options with a short list of words are completed by the shell.
 """
@@ -15,7 +15,7 @@ from typing import Annotated, Any, ForwardRef, Literal, TypeAlias, get_args, get
 
 import typer
 
-from rotorid.pipeline.settings import Option, option_of, parse_names
+from rotorid.settings.settings import Option, option_of, parse_names
 from rotorid.units import read_measure
 
 UNITS_OF_NAMES = {"_rad_s": "rad/s", "_m_s": "m/s", "_kg": "kg", "_rad": "rad", "_m": "m", "_s": "s", "_v": "V"}
@@ -39,7 +39,7 @@ def measured(name: str, unit: str, help: str, *, heading: str | None = None) -> 
     Parameters
     ----------
     name, help, heading
-        As of an :class:`~rotorid.pipeline.settings.Option`.
+        As of an :class:`~rotorid.settings.settings.Option`.
     unit
         Of the number that the command is given.
     """
@@ -82,7 +82,7 @@ def vehicle_names() -> Iterable[str]:
 def models_known() -> Iterable[str]:
     """Models of the library that need no more than their name."""
     from rotorid.models.library import RATE_AXES, RESPONSE_MODELS, model_names, nonlinear_model_names
-    from rotorid.pipeline.settings import ALL, HOVER, MODEL
+    from rotorid.settings.settings import ALL, HOVER, MODEL
 
     return dict.fromkeys((*model_names(), *RATE_AXES, *nonlinear_model_names(), MODEL, HOVER, *RESPONSE_MODELS, ALL))
 

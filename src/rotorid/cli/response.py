@@ -11,7 +11,7 @@ from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
 from rotorid.cli.options import ForPaper, Logs, Map, Output
 from rotorid.errors import UsageError
-from rotorid.pipeline.settings import ResponseSettings
+from rotorid.settings.settings import ResponseSettings
 
 if TYPE_CHECKING:
     from rotorid.documents.response import LoopDocument, ResponseDocument
@@ -45,7 +45,7 @@ def response_command(
 ) -> None:
     """Estimate frequency responses with coherence and random error, and the margins of the loop."""
     from rotorid.documents.response import response_document
-    from rotorid.pipeline.responses import refused_response, response
+    from rotorid.loops.responses import refused_response, response
     from rotorid.report.files import write_responses
     from rotorid.report.publication import of_responses
 

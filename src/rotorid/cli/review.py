@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from rotorid.data.flight_plan import FlightPlan
     from rotorid.data.record import FlightRecord
     from rotorid.documents.base import Document
-    from rotorid.pipeline.review.values import Review
     from rotorid.plot.printed import PrintedAs
+    from rotorid.reviewing.values import Review
 
 FILE, ARRAYS, PAGE = "review.json", "review.npz", "review.html"
 _STYLES = {"warning": "bold yellow", "error": "bold red"}
@@ -44,8 +44,8 @@ def review_command(
     """Say everything that ordinary flights tell: loops, steps, margins, models, noise, motors."""
     from rotorid.documents.base import to_json
     from rotorid.io.folders import making
-    from rotorid.pipeline.review.review import review, told_anything
     from rotorid.report.review import render_reviews
+    from rotorid.reviewing.assembly import review, told_anything
 
     found = Found.behind(logs)
     target = target_of(output, default_folder(found.files, "review"), FILE, paper)
@@ -81,7 +81,7 @@ def _against(plan: FlightPlan | None, record: FlightRecord, seen: Review) -> Rev
     """A review with what the log has of a plan among its findings."""
     if plan is None:
         return seen
-    from rotorid.pipeline.plan_checks import plan_findings
+    from rotorid.flying.plan_checks import plan_findings
 
     return replace(seen, findings=worst_first((*plan_findings(record, plan), *seen.findings)))
 
@@ -118,9 +118,9 @@ def _write_figures(folder: Path, seen: Sequence[Review], kind: PrintedAs) -> Non
 
 def _print(seen: Review, file: Path, map: Path | None = None) -> None:
     """One screen: what flew, a line for each card, warnings, what cannot be told, what comes next."""
-    from rotorid.pipeline.review.cards import cards
-    from rotorid.pipeline.review.words import gathered
     from rotorid.report.review import headline
+    from rotorid.reviewing.cards import cards
+    from rotorid.reviewing.words import gathered
 
     console = output_console()
 

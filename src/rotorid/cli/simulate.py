@@ -15,14 +15,14 @@ from rotorid.cli.options import ForPaper, Map, Output, measured, one_of, vehicle
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import Like, say_taken
 from rotorid.errors import UsageError
-from rotorid.pipeline.flight_settings import Air, PlanChoices, SimulateChoices, plan_choices
-from rotorid.pipeline.settings import FlySettings, parse_segments
+from rotorid.flying.settings import Air, PlanChoices, SimulateChoices, plan_choices
+from rotorid.settings.settings import FlySettings, parse_segments
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Entry, FlightPlan
     from rotorid.documents.design import SimulationDocument
     from rotorid.documents.flown import FlownDocument
-    from rotorid.pipeline.results import IdentifiedModel
+    from rotorid.results.model import IdentifiedModel
 
 _NO_PLAN = "none"
 EVERYDAY = "everyday"
@@ -180,7 +180,7 @@ def _models(results: list[str]) -> list[IdentifiedModel]:
 def _fliers(vehicle: list[str]) -> list[IdentifiedModel]:
     """Results that fly plans by themselves, since set-points are their inputs; none where these are vehicles."""
     from rotorid.documents.result import load
-    from rotorid.pipeline.flown_models import flies_plans
+    from rotorid.flying.flown_models import flies_plans
 
     folders = [Path(one) for one in vehicle]
     if not all((one / "result.json").is_file() if one.is_dir() else one.name == "result.json" for one in folders):
@@ -196,7 +196,7 @@ def _fly_log(
 ) -> None:
     """Fly an identified model through logs, and write what it did beside what was measured."""
     from rotorid.documents.flown import FLOWN, flown_document, refused_flown_document
-    from rotorid.pipeline.flown_models import fly_log, one_model, refused_flight
+    from rotorid.flying.flown_models import fly_log, one_model, refused_flight
     from rotorid.report.files import write_flown
     from rotorid.report.publication import of_flown
 
@@ -225,7 +225,7 @@ def _fly_plan(
     """Fly an identified model through a plan, and write what it did."""
     from rotorid.documents.design import read_plan
     from rotorid.documents.flown import FLOWN, flown_document
-    from rotorid.pipeline.flown_models import fly_plan
+    from rotorid.flying.flown_models import fly_plan
     from rotorid.report.files import write_flown
     from rotorid.report.publication import of_flown
 
@@ -286,8 +286,8 @@ def _refuse_of_the_rig(plan: str | None, air: Air, flight: dict[str, Any]) -> No
 def _plan(given: str | None, flight: SimulateChoices) -> FlightPlan | None:
     """The plan that the user named, ordinary sticks, none, or test inputs and two doublets of each axis."""
     from rotorid.documents.design import read_plan
-    from rotorid.pipeline.designs import plan_for, sweep_of
-    from rotorid.pipeline.simulation import EVERYDAY_S, everyday_plan
+    from rotorid.flying.designs import plan_for, sweep_of
+    from rotorid.flying.simulation import EVERYDAY_S, everyday_plan
     from rotorid.simulation.multirotor_flight import changed
 
     craft = flight.aircraft

@@ -38,10 +38,10 @@ def stitch_command(
 ) -> None:
     """Stitch models that were identified at several speeds into one over speed."""
     from rotorid.documents.stitched import read_models, stitched_document
-    from rotorid.pipeline.checking.controllers import read_controllers
-    from rotorid.pipeline.settings import require_seed
-    from rotorid.pipeline.stitching import refused_flight, stitch
+    from rotorid.flights.given_controllers import read_controllers
+    from rotorid.flying.stitching import refused_flight, stitch
     from rotorid.report.stitched import JSON, write_stitched
+    from rotorid.settings.settings import require_seed
 
     require_seed(seed)
     models = read_models(results)

@@ -15,8 +15,8 @@ from rotorid.cli.options import ForPaper, Log, Map, Only, Output, measured, one_
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
     from rotorid.documents.track import TrackDocument
-    from rotorid.pipeline.results import IdentifiedModel
-    from rotorid.pipeline.tracking import FlightTracking
+    from rotorid.identifying.tracking import FlightTracking
+    from rotorid.results.model import IdentifiedModel
 
 FILE = "track.json"
 
@@ -50,11 +50,11 @@ def track_command(
     """Follow a model through a flight: payload dropped, propellers damaged, battery sagging."""
     from rotorid.data.findings import refusal
     from rotorid.documents.track import track_arrays, track_document
+    from rotorid.identifying.tracking import TrackChoices, track
     from rotorid.io.files import write_atomically, write_npz
-    from rotorid.pipeline.provenance import refused
-    from rotorid.pipeline.tracking import TrackChoices, track
     from rotorid.report.files import to_json, write_together
     from rotorid.report.track import render_track
+    from rotorid.results.provenance import refused
 
     choices = TrackChoices(first_s=first, step_share=step, thrust_exponent=thrust_exponent)
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from rotorid.documents.review import QuantityDocument
     from rotorid.documents.tune import AxisTuneDocument, TuneDocument
     from rotorid.documents.tune_check import TuneCheckDocument
-    from rotorid.pipeline.results import IdentifiedModel
-    from rotorid.pipeline.tuning.proposal import TuneSettings, TuningProposal
+    from rotorid.proposing.proposal import TuneSettings, TuningProposal
+    from rotorid.results.model import IdentifiedModel
 
 _GAINS = ("P", "I", "D", "A")
 
@@ -119,10 +119,10 @@ def tune_command(
 ) -> None:
     """Propose gains that hold for every likely plant, and write files for the autopilot with a way back."""
     from rotorid.documents.tune import TUNE, refused_tune_document, tune_document
-    from rotorid.pipeline.flight_settings import parse_assignments
-    from rotorid.pipeline.settings import parse_names
-    from rotorid.pipeline.tuning.filters import numbered
-    from rotorid.pipeline.tuning.proposal import TUNED_AXES, TuneSettings, refused_tuning, tune
+    from rotorid.flying.settings import parse_assignments
+    from rotorid.proposing.filters import numbered
+    from rotorid.proposing.proposal import TUNED_AXES, TuneSettings, refused_tuning, tune
+    from rotorid.settings.settings import parse_names
 
     stay = _staying(keep, only)
     changed = parse_assignments([numbered(one) for one in filters or ()], option="--set", units={})
@@ -165,8 +165,8 @@ def _check(
 ) -> None:
     """Compare a flight with what was foretold of it."""
     from rotorid.documents.tune_check import CHECK, load_foretold, refused_check_document, tune_check_document
-    from rotorid.pipeline.tuning.check import check_tuning
-    from rotorid.pipeline.tuning.proposal import refused_tuning
+    from rotorid.proposing.check import check_tuning
+    from rotorid.proposing.proposal import refused_tuning
     from rotorid.report.files import write_tuning_check
 
     if not logs:
@@ -197,7 +197,7 @@ def _staying(keep: str | None, only: str | None) -> tuple[str, ...]:
     UsageError
         Both lists came, or a gain is unknown.
     """
-    from rotorid.pipeline.settings import parse_names
+    from rotorid.settings.settings import parse_names
 
     if keep and only:
         raise UsageError("--keep and --only came together", needed="one of them")

@@ -11,7 +11,7 @@ import typer
 
 from rotorid.cli.console import say
 from rotorid.cli.options import Json, one_of, vehicle_names
-from rotorid.pipeline.flight_settings import parse_changes
+from rotorid.flying.settings import parse_changes
 
 if TYPE_CHECKING:
     from rotorid.documents.vehicle import NamedVehicle

@@ -10,11 +10,11 @@ import typer
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
 from rotorid.cli.options import ForPaper, Logs, Map, Output
-from rotorid.pipeline.settings import VerifySettings
+from rotorid.settings.settings import VerifySettings
 
 if TYPE_CHECKING:
     from rotorid.documents.verify import VerifyDocument
-    from rotorid.pipeline.verification import Verified
+    from rotorid.identifying.verification import Verified
 
 FILE, REPORT = "verification.json", "report.html"
 
@@ -29,9 +29,9 @@ def verify_command(
     paper: ForPaper,
 ) -> None:
     """Judge an identified model on data that it has not seen."""
+    from rotorid.checking.candidate import read_candidate
     from rotorid.documents.verify import refused_verify_document, verify_document
-    from rotorid.pipeline.checking.candidate import read_candidate
-    from rotorid.pipeline.verification import refused_verification, verify
+    from rotorid.identifying.verification import refused_verification, verify
     from rotorid.report.publication import of_verification
 
     candidate = read_candidate(result)

@@ -13,12 +13,12 @@ from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.result import MODEL, model_of, read_result, read_text
 from rotorid.documents.results import result_files
 from rotorid.errors import UsageError
+from rotorid.identifying.comparison import ComparedManeuver, Comparison, Entry, OnLogsSummary, basis_of, scored_outputs
+from rotorid.identifying.cross_validation import signal_scores
 from rotorid.models.parameter import Status
 from rotorid.models.toml import structure_from_toml
-from rotorid.pipeline.comparison import ComparedManeuver, Comparison, Entry, OnLogsSummary, basis_of, scored_outputs
-from rotorid.pipeline.cross_validation import signal_scores
-from rotorid.pipeline.summary import DelayBudget, FitVerdict, ParameterEstimate, PoleEstimate, SignalScore, finite
-from rotorid.pipeline.verdicts import verdict
+from rotorid.results.summary import DelayBudget, FitVerdict, ParameterEstimate, PoleEstimate, SignalScore, finite
+from rotorid.results.verdicts import verdict
 from rotorid.uncertainty.differences import Difference, Verdict, differences
 from rotorid.verification.fixed_parameters import Kind
 

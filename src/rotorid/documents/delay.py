@@ -11,8 +11,8 @@ from rotorid.fitting.delay.estimate import EARLIEST_S, LONGEST_S, DelayEstimate
 from rotorid.fitting.delay.fit import OrderFit
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.delays import Delays, PairDelay
-    from rotorid.pipeline.provenance import Refused
+    from rotorid.identifying.delays import Delays, PairDelay
+    from rotorid.results.provenance import Refused
 
 
 class OrderDelayDocument(Document):

@@ -15,11 +15,11 @@ from rotorid.data.findings import Finding, worst_first
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
 from rotorid.documents.base import Document, FindingDocument, ManeuverDocument, ProvenanceDocument, checked
 from rotorid.errors import UsageError
+from rotorid.flying.designs import Designed, Told, best_of, computed_for
+from rotorid.flying.settings import DesignChoices
+from rotorid.flying.simulation import Simulation, flown_vehicle
 from rotorid.io import documents
-from rotorid.pipeline.designs import Designed, Told, best_of, computed_for
-from rotorid.pipeline.flight_settings import DesignChoices
-from rotorid.pipeline.provenance import Provenance
-from rotorid.pipeline.simulation import Simulation, flown_vehicle
+from rotorid.results.provenance import Provenance
 from rotorid.typing import Axis
 
 _DIGITS = 9

@@ -14,11 +14,11 @@ from pydantic import Field
 
 from rotorid.documents.base import Document, FindingDocument
 from rotorid.documents.result import MatricesDocument, matrices_document
-from rotorid.pipeline.summary import ParameterEstimate, PoleEstimate
+from rotorid.results.summary import ParameterEstimate, PoleEstimate
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.joined import JoinedVehicle, VehicleNumber
-    from rotorid.pipeline.results import IdentifiedModel
+    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
+    from rotorid.results.model import IdentifiedModel
 
 
 class NumberDocument(Document):

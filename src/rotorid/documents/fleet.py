@@ -14,7 +14,7 @@ from rotorid.fleets.analysis import FleetAnalysis, History
 from rotorid.fleets.populations import Population
 from rotorid.fleets.table import FAILED, TABLE, Counts, Failed
 from rotorid.fleets.verdicts import VehicleVerdict, checked, sentences, verdicts_of
-from rotorid.pipeline.summary import finite
+from rotorid.results.summary import finite
 from rotorid.uncertainty.differences import NOTICEABLE_SHARE, Verdict
 
 

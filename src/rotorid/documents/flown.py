@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
-from rotorid.pipeline.flown_models import FlownModel
-from rotorid.pipeline.results import Refused
-from rotorid.pipeline.summary import ParameterEstimate
+from rotorid.flying.flown_models import FlownModel
+from rotorid.results.model import Refused
+from rotorid.results.summary import ParameterEstimate
 from rotorid.verification.verification import Scores
 
 FLOWN, SIGNALS = "flown.json", "flown.npz"

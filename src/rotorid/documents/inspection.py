@@ -9,7 +9,7 @@ from pydantic import Field
 from rotorid.documents.base import Document, FindingDocument, ManeuverDocument
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.inspection import Inspection
+    from rotorid.reviewing.inspection import Inspection
 
 
 class NeedDocument(Document):

@@ -10,9 +10,9 @@ from pydantic import Field
 from rotorid.documents.base import Document, FindingDocument, Flags, ManeuverDocument, Numbers, ProvenanceDocument
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.preparation.loops import AxisLoop
-    from rotorid.pipeline.provenance import Refused
-    from rotorid.pipeline.responses import Responses
+    from rotorid.loops.rate_loops import AxisLoop
+    from rotorid.loops.responses import Responses
+    from rotorid.results.provenance import Refused
 
 
 class EstimatedDocument(Document):

@@ -22,9 +22,9 @@ from rotorid.models.nonlinear import NonlinearStructure, linear_of
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure, silent_structure
 from rotorid.models.toml import structure_from_toml
-from rotorid.pipeline.provenance import LoggedManeuver, Provenance
-from rotorid.pipeline.results import FittedData, IdentifiedModel, Refused, SimulatedRecord, no_response
-from rotorid.pipeline.summary import (
+from rotorid.results.model import FittedData, IdentifiedModel, Refused, SimulatedRecord, no_response
+from rotorid.results.provenance import LoggedManeuver, Provenance
+from rotorid.results.summary import (
     BootstrapSummary,
     Checks,
     Compared,
@@ -52,7 +52,7 @@ from rotorid.pipeline.summary import (
     SearchSummary,
     UnseenCombination,
 )
-from rotorid.pipeline.verdicts import verdict
+from rotorid.results.verdicts import verdict
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 

@@ -19,8 +19,8 @@ from rotorid.documents.result import (
     result_document,
 )
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.several import SeveralModels
+from rotorid.identifying.identify_many import SeveralModels
+from rotorid.results.model import IdentifiedModel
 
 RESULTS = "results.json"
 

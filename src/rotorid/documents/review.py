@@ -10,13 +10,13 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from rotorid.documents.base import Document, FindingDocument
 from rotorid.documents.result import ResultDocument, refused_document, result_document
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.review.cards import cards
+from rotorid.results.model import IdentifiedModel
+from rotorid.reviewing.cards import cards
 from rotorid.typing import Axis
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.oscillations import OscillationReview
-    from rotorid.pipeline.review.values import LoopReview, MarginReview, Review
+    from rotorid.flights.oscillations import OscillationReview
+    from rotorid.reviewing.values import LoopReview, MarginReview, Review
 
 
 class QuantityDocument(Document):

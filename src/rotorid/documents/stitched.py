@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field
 
 from rotorid.documents.base import Document, FindingDocument, Numbers, ProvenanceDocument
-from rotorid.pipeline.summary import finite
+from rotorid.results.summary import finite
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.results import IdentifiedModel
-    from rotorid.pipeline.stitching import SpeedCurve, Stitched, StitchedPoint, ThroughSpeeds
+    from rotorid.flying.stitching import SpeedCurve, Stitched, StitchedPoint, ThroughSpeeds
+    from rotorid.results.model import IdentifiedModel
 
 
 class StitchedPointDocument(Document):

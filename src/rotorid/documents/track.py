@@ -10,9 +10,9 @@ from pydantic import Field
 
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.review import QuantityDocument
-from rotorid.pipeline.provenance import Refused
-from rotorid.pipeline.summary import finite
-from rotorid.pipeline.tracking import FlightTracking
+from rotorid.identifying.tracking import FlightTracking
+from rotorid.results.provenance import Refused
+from rotorid.results.summary import finite
 from rotorid.typing import AnyArray
 from rotorid.uncertainty.differences import FALSE_SHARE, Verdict, chance, detectable, verdict
 from rotorid.verification.tracking import BLOCK_S, Why

@@ -12,9 +12,9 @@ from pydantic import Field
 from rotorid.data.quantity import Quantity
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.review import QuantityDocument
-from rotorid.pipeline.preparation.loops import shown_quantities
-from rotorid.pipeline.results import Refused
-from rotorid.pipeline.tuning.proposal import AxisTuning, PathStep, TuningProposal
+from rotorid.loops.rate_loops import shown_quantities
+from rotorid.proposing.proposal import AxisTuning, PathStep, TuningProposal
+from rotorid.results.model import Refused
 from rotorid.tuning.loops import over_draws, quantities
 from rotorid.tuning.proposal import Judged, robustness_in_words
 from rotorid.typing import Axis

@@ -16,8 +16,8 @@ from rotorid.documents.tune import SIGNALS, TUNE, AxisTuneDocument, TuneDocument
 from rotorid.errors import UsageError
 from rotorid.io import documents
 from rotorid.io.tables.npz import read_arrays
-from rotorid.pipeline.results import Refused
-from rotorid.pipeline.tuning.check import CheckedAxis, CheckedTuning, Foretold
+from rotorid.proposing.check import CheckedAxis, CheckedTuning, Foretold
+from rotorid.results.model import Refused
 from rotorid.typing import AnyArray, Axis
 
 CHECK = "check.json"

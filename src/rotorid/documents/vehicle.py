@@ -21,14 +21,14 @@ from pydantic import BaseModel, Field
 from rotorid.data.base import Immutable
 from rotorid.documents.base import Document, checked
 from rotorid.errors import ModelError, RotoridError, UsageError
+from rotorid.flying.designs import computed_for
+from rotorid.flying.settings import DesignChoices
+from rotorid.flying.user_vehicles import OwnVehicle, own_vehicle
+from rotorid.flying.vehicle_from_results import MOTION, UNITS
 from rotorid.io import documents
 from rotorid.models.parameter import no_such
 from rotorid.models.physical import check_inertia
 from rotorid.models.rotors import SPINS, UP, RotorLayout, library_layout
-from rotorid.pipeline.designs import computed_for
-from rotorid.pipeline.flight_settings import DesignChoices
-from rotorid.pipeline.joined import MOTION, UNITS
-from rotorid.pipeline.own_vehicles import OwnVehicle, own_vehicle
 from rotorid.signal.motors import Linearization
 from rotorid.simulation.autopilot import Autopilot, Guidance, RateLoop
 from rotorid.simulation.multirotor import Battery, Multirotor, Rotors, Sensors

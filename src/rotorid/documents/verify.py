@@ -6,11 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from rotorid.checking.checks import sweep_check
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
-from rotorid.pipeline.checking.checks import sweep_check
-from rotorid.pipeline.results import Refused
-from rotorid.pipeline.summary import ManeuverCheck, Range, SweepCheck
-from rotorid.pipeline.verification import Verified
+from rotorid.identifying.verification import Verified
+from rotorid.results.model import Refused
+from rotorid.results.summary import ManeuverCheck, Range, SweepCheck
 from rotorid.verification.scores import scaled_guidelines
 
 

@@ -47,9 +47,9 @@ from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 if TYPE_CHECKING:
+    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
     from rotorid.models.rotors import RotorLayout
-    from rotorid.pipeline.joined import JoinedVehicle, VehicleNumber
-    from rotorid.pipeline.summary import Straightening
+    from rotorid.results.summary import Straightening
     from rotorid.simulation.multirotor import Multirotor
 
 NAME = "ardupilot"
@@ -156,7 +156,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     ModelError
         SITL has no such frame, or the rotors are tilted.
     """
-    from rotorid.pipeline.joined import require
+    from rotorid.flying.vehicle_from_results import require
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
     refuse_tilted(body.rotors.layout, NAME)
@@ -242,7 +242,7 @@ def compensation_gain(altitude_m: float) -> float:
 
 def _usual(name: str, defaults: dict[str, VehicleNumber], value: float | None = None, of: str = "") -> float:
     """The default of SITL's own frame, noted."""
-    from rotorid.pipeline.joined import VehicleNumber
+    from rotorid.flying.vehicle_from_results import VehicleNumber
 
     usual, unit = _USUAL[name]
     chosen = usual if value is None else value

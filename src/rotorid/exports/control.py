@@ -24,7 +24,7 @@ from rotorid.exports.target import ExportChoices, Exported
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.joined import JoinedVehicle
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
 
 NAME = "control"
 

@@ -17,8 +17,8 @@ import numpy as np
 from rotorid.errors import ModelError, UsageError
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.joined import JoinedVehicle
-    from rotorid.pipeline.results import IdentifiedModel
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
+    from rotorid.results.model import IdentifiedModel
 
 _POSITIVE = ("m", "I_xx", "I_yy", "I_zz", "kappa", "T_motor")
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rotorid.data.findings import Finding, warn
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.joined import JoinedVehicle, VehicleNumber
+    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
 
 _EXCLUDED_SIGMAS = 3.0
 """Standard deviations from which an estimate excludes a default."""

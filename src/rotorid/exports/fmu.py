@@ -57,7 +57,7 @@ from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.joined import JoinedVehicle
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
     from rotorid.simulation.multirotor import Multirotor
 
 NAME = "fmu"

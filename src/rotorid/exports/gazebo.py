@@ -48,7 +48,7 @@ from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.joined import JoinedVehicle, VehicleNumber
+    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
     from rotorid.simulation.multirotor import Multirotor
 
 NAME = "gazebo"
@@ -162,7 +162,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     ModelError
         The rotors are tilted, or their speeds are too few to be commanded as whole ones.
     """
-    from rotorid.pipeline.joined import require
+    from rotorid.flying.vehicle_from_results import require
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
     refuse_tilted(body.rotors.layout, NAME)
@@ -207,7 +207,7 @@ def gazebo_vehicle(
     findings: list[Finding],
 ) -> GazeboVehicle:
     """The numbers of the model; what was taken from the plugin's own vehicle goes to ``defaults``."""
-    from rotorid.pipeline.joined import VehicleNumber
+    from rotorid.flying.vehicle_from_results import VehicleNumber
 
     def usual(name: str, value: float, unit: str, of: str) -> float:
         defaults[name] = VehicleNumber(value=value, unit=unit, source="default", of=of)

@@ -17,9 +17,9 @@ from rotorid.exports.target import Compared, ExportChoices, Exported
 
 if TYPE_CHECKING:
     from rotorid.documents.export import StateSpaceDocument
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
     from rotorid.models.state_space import StateSpace
-    from rotorid.pipeline.joined import JoinedVehicle
-    from rotorid.pipeline.results import IdentifiedModel
+    from rotorid.results.model import IdentifiedModel
 
 NAME = "json"
 

@@ -37,8 +37,8 @@ from rotorid.simulation.rational_model import input_output_delays
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
     from rotorid.models.structure import LinearStructure
-    from rotorid.pipeline.joined import JoinedVehicle
 
 NAME = "matlab"
 

@@ -34,7 +34,7 @@ from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.joined import JoinedVehicle
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
     from rotorid.simulation.multirotor import Multirotor
 
 NAME = "mujoco"
@@ -67,7 +67,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     ModelError
         The inertia is that of no rigid body, which MuJoCo refuses, or the rotors do not carry the vehicle.
     """
-    from rotorid.pipeline.joined import require
+    from rotorid.flying.vehicle_from_results import require
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
     require_rigid(body)

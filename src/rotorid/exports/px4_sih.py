@@ -40,8 +40,8 @@ from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 if TYPE_CHECKING:
+    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
     from rotorid.models.rotors import RotorLayout
-    from rotorid.pipeline.joined import JoinedVehicle, VehicleNumber
     from rotorid.simulation.multirotor import Multirotor
 
 NAME = "px4-sih"
@@ -119,7 +119,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     ModelError
         SIH has no such arrangement of rotors, or they are tilted.
     """
-    from rotorid.pipeline.joined import require
+    from rotorid.flying.vehicle_from_results import require
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
     refuse_tilted(body.rotors.layout, NAME)
@@ -251,7 +251,7 @@ _SHORTEST_SHARE = 0.1
 
 
 def _default(value: float, unit: str, of: str) -> VehicleNumber:
-    from rotorid.pipeline.joined import VehicleNumber
+    from rotorid.flying.vehicle_from_results import VehicleNumber
 
     return VehicleNumber(value=value, unit=unit, source="default", of=of)
 

@@ -42,7 +42,7 @@ from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.joined import JoinedVehicle, VehicleNumber
+    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
     from rotorid.simulation.multirotor import Multirotor
 
 NAME = "rotorpy"
@@ -127,7 +127,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     ModelError
         There are not four rotors, or they are tilted.
     """
-    from rotorid.pipeline.joined import VehicleNumber, require
+    from rotorid.flying.vehicle_from_results import VehicleNumber, require
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
     require_upright(body, NAME)
@@ -176,7 +176,7 @@ def rotor_radius(
     vehicle: JoinedVehicle, body: Multirotor, name: str, usual_m: float, defaults: dict[str, VehicleNumber]
 ) -> float:
     """Radius of a propeller, meters, by the area of all discs where that is known."""
-    from rotorid.pipeline.joined import VehicleNumber
+    from rotorid.flying.vehicle_from_results import VehicleNumber
 
     area = vehicle.numbers.get("disc_area")
     if area is not None:
@@ -203,7 +203,7 @@ def speed_vehicle(
     defaults, findings
         What is not known and what is no drag is added to them.
     """
-    from rotorid.pipeline.joined import VehicleNumber
+    from rotorid.flying.vehicle_from_results import VehicleNumber
 
     force, slope, output = vehicle.hover_force_n, vehicle.hover_slope_n, vehicle.hover_output
     known = vehicle.numbers.get("speed_max")

@@ -29,7 +29,7 @@ from rotorid.exports.target import Compared, Held
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.joined import JoinedVehicle
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
     from rotorid.simulation.multirotor import Multirotor
 
 Accelerations: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]

@@ -28,8 +28,8 @@ from rotorid.simulation.rational_model import RationalModel, delay_error
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.joined import JoinedVehicle
-    from rotorid.pipeline.results import IdentifiedModel
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
+    from rotorid.results.model import IdentifiedModel
 
 USUAL_BAND_RAD_S = (1.0, 50.0)
 """Where a model was not fitted to responses."""

@@ -18,7 +18,7 @@ from rotorid.data.findings import Finding
 from rotorid.errors import ModelError, UsageError
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.joined import VehicleNumber
+    from rotorid.flying.vehicle_from_results import VehicleNumber
 
 Held: TypeAlias = Literal["exact", "approximated", "not"]
 

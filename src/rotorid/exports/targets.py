@@ -12,9 +12,9 @@ from rotorid.errors import ModelError, UsageError
 from rotorid.exports.target import ExportChoices, Exported
 
 if TYPE_CHECKING:
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
     from rotorid.models.rotors import RotorLayout
-    from rotorid.pipeline.joined import JoinedVehicle
-    from rotorid.pipeline.results import IdentifiedModel
+    from rotorid.results.model import IdentifiedModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +108,7 @@ def export(
     choices
         Delay, rate, name.
     given, layout
-        Numbers and rotors that the results do not hold, for :func:`rotorid.pipeline.joined.joined_vehicle`.
+        Numbers and rotors that the results do not hold, for :func:`rotorid.flying.vehicle_from_results.joined_vehicle`.
 
     Raises
     ------
@@ -140,7 +140,7 @@ _OF_BOTH_HALVES = ("matlab", "control", "json")
 
 def _with_both_halves(vehicle: JoinedVehicle) -> JoinedVehicle:
     """The vehicle with the model of its whole motion after those of both halves of it."""
-    from rotorid.pipeline.joined_models import joined_halves
+    from rotorid.flying.model_from_results import joined_halves
 
     whole = joined_halves(vehicle.models)
     if whole is None:
@@ -199,7 +199,7 @@ def export_draws(
     import numpy as np
 
     from rotorid.exports.draws import draws, require_possible
-    from rotorid.pipeline.joined import joined_vehicle
+    from rotorid.flying.vehicle_from_results import joined_vehicle
 
     def made(drawn: Sequence[IdentifiedModel]) -> Exported:
         vehicle = joined_vehicle(drawn, given=given, name=choices.names, layout=layout)
@@ -217,7 +217,7 @@ def joined(
     layout: RotorLayout | None = None,
 ) -> JoinedVehicle:
     """What is exported, under the name that was chosen, with draws for the intervals of what follows from it."""
-    from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
+    from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 
     if isinstance(what, JoinedVehicle):
         return what

@@ -45,7 +45,7 @@ from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.joined import JoinedVehicle, VehicleNumber
+    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
     from rotorid.simulation.multirotor import Multirotor
 
 NAME = "urdf"
@@ -84,7 +84,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     ModelError
         The rotors are not four in an X that turn against their neighbors.
     """
-    from rotorid.pipeline.joined import VehicleNumber, require
+    from rotorid.flying.vehicle_from_results import VehicleNumber, require
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
     require_upright(body, "gym-pybullet-drones")

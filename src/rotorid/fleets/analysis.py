@@ -38,8 +38,8 @@ from rotorid.fleets.changes import (
 from rotorid.fleets.populations import Population, population, random_effects
 from rotorid.fleets.table import REVIEW, Row
 from rotorid.fleets.vehicles import SeveralVehicles, order_of, separated
-from rotorid.pipeline.comparison import other_basis
-from rotorid.pipeline.same_vehicle import different_gains
+from rotorid.flights.same_vehicle import different_gains
+from rotorid.identifying.comparison import other_basis
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.uncertainty.differences import (
     Scale,

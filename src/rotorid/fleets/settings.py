@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
-from rotorid.pipeline.settings import Option, parse_names
+from rotorid.settings.settings import Option, parse_names
 
 USUAL_MODELS = ("rate.roll", "rate.pitch", "rate.yaw")
 """What most logs with sticks or test inputs can answer."""

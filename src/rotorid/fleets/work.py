@@ -17,11 +17,11 @@ from rotorid.errors import InsufficientDataError, LogError, RotoridError
 from rotorid.fleets.identity import board_of, hidden
 from rotorid.fleets.places import Place, fetched
 from rotorid.fleets.table import REVIEW, Failed, Failure, LogAnswer, Row
+from rotorid.flights.same_vehicle import aircraft_of, gains_of
 from rotorid.io.registry import read
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.same_vehicle import aircraft_of, gains_of
-from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.summary import ParameterEstimate
+from rotorid.results.model import IdentifiedModel
+from rotorid.results.summary import ParameterEstimate
+from rotorid.settings.settings import IdentifySettings
 from rotorid.signal.airborne import airborne
 from rotorid.signal.stretch import stretch
 
@@ -154,7 +154,7 @@ def _answer(task: Task, log: Path) -> LogAnswer:
 
 def _told(record: FlightRecord, task: Task) -> Iterator[tuple[str, list[dict[str, Any]] | str]]:
     """Each model by name with its numbers, or the sentence that says why there are none."""
-    from rotorid.pipeline.several import identify_several
+    from rotorid.identifying.identify_many import identify_several
 
     models = task.asked["models"]
     if models:
@@ -177,7 +177,7 @@ def _told(record: FlightRecord, task: Task) -> Iterator[tuple[str, list[dict[str
 
 
 def _numbers(model: IdentifiedModel) -> Iterator[dict[str, Any]]:
-    from rotorid.pipeline.comparison import basis_of
+    from rotorid.identifying.comparison import basis_of
 
     kinds = ",".join(sorted({finding.kind for finding in model.findings if finding.severity == "warning"}))
     motors = dict(model.motors.derived) if model.motors is not None else {}
@@ -205,7 +205,7 @@ def _or_nan(value: float | None) -> float:
 
 def _measures(record: FlightRecord) -> Iterator[dict[str, Any]]:
     """The numbers of a review with their errors, by the path that its document gives them."""
-    from rotorid.pipeline.review.review import review
+    from rotorid.reviewing.assembly import review
 
     seen = review(record, models=False)
     groups: dict[str, Mapping[str, Quantity]] = {

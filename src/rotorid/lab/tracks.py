@@ -38,7 +38,7 @@ def write_tracks(log: Path, folder: Path) -> None:
     from rotorid.documents.base import to_json
     from rotorid.documents.inspection import inspect_document
     from rotorid.io.registry import read
-    from rotorid.pipeline.inspection import inspect
+    from rotorid.reviewing.inspection import inspect
 
     _PROGRESS.info("reading")
     record = read(log)

@@ -327,7 +327,7 @@ _BESIDE_IN, _BESIDE_WIDTH_IN, _BESIDE_HEIGHT_IN = 2.4, 3.5, 5.2
 
 
 class Fitted(Protocol):
-    """Data that a model was fitted to, as :class:`rotorid.pipeline.results.FittedData` has them."""
+    """Data that a model was fitted to, as :class:`rotorid.results.model.FittedData` has them."""
 
     @property
     def response(self) -> FrequencyResponse: ...
@@ -343,14 +343,14 @@ class Fitted(Protocol):
 
 
 class Unseen(Protocol):
-    """Unseen maneuvers, as :class:`rotorid.pipeline.results.Verifications` has them."""
+    """Unseen maneuvers, as :class:`rotorid.results.model.Verifications` has them."""
 
     @property
     def maneuvers(self) -> Sequence[Verification]: ...
 
 
 class Identified(Protocol):
-    """What the picture needs of a model; :class:`rotorid.pipeline.results.IdentifiedModel` has it."""
+    """What the picture needs of a model; :class:`rotorid.results.model.IdentifiedModel` has it."""
 
     @property
     def data(self) -> Fitted: ...

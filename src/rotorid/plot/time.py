@@ -341,7 +341,7 @@ def line(
 
 
 class Excited(Protocol):
-    """A maneuver with the data around it; ``rotorid.pipeline.results.Segment`` is one."""
+    """A maneuver with the data around it; ``rotorid.results.model.Segment`` is one."""
 
     @property
     def maneuver(self) -> Maneuver: ...

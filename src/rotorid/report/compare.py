@@ -19,15 +19,15 @@ from rotorid.documents.compare import (
     ComparedParameterDocument,
     compare_document,
 )
+from rotorid.identifying.comparison import ComparedManeuver, Comparison
 from rotorid.io.files import write_atomically
-from rotorid.pipeline.comparison import ComparedManeuver, Comparison
-from rotorid.pipeline.summary import PoleEstimate
-from rotorid.pipeline.verdicts import Verdict, badge
 from rotorid.plot.figure import minus
 from rotorid.plot.time import Curve, Score, predictions, score_dots
 from rotorid.report.files import to_json, write_together
 from rotorid.report.frame import MISSING, Picture, milliseconds, render, significant, unit, with_error
 from rotorid.report.parts import FAR_SIGMAS, Cell, finding_rows
+from rotorid.results.summary import PoleEstimate
+from rotorid.results.verdicts import Verdict, badge
 from rotorid.verification.fixed_parameters import FixedParameterScores
 
 METHODS = {

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.pipeline.summary import DerivedSummary, ThrustPoint
 from rotorid.plot.motors import thrust_over_inflow
 from rotorid.report.frame import Picture, significant, unit, with_error
+from rotorid.results.summary import DerivedSummary, ThrustPoint
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

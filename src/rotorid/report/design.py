@@ -21,8 +21,8 @@ from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, Sim
 from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
 from rotorid.documents.design import DesignDocument
 from rotorid.errors import UsageError
-from rotorid.pipeline.designs import STEPS, Designed, Planned, Told, as_flown
-from rotorid.pipeline.flight_settings import DesignChoices
+from rotorid.flying.designs import STEPS, Designed, Planned, Told, as_flown
+from rotorid.flying.settings import DesignChoices
 from rotorid.planning.amplitude import Amplitude, Limits, Reached
 from rotorid.planning.duration import Shortest
 from rotorid.planning.prediction import PredictedParameter, Prediction

@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
     from rotorid.data.flight_plan import FlightPlan
     from rotorid.documents.design import DesignDocument, SimulationDocument
-    from rotorid.pipeline.designs import Designed
-    from rotorid.pipeline.flight_settings import DesignChoices, SimulateChoices
-    from rotorid.pipeline.flown_models import FlownModel
-    from rotorid.pipeline.responses import Responses
-    from rotorid.pipeline.results import IdentifiedModel
-    from rotorid.pipeline.tuning.check import CheckedTuning
-    from rotorid.pipeline.tuning.proposal import TuningProposal
+    from rotorid.flying.designs import Designed
+    from rotorid.flying.flown_models import FlownModel
+    from rotorid.flying.settings import DesignChoices, SimulateChoices
+    from rotorid.loops.responses import Responses
     from rotorid.plans.facts import Autopilot, FlightFacts
+    from rotorid.proposing.check import CheckedTuning
+    from rotorid.proposing.proposal import TuningProposal
+    from rotorid.results.model import IdentifiedModel
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -309,8 +309,8 @@ def _files(
 ) -> tuple[dict[str, str | bytes], list[Finding]]:
     """Files of a plan by name; what an autopilot cannot fly is remarked on, and an error where it was asked for."""
     from rotorid.documents.design import plan_document
+    from rotorid.flying.designs import beyond_limits, not_followed
     from rotorid.io.ardupilot.system_id import firmware_findings
-    from rotorid.pipeline.designs import beyond_limits, not_followed
     from rotorid.plans.csv import plan_csv
     from rotorid.report.flight_card import flight_card
 
@@ -353,7 +353,7 @@ def _unwritten(kind: str, what: str, error: UsageError) -> Finding:
 
 
 def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> FlightFacts:
-    from rotorid.pipeline.designs import computed_for
+    from rotorid.flying.designs import computed_for
     from rotorid.plans.facts import HAND_CLIMB_M, FlightFacts, PredictedBound, throttle_by_hand
 
     reached = one.planned.reached
@@ -405,7 +405,7 @@ def write_simulation(
         What the user typed, for the document.
     """
     from rotorid.documents.design import plan_document, simulation_document
-    from rotorid.pipeline.simulation import SimulatedLog, fly_run, simulation_of, write_run
+    from rotorid.flying.simulation import SimulatedLog, fly_run, simulation_of, write_run
 
     logs: list[SimulatedLog] = []
     documents: list[SimulationDocument] = []
@@ -530,7 +530,7 @@ def write_tuning_check(folder: Path, found: CheckedTuning, *, title: str) -> Non
 def write_rig_simulation(folder: Path, *, seed: int, command: Sequence[str]) -> SimulationDocument:
     """Move the rig on its pivot, and write its log and ``simulation.json`` into a folder."""
     from rotorid.documents.design import simulation_document
-    from rotorid.pipeline.simulation import LOG_NAME, move_rig, rig_simulation, write_rig
+    from rotorid.flying.simulation import LOG_NAME, move_rig, rig_simulation, write_rig
 
     record = move_rig(seed)
     documents: list[SimulationDocument] = []

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from rotorid.documents.flown import FlownDocument, flown_document
-from rotorid.pipeline.flown_models import FlownModel, FlownStretch
-from rotorid.pipeline.verdicts import Verdict
+from rotorid.flying.flown_models import FlownModel, FlownStretch
 from rotorid.plot.figure import quantity
 from rotorid.plot.time import flown as drawn
 from rotorid.report.frame import Picture, render, significant
 from rotorid.report.parts import finding_rows
 from rotorid.report.tables import Column, Table
 from rotorid.report.words import prediction_verdict
+from rotorid.results.verdicts import Verdict
 
 _POSITIONS = ("north", "east", "down")
 _VELOCITIES = ("velocity_north", "velocity_east", "velocity_down", "velocity_forward", "velocity_right", "u", "v", "w")

@@ -18,17 +18,6 @@ from rotorid.documents.base import FindingDocument
 from rotorid.documents.result import ResultDocument
 from rotorid.errors import UsageError
 from rotorid.models.library import SPIN_UP
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.summary import (
-    BootstrapSummary,
-    Correlation,
-    DelayBudget,
-    ReductionStep,
-    RunSpread,
-    SearchRuns,
-    SearchSummary,
-)
-from rotorid.pipeline.verdicts import LEVELS, Verdict, badge, cost_verdict
 from rotorid.plot.figure import minus, quantity
 from rotorid.plot.loops import correlation_map
 from rotorid.plot.search import clusters, convergence, run_histogram
@@ -71,6 +60,17 @@ from rotorid.report.words import (
     worst_maneuver,
     worst_record,
 )
+from rotorid.results.model import IdentifiedModel
+from rotorid.results.summary import (
+    BootstrapSummary,
+    Correlation,
+    DelayBudget,
+    ReductionStep,
+    RunSpread,
+    SearchRuns,
+    SearchSummary,
+)
+from rotorid.results.verdicts import LEVELS, Verdict, badge, cost_verdict
 from rotorid.search.catalog import POPULATIONS
 from rotorid.search.result import Progress
 

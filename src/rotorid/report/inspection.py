@@ -12,11 +12,11 @@ from rotorid.data.record import AXES, FlightRecord
 from rotorid.errors import UsageError
 from rotorid.io.files import write_atomically
 from rotorid.models.library import RATE_AXES
-from rotorid.pipeline.inspection import Inspection, coverage
 from rotorid.plot.figure import MOST_POINTS, envelope
 from rotorid.plot.inspection import Bar, LogPicture, Trend, log_figure
 from rotorid.report.frame import Picture, render
 from rotorid.report.parts import finding_rows
+from rotorid.reviewing.inspection import Inspection, coverage
 from rotorid.signal.airborne import told_by
 from rotorid.signal.excitations import excitation_signals
 from rotorid.typing import FloatArray

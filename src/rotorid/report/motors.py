@@ -10,8 +10,6 @@ import numpy as np
 from rotorid.data.axes import AXIS_WORDS
 from rotorid.documents.result import ResultDocument
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION
-from rotorid.pipeline.summary import Correlation, ExcitedFlight, MotorPhysics, ParameterEstimate
-from rotorid.pipeline.verdicts import Verdict
 from rotorid.plot.figure import quantity
 from rotorid.plot.motors import made_by_motors, rotor_layout, thrust_curve
 from rotorid.report.frame import MISSING, Picture, milliseconds, significant, unit, with_error
@@ -25,6 +23,8 @@ from rotorid.report.words import (
     prediction_verdict,
     scale_sentence,
 )
+from rotorid.results.summary import Correlation, ExcitedFlight, MotorPhysics, ParameterEstimate
+from rotorid.results.verdicts import Verdict
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.verification.verification import Scores

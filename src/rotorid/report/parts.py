@@ -16,15 +16,15 @@ from rotorid.data.record import Maneuver
 from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
 from rotorid.documents.base import FindingDocument, ManeuverDocument
 from rotorid.documents.result import ResultDocument, result_document
-from rotorid.pipeline.provenance import LoggedManeuver
-from rotorid.pipeline.results import FittedData, IdentifiedModel, Segment, Verifications
-from rotorid.pipeline.summary import PairCost, ParameterEstimate, Range
-from rotorid.pipeline.verdicts import Verdict, cost_verdict, response_verdict
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode
 from rotorid.plot.time import timeline
 from rotorid.report.frame import MISSING, Picture, in_all_units, percent, significant, typeset, unit, with_error
 from rotorid.report.words import finding_heading, parameter_group, parameter_words
+from rotorid.results.model import FittedData, IdentifiedModel, Segment, Verifications
+from rotorid.results.provenance import LoggedManeuver
+from rotorid.results.summary import PairCost, ParameterEstimate, Range
+from rotorid.results.verdicts import Verdict, cost_verdict, response_verdict
 
 _ON_AXIS = {
     "roll_command": ("p", "phi", "v", "ay", "p_dot", "v_dot"),

@@ -22,13 +22,13 @@ from rotorid.report.tables import (
 )
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.comparison import Comparison
-    from rotorid.pipeline.flown_models import FlownModel
-    from rotorid.pipeline.responses import Responses
-    from rotorid.pipeline.results import IdentifiedModel
-    from rotorid.pipeline.verification import Verified
+    from rotorid.flying.flown_models import FlownModel
+    from rotorid.identifying.comparison import Comparison
+    from rotorid.identifying.verification import Verified
+    from rotorid.loops.responses import Responses
     from rotorid.plot.paper import Fitted
     from rotorid.plot.printed import PrintedAs
+    from rotorid.results.model import IdentifiedModel
     from rotorid.typing import BoolArray
 
 FIGURES, TABLES, CAPTIONS = "figures", "tables", "captions.txt"

@@ -10,9 +10,8 @@ from functools import partial
 import numpy as np
 
 from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument, loops_of
-from rotorid.pipeline.preparation.loops import AxisLoop
-from rotorid.pipeline.responses import Pair, Responses
-from rotorid.pipeline.verdicts import Verdict
+from rotorid.loops.rate_loops import AxisLoop
+from rotorid.loops.responses import Pair, Responses
 from rotorid.plot.curves import runs
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode, coherence_map, window_contributions
@@ -30,6 +29,7 @@ from rotorid.report.frame import (
 )
 from rotorid.report.parts import ManeuverRow, finding_rows, maneuver_row, timelines
 from rotorid.report.words import response_summary
+from rotorid.results.verdicts import Verdict
 from rotorid.spectral.derived import Estimated, read_points
 from rotorid.spectral.loops import sensitivity
 from rotorid.spectral.margins import Bound

@@ -12,20 +12,6 @@ import numpy as np
 from rotorid.data.quantity import Quantity
 from rotorid.data.trust import trusted
 from rotorid.errors import UsageError
-from rotorid.pipeline.results import IdentifiedModel, Refused
-from rotorid.pipeline.review.cards import Card, cards, without_sweep
-from rotorid.pipeline.review.values import (
-    LoopReview,
-    MarginReview,
-    NoiseMap,
-    Review,
-    StepCurve,
-    Untold,
-)
-from rotorid.pipeline.review.words import gathered
-from rotorid.pipeline.summary import ParameterEstimate
-from rotorid.pipeline.verdicts import LEVEL_OF, Verdict, badge
-from rotorid.pipeline.verdicts import verdict as fit_verdict_of
 from rotorid.plot.curves import Frequency, Magnitude
 from rotorid.plot.figure import Figure
 from rotorid.plot.frequency import bode
@@ -43,6 +29,20 @@ from rotorid.report.frame import (
     with_interval,
 )
 from rotorid.report.parts import FindingRow, finding_rows
+from rotorid.results.model import IdentifiedModel, Refused
+from rotorid.results.summary import ParameterEstimate
+from rotorid.results.verdicts import LEVEL_OF, Verdict, badge
+from rotorid.results.verdicts import verdict as fit_verdict_of
+from rotorid.reviewing.cards import Card, cards, without_sweep
+from rotorid.reviewing.values import (
+    LoopReview,
+    MarginReview,
+    NoiseMap,
+    Review,
+    StepCurve,
+    Untold,
+)
+from rotorid.reviewing.words import gathered
 from rotorid.signal.airborne import told_by
 from rotorid.spectral.derived import read_points
 from rotorid.typing import BoolArray

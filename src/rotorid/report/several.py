@@ -10,7 +10,7 @@ from rotorid.io.files import write_atomically
 from rotorid.report.files import to_json, write_results, write_together
 
 if TYPE_CHECKING:
-    from rotorid.pipeline.several import SeveralModels
+    from rotorid.identifying.identify_many import SeveralModels
     from rotorid.plot.printed import PrintedAs
     from rotorid.report.tables import TableFormat
 
@@ -37,7 +37,7 @@ def write_several(
         Kinds of files for a paper, written into the folder of each model.
     """
     from rotorid.documents.results import RESULTS, results_document
-    from rotorid.pipeline.joined_models import joined_halves
+    from rotorid.flying.model_from_results import joined_halves
     from rotorid.report.frame import with_files
     from rotorid.report.identification import render_report
     from rotorid.report.publication import of_model, write_publication

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rotorid.documents.stitched import StitchedDocument, stitched_document
+from rotorid.flying.stitching import SpeedCurve, Stitched, ThroughSpeeds
 from rotorid.io.files import write_atomically
-from rotorid.pipeline.stitching import SpeedCurve, Stitched, ThroughSpeeds
 from rotorid.plot.stitched import OverSpeed, over_speed, speed_grid
 from rotorid.plot.time import Curve, predictions
 from rotorid.report.files import to_json, write_together

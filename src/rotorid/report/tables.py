@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rotorid.documents.response import ResponseDocument
     from rotorid.documents.result import ResultDocument
     from rotorid.documents.verify import VerifyDocument
-    from rotorid.pipeline.summary import DerivedSummary, ManeuverCheck, MotorPhysics
+    from rotorid.results.summary import DerivedSummary, ManeuverCheck, MotorPhysics
 
 TableFormat: TypeAlias = Literal["csv", "tex"]
 TABLE_FORMATS: tuple[TableFormat, ...] = ("csv", "tex")

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.documents.result import ResultDocument
-from rotorid.pipeline.summary import CrossValidationSummary, FoldSummary, OrderChoice
-from rotorid.pipeline.verdicts import Verdict
 from rotorid.plot.figure import quantity
 from rotorid.plot.time import residual_memory, simulated
 from rotorid.report.frame import MISSING, Picture, significant, unit, with_error
 from rotorid.report.parts import Shown, points_of
 from rotorid.report.words import percent_verdict
+from rotorid.results.summary import CrossValidationSummary, FoldSummary, OrderChoice
+from rotorid.results.verdicts import Verdict
 
 _FAR_SIGMAS = 3.0
 """Standard deviations between the values of time and frequency from which they are marked."""

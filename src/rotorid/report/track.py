@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rotorid.documents.track import TrackDocument, silent, track_document
-from rotorid.pipeline.tracking import FlightTracking
+from rotorid.identifying.tracking import FlightTracking
 from rotorid.plot.tracking import followed_gain
 from rotorid.report.frame import Picture, render, significant, with_error
 from rotorid.report.parts import finding_rows

@@ -21,10 +21,10 @@ from rotorid.documents.tune import (
     tune_document,
 )
 from rotorid.documents.tune_check import METHODS, compared_words, tune_check_document
-from rotorid.pipeline.preparation.loops import shown_quantities
-from rotorid.pipeline.tuning.check import CheckedAxis, CheckedTuning
-from rotorid.pipeline.tuning.proposal import AxisTuning, TuningProposal
+from rotorid.loops.rate_loops import shown_quantities
 from rotorid.plot.tuning import by_hand, rejection, responses, steps
+from rotorid.proposing.check import CheckedAxis, CheckedTuning
+from rotorid.proposing.proposal import AxisTuning, TuningProposal
 from rotorid.report.frame import MISSING, Picture, in_all_units, render, with_interval
 from rotorid.report.parts import finding_rows
 from rotorid.tuning.firmware import parameters_of

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from functools import partial
 
 from rotorid.documents.verify import GuidelineDocument, VerifyDocument, verify_document
-from rotorid.pipeline.results import FrequencyCheck, Verifications
-from rotorid.pipeline.verdicts import Verdict, cost_verdict
-from rotorid.pipeline.verification import Verified
+from rotorid.identifying.verification import Verified
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode
 from rotorid.plot.time import ahead, closed_loop, verification
 from rotorid.report.frame import MISSING, Picture, in_all_units, render, significant
 from rotorid.report.parts import ManeuverRow, by_axis, finding_rows, maneuver_row, on_axis, range_rows
 from rotorid.report.words import maneuver_verdict, prediction_verdict, unseen_sentences
+from rotorid.results.model import FrequencyCheck, Verifications
+from rotorid.results.verdicts import Verdict, cost_verdict
 from rotorid.verification.closed_loop import ClosedLoop
 from rotorid.verification.scores import JRMS_GUIDELINE
 from rotorid.verification.verification import Verification, verdict

@@ -21,13 +21,13 @@ from rotorid.data.record import LOWEST_RATE_HZ
 from rotorid.documents.result import ResultDocument
 from rotorid.fitting.frequency.problem import EXCELLENT_COST
 from rotorid.fitting.motors.excitation import SLOW_HZ
-from rotorid.pipeline.preparation.loops import AxisLoop
-from rotorid.pipeline.responses import Pair, Responses
-from rotorid.pipeline.summary import FitEnd, FitVerdict, ManeuverCheck, MotorPhysics, ParameterEstimate, PoleEstimate
-from rotorid.pipeline.verdicts import Level, Verdict, cost_verdict, fit_verdict, percent_level, refused_verdict
+from rotorid.loops.rate_loops import AxisLoop
+from rotorid.loops.responses import Pair, Responses
 from rotorid.plot.figure import quantity
 from rotorid.plot.loops import s_plane
 from rotorid.report.frame import Picture, in_decibels, milliseconds, significant, unit, with_error
+from rotorid.results.summary import FitEnd, FitVerdict, ManeuverCheck, MotorPhysics, ParameterEstimate, PoleEstimate
+from rotorid.results.verdicts import Level, Verdict, cost_verdict, fit_verdict, percent_level, refused_verdict
 from rotorid.verification.scores import GOOD_FIT_PERCENT, GOOD_TIC, GUIDELINES, guidelines_met
 from rotorid.verification.verification import Scores
 from rotorid.verification.verification import Verdict as Found

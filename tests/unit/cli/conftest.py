@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from tests.unit.cli.commands import ROLL, Ran, fly_roll_sweeps, rotorid
 
+from rotorid.identifying.identification import identify
 from rotorid.io.registry import read
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.results.model import IdentifiedModel
+from rotorid.settings.settings import IdentifySettings
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ import pytest
 from tests.unit.cli.commands import rotorid
 
 from rotorid import identify, read, tune
-from rotorid.pipeline.examples import EXAMPLES
+from rotorid.flying.examples import EXAMPLES
 from rotorid.vehicles.betaflight import LAG_S, betaflight_autopilot
 
 README = Path(__file__).resolve().parents[3] / "README.md"

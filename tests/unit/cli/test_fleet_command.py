@@ -10,7 +10,7 @@ from tests.unit.cli.commands import rotorid
 
 from rotorid import Wind, simulate, write_log
 from rotorid.fleets.table import read_table
-from rotorid.pipeline.examples import EXAMPLES
+from rotorid.flying.examples import EXAMPLES
 
 pytest.importorskip("pyarrow")
 

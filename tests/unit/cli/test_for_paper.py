@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from tests.unit.cli.commands import ROLL, rotorid
 
-from rotorid.pipeline.results import IdentifiedModel
 from rotorid.plot.printed import printed
 from rotorid.report.publication import CAPTIONS, of_model
 from rotorid.report.tables import Column, Table, as_csv, as_latex, escaped, symbol
+from rotorid.results.model import IdentifiedModel
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ import pytest
 from tests.unit.cli.commands import ROLL, Ran, rotorid
 
 from rotorid.documents.result import ResultDocument, result_document
-from rotorid.pipeline.results import IdentifiedModel
 from rotorid.report.frame import with_error
+from rotorid.results.model import IdentifiedModel
 
 FILES = {"result.json", "responses.npz", "report.html", "model.toml"}
 

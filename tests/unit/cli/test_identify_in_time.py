@@ -11,7 +11,7 @@ from tests.unit.cli.commands import rotorid
 from tests.unit.pipeline.response_flight import TRUTH, flight
 
 from rotorid.io.tables.csv import write_csv
-from rotorid.pipeline.preparation.resolve import resolve_model
+from rotorid.settings.resolve import resolve_model
 
 
 @pytest.fixture(scope="module")

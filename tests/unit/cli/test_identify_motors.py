@@ -10,7 +10,7 @@ import pytest
 from tests.unit.cli.commands import Ran, rotorid
 from tests.unit.pipeline.motor_logs import flight
 
-from rotorid.pipeline import settings as motor_choices
+from rotorid.settings import settings as motor_choices
 
 
 @pytest.fixture(scope="module")

@@ -12,10 +12,10 @@ from tests.unit.cli.commands import rotorid
 import rotorid as api
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import ModelError
+from rotorid.flights.supports import supported_models
+from rotorid.identifying.identify_many import identify_several
 from rotorid.io.tables.csv import write_csv
-from rotorid.pipeline.preparation.supports import supported_models
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.several import identify_several
+from rotorid.results.model import IdentifiedModel
 
 
 def test_each_model_has_its_folder_and_all_share_a_report(flight: Path, tmp_path: Path) -> None:

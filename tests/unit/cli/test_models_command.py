@@ -17,7 +17,7 @@ from rotorid.models.library import (
     rate_model,
 )
 from rotorid.models.toml import from_toml
-from rotorid.pipeline.preparation.resolve import resolve_model
+from rotorid.settings.resolve import resolve_model
 
 NAMES = (*RATE_AXES, *model_names())
 

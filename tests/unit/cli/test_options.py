@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 from rotorid.cli.app import COMMANDS, Commands
 from rotorid.cli.options import Only, Output, with_options
 from rotorid.errors import UsageError
-from rotorid.pipeline.flight_settings import Air, DesignChoices, PlanChoices, SimulateChoices
-from rotorid.pipeline.settings import (
+from rotorid.flying.settings import Air, DesignChoices, PlanChoices, SimulateChoices
+from rotorid.settings.settings import (
     IdentifySettings,
     MeasureSettings,
     Option,

@@ -12,11 +12,11 @@ from tests.unit.cli.commands import Ran, rotorid
 from rotorid import __version__
 from rotorid.cli.command import command_line
 from rotorid.documents.inspection import inspect_document
+from rotorid.flying.demo import Demonstration
+from rotorid.flying.simulation import truth_of
 from rotorid.io.registry import read
-from rotorid.pipeline.demo import Demonstration
-from rotorid.pipeline.inspection import inspect
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.simulation import truth_of
+from rotorid.results.model import IdentifiedModel
+from rotorid.reviewing.inspection import inspect
 from rotorid.vehicles.catalog import aircraft
 
 
@@ -127,9 +127,9 @@ def test_demo_keeps_its_log_where_asked(
     kept: bool, by_api: IdentifiedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     demonstration = Demonstration(identifications=(by_api,), truth={})
-    monkeypatch.setattr("rotorid.pipeline.demo.fly_demo", lambda log, *, seed: log.write_bytes(b"a log"))
+    monkeypatch.setattr("rotorid.flying.demo.fly_demo", lambda log, *, seed: log.write_bytes(b"a log"))
     monkeypatch.setattr("rotorid.io.registry.read", lambda log: log)
-    monkeypatch.setattr("rotorid.pipeline.demo.identify_demo", lambda record, *, seed: demonstration)
+    monkeypatch.setattr("rotorid.flying.demo.identify_demo", lambda record, *, seed: demonstration)
     monkeypatch.setattr("rotorid.cli.demo.find_spec", lambda _: None)
     ran = rotorid("demo", *(["--keep-log"] if kept else []), "--out", tmp_path / "out")
     assert ran.code == 0

@@ -10,7 +10,7 @@ import pytest
 from tests.unit.cli.commands import Ran, rotorid
 
 from rotorid.documents.response import ResponseDocument
-from rotorid.pipeline.responses import response
+from rotorid.loops.responses import response
 
 PAIR = ("--inputs", "roll_command", "--outputs", "p")
 

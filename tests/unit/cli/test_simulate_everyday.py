@@ -10,7 +10,7 @@ import pytest
 from tests.unit.cli.commands import rotorid
 
 from rotorid import read
-from rotorid.pipeline.preparation.whole_flights import flown
+from rotorid.flights.whole_flights import flown
 
 EVERYDAY = ("--plan", "everyday", "--duration", "20")
 

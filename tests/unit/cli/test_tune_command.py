@@ -10,7 +10,7 @@ from tests.unit.cli.commands import fly_roll_sweeps, rotorid
 
 from rotorid.errors import InsufficientDataError
 from rotorid.io.registry import read
-from rotorid.pipeline.tuning import proposal
+from rotorid.proposing import proposal
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ from tests.unit.cli.commands import Ran, rotorid
 
 from rotorid.documents.result import result_document
 from rotorid.documents.verify import VerifyDocument
-from rotorid.pipeline.results import IdentifiedModel
 from rotorid.report.files import to_json
+from rotorid.results.model import IdentifiedModel
 
 SEGMENT = ("--segment", "roll:56.2:105.9")
 

@@ -21,9 +21,8 @@ from rotorid.data.findings import warn
 from rotorid.data.flight_plan import Entry
 from rotorid.data.record import Maneuver
 from rotorid.errors import UsageError
-from rotorid.io.registry import LogFormat
-from rotorid.models.motors import Curve
-from rotorid.pipeline.flight_settings import (
+from rotorid.flights.measure import _beside_excitation
+from rotorid.flying.settings import (
     PlanChoices,
     SimulateChoices,
     parse_changes,
@@ -32,8 +31,10 @@ from rotorid.pipeline.flight_settings import (
     parse_speed,
     parse_wind,
 )
-from rotorid.pipeline.preparation.measure import _beside_excitation
-from rotorid.pipeline.settings import (
+from rotorid.io.registry import LogFormat
+from rotorid.models.motors import Curve
+from rotorid.report.printing import BROWSERS, print_pages
+from rotorid.settings.settings import (
     IdentifySettings,
     parse_band,
     parse_constants,
@@ -45,7 +46,6 @@ from rotorid.pipeline.settings import (
     parse_shifts,
     parse_weights,
 )
-from rotorid.report.printing import BROWSERS, print_pages
 from rotorid.units import read_measure
 
 

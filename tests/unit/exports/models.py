@@ -9,12 +9,12 @@ import numpy as np
 from rotorid.data.response import FrequencyResponse
 from rotorid.documents.base import ProvenanceDocument
 from rotorid.documents.result import ResultDocument, identified_model
+from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.models.expression import Expression
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure, Row, Rows
-from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.summary import Correlation, ParameterEstimate
+from rotorid.results.model import IdentifiedModel
+from rotorid.results.summary import Correlation, ParameterEstimate
 
 OMEGA = np.geomspace(1.0, 50.0, 25)
 """Up to the end of the usual band."""

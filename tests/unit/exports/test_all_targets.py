@@ -19,8 +19,8 @@ from tests.unit.pipeline.test_joined import motors
 
 from rotorid.errors import ModelError, UsageError
 from rotorid.exports import TARGETS, ExportChoices, Exported, export
+from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.models.rotors import library_layout
-from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
 
 SCALED = [name for name, target in TARGETS.items() if target.scale]
 LINEAR = [name for name, target in TARGETS.items() if not target.scale]

@@ -17,9 +17,9 @@ from tests.unit.exports.vehicles import SECOND, asymmetric, second, sih
 from rotorid.errors import ModelError
 from rotorid.exports import ExportChoices, Exported
 from rotorid.exports.ardupilot import SITL_FRAMES, air_density, export, sitl_accelerations
+from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.models.rotors import library_layout
-from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
-from rotorid.pipeline.summary import ControllerSettings, MotorPhysics, Straightening
+from rotorid.results.summary import ControllerSettings, MotorPhysics, Straightening
 
 DEFAULT = {
     "m": 3.0,

@@ -12,9 +12,9 @@ from tests.unit.pipeline.test_joined import motors, result
 from rotorid.exports import ExportChoices, Exported, export
 from rotorid.exports.ardupilot import export as to_ardupilot
 from rotorid.exports.px4_sih import export as to_sih
+from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber, joined_vehicle
 from rotorid.models.rotors import library_layout
-from rotorid.pipeline.joined import JoinedVehicle, VehicleNumber, joined_vehicle
-from rotorid.pipeline.summary import ReductionStep
+from rotorid.results.summary import ReductionStep
 
 
 def seen(

@@ -23,7 +23,7 @@ from tests.unit.exports.vehicles import asymmetric, second, sih
 from rotorid.exports import ExportChoices, Exported
 from rotorid.exports.fmu import export
 from rotorid.exports.state_space import variable_name
-from rotorid.pipeline.joined import JoinedVehicle
+from rotorid.flying.vehicle_from_results import JoinedVehicle
 from rotorid.typing import FloatArray
 
 COMPILER = shutil.which(os.environ.get("CC", "cc"))

@@ -15,8 +15,8 @@ from tests.unit.exports.vehicles import SECOND, asymmetric, second, sih
 from rotorid.errors import ModelError
 from rotorid.exports import ExportChoices, Exported
 from rotorid.exports.gazebo import export
+from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.models.rotors import library_layout
-from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
 from rotorid.typing import FloatArray
 
 FLU = np.diag([1.0, -1.0, -1.0])

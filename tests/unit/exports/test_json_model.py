@@ -13,7 +13,7 @@ from tests.unit.pipeline.test_joined import motors
 from rotorid.errors import UsageError
 from rotorid.exports import ExportChoices, Exported, export
 from rotorid.models.library import rate_model
-from rotorid.pipeline.results import IdentifiedModel
+from rotorid.results.model import IdentifiedModel
 
 OMEGA = np.geomspace(0.5, 60.0, 20)
 

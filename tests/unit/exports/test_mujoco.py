@@ -13,8 +13,8 @@ from tests.unit.exports.vehicles import asymmetric, second, sih
 from rotorid.errors import ModelError
 from rotorid.exports import ExportChoices, Exported
 from rotorid.exports.mujoco import FLU, export, mjcf
+from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.models.rotors import library_layout
-from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
 from rotorid.typing import FloatArray
 
 REASON = "MuJoCo is not installed"

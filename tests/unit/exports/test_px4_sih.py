@@ -14,8 +14,8 @@ from tests.unit.exports.vehicles import SIH, asymmetric, second, sih
 from rotorid.errors import ModelError, UsageError
 from rotorid.exports import ExportChoices, Exported
 from rotorid.exports.px4_sih import export, sih_accelerations
+from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.models.rotors import RotorLayout, library_layout
-from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
 from rotorid.typing import FloatArray
 
 STEPS_PER_SIH_STEP = 4

@@ -19,8 +19,8 @@ from rotorid.errors import ModelError
 from rotorid.exports import ExportChoices
 from rotorid.exports.mujoco import FLU
 from rotorid.exports.rotorpy import export
+from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.models.rotors import library_layout
-from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
 from rotorid.typing import FloatArray
 
 

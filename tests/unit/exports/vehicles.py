@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.models.rotors import RotorLayout, library_layout
-from rotorid.pipeline.joined import JoinedVehicle, joined_vehicle
 
 SIH = {
     "m": 1.0,

@@ -19,7 +19,7 @@ from rotorid.excitation.sweep import logarithmic_sweep
 from rotorid.io.ardupilot.dataflash import decode
 from rotorid.io.ardupilot.writer import Logged, lift_values, rate_values, waveform_settings, write_ardupilot
 from rotorid.io.registry import read
-from rotorid.pipeline.inspection import inspect
+from rotorid.reviewing.inspection import inspect
 from rotorid.simulation.hover_flight import STEP_RATE_HZ, Excitation, fly
 from rotorid.typing import Axis, FloatArray
 from rotorid.vehicles import s500

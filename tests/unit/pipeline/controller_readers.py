@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping
 from rotorid.data.axes import RATE_OF
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
+from rotorid.flights.controller_check import ControllerVerdict, check_controller, controller_findings
+from rotorid.flights.controllers import controllers_of, controllers_of_result, logged_controller
+from rotorid.flights.given_controllers import Controllers
+from rotorid.identifying.identification import controller_settings
 from rotorid.models.controller import RateController
-from rotorid.pipeline.checking.controllers import Controllers
-from rotorid.pipeline.identification import controller_settings
-from rotorid.pipeline.preparation.controller_check import ControllerVerdict, check_controller, controller_findings
-from rotorid.pipeline.preparation.controllers import controllers_of, controllers_of_result, logged_controller
-from rotorid.pipeline.tuning.flown import FlownAxis, explained, flown_controllers
+from rotorid.proposing.flown_gains import FlownAxis, explained, flown_controllers
 from rotorid.signal.clock import source_topic
 from rotorid.typing import Axis
 

@@ -10,10 +10,10 @@ import numpy as np
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.documents.result import result_document
 from rotorid.fitting.time.output_error import TimeData, TimeProblem
+from rotorid.identifying.identification import identify
 from rotorid.models.library import response_model
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import IdentifiedModel
 from rotorid.report.files import to_json
+from rotorid.results.model import IdentifiedModel
 
 RATE_HZ, SAMPLES, NOISE_RAD = 20.0, 300, 0.004
 TRUE = {"K_phi": 0.95, "omega_phi": 7.0, "zeta_phi": 0.6}

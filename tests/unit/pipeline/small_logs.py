@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.selection import Selection
+from rotorid.flights.flights import Flight
+from rotorid.flights.selection import Selection
 from rotorid.typing import Axis, FloatArray
 
 DURATION_S = 10.0

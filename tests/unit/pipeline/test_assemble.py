@@ -12,10 +12,10 @@ from rotorid.data.record import FlightRecord, Source
 from rotorid.documents.base import FindingDocument, ProvenanceDocument
 from rotorid.documents.result import ResultDocument, matrices_document
 from rotorid.models.state_space import StateSpace
-from rotorid.pipeline.provenance import provenance
-from rotorid.pipeline.results import pole_estimates
-from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.summary import Checks, ParameterEstimate
+from rotorid.results.model import pole_estimates
+from rotorid.results.provenance import provenance
+from rotorid.results.summary import Checks, ParameterEstimate
+from rotorid.settings.settings import IdentifySettings
 from rotorid.uncertainty.propagation import Pole
 from rotorid.verification.verification import Scores
 

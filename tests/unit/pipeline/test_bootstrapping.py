@@ -11,15 +11,15 @@ from tests.unit.pipeline.response_flight import flight
 from rotorid.data.record import Maneuver
 from rotorid.documents.result import result_document
 from rotorid.errors import UsageError
+from rotorid.fits.bootstrapping import Bootstrap, bootstrap
+from rotorid.fits.time.fit import TimeFit, fit_in_time
+from rotorid.flights.flights import Flight
+from rotorid.flights.segments import time_records
+from rotorid.identifying.identification import identify
 from rotorid.models.library import response_model
-from rotorid.pipeline.fits.bootstrapping import Bootstrap, bootstrap
-from rotorid.pipeline.fits.time.fit import TimeFit, fit_in_time
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.segments import time_records
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import IdentifySettings, parse_segment
-from rotorid.pipeline.summary import BootstrapSummary
+from rotorid.results.model import IdentifiedModel
+from rotorid.results.summary import BootstrapSummary
+from rotorid.settings.settings import IdentifySettings, parse_segment
 from rotorid.uncertainty.resampling import SpreadTable
 
 MODEL = "response.second_order_delay"

@@ -10,23 +10,23 @@ import numpy as np
 import pytest
 from tests.unit.cli.commands import fly_roll_sweeps
 
+from rotorid.checking.unseen import check_sweeps, hold_out, verify_fitted
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
 from rotorid.documents.result import ResultDocument, result_document
 from rotorid.errors import InsufficientDataError
+from rotorid.fits.frequency.fit import FrequencyFit, fit_with_bounds, pose
 from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.flights.flights import Flight
+from rotorid.flights.measure import Measured, measure
+from rotorid.flights.selection import Selection, select_maneuvers
+from rotorid.identifying.identification import identify
 from rotorid.io.registry import read
 from rotorid.models.library import rate_model
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.checking.unseen import check_sweeps, hold_out, verify_fitted
-from rotorid.pipeline.fits.frequency.fit import FrequencyFit, fit_with_bounds, pose
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.measure import Measured, measure
-from rotorid.pipeline.preparation.selection import Selection, select_maneuvers
-from rotorid.pipeline.results import FrequencyCheck, Verifications
-from rotorid.pipeline.settings import IdentifySettings, parse_segment
 from rotorid.reduction.guided import Reduced, fit_and_drop
+from rotorid.results.model import FrequencyCheck, Verifications
+from rotorid.settings.settings import IdentifySettings, parse_segment
 from rotorid.typing import Axis
 
 BAND = (12.0, 50.0)
@@ -207,7 +207,7 @@ def test_the_second_fit_of_a_hold_out_begins_from_nothing(first: Fit, monkeypatc
         posed.append(problem)
         return fit_and_drop(problem)
 
-    monkeypatch.setattr("rotorid.pipeline.checking.unseen.fit_and_drop", seen)
+    monkeypatch.setattr("rotorid.checking.unseen.fit_and_drop", seen)
     structure = rate_model("rate.roll")
     hold_out(structure, [*first.selection.fitted, first.second], first.settings)
     (problem,) = posed

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from rotorid.checking.checks import checks_of, maneuver_check
 from rotorid.data.record import Maneuver
-from rotorid.pipeline.checking.checks import checks_of, maneuver_check
-from rotorid.pipeline.results import Verifications
+from rotorid.results.model import Verifications
 from rotorid.verification.verification import Scores, Verification
 
 

@@ -13,10 +13,10 @@ from tests.unit.pipeline.response_twins import flight, written
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.documents.compare import CompareDocument, compare_document, read_results
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.comparison import Comparison, _with_rest, compare, refused_comparison
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.flights.flights import Flight
+from rotorid.identifying.comparison import Comparison, _with_rest, compare, refused_comparison
 from rotorid.report.files import to_json
+from rotorid.settings.settings import IdentifySettings
 
 
 @pytest.fixture(scope="module")

@@ -10,11 +10,11 @@ from tests.unit.cli.commands import fly_roll_sweeps, rotorid
 
 from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.documents.result import result_document
+from rotorid.flights.consistency import Consistency, check_consistency, known_words, stretches
+from rotorid.identifying.identification import identify
 from rotorid.io.registry import read
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.inspection import inspect
-from rotorid.pipeline.preparation.consistency import Consistency, check_consistency, known_words, stretches
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.reviewing.inspection import inspect
+from rotorid.settings.settings import IdentifySettings
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import FloatArray
 

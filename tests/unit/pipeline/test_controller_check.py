@@ -14,10 +14,10 @@ from tests.unit.pipeline.test_flown_firmware import BETAFLIGHT, NEW, OLD, PX4, f
 from rotorid.data.findings import warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.preparation.controller_check import SAME_GAIN, check_controller, check_given, controller_findings
-from rotorid.pipeline.preparation.controllers import EXPLAINED, controllers_of
-from rotorid.pipeline.preparation.loops import rate_loop
-from rotorid.pipeline.preparation.plants import PlantUnavailableError
+from rotorid.flights.controller_check import SAME_GAIN, check_controller, check_given, controller_findings
+from rotorid.flights.controllers import EXPLAINED, controllers_of
+from rotorid.loops.plants import PlantUnavailableError
+from rotorid.loops.rate_loops import rate_loop
 
 ARDUPILOT = {
     **{
@@ -188,7 +188,7 @@ def test_unknown_gains_are_the_reason_whatever_the_excitations_show(monkeypatch:
     def nothing(*_: object) -> None:
         raise InsufficientDataError("the sweep is too short")
 
-    monkeypatch.setattr("rotorid.pipeline.preparation.loops.swept_plant", nothing)
+    monkeypatch.setattr("rotorid.loops.rate_loops.swept_plant", nothing)
     with pytest.raises(PlantUnavailableError, match="no gains of the roll controller"):
         rate_loop("roll", replace(WHOLE, parameters={}))
 

@@ -7,8 +7,8 @@ import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.preparation.coverage import covered_by, trim_of
-from rotorid.pipeline.preparation.flights import Flight
+from rotorid.flights.coverage import covered_by, trim_of
+from rotorid.flights.flights import Flight
 
 RATE_HZ = 50.0
 TIME_S = np.arange(0.0, 10.0, 1.0 / RATE_HZ)

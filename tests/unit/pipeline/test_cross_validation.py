@@ -13,13 +13,13 @@ from tests.unit.pipeline.response_twins import FIRST, SECOND, TRUE, flight
 
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.identifying.cross_validation import CrossValidated, cross_validate, cross_validated
+from rotorid.identifying.identification import identify
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
-from rotorid.pipeline.cross_validation import CrossValidated, cross_validate, cross_validated
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import IdentifySettings, parse_segment
-from rotorid.pipeline.summary import CrossValidationSummary
+from rotorid.results.model import IdentifiedModel
+from rotorid.results.summary import CrossValidationSummary
+from rotorid.settings.settings import IdentifySettings, parse_segment
 from rotorid.verification.fixed_parameters import Kind
 
 SEEDS = (1, 2, 3)

@@ -7,8 +7,8 @@ import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.segments import cut
+from rotorid.flights.flights import Flight
+from rotorid.flights.segments import cut
 from rotorid.typing import FloatArray
 
 RATE_HZ = 100.0

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from rotorid.identifying.delay_budget import delay_budget
 from rotorid.models.library import library_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.fits.frequency.delay_budget import delay_budget
 from rotorid.uncertainty.cramer_rao import Bounds
 
 STRUCTURE = library_model("axis.pitch").select(outputs=("q", "ax"))

@@ -9,9 +9,9 @@ from tests.unit.fitting.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag, slowe
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.documents.delay import DelayDocument, delay_document
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.delays import delay
-from rotorid.pipeline.preparation.selection import default_pairs
-from rotorid.pipeline.settings import MeasureSettings, parse_segment
+from rotorid.flights.selection import default_pairs
+from rotorid.identifying.delays import delay
+from rotorid.settings.settings import MeasureSettings, parse_segment
 from rotorid.typing import FloatArray
 
 DELAY_SAMPLES = 2.7

@@ -11,7 +11,7 @@ from tests.unit.cli.commands import fly_roll_sweeps
 from rotorid.cli.inspect import _setting
 from rotorid.data.record import Topic
 from rotorid.io.registry import read
-from rotorid.pipeline.inspection import inspect
+from rotorid.reviewing.inspection import inspect
 
 LATE_S = 12e-3
 

@@ -13,13 +13,13 @@ from rotorid.cli.identify import print_result
 from rotorid.documents.base import to_json
 from rotorid.documents.result import ResultDocument
 from rotorid.errors import UsageError
+from rotorid.identifying.derivation import derivation, derivation_findings
 from rotorid.models.library import library_model
 from rotorid.models.parameter import ParameterSet
-from rotorid.pipeline.derivation import derivation, derivation_findings
-from rotorid.pipeline.settings import IdentifySettings, motor_choices, parse_known
-from rotorid.pipeline.summary import DerivedSummary, Range
 from rotorid.report.identification import render_sections
 from rotorid.report.tables import as_csv, as_latex, result_tables
+from rotorid.results.summary import DerivedSummary, Range
+from rotorid.settings.settings import IdentifySettings, motor_choices, parse_known
 from rotorid.uncertainty.cramer_rao import Bounds
 
 HEAVE = {"Z_thrust": -33.8, "Z_w": -0.59, "tau_thrust": 0.03, "T_motor": 0.024}

@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.preparation.differentiated import from_angles, noise_gain
+from rotorid.flights.differentiated import from_angles, noise_gain
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 TIME_S = np.arange(0.0, 10.0, 0.01)

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rotorid.checking.unseen import fitted_logs, has_seen
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Intervals, Maneuver, Source, Status, Topic
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.checking.unseen import fitted_logs, has_seen
-from rotorid.pipeline.inspection import inspect
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.instruments import find_instrument, is_free, while_flying
-from rotorid.pipeline.preparation.selection import select_maneuvers
-from rotorid.pipeline.provenance import provenance
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.flights.flights import Flight
+from rotorid.flights.instruments import find_instrument, is_free, while_flying
+from rotorid.flights.selection import select_maneuvers
+from rotorid.results.provenance import provenance
+from rotorid.reviewing.inspection import inspect
+from rotorid.settings.settings import IdentifySettings
 from rotorid.signal.airborne import airborne
 from rotorid.signal.excitations import find_excitations, still_declarations
 from rotorid.typing import FloatArray

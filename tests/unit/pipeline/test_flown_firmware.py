@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
+from rotorid.flights.controller_check import controller_findings
+from rotorid.flights.controllers import FlownFirmware, controllers_of, flown_firmware
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.versions import firmware_candidates
-from rotorid.pipeline.preparation.controller_check import controller_findings
-from rotorid.pipeline.preparation.controllers import FlownFirmware, controllers_of, flown_firmware
 from rotorid.typing import FloatArray
 
 RATE_HZ, LENGTH_S = 250.0, 60.0

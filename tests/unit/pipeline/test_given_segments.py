@@ -12,21 +12,21 @@ from tests.unit.pipeline.large_motion import large_motion
 from tests.unit.pipeline.response_flight import flight
 
 import rotorid
+from rotorid.checking.flown_nonlinear import whole_flights
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flights.motor_data import motor_data
+from rotorid.flights.selection import select_maneuvers, select_records
+from rotorid.flights.selection import whole_flights as flown_whole
+from rotorid.flying.flown_models import fly_log
+from rotorid.identifying.cross_validation import cross_validate
+from rotorid.identifying.delays import delay
+from rotorid.identifying.identification import identify, identify_motors
+from rotorid.identifying.verification import verify
+from rotorid.loops.responses import response
 from rotorid.models.library import response_model
-from rotorid.pipeline.checking.flown_nonlinear import whole_flights
-from rotorid.pipeline.cross_validation import cross_validate
-from rotorid.pipeline.delays import delay
-from rotorid.pipeline.flown_models import fly_log
-from rotorid.pipeline.identification import identify, identify_motors
-from rotorid.pipeline.preparation.motor_data import motor_data
-from rotorid.pipeline.preparation.selection import select_maneuvers, select_records
-from rotorid.pipeline.preparation.selection import whole_flights as flown_whole
-from rotorid.pipeline.responses import response
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import IdentifySettings, MotorChoices, VerifySettings, parse_segment
-from rotorid.pipeline.verification import verify
+from rotorid.results.model import IdentifiedModel
+from rotorid.settings.settings import IdentifySettings, MotorChoices, VerifySettings, parse_segment
 
 OUTSIDE = (parse_segment("roll:900:990"),)
 SAYS = (

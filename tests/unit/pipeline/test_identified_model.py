@@ -12,9 +12,9 @@ from tests.unit.pipeline.response_twins import flight, identified
 
 from rotorid.documents.result import load, result_document, save
 from rotorid.errors import UsageError
-from rotorid.pipeline.comparison import compare
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import IdentifiedModel
+from rotorid.identifying.comparison import compare
+from rotorid.identifying.identification import identify
+from rotorid.results.model import IdentifiedModel
 
 OMEGA = np.geomspace(0.5, 20.0, 7)
 

@@ -10,10 +10,10 @@ import pytest
 from rotorid.documents.base import ProvenanceDocument
 from rotorid.documents.result import ResultDocument, identified_model
 from rotorid.errors import UsageError
+from rotorid.flying.vehicle_from_results import VehicleNumber, joined_vehicle, require
 from rotorid.models.rotors import library_layout
-from rotorid.pipeline.joined import VehicleNumber, joined_vehicle, require
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.summary import Correlation, MotorPhysics, ParameterEstimate
+from rotorid.results.model import IdentifiedModel
+from rotorid.results.summary import Correlation, MotorPhysics, ParameterEstimate
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 TRUTH = {

@@ -12,9 +12,9 @@ from tests.unit.pipeline.test_joined import result
 import rotorid
 from rotorid.documents.result import load, save
 from rotorid.errors import UsageError
+from rotorid.flying.model_from_results import JOINED, joined_halves, joined_model
 from rotorid.models.library import library_model
-from rotorid.pipeline.joined_models import JOINED, joined_halves, joined_model
-from rotorid.pipeline.results import IdentifiedModel, parameter_estimates
+from rotorid.results.model import IdentifiedModel, parameter_estimates
 from rotorid.uncertainty.cramer_rao import Bounds
 
 OMEGA = np.geomspace(0.3, 40.0, 12)

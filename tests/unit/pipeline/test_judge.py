@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from rotorid.errors import InsufficientDataError
+from rotorid.fits.frequency.data_requirements import require_known_gain
+from rotorid.fits.frequency.refusals import _pushed_on_by_speed, _unsound
+from rotorid.fits.remarks import judge_parameters, judge_structure
 from rotorid.fitting.least_squares import Outcome
 from rotorid.models.library import library_model, rate_model
 from rotorid.models.parameter import ParameterSet
-from rotorid.pipeline.fits.frequency.soundness import _pushed_on_by_speed, _unsound
-from rotorid.pipeline.fits.frequency.support import require_known_gain
-from rotorid.pipeline.fits.remarks import judge_parameters, judge_structure
 from rotorid.uncertainty.cramer_rao import Bounds
 
 FOUND = rate_model("rate.roll").parameters

@@ -7,9 +7,9 @@ import numpy as np
 from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
 from rotorid.fitting.frequency.error_shapes import response_error_shapes
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.lean import with_lean_errors
-from rotorid.pipeline.results import Segment
+from rotorid.flights.flights import Flight
+from rotorid.flights.tilt_errors import with_lean_errors
+from rotorid.results.model import Segment
 from rotorid.typing import FloatArray
 
 RATE_HZ, DURATION_S = 50.0, 80.0

@@ -9,9 +9,9 @@ import pytest
 from tests.unit.pipeline.motor_logs import ARM_M, flight
 
 from rotorid.errors import UsageError
+from rotorid.identifying.identification import identify, identify_motors
 from rotorid.io.registry import read
-from rotorid.pipeline.identification import identify, identify_motors
-from rotorid.pipeline.settings import IdentifySettings, MotorChoices, motor_choices
+from rotorid.settings.settings import IdentifySettings, MotorChoices, motor_choices
 from rotorid.vehicles.motor_flight import TRUTH
 
 CHOICES = MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M, method="accelerations")

@@ -9,11 +9,11 @@ from tests.unit.pipeline.motor_logs import ARM_M, THRUST_BY_SPEED, flight, repea
 
 from rotorid.documents.result import ResultDocument, result_document
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.identifying.identification import identify_motors
 from rotorid.io.registry import read
 from rotorid.models.toml import from_toml
-from rotorid.pipeline.identification import identify_motors
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import MotorChoices, chosen_layout
+from rotorid.results.model import IdentifiedModel
+from rotorid.settings.settings import MotorChoices, chosen_layout
 from rotorid.vehicles.motor_flight import TRUTH
 
 

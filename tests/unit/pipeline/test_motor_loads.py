@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import FlightRecord, MotorRecord, Source
+from rotorid.fits.motors.loads import judge_loads, thrust_of_logs, voltage_exponent
 from rotorid.fitting.motors.problem import MotorProblem
+from rotorid.flights.motor_data import _compensated
 from rotorid.models.motors import motor_parameters
-from rotorid.pipeline.fits.motors.loads import judge_loads, thrust_of_logs, voltage_exponent
-from rotorid.pipeline.preparation.motor_data import _compensated
 from rotorid.signal.motors import Kind, MotorHistory
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 

@@ -10,14 +10,14 @@ import pytest
 from tests.unit.pipeline.motor_logs import ARM_M, flight, repeated
 
 from rotorid.errors import InsufficientDataError
+from rotorid.fits.motors import fit, remarks
+from rotorid.fits.motors.errors import motor_model_error
+from rotorid.fits.motors.fit import fit_motor_data
+from rotorid.fits.motors.fitted import FittedMotors
+from rotorid.flights.motor_data import motor_data
+from rotorid.identifying.identification import identify_motors
 from rotorid.io.registry import read
-from rotorid.pipeline.fits.motors import fit, remarks
-from rotorid.pipeline.fits.motors.errors import motor_model_error
-from rotorid.pipeline.fits.motors.fit import fit_motor_data
-from rotorid.pipeline.fits.motors.fitted import FittedMotors
-from rotorid.pipeline.identification import identify_motors
-from rotorid.pipeline.preparation.motor_data import motor_data
-from rotorid.pipeline.settings import MotorChoices
+from rotorid.settings.settings import MotorChoices
 from rotorid.vehicles.motor_flight import TRUTH
 
 CHOICES = MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M)

@@ -11,10 +11,10 @@ from tests.unit.pipeline.motor_logs import ARM_M, flight
 from rotorid.errors import UsageError
 from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.fitting.motors.start import searched_motors
+from rotorid.identifying.identification import identify_motors
 from rotorid.io.registry import read
 from rotorid.models.motors import motor_parameters
-from rotorid.pipeline.identification import identify_motors
-from rotorid.pipeline.settings import IdentifySettings, MotorChoices, motor_choices
+from rotorid.settings.settings import IdentifySettings, MotorChoices, motor_choices
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 
 CHOICES = MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M)

@@ -11,12 +11,12 @@ from tests.unit.pipeline.motor_logs import ARM_M, flight, with_speeds
 from rotorid.data.record import FlightRecord
 from rotorid.documents.result import load, save
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.identifying.comparison import compare
+from rotorid.identifying.identification import identify_motors
+from rotorid.identifying.verification import verify
 from rotorid.io.registry import read
-from rotorid.pipeline.comparison import compare
-from rotorid.pipeline.identification import identify_motors
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import MotorChoices
-from rotorid.pipeline.verification import verify
+from rotorid.results.model import IdentifiedModel
+from rotorid.settings.settings import MotorChoices
 from rotorid.vehicles.motor_flight import TRUTH
 
 CHOICES = MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M, method="accelerations")

@@ -12,9 +12,11 @@ from tests.unit.pipeline.response_flight import flight as roll_flight
 from rotorid.documents.result import load, save
 from rotorid.documents.verify import verify_document
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline import IdentifiedModel, compare, fly_log, identify, verify
-from rotorid.pipeline.fits.time import soundness
-from rotorid.pipeline.flown_models import FlownStretch
+from rotorid.fits.time import soundness
+from rotorid.flying import fly_log
+from rotorid.flying.flown_models import FlownStretch
+from rotorid.identifying import compare, identify, verify
+from rotorid.results import IdentifiedModel
 
 INSIDE_STDS = 4.0
 

@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import UsageError
-from rotorid.pipeline.provenance import Provenance, require_one_autopilot
+from rotorid.results.provenance import Provenance, require_one_autopilot
 
 
 def model(autopilot: str | None = "PX4") -> Any:

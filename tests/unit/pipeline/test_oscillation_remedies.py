@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.unit.signal.test_oscillations import record, slow_swing, swinging
 
-from rotorid.pipeline.oscillations import remedy, reviewed_oscillations
+from rotorid.flights.oscillations import remedy, reviewed_oscillations
 
 
 def test_gains_that_are_not_logged_are_named_by_the_kind_of_swing() -> None:

@@ -17,8 +17,8 @@ from rotorid.data.flight_plan import FlightPlan
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.documents.base import to_json
 from rotorid.documents.design import plan_document
+from rotorid.flying.plan_checks import plan_findings
 from rotorid.io import read
-from rotorid.pipeline.plan_checks import plan_findings
 from rotorid.typing import Axis
 
 CARD_FLIGHT = "real_stacks/ap_x_wind_soft_card_flight.BIN.xz"

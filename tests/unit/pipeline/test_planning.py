@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from rotorid.errors import UsageError
-from rotorid.pipeline.designs import default_entry, equal_axes, plan_for, plan_with, sweep_of
-from rotorid.pipeline.flight_settings import PlanChoices
+from rotorid.flying.designs import default_entry, equal_axes, plan_for, plan_with, sweep_of
+from rotorid.flying.settings import PlanChoices
 from rotorid.planning.amplitude import Limits, reached, usual_reached
 from rotorid.plans.ardupilot import system_id
 from rotorid.simulation.multirotor_flight import changed, fly_multirotor, piloted

@@ -9,7 +9,7 @@ import pytest
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.models.library import RATE_AXES, rate_model
 from rotorid.models.toml import from_toml, to_toml
-from rotorid.pipeline.preparation.resolve import (
+from rotorid.settings.resolve import (
     answers_setpoints,
     black_box_order,
     chosen_parameters,
@@ -18,7 +18,7 @@ from rotorid.pipeline.preparation.resolve import (
     require_known,
     resolve_model,
 )
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.settings.settings import IdentifySettings
 
 
 @pytest.mark.parametrize("name", RATE_AXES)

@@ -12,9 +12,9 @@ import pytest
 from rotorid.data.record import AXES, STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.documents.response import ResponseDocument, response_document
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.provenance import Refused
-from rotorid.pipeline.responses import Responses, refused_response, response, unit_of_ratio
-from rotorid.pipeline.settings import ResponseSettings, parse_segment
+from rotorid.loops.responses import Responses, refused_response, response, unit_of_ratio
+from rotorid.results.provenance import Refused
+from rotorid.settings.settings import ResponseSettings, parse_segment
 from rotorid.simulation.hover_flight import OUTPUTS, Flight, fly
 from rotorid.vehicles import s500
 from rotorid.vehicles.demo import SWEEPS, demo_plan

@@ -11,10 +11,10 @@ from tests.unit.report.made_reviews import made_review, margin
 
 from rotorid.data.findings import warn
 from rotorid.data.quantity import Quantity
-from rotorid.pipeline.results import IdentifiedModel, Refused
-from rotorid.pipeline.review.cards import STATES, Card, cards
-from rotorid.pipeline.review.values import Review, Untold
-from rotorid.pipeline.summary import Cost
+from rotorid.results.model import IdentifiedModel, Refused
+from rotorid.results.summary import Cost
+from rotorid.reviewing.cards import STATES, Card, cards
+from rotorid.reviewing.values import Review, Untold
 
 MODELS = ("rate.roll", "rate.pitch")
 

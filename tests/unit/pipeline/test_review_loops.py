@@ -9,11 +9,11 @@ from rotorid.data.findings import refusal
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.excitation.sticks import everyday_stick
-from rotorid.pipeline.preparation.whole_flights import flown, loop_response, with_floor
-from rotorid.pipeline.provenance import Provenance
-from rotorid.pipeline.results import Refused
-from rotorid.pipeline.review.loops import LOOPS, loop_of, loops
-from rotorid.pipeline.review.review import _refusals
+from rotorid.flights.whole_flights import flown, loop_response, with_floor
+from rotorid.results.model import Refused
+from rotorid.results.provenance import Provenance
+from rotorid.reviewing.assembly import _refusals
+from rotorid.reviewing.loops import LOOPS, loop_of, loops
 from rotorid.typing import FloatArray
 
 RATE_HZ, LENGTH_S = 250.0, 60.0

@@ -11,13 +11,13 @@ import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.errors import InsufficientDataError
+from rotorid.flights.whole_flights import flown
+from rotorid.loops.rate_loops import read_margins
 from rotorid.models.autopilots.betaflight import BASE, TOP
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.controller import RateController
-from rotorid.pipeline.preparation.loops import read_margins
-from rotorid.pipeline.preparation.whole_flights import flown
-from rotorid.pipeline.review.margins import margins
-from rotorid.pipeline.review.values import MarginReview, Untold
+from rotorid.reviewing.margins import margins
+from rotorid.reviewing.values import MarginReview, Untold
 from rotorid.tuning.loops import loop_figures
 from rotorid.tuning.plant import certain_plant
 from rotorid.typing import ComplexArray, FloatArray
@@ -158,7 +158,7 @@ def test_excitations_that_show_too_little_take_nothing_from_the_flight(monkeypat
     def nothing(*_: object) -> None:
         raise InsufficientDataError("the sweep is too short")
 
-    monkeypatch.setattr("rotorid.pipeline.preparation.loops.swept_plant", nothing)
+    monkeypatch.setattr("rotorid.loops.rate_loops.swept_plant", nothing)
     found, _ = reviewed(flight)
     assert whole is not None
     assert found is not None

@@ -11,9 +11,9 @@ import pytest
 
 import rotorid
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
-from rotorid.pipeline.review.cards import cards
-from rotorid.pipeline.review.flight import flight, logger_topics, logging, vehicle
-from rotorid.pipeline.review.motors import imbalance_pattern, motors
+from rotorid.reviewing.cards import cards
+from rotorid.reviewing.flight import flight, logger_topics, logging, vehicle
+from rotorid.reviewing.motors import imbalance_pattern, motors
 from rotorid.simulation.multirotor import Multirotor
 from rotorid.simulation.multirotor_flight import fly_multirotor
 from rotorid.typing import FloatArray

@@ -11,8 +11,8 @@ from tests.unit.pipeline.test_review_motors import record
 
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.review.noise import noise
-from rotorid.pipeline.review.values import NoiseReview
+from rotorid.reviewing.noise import noise
+from rotorid.reviewing.values import NoiseReview
 from rotorid.typing import FloatArray
 
 RATE_HZ = 1000.0

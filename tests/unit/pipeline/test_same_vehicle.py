@@ -7,7 +7,7 @@ import pytest
 
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.errors import UsageError
-from rotorid.pipeline.same_vehicle import Aircraft, aircraft_of, different_gains, require_one_vehicle
+from rotorid.flights.same_vehicle import Aircraft, aircraft_of, different_gains, require_one_vehicle
 
 
 def log(form: str, name: str, parameters: dict[str, float] | None = None) -> FlightRecord:

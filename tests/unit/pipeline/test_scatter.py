@@ -12,10 +12,10 @@ from tests.unit.cli.commands import fly_roll_sweeps
 from tests.unit.pipeline.motor_logs import ARM_M, written
 
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
+from rotorid.fits.scatter import Alone, amplitude_dependences, disagreements
+from rotorid.identifying.identification import identify, identify_motors
 from rotorid.io.registry import read
-from rotorid.pipeline.fits.scatter import Alone, amplitude_dependences, disagreements
-from rotorid.pipeline.identification import identify, identify_motors
-from rotorid.pipeline.settings import IdentifySettings, MotorChoices
+from rotorid.settings.settings import IdentifySettings, MotorChoices
 from rotorid.vehicles.motor_flight import TRUTH, flights
 
 

@@ -12,10 +12,10 @@ from tests.unit.pipeline.small_logs import at_rest, log, sweeps
 
 import rotorid
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.identifying.scope import Scoped, require_common_axes, scoped
 from rotorid.models.library import library_model, transfer_function
 from rotorid.models.structure import connected
-from rotorid.pipeline.preparation.scope import Scoped, require_common_axes, scoped
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.settings.settings import IdentifySettings
 
 LONGITUDINAL = library_model("hover.longitudinal")
 LATERAL = library_model("hover.lateral")

@@ -14,14 +14,8 @@ from tests.unit.pipeline.response_flight import RATE_HZ, TRUTH, flight
 from rotorid.data.record import Maneuver
 from rotorid.documents.result import ResultDocument, result_document
 from rotorid.errors import UsageError
-from rotorid.fitting.frequency.fit import fit_frequency
-from rotorid.fitting.frequency.problem import FrequencyProblem
-from rotorid.fitting.least_squares import same_cost
-from rotorid.fitting.time.output_error import TimeProblem
-from rotorid.models.library import response_model
-from rotorid.models.toml import from_toml
-from rotorid.pipeline.fits.frequency import fit as fitting
-from rotorid.pipeline.fits.searching import (
+from rotorid.fits.frequency import fit as fitting
+from rotorid.fits.searching import (
     NEARLY_AS_GOOD,
     Searched,
     judge_minima,
@@ -29,16 +23,22 @@ from rotorid.pipeline.fits.searching import (
     searched,
     searched_minima,
 )
-from rotorid.pipeline.fits.time.fit import fit_in_time
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.resolve import named_model
-from rotorid.pipeline.preparation.segments import TimeRecords, time_records
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import EVALUATIONS, IdentifySettings, parse_segment
-from rotorid.pipeline.summary import SearchSummary
+from rotorid.fits.time.fit import fit_in_time
+from rotorid.fitting.frequency.fit import fit_frequency
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.least_squares import same_cost
+from rotorid.fitting.time.output_error import TimeProblem
+from rotorid.flights.flights import Flight
+from rotorid.flights.segments import TimeRecords, time_records
+from rotorid.identifying.identification import identify
+from rotorid.models.library import response_model
+from rotorid.models.toml import from_toml
 from rotorid.reduction.guided import Reduced, fit_and_drop
+from rotorid.results.model import IdentifiedModel
+from rotorid.results.summary import SearchSummary
 from rotorid.search.result import Basin
+from rotorid.settings.resolve import named_model
+from rotorid.settings.settings import EVALUATIONS, IdentifySettings, parse_segment
 from rotorid.uncertainty.cramer_rao import Bounds
 
 MODEL = "response.second_order_delay"

@@ -10,17 +10,17 @@ import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Kind, Maneuver, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.instruments import (
+from rotorid.flights.flights import Flight
+from rotorid.flights.instruments import (
     band_of_instrument,
     by_instruments,
     choose_instruments,
     find_instrument,
     instrument_of,
 )
-from rotorid.pipeline.preparation.measure import measure
-from rotorid.pipeline.preparation.selection import select_maneuvers
-from rotorid.pipeline.settings import IdentifySettings, as_records, parse_segment
+from rotorid.flights.measure import measure
+from rotorid.flights.selection import select_maneuvers
+from rotorid.settings.settings import IdentifySettings, as_records, parse_segment
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import FloatArray
 

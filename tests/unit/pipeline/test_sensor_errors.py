@@ -11,7 +11,7 @@ from tests.unit.pipeline.small_logs import DURATION_S, log, topic
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.fitting.frequency.error_shapes import response_error_shapes
-from rotorid.pipeline.preparation.sensors import corrected_record, with_sensor_errors
+from rotorid.flights.sensors import corrected_record, with_sensor_errors
 from rotorid.signal.sensor_correction import SensorCorrection
 from rotorid.spectral.derived import selected
 

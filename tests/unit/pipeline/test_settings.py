@@ -11,7 +11,7 @@ import pytest
 from rotorid.data.record import Maneuver
 from rotorid.data.trust import DIRECT_COHERENCE, JOINT_COHERENCE
 from rotorid.errors import UsageError
-from rotorid.pipeline.settings import (
+from rotorid.settings.settings import (
     IdentifySettings,
     as_names,
     as_records,

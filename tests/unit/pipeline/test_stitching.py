@@ -12,12 +12,12 @@ from tests.unit.pipeline.test_joined import result
 from rotorid.documents.base import to_json
 from rotorid.documents.stitched import stitched_document
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flying.stitching import Stitched, stitch
 from rotorid.io.registry import read, write_log
 from rotorid.models.library import library_model
-from rotorid.pipeline.results import IdentifiedModel, parameter_estimates
-from rotorid.pipeline.stitching import Stitched, stitch
-from rotorid.pipeline.summary import Range
 from rotorid.report.stitched import render_stitched
+from rotorid.results.model import IdentifiedModel, parameter_estimates
+from rotorid.results.summary import Range
 from rotorid.simulation import fly_multirotor, hover_derivatives_of, trimmed
 from rotorid.simulation.multirotor_flight import piloted
 from rotorid.uncertainty.cramer_rao import Bounds
@@ -162,7 +162,7 @@ def test_a_flight_needs_both_halves_and_what_the_simulation_takes(tmp_path: Path
 
 def test_exact_models_fly_through_the_speeds_as_the_vehicle_does(tmp_path: Path, stitched: Stitched) -> None:
     """The nonlinear vehicle under sticks from 0 to 8 m/s, from its log: Theil coefficients up to 0.1."""
-    from rotorid.pipeline.simulation import everyday_plan
+    from rotorid.flying.simulation import everyday_plan
 
     craft = piloted(CRAFT)
     plan = everyday_plan(craft, duration_s=40.0, level=0.5, seed=3)

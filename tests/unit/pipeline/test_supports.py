@@ -12,13 +12,13 @@ from tests.twins import track_flights as twin
 from rotorid import identify, inspect, review
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Status, Topic
 from rotorid.errors import InsufficientDataError
+from rotorid.flights.selection import select_records
+from rotorid.flights.supports import supported_models, supporting_logs, supports, unsupported
+from rotorid.identifying.identify_many import identify_several, none_stands
 from rotorid.models.library import rate_model as structure_of
-from rotorid.pipeline.preparation.selection import select_records
-from rotorid.pipeline.preparation.supports import supported_models, supporting_logs, supports, unsupported
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.several import identify_several, none_stands
-from rotorid.pipeline.tuning.plants import rate_model
+from rotorid.proposing.plants import rate_model
+from rotorid.results.model import IdentifiedModel
+from rotorid.settings.settings import IdentifySettings
 from rotorid.simulation.wind import Wind
 from rotorid.typing import FloatArray
 

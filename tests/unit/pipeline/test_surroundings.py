@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import Channel, FlightRecord, Kind, Maneuver, Origin, Source, Topic
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.segments import with_surroundings
+from rotorid.flights.flights import Flight
+from rotorid.flights.segments import with_surroundings
 from rotorid.typing import Axis
 
 

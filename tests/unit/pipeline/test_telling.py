@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from rotorid.checking.candidate import Candidate
+from rotorid.checking.maneuvers import SHARE, excited_outputs
 from rotorid.data.record import Maneuver
 from rotorid.models.library import library_model
-from rotorid.pipeline.checking.candidate import Candidate
-from rotorid.pipeline.checking.maneuvers import SHARE, excited_outputs
 from rotorid.typing import Axis
 from rotorid.verification.verification import Scores, Verification
 

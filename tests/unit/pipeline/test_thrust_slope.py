@@ -11,8 +11,8 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, T
 from rotorid.data.response import FrequencyResponse
 from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.flights.thrust_slope import curvature, with_slope_changes
 from rotorid.models.library import rate_model
-from rotorid.pipeline.preparation.thrust_slope import curvature, with_slope_changes
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import bounds
 from rotorid.units import STANDARD_GRAVITY_M_S2

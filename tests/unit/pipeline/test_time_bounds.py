@@ -10,13 +10,13 @@ from tests.unit.pipeline.response_flight import flight
 
 from rotorid.data.record import Maneuver
 from rotorid.errors import InsufficientDataError
+from rotorid.fits.time.fit import TimeFit, fit_in_time
+from rotorid.fits.time.refusals import require_bounds
+from rotorid.flights.flights import Flight
+from rotorid.flights.segments import time_records
+from rotorid.identifying.identification import identify
 from rotorid.models.library import response_model
-from rotorid.pipeline.fits.time.fit import TimeFit, fit_in_time
-from rotorid.pipeline.fits.time.soundness import require_bounds
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.segments import time_records
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.settings.settings import IdentifySettings
 
 SECOND = "response.second_order_delay"
 WHOLE = Maneuver(axis="roll", start_s=3.0, stop_s=32.9, kind="other")

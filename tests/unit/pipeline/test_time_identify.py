@@ -11,23 +11,23 @@ from tests.unit.pipeline.response_flight import RATE_HZ, TRUTH, binary, flight
 from rotorid.data.record import Maneuver
 from rotorid.documents.result import result_document
 from rotorid.errors import UsageError
+from rotorid.fits.time.feedback import following, judge_following
+from rotorid.fits.time.fit import fit_in_time
+from rotorid.fits.time.frequency_check import judge_agreement
+from rotorid.fits.time.remarks import judge_time_fit
 from rotorid.fitting.time.output_error import TimeData, TimeProblem, own_starts
+from rotorid.flights.flights import Flight
+from rotorid.flights.segments import TimeRecords, evenly_stamped, time_records
+from rotorid.identifying.identification import identify, method_of
+from rotorid.identifying.methods import InTime
 from rotorid.models.equations import structure_from_equations
 from rotorid.models.library import rate_model, response_model
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.pipeline.fits.methods import InTime
-from rotorid.pipeline.fits.time.feedback import following, judge_following
-from rotorid.pipeline.fits.time.fit import fit_in_time
-from rotorid.pipeline.fits.time.remarks import judge_time_fit
-from rotorid.pipeline.fits.time.two_domains import judge_agreement
-from rotorid.pipeline.identification import identify, method_of
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.resolve import named_model
-from rotorid.pipeline.preparation.segments import TimeRecords, evenly_stamped, time_records
-from rotorid.pipeline.results import IdentifiedModel, Segment
-from rotorid.pipeline.settings import IdentifySettings
-from rotorid.pipeline.summary import Compared
+from rotorid.results.model import IdentifiedModel, Segment
+from rotorid.results.summary import Compared
+from rotorid.settings.resolve import named_model
+from rotorid.settings.settings import IdentifySettings
 from rotorid.simulation.linear import simulate_linear
 
 SECOND = response_model("response.second_order_delay", [("phi_setpoint", "phi")])

@@ -12,13 +12,13 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver,
 from rotorid.documents.result import result_document
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.time.output_error import TimeData
+from rotorid.flights.flights import Flight
+from rotorid.flights.segments import TimeRecords, time_records
+from rotorid.flights.selection import select_records
+from rotorid.identifying.identification import identify
 from rotorid.models.library import response_model
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.resolve import named_model
-from rotorid.pipeline.preparation.segments import TimeRecords, time_records
-from rotorid.pipeline.preparation.selection import select_records
-from rotorid.pipeline.settings import IdentifySettings, parse_segment
+from rotorid.settings.resolve import named_model
+from rotorid.settings.settings import IdentifySettings, parse_segment
 from rotorid.typing import FloatArray
 
 SECOND = response_model("response.second_order_delay", [("phi_setpoint", "phi")])

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from tests.unit.pipeline.response_flight import flight
 
+from rotorid.checking.unseen import estimated_shifts
 from rotorid.data.record import FlightRecord
 from rotorid.documents.result import result_document
 from rotorid.errors import ModelError
 from rotorid.fitting.time.output_error import Fitted, TimeData, TimeProblem
+from rotorid.identifying.identification import identify
 from rotorid.models.library import response_model
-from rotorid.pipeline.checking.unseen import estimated_shifts
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.settings import IdentifySettings, parse_segment
+from rotorid.results.model import IdentifiedModel
+from rotorid.settings.settings import IdentifySettings, parse_segment
 from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
 

@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.findings import warn
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
-from rotorid.pipeline.tracking import _told, _trims
+from rotorid.identifying.tracking import _told, _trims
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ from tests.unit.pipeline.small_logs import DURATION_S, log, sweeps, topic
 
 from rotorid.data.record import Maneuver
 from rotorid.errors import ModelError
+from rotorid.flights.flights import Flight
+from rotorid.identifying.scope import trimmed
 from rotorid.models.library import library_model, rate_model
-from rotorid.pipeline.preparation.flights import Flight
-from rotorid.pipeline.preparation.scope import trimmed
-from rotorid.pipeline.settings import IdentifySettings
+from rotorid.settings.settings import IdentifySettings
 
 STRUCTURE = library_model("hover.longitudinal")
 RATE_HZ = 50.0

@@ -10,8 +10,8 @@ import pytest
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.fitting.frequency.error_shapes import response_error_shapes
-from rotorid.pipeline.preparation.consistency import Consistency, Stretch
-from rotorid.pipeline.preparation.unchecked import (
+from rotorid.flights.consistency import Consistency, Stretch
+from rotorid.flights.unchecked import (
     USUAL_BIAS,
     USUAL_LEAN,
     USUAL_OTHER_LEAN,

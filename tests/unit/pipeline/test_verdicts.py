@@ -16,14 +16,14 @@ from rotorid.documents.base import to_json
 from rotorid.documents.compare import _model
 from rotorid.documents.result import refused_document, result_document
 from rotorid.documents.review import review_document
-from rotorid.pipeline.comparison import Entry
-from rotorid.pipeline.results import IdentifiedModel, Refused
-from rotorid.pipeline.summary import Cost, PairCost
-from rotorid.pipeline.verdicts import LEVEL_OF, badge, cost_verdict, response_verdict, verdict
+from rotorid.identifying.comparison import Entry
 from rotorid.report.compare import _model_row
 from rotorid.report.parts import cost_rows
 from rotorid.report.review import render_reviews
 from rotorid.report.words import document_verdict, summary
+from rotorid.results.model import IdentifiedModel, Refused
+from rotorid.results.summary import Cost, PairCost
+from rotorid.results.verdicts import LEVEL_OF, badge, cost_verdict, response_verdict, verdict
 
 MISSED = warn("structure_error", "p/roll_command", "It misses.", model_error_percent=18.0)
 COSTLY = warn("structure_error", "p/roll_command", "It costs.", cost=60.0, median_cost=2.0)

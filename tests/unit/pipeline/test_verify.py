@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rotorid.checking.candidate import Candidate, read_candidate
+from rotorid.checking.maneuvers import with_known_delays
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.documents.base import ManeuverDocument, ProvenanceDocument
 from rotorid.documents.verify import verify_document
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.excitation.switching import doublet
+from rotorid.identifying.verification import verify
 from rotorid.models.library import rate_model
 from rotorid.models.toml import from_toml
-from rotorid.pipeline.checking.candidate import Candidate, read_candidate
-from rotorid.pipeline.checking.maneuvers import with_known_delays
-from rotorid.pipeline.settings import VerifySettings, parse_segment
-from rotorid.pipeline.verification import verify
+from rotorid.settings.settings import VerifySettings, parse_segment
 from rotorid.simulation.hover_flight import STEP_RATE_HZ, Excitation, Flight, fly
 from rotorid.vehicles import s500
 from rotorid.vehicles.demo import demo_plan

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from tests.unit.pipeline.test_verify import candidate, doublets, kinds
 
+from rotorid.checking.maneuvers import with_known_delays, with_known_filters
 from rotorid.data.record import FlightRecord, Source
 from rotorid.documents.verify import verify_document
 from rotorid.errors import UsageError
+from rotorid.flights.given_controllers import Controllers, GivenController, no_controller, read_controllers
+from rotorid.identifying.verification import verify
 from rotorid.models.controller import RateController
 from rotorid.models.library import rate_model
-from rotorid.pipeline.checking.controllers import Controllers, GivenController, no_controller, read_controllers
-from rotorid.pipeline.checking.maneuvers import with_known_delays, with_known_filters
-from rotorid.pipeline.settings import VerifySettings
-from rotorid.pipeline.verification import verify
+from rotorid.settings.settings import VerifySettings
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.filters import combined_response
 from rotorid.vehicles import s500

@@ -12,9 +12,9 @@ from rotorid.data.flight_plan import FlightPlan
 from rotorid.errors import UsageError
 from rotorid.excitation.plan import sequence, uncorrelated_binaries
 from rotorid.fitting.time.output_error import TimeData, TimeProblem, fit_output_error
+from rotorid.flying.designs import design
+from rotorid.flying.settings import DesignChoices, plan_choices
 from rotorid.models.library import response_model
-from rotorid.pipeline.designs import design
-from rotorid.pipeline.flight_settings import DesignChoices, plan_choices
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.loop import LoopModel
 from rotorid.planning.prediction import Prediction

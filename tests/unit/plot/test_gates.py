@@ -14,13 +14,13 @@ from tests.unit.report.sample import exact, response
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.data.trust import DIRECT_COHERENCE, LARGEST_RANDOM_ERROR, trusted
-from rotorid.pipeline.review.values import Review
 from rotorid.plot.figure import SECONDARY, Figure, Trace, translucent
 from rotorid.plot.frequency import Named, bode, overlay
 from rotorid.plot.loops import broken_loop, disturbance_rejection
 from rotorid.plot.tuning import responses
 from rotorid.report.response import loop_pictures
 from rotorid.report.review import pictures_of
+from rotorid.reviewing.values import Review
 from rotorid.spectral.derived import read_points
 from rotorid.typing import BoolArray, FloatArray
 

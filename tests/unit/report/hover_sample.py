@@ -8,7 +8,8 @@ from tests.unit.report.sample import document, identification, shown_with
 from rotorid.data.response import FrequencyResponse
 from rotorid.documents.base import FindingDocument
 from rotorid.documents.result import DelaysDocument, MatricesDocument, ResultDocument
-from rotorid.pipeline.summary import (
+from rotorid.report.parts import Shown
+from rotorid.results.summary import (
     Checks,
     Correlation,
     Cost,
@@ -20,7 +21,6 @@ from rotorid.pipeline.summary import (
     Range,
     ReductionStep,
 )
-from rotorid.report.parts import Shown
 from rotorid.typing import ComplexArray, FloatArray
 
 INPUTS, OUTPUTS, POINTS = ("pitch_command", "thrust_command"), ("q", "u", "w", "ax", "az"), 40

@@ -10,7 +10,7 @@ from rotorid.data.findings import warn
 from rotorid.data.quantity import Quantity
 from rotorid.data.response import FrequencyResponse
 from rotorid.models.controller import RateController
-from rotorid.pipeline.review.values import (
+from rotorid.reviewing.values import (
     FlightSummary,
     LoggingReview,
     LoopReview,

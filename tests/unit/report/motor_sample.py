@@ -8,8 +8,9 @@ from rotorid.data.record import Maneuver
 from rotorid.data.response import FrequencyResponse
 from rotorid.documents.base import ProvenanceDocument
 from rotorid.documents.result import ResultDocument
-from rotorid.pipeline.results import FittedData, SimulatedRecord, Verifications
-from rotorid.pipeline.summary import (
+from rotorid.report.parts import Shown
+from rotorid.results.model import FittedData, SimulatedRecord, Verifications
+from rotorid.results.summary import (
     Checks,
     Correlation,
     Derived,
@@ -19,7 +20,6 @@ from rotorid.pipeline.summary import (
     ParameterEstimate,
     RecordFit,
 )
-from rotorid.report.parts import Shown
 from rotorid.typing import FloatArray
 from rotorid.verification.verification import Scores, Verification
 

@@ -9,11 +9,11 @@ from tests.unit.report.sample import sweep
 
 from rotorid.data.findings import Finding
 from rotorid.data.response import Estimate, FrequencyResponse
-from rotorid.pipeline.preparation.loops import AxisLoop
-from rotorid.pipeline.preparation.measure import Measured
-from rotorid.pipeline.provenance import Provenance
-from rotorid.pipeline.responses import ResponseRecord, Responses
-from rotorid.pipeline.results import Segment
+from rotorid.flights.measure import Measured
+from rotorid.loops.rate_loops import AxisLoop
+from rotorid.loops.responses import ResponseRecord, Responses
+from rotorid.results.model import Segment
+from rotorid.results.provenance import Provenance
 from rotorid.spectral.estimate import Diagnostics
 from rotorid.spectral.loops import sensitivity
 from rotorid.spectral.margins import disturbance_rejection, loop_margins

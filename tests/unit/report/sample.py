@@ -11,8 +11,9 @@ from rotorid.data.record import Channel, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.documents.base import FindingDocument, ManeuverDocument, ProvenanceDocument
 from rotorid.documents.result import DelaysDocument, MatricesDocument, ResultDocument
-from rotorid.pipeline.results import FittedData, FrequencyCheck, Segment, Verifications
-from rotorid.pipeline.summary import (
+from rotorid.report.parts import Shown
+from rotorid.results.model import FittedData, FrequencyCheck, Segment, Verifications
+from rotorid.results.summary import (
     Checks,
     Cost,
     ManeuverCheck,
@@ -21,7 +22,6 @@ from rotorid.pipeline.summary import (
     PoleEstimate,
     UnseenCombination,
 )
-from rotorid.report.parts import Shown
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 from rotorid.verification.verification import Scores, Verdict, Verification
 

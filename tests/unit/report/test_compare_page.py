@@ -10,7 +10,7 @@ from tests.unit.pipeline.response_twins import flight, written
 from tests.unit.report.page_parser import Page
 
 from rotorid.documents.compare import CrossValidatedDocument, compare_document, read_results
-from rotorid.pipeline.comparison import Comparison, compare
+from rotorid.identifying.comparison import Comparison, compare
 from rotorid.report.compare import (
     comparison_summary,
     lone_parameters,

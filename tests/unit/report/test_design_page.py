@@ -17,8 +17,8 @@ from rotorid.data.findings import Finding
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
 from rotorid.errors import UsageError
 from rotorid.excitation.plan import planned, sequence, together
-from rotorid.pipeline.designs import Designed, Planned, Told
-from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
+from rotorid.flying.designs import Designed, Planned, Told
+from rotorid.flying.settings import DesignChoices, PlanChoices
 from rotorid.planning.amplitude import Amplitude, Limits, Reached, reached
 from rotorid.planning.duration import Attempt, Shortest
 from rotorid.planning.prediction import PredictedParameter, Prediction

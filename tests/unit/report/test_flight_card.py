@@ -21,8 +21,8 @@ from tests.unit.report.plan_sample import (
 
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
-from rotorid.pipeline.designs import Designed, Planned
-from rotorid.pipeline.flight_settings import DesignChoices, PlanChoices
+from rotorid.flying.designs import Designed, Planned
+from rotorid.flying.settings import DesignChoices, PlanChoices
 from rotorid.planning.amplitude import Reached
 from rotorid.plans.facts import HOLD, Autopilot, FlightFacts, PredictedBound, excited_s, throttle_by_hand
 from rotorid.report.files import _facts

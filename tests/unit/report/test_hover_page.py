@@ -25,7 +25,6 @@ from tests.unit.report.page_parser import Page
 from tests.unit.report.sample import HOSTILE, doublet, shown_with
 
 from rotorid.documents.result import ResultDocument
-from rotorid.pipeline.summary import Correlation, DelayBudget, FitEnd, PoleEstimate
 from rotorid.report.identification import (
     correlation_picture,
     correlation_sentence,
@@ -46,6 +45,7 @@ from rotorid.report.words import (
     sparkline,
     summary,
 )
+from rotorid.results.summary import Correlation, DelayBudget, FitEnd, PoleEstimate
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,9 @@ from tests.unit.cli.commands import rotorid
 from rotorid.data.findings import Finding
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import UsageError
-from rotorid.pipeline.inspection import inspect
-from rotorid.pipeline.settings import parse_segment
 from rotorid.report.inspection import log_picture, render_inspection, write_inspection
+from rotorid.reviewing.inspection import inspect
+from rotorid.settings.settings import parse_segment
 
 EVIL = "</script><script>alert(1)</script>[bold]"
 

@@ -14,7 +14,6 @@ from tests.unit.report.sample import document as other_document
 
 from rotorid.documents.base import FindingDocument
 from rotorid.documents.result import ResultDocument
-from rotorid.pipeline.summary import ParameterEstimate
 from rotorid.report.identification import render_sections, section
 from rotorid.report.motors import MotorsShown, curve_with_error, motors_shown
 from rotorid.report.parts import Shown, parameter_groups
@@ -27,6 +26,7 @@ from rotorid.report.words import (
     summary,
     time_sentences,
 )
+from rotorid.results.summary import ParameterEstimate
 
 
 def shown(one: Shown | None = None) -> MotorsShown:

@@ -15,10 +15,10 @@ from tests.unit.report.sample import HOSTILE, document, doublet, identification,
 
 from rotorid.documents.base import FindingDocument
 from rotorid.errors import UsageError
-from rotorid.pipeline.summary import Checks, ParameterEstimate
 from rotorid.report.frame import json_for_script
 from rotorid.report.identification import render_sections, section
 from rotorid.report.parts import Shown
+from rotorid.results.summary import Checks, ParameterEstimate
 from rotorid.verification.verification import Scores
 
 

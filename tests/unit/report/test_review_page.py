@@ -18,15 +18,15 @@ from rotorid.data.record import FlightRecord, Source
 from rotorid.documents.base import to_json
 from rotorid.documents.review import ReviewDocument, review_arrays, review_document
 from rotorid.errors import UsageError
-from rotorid.pipeline.oscillations import OscillationReview
-from rotorid.pipeline.provenance import LoggedManeuver
-from rotorid.pipeline.review.cards import Card, cards
-from rotorid.pipeline.review.motors import _findings
-from rotorid.pipeline.review.review import _with_thrust_of, next_commands, told_anything
-from rotorid.pipeline.review.values import MotorReview, Review, Untold
-from rotorid.pipeline.summary import Derived, MotorPhysics
+from rotorid.flights.oscillations import OscillationReview
 from rotorid.plot.review import motor_bars, noise_maps, png, step_answers
 from rotorid.report.review import pictures_of, render_reviews
+from rotorid.results.provenance import LoggedManeuver
+from rotorid.results.summary import Derived, MotorPhysics
+from rotorid.reviewing.assembly import _with_thrust_of, next_commands, told_anything
+from rotorid.reviewing.cards import Card, cards
+from rotorid.reviewing.motors import _findings
+from rotorid.reviewing.values import MotorReview, Review, Untold
 
 
 def test_every_part_stands_on_the_page_with_its_interval() -> None:

@@ -10,8 +10,8 @@ from tests.unit.report.sample import HOSTILE, document, identification, shown_wi
 
 from rotorid.documents.base import FindingDocument
 from rotorid.documents.result import ResultDocument
-from rotorid.pipeline.summary import BootstrapSummary, Correlation, SearchMinimum, SearchSummary, Spread
 from rotorid.report.identification import bootstrap_shown, render_sections, search_shown
+from rotorid.results.summary import BootstrapSummary, Correlation, SearchMinimum, SearchSummary, Spread
 
 
 def basin(cost: float, share: float, gain: float) -> SearchMinimum:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from rotorid.pipeline.summary import CrossValidationSummary, FoldSummary, SignalScore
 from rotorid.report.time import crossed
+from rotorid.results.summary import CrossValidationSummary, FoldSummary, SignalScore
 
 LOOKS_AHEAD = "a little of what comes"
 

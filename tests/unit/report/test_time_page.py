@@ -9,12 +9,12 @@ import pytest
 from tests.unit.pipeline.response_flight import flight
 from tests.unit.report.sample import HOSTILE, shown_with
 
-from rotorid.pipeline.identification import identify
-from rotorid.pipeline.summary import Minimum
+from rotorid.identifying.identification import identify
 from rotorid.report.identification import render_sections
 from rotorid.report.parts import Shown
 from rotorid.report.time import time_fits
 from rotorid.report.words import time_sentences
+from rotorid.results.summary import Minimum
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ import dataclasses
 
 from tests.unit.report.sample import document, doublet, judged, maneuver
 
+from rotorid.checking.checks import sweep_check
 from rotorid.documents.verify import VerifyDocument, guideline_document
-from rotorid.pipeline.checking.checks import sweep_check
-from rotorid.pipeline.results import Verifications
-from rotorid.pipeline.summary import ClosedLoopScores, SignalScore
+from rotorid.results.model import Verifications
+from rotorid.results.summary import ClosedLoopScores, SignalScore
 from rotorid.verification.closed_loop import ClosedLoop, LoopScores
 from rotorid.verification.prediction import Horizon, HorizonScores, Prediction
 from rotorid.verification.verification import Verification

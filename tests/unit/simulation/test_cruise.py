@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rotorid.errors import ModelError, UsageError
-from rotorid.pipeline.flight_settings import SimulateChoices, parse_speed
-from rotorid.pipeline.simulation import truth_of
+from rotorid.flying.settings import SimulateChoices, parse_speed
+from rotorid.flying.simulation import truth_of
 from rotorid.simulation import PERFECT, fly_multirotor, hover_derivatives_of, linearize, trimmed
 from rotorid.simulation.linearization import MOTION
 from rotorid.simulation.multirotor_flight import piloted

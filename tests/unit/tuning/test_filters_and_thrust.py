@@ -14,11 +14,11 @@ from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import UsageError
 from rotorid.models.autopilots import axis_controller
 from rotorid.models.controller import RateController
-from rotorid.pipeline.tuning.axis import gains_apart
-from rotorid.pipeline.tuning.check import Foretold, _which
-from rotorid.pipeline.tuning.filters import changed_filters, numbered, prices, with_filters
-from rotorid.pipeline.tuning.proposal import TuneSettings, _together
-from rotorid.pipeline.tuning.thrust import _KINDS, ThrustLinearization, linearization
+from rotorid.proposing.axis import gains_apart
+from rotorid.proposing.check import Foretold, _which
+from rotorid.proposing.filters import changed_filters, numbered, prices, with_filters
+from rotorid.proposing.proposal import TuneSettings, _together
+from rotorid.proposing.thrust import _KINDS, ThrustLinearization, linearization
 from rotorid.tuning import ControllerParts, Gains, attitude_figures, frequency_grid, quantities
 from rotorid.tuning.files import parameter_files
 
@@ -190,7 +190,7 @@ def motors(c_1: float, c_2: float, *, std: float, outputs: str = "output") -> Si
 
 @pytest.fixture(autouse=True)
 def plain_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rotorid.pipeline.tuning.thrust.bounds_of", lambda bounds, names: bounds)
+    monkeypatch.setattr("rotorid.proposing.thrust.bounds_of", lambda bounds, names: bounds)
 
 
 @pytest.mark.parametrize("expo", [0.3, 0.65, 1.0])

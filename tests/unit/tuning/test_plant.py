@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.preparation.loops import shown_quantities
-from rotorid.pipeline.tuning.plants import require_known
+from rotorid.loops.rate_loops import shown_quantities
+from rotorid.proposing.plants import require_known
 from rotorid.tuning.loops import loop_figures
 from rotorid.tuning.plant import MeasuredRatio, uncertain_plant
 

@@ -10,9 +10,9 @@ import pytest
 
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError
-from rotorid.pipeline.provenance import LoggedManeuver
-from rotorid.pipeline.results import IdentifiedModel
-from rotorid.pipeline.tuning.flown import require_room
+from rotorid.proposing.flown_gains import require_room
+from rotorid.results.model import IdentifiedModel
+from rotorid.results.provenance import LoggedManeuver
 from rotorid.typing import FloatArray
 
 SPIN = {"MOT_SPIN_MIN": 0.15, "MOT_SPIN_MAX": 0.95, "MOT_THST_EXPO": 0.65}

@@ -10,14 +10,14 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import InsufficientDataError
+from rotorid.flights.controllers import controllers_of
 from rotorid.models.autopilots import axis_controller
-from rotorid.pipeline.preparation.controllers import controllers_of
-from rotorid.pipeline.tuning import proposal
-from rotorid.pipeline.tuning.axis import KnownAxis
-from rotorid.pipeline.tuning.filters import with_filters
-from rotorid.pipeline.tuning.flown import FlownAxis
-from rotorid.pipeline.tuning.proposal import TuneSettings
-from rotorid.pipeline.tuning.shared import require_filters_hold
+from rotorid.proposing import proposal
+from rotorid.proposing.axis import KnownAxis
+from rotorid.proposing.filters import with_filters
+from rotorid.proposing.flown_gains import FlownAxis
+from rotorid.proposing.proposal import TuneSettings
+from rotorid.proposing.shared_filters import require_filters_hold
 from rotorid.tuning import Gains, Wishes, frequency_grid, uncertain_plant
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
@@ -116,7 +116,7 @@ def test_axes_that_cannot_be_judged_are_named() -> None:
 
 @pytest.mark.parametrize("filters", [SLOW, FAST], ids=["refused", "held"])
 def test_an_axis_that_was_not_asked_for_is_judged(filters: dict[str, float], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rotorid.pipeline.tuning.shared.known_axis", lambda axis, *_, **__: known(axis, filters))
+    monkeypatch.setattr("rotorid.proposing.shared_filters.known_axis", lambda axis, *_, **__: known(axis, filters))
     if filters is SLOW:
         with pytest.raises(InsufficientDataError, match="gains of pitch do not keep"):
             held(filters, others=("pitch",))

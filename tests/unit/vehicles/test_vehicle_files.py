@@ -14,9 +14,9 @@ from tests.unit.pipeline.test_joined import ARM_M, hover, motors
 from rotorid.documents.result import save
 from rotorid.documents.vehicle import named_vehicle, parse_vehicle, read_vehicle, vehicle_toml
 from rotorid.errors import ModelError, UsageError
-from rotorid.pipeline.own_vehicles import own_vehicle
-from rotorid.pipeline.simulation import simulate
-from rotorid.pipeline.summary import ControllerSettings, Straightening
+from rotorid.flying.simulation import simulate
+from rotorid.flying.user_vehicles import own_vehicle
+from rotorid.results.summary import ControllerSettings, Straightening
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.simulation.wind import Wind
 from rotorid.vehicles.catalog import VEHICLES, aircraft, aircraft_names, entry_of

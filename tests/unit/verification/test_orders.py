@@ -11,8 +11,8 @@ from rotorid.documents.result import identified_model, result_document
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.black_box.fit import StartPlan
 from rotorid.fitting.time.output_error import TimeData
+from rotorid.identifying.identification import identify
 from rotorid.models.state_space import StateSpace
-from rotorid.pipeline.identification import identify
 from rotorid.simulation.linear import simulate_linear
 from rotorid.verification.orders import compare_orders, held_out
 

@@ -11,10 +11,10 @@ Each shape is a column in the residuals, with a size of its own.
   all of the scale and the delay by which they differ. One that was corrected is off by what is left, with its
   covariance.
 - *What a log does not show*. Errors that could not be looked at have their usual size
-  (:mod:`rotorid.pipeline.preparation.unchecked`) and a smooth course of two octaves that nobody knows.
+  (:mod:`rotorid.flights.unchecked`) and a smooth course of two octaves that nobody knows.
 - *Thrust and lean*. The slope of thrust changes with its mean, for all inputs alike
-  (:mod:`rotorid.pipeline.preparation.thrust_slope`), and derivatives of hover hold for small angles only
-  (:mod:`rotorid.pipeline.preparation.lean`).
+  (:mod:`rotorid.flights.thrust_slope`), and derivatives of hover hold for small angles only
+  (:mod:`rotorid.flights.tilt_errors`).
 """
 
 from __future__ import annotations

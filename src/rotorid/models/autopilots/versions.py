@@ -3,7 +3,7 @@
 A build without tags calls itself by the last tag that it knows, and a fork as it likes. Firmware computes its
 controllers alike from one version to the next but at a few of them; between these lies a *generation*. The
 candidates of a log are one firmware for each generation. Which of them made the logged commands, the data decide
-(:func:`rotorid.pipeline.preparation.controllers.flown_firmware`).
+(:func:`rotorid.flights.controllers.flown_firmware`).
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""Predictions of flights that were not fitted."""

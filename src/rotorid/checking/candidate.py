@@ -1,0 +1,222 @@
+"""A model to be judged: structure, values, the fitted band, and where its outputs stood in the logs.
+
+It comes from a fit that has just ended, from an identified model, or from the files of a result.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from rotorid.checking.flown_motors import KnownMotors, known_motors
+from rotorid.data.base import Immutable
+from rotorid.errors import UsageError
+from rotorid.fits.frequency.fit import FrequencyFit
+from rotorid.flights.given_controllers import GivenController
+from rotorid.flights.measure import Measured
+from rotorid.flights.segments import source_of
+from rotorid.io.documents import MOST_JSON_BYTES, DocumentError, parse_json, read_text
+from rotorid.models.nonlinear import NonlinearStructure, linear_of
+from rotorid.models.parameter import ParameterSet
+from rotorid.models.state_space import StateSpace
+from rotorid.models.structure import LinearStructure
+from rotorid.models.toml import structure_from_toml
+from rotorid.results.model import IdentifiedModel
+from rotorid.results.provenance import LoggedManeuver, Provenance
+from rotorid.settings.settings import MODEL as MOTORS
+from rotorid.typing import Axis
+
+RESULT, RESULTS, MODEL = "result.json", "results.json", "model.toml"
+
+UNFILTERED = " without its known filters"
+"""What follows the source of an output that known filters were taken off before the model was fitted."""
+
+_SAME_VALUE = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate(Immutable):
+    """A model with all that judging it needs.
+
+    Parameters
+    ----------
+    structure, parameters
+        The model.
+    band_rad_s
+        Where it was fitted, or ``None`` when that is not known.
+    sources
+        Output to where it stood in the logs that were fitted; empty when that is not known.
+    controllers
+        Controllers that a person gave, to fly the model in closed loop; they go before the gains in a log.
+    provenance
+        Which data it was fitted to, or ``None`` when that is not known.
+    motors
+        The vehicle, of a result of ``physical.motors``; the structure is then its motion around hover.
+    nonlinear
+        The equations with their values, of a nonlinear model; the structure is then its small motion about rest.
+    """
+
+    structure: LinearStructure
+    parameters: ParameterSet
+    band_rad_s: tuple[float, float] | None = None
+    sources: Mapping[str, str] | None = None
+    controllers: Mapping[Axis, GivenController] = field(default_factory=dict)
+    provenance: Provenance | None = None
+    motors: KnownMotors | None = None
+    nonlinear: NonlinearStructure | None = None
+
+    @property
+    def system(self) -> StateSpace:
+        """The model as numbers."""
+        return self.structure.matrices(self.parameters.values)
+
+    def system_of(self, outputs: Sequence[str]) -> StateSpace:
+        """The model as numbers, with some of its outputs."""
+        rows = [self.structure.outputs.index(name) for name in outputs]
+        whole = self.system
+        return replace(whole, H0=whole.H0[rows], H1=whole.H1[rows], output_delays_s=whole.output_delays_s[rows])
+
+
+def candidate_of(fitted: FrequencyFit, measured: Measured) -> Candidate:
+    """A model that has just been fitted."""
+    return Candidate(
+        structure=fitted.structure,
+        parameters=fitted.structure.parameters,
+        band_rad_s=fitted.band_rad_s,
+        sources=output_sources(measured),
+    )
+
+
+def candidate_model(model: IdentifiedModel) -> Candidate:
+    """An identified model, to be judged on further logs."""
+    return Candidate(
+        structure=model.structure,
+        parameters=model.structure.parameters,
+        band_rad_s=model.band_rad_s,
+        sources=model.provenance.sources or None,
+        provenance=model.provenance,
+        motors=identified_motors(model),
+        nonlinear=model.nonlinear,
+    )
+
+
+def identified_motors(model: IdentifiedModel) -> KnownMotors | None:
+    """The vehicle of an identified model; ``None`` for one that is not of ``physical.motors``."""
+    if model.motors is None:
+        return None
+    parameters = {name: asdict(one) for name, one in model.parameters.items()}
+    return known_motors({"parameters": parameters, "motors": asdict(model.motors)})
+
+
+def output_sources(measured: Measured) -> dict[str, str]:
+    """Output to where it stood in the first log that holds it."""
+    sources: dict[str, str] = {}
+    for name in measured.response.outputs:
+        held = [segment for segment in measured.segments if name in segment.history.names]
+        if held:
+            sources[name] = source_of(held[0], name) + (UNFILTERED if name in measured.unfiltered else "")
+    return sources
+
+
+_RESULT_FILES = "a folder that rotorid identify wrote, its result.json or a model.toml"
+
+
+def read_candidate(result: Path) -> Candidate:
+    """The model behind a result folder, a ``result.json`` or a ``model.toml``.
+
+    Parameters
+    ----------
+    result
+        A folder that ``identify`` wrote, or one of the two files. Of a ``result.json``, whatever it is called, the
+        ``model.toml`` next to it is read too, and has to hold its values.
+
+    Raises
+    ------
+    UsageError
+        There is no such model, or several, the result is none of ``identify``, or it is a ``model.toml`` of
+        ``physical.motors`` alone, which does not say how its inputs are had from a log.
+    ModelError
+        The ``model.toml`` is wrong.
+    """
+    folder = result if result.is_dir() else result.parent
+    model = result if result.suffix == ".toml" else folder / MODEL
+    if result.is_file() and result.suffix not in (".toml", ".json"):
+        raise UsageError(
+            f"{result.name} came where a result belongs",
+            needed=_RESULT_FILES,
+            remedy="a log is no result: identify a model first, and give its folder before the logs",
+        )
+    if not model.exists() and (folder / RESULTS).exists():
+        held = ", ".join(sorted(path.parent.name for path in folder.glob(f"*/{MODEL}")))
+        raise UsageError(
+            f"{result.name} holds several models",
+            needed=f"one of its folders: {held}",
+            remedy="name it after the folder",
+        )
+    read = structure_from_toml(read_text(model, needed=_RESULT_FILES), where=model.name)
+    nonlinear = read if isinstance(read, NonlinearStructure) else None
+    structure = linear_of(read) if isinstance(read, NonlinearStructure) else read
+    document = result if result.suffix == ".json" else folder / RESULT
+    if structure.name == MOTORS and not document.exists():
+        raise UsageError(
+            f"{result} is the {MODEL} of {MOTORS} alone, which does not say how motors are had from a log",
+            needed=f"its {RESULT} beside it",
+            remedy="give the folder that identify wrote",
+        )
+    if result.suffix != ".toml" or document.exists():
+        found = _with_result(structure, document, required=result.suffix != ".toml")
+        return replace(found, nonlinear=nonlinear)
+    return Candidate(structure=structure, parameters=structure.parameters, nonlinear=nonlinear)
+
+
+def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> Candidate:
+    wanted = "a result.json with the schema rotorid.result/1, as identify writes it"
+    try:
+        table = parse_json(read_text(path, needed=_RESULT_FILES, most_bytes=MOST_JSON_BYTES))
+    except DocumentError as error:
+        raise UsageError(f"{path} is no JSON: {error}", needed=wanted) from error
+    known = isinstance(table, dict) and table.get("schema") == "rotorid.result/1"
+    if not known or table.get("model") != structure.name:
+        if not required:
+            return Candidate(structure=structure, parameters=structure.parameters)
+        raise UsageError(f"{path} is not the result of the {MODEL} next to it", needed=wanted)
+    if required and not _holds_values(structure, table):
+        raise UsageError(f"the {MODEL} next to {path} holds other values", needed="both as identify wrote them")
+    pairs = (table.get("cost") or {}).get("pairs") or {}
+    bands = [pair["band_rad_s"] for pair in pairs.values()]
+    sources = (table.get("provenance") or {}).get("sources") or None
+    return Candidate(
+        structure=structure,
+        parameters=structure.parameters,
+        band_rad_s=(min(low for low, _ in bands), max(high for _, high in bands)) if bands else None,
+        sources=sources,
+        provenance=_provenance(table),
+        motors=known_motors(table) if structure.name == MOTORS else None,
+    )
+
+
+def _holds_values(structure: LinearStructure, table: Mapping[str, Any]) -> bool:
+    """Whether the values of a model are those of a result, as far as the result tells them."""
+    told = {
+        name: one["value"]
+        for name, one in (table.get("parameters") or {}).items()
+        if isinstance(one, Mapping) and isinstance(one.get("value"), int | float)
+    }
+    values = structure.parameters.values
+    return all(math.isclose(values[name], told[name], rel_tol=_SAME_VALUE) for name in told if name in values)
+
+
+def _provenance(table: Mapping[str, Any]) -> Provenance | None:
+    """Where a result came from; of one that was shortened by hand nothing is known."""
+    try:
+        told = dict(table["provenance"])
+        maneuvers = tuple(
+            LoggedManeuver(**{**one, "band_rad_s": one["band_rad_s"] and tuple(one["band_rad_s"])})
+            for one in told.pop("maneuvers")
+        )
+        return Provenance(**told, maneuvers=maneuvers)
+    except (KeyError, TypeError, ValueError):
+        return None

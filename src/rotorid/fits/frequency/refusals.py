@@ -1,0 +1,246 @@
+"""Models that do not hold: what a structure cannot follow is left out, and what is wrong all the same is refused.
+
+A fit ends with numbers whatever the data are. No number leaves where it came to no rest, where the main response to an
+input is not described, where a pole lies beyond the sample rate, or where a value is none that a vehicle can have.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from rotorid.data.findings import Finding, refusal, warn
+from rotorid.data.trust import CERTAIN_SIGN
+from rotorid.errors import InsufficientDataError
+from rotorid.fits.frequency.data_requirements import main_pairs
+from rotorid.fits.frequency.fit import FrequencyFit, fit_with_bounds
+from rotorid.fits.frequency.speed_damping import FIRST_RESPONSES
+from rotorid.fitting.frequency.problem import (
+    ACCEPTABLE_COST,
+    DB_PER_NEPER,
+    DEG_PER_RAD,
+    FrequencyProblem,
+    log_error,
+    pair_names,
+)
+from rotorid.fitting.frequency.screening import (
+    SPEED_MODES,
+    above_speed_modes,
+)
+from rotorid.fitting.least_squares import Outcome
+from rotorid.flights.measure import Measured
+from rotorid.models.state_space import StateSpace
+from rotorid.settings.settings import IdentifySettings
+from rotorid.uncertainty.model_error import LARGEST_MODEL_ERROR
+
+WORST_PAIR_COST = 150.0
+"""Cost above which a response may be left out, if it is also off by one of the deviations below."""
+
+LONGEST_SPIN_UP_S = 1.0
+"""Angular momentum of a rotor over twice its torque is 0.05 to 0.3 s; a second is none."""
+
+LARGEST_DEVIATION_DB, LARGEST_DEVIATION_DEG = 2.0, 15.0
+"""Root mean squares of a model over a response, in magnitude and phase, that still count as described."""
+
+_LEFT_OUT_SHARE = 1.0 / 3.0
+"""Of the responses at most: where more are not described, the structure does not hold at all."""
+
+
+def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifySettings) -> FrequencyFit:
+    """Fit as :func:`fit_with_bounds` does, leave out what the structure cannot follow, and refuse what does not hold.
+
+    A response that costs more than 150 and is off by more than 2 dB or 15°, as root mean squares, is left out with a
+    finding, unless it is the main response to its input or they are more than a third, of several inputs. What is left
+    must have converged, with an average cost of at most 100 and no pole that a sample could not show. A rate model that
+    does not hold in a band that nobody chose is fitted above the speed modes of the airframe, which it has no place
+    for, if it holds there.
+
+    Raises
+    ------
+    InsufficientDataError
+        The model does not describe what it was fitted to; its findings say why.
+    """
+    fitted, reasons = _with_reasons(problem, measured, settings)
+    if not reasons:
+        return fitted
+    if problem.structure.name in SPEED_MODES and settings.band_rad_s is None:
+
+        def tried(part: FrequencyProblem) -> tuple[FrequencyFit, float]:
+            found, against = _with_reasons(part, measured, settings)
+            return found, math.inf if against else found.average_cost
+
+        above = above_speed_modes(problem, tried)
+        if above is not None:
+            return _without_speed_modes(above, fitted)
+    name = problem.structure.name
+    raise InsufficientDataError(
+        f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
+        needed="a model that follows the responses it is fitted to",
+        remedy="take a structure with the missing dynamics, narrow --band, or choose responses with --pair",
+        findings=reasons,
+    )
+
+
+def _with_reasons(
+    problem: FrequencyProblem, measured: Measured, settings: IdentifySettings
+) -> tuple[FrequencyFit, list[Finding]]:
+    """The fit without responses that the structure cannot follow, and what speaks against it all the same.
+
+    What is left out is decided with all parameters: a model that was reduced to follow such a response follows none.
+    """
+    whole = replace(settings, reduce=False)
+    fitted = fit_with_bounds(problem, measured, whole)
+    main, left_out = main_pairs(problem), dict[tuple[int, int], Finding]()
+    may_go = int(np.count_nonzero(problem.used.any(axis=-1)) * _LEFT_OUT_SHARE)
+    while beside := {place: finding for place, finding in _poor_pairs(fitted).items() if place not in main}:
+        gone = left_out | beside
+        # What one input does beside its own axis may go whole: in wind a vehicle that yaws is pushed in ways that no
+        # model of hover has.
+        if len(gone) > may_go and len({u for _, u in gone}) > 1:
+            break
+        used = np.array(problem.used)
+        for place in beside:
+            used[place] = False
+        smaller = replace(problem, used=used)
+        try:
+            fitted = fit_with_bounds(smaller, measured, whole)
+        except InsufficientDataError:
+            # Without them nothing shows some parameters: what is not described is what they were needed for.
+            break
+        problem, left_out = smaller, gone
+    if settings.reduce:
+        fitted = fit_with_bounds(problem, measured, settings)
+    said = (replace(finding, message=f"{finding.message} It was left out.") for finding in left_out.values())
+    fitted = replace(fitted, findings=(*said, *fitted.findings))
+    poor = _poor_pairs(fitted)
+    return fitted, [replace(finding, severity="error") for finding in poor.values()] + _unsound(fitted)
+
+
+def _without_speed_modes(above: FrequencyFit, whole: FrequencyFit) -> FrequencyFit:
+    name = above.problem.structure.name
+    cost, before, low = above.average_cost, whole.average_cost, above.band_rad_s[0]
+    said = warn(
+        "speed_modes_left_out",
+        name,
+        f"Below {low:.2g} rad/s the vehicle's own speed turns it too, which {name} has no place for: the cost of a fit "
+        f"to all that was measured is {before:.0f}, from there on {cost:.0f} ({ACCEPTABLE_COST:g} is acceptable). "
+        "That part alone was fitted. An axis or hover model describes both.",
+        low_rad_s=low,
+        average_cost=cost,
+        whole_cost=before,
+    )
+    return replace(above, findings=(said, *above.findings))
+
+
+def _poor_pairs(fitted: FrequencyFit) -> dict[tuple[int, int], Finding]:
+    """Responses that the model does not describe, with a warning each."""
+    problem, costs = fitted.problem, fitted.costs
+    values = problem.parameters.unpack(fitted.final.theta).values
+    model = problem.structure.response(values, problem.data.omega_rad_s)
+    names = np.array(pair_names(problem.data)).reshape(costs.shape)
+    poor = {}
+    for y, u in np.argwhere((costs > WORST_PAIR_COST) & problem.used.any(axis=-1)).tolist():
+        used = problem.used[y, u]
+        error = log_error(model[y, u, used], problem.data.values[y, u, used])
+        off_db = DB_PER_NEPER * float(np.sqrt(np.mean(error.real**2)))
+        off_deg = DEG_PER_RAD * float(np.sqrt(np.mean(error.imag**2)))
+        if off_db > LARGEST_DEVIATION_DB or off_deg > LARGEST_DEVIATION_DEG:
+            poor[y, u] = warn(
+                "structure_error",
+                str(names[y, u]),
+                f"The model does not describe {names[y, u]}, with a cost of {costs[y, u]:.0f}: it is off by "
+                f"{off_db:.1f} dB and {off_deg:.0f}°.",
+                cost=float(costs[y, u]),
+                off_db=off_db,
+                off_deg=off_deg,
+            )
+    return poor
+
+
+def _unsound(fitted: FrequencyFit) -> list[Finding]:
+    problem, name = fitted.problem, fitted.problem.structure.name
+    # With errors that go together the values are those of a second fit.
+    reasons = [
+        refusal("not_converged", name, f"The fit did not converge: {ended.value}")
+        for ended in dict.fromkeys((fitted.solution.outcome, fitted.final.outcome))
+        if ended is not Outcome.CONVERGED
+    ]
+    reasons += faster_than_sampled(name, fitted.system, problem.data.sample_rate_hz)
+    reasons += _led_by_feedback(fitted)
+    reasons += _endless_spin_up(fitted)
+    reasons += _pushed_on_by_speed(fitted)
+    if fitted.average_cost > ACCEPTABLE_COST:
+        message = (
+            f"The average cost is {fitted.average_cost:.0f}, above the {ACCEPTABLE_COST:g} of an acceptable model."
+        )
+        reasons.append(refusal("poor_fit", name, message, average_cost=fitted.average_cost))
+    return reasons
+
+
+def faster_than_sampled(name: str, system: StateSpace, sample_rate_hz: float | None) -> Iterator[Finding]:
+    """A pole that no sample shows: a lag that is not there, such as the second one of what is of first order."""
+    fastest = float(np.abs(system.poles()).max(initial=0.0))
+    if sample_rate_hz is not None and fastest > 2.0 * np.pi * sample_rate_hz:
+        message = (
+            f"The model has a pole at {fastest:.3g} rad/s ({fastest / (2.0 * np.pi):.3g} Hz), beyond the sample rate "
+            f"of {sample_rate_hz:.3g} Hz: no sample shows it."
+        )
+        yield refusal("impossible_physics", name, message, pole_rad_s=fastest, sample_rate_hz=sample_rate_hz)
+
+
+_NO_MODEL = 0.99
+"""Of the largest model error, where the search for it ended at its limit."""
+
+
+def _led_by_feedback(fitted: FrequencyFit) -> Iterator[Finding]:
+    """A direct estimate whose model error is as large as any may be: part of it is the controller, not the vehicle."""
+    problem, found = fitted.problem, fitted.bounds.model_error
+    if problem.data.estimate != "direct" or found is None:
+        return
+    names = np.array(pair_names(problem.data)).reshape(problem.used.shape[:2])
+    for name in (str(names[place]) for place in main_pairs(problem)):
+        share = found.sizes.get(name, 0.0)
+        if share >= _NO_MODEL * LARGEST_MODEL_ERROR:
+            message = (
+                f"The structure misses {name}, estimated without an instrument, by {100.0 * share:.0f} % or more: in "
+                "closed loop such a response lies between the vehicle and the inverse of its controller."
+            )
+            yield refusal("structure_error", name, message, model_error_percent=100.0 * share)
+
+
+def _endless_spin_up(fitted: FrequencyFit) -> Iterator[Finding]:
+    """A reaction to the spin-up of rotors that lasts longer than any rotor turns against its drag."""
+    values = fitted.parameters.values
+    if not values.get("N_spin") or not values.get("N_yaw"):
+        return
+    lead_s = values["N_spin"] / values["N_yaw"]
+    if lead_s > LONGEST_SPIN_UP_S:
+        yield refusal(
+            "impossible_physics",
+            "N_spin",
+            f"N_spin is {lead_s:.2g} s of N_yaw, and no rotor reacts for longer than {LONGEST_SPIN_UP_S:g} s. A "
+            "damping and a lag of the motors explain this response alike: leave it out with --fix N_spin=0.",
+            lead_s=lead_s,
+        )
+
+
+def _pushed_on_by_speed(fitted: FrequencyFit) -> Iterator[Finding]:
+    """Air slows a hovering vehicle: a force along its speed is what another axis did to this one."""
+    if not fitted.problem.structure.name.startswith(("axis.", "hover.")):
+        return
+    deviations = dict(zip(fitted.bounds.names, fitted.bounds.std.tolist(), strict=True))
+    for name in FIRST_RESPONSES:
+        value, std = fitted.parameters.values.get(name, 0.0), deviations.get(name, math.inf)
+        if value > CERTAIN_SIGN * std:
+            yield refusal(
+                "impossible_physics",
+                name,
+                f"{name} is {value:.2g} ± {std:.1g} 1/s: no air pushes a hovering vehicle along its own speed. What "
+                "turns with it, or a speed that was not measured, has no place in this model: take a hover model, or "
+                "hold the value with --fix.",
+                value=value,
+                std=std,
+            )

@@ -1,0 +1,107 @@
+"""Parts of the flights that a frequency fit is of, each fitted alone: whether they say the same."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rotorid.data.trust import RICH_KINDS
+from rotorid.errors import RotoridError
+from rotorid.fits.frequency.fit import FrequencyFit
+from rotorid.fits.frequency.inverse import pose_screened
+from rotorid.fits.scatter import Alone, amplitude_dependences, disagreements, widened
+from rotorid.fitting.frequency.fit import fit_frequency, refine
+from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
+from rotorid.fitting.least_squares import Outcome
+from rotorid.flights.flights import Flight
+from rotorid.flights.instruments import axes_of
+from rotorid.flights.measure import Measured, measure
+from rotorid.settings.settings import IdentifySettings
+from rotorid.typing import Axis
+from rotorid.uncertainty.cramer_rao import bounds
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+def with_scatter(fitted: FrequencyFit, flights: Sequence[Flight], settings: IdentifySettings) -> FrequencyFit:
+    """The fit with intervals that hold how parts of the flights scatter, each of which shows every input by itself.
+
+    Parts are logs, or the repetitions of its maneuvers where one log holds all. Each is measured alone and fitted at
+    the structure that all together ended with; one that cannot be is not compared. Repetitions with different swings
+    show besides what depends on amplitude.
+    """
+    alone: list[Alone] = []
+    parts = _apart(flights, axes_of(fitted.problem.data.inputs, fitted.problem.data.outputs))
+    for place, (name, part) in enumerate(parts.items()):
+        _PROGRESS.info(f"fitting {name} alone", extra={"done": place, "total": len(parts)})
+        with contextlib.suppress(RotoridError):  # a part may be too short for what all show together
+            alone += _said_alone(fitted, name, part, settings)
+    bent = amplitude_dependences(alone) if len({id(flight.record) for flight in flights}) == 1 else ()
+    told = {one.parameter for one in bent}
+    apart = [one for one in disagreements(alone) if one.parameter not in told]
+    added = {one.parameter: one.scatter for one in apart}
+    added |= {one.parameter: abs(fitted.parameters[one.parameter].value - one.at_rest) for one in bent}
+    units = {parameter.name: parameter.unit for parameter in fitted.parameters}
+    said = [one.finding(units[one.parameter]) for one in bent] + [one.finding(units[one.parameter]) for one in apart]
+    return replace(fitted, bounds=widened(fitted.bounds, added), findings=(*fitted.findings, *said))
+
+
+def _apart(flights: Sequence[Flight], axes: Sequence[Axis]) -> dict[str, list[Flight]]:
+    """Parts of flights that each show every axis, by their names; none where there is only one."""
+    logs: dict[int, list[Flight]] = {}
+    for flight in flights:
+        logs.setdefault(id(flight.record), []).append(flight)
+    if len(logs) > 1:
+        whole = [part for part in logs.values() if {*axes} <= {flight.axis for flight in part}]
+        names = [part[0].record.source.name for part in whole]
+        parts = {
+            name if names.count(name) == 1 else f"{name} ({place})": part
+            for place, (name, part) in enumerate(zip(names, whole, strict=True), 1)
+        }
+    else:
+        rich = [flight for flight in flights if flight.maneuver.kind in RICH_KINDS]
+        turns = [[flight for flight in rich if flight.axis == axis] for axis in axes]
+        together = zip(*turns, strict=False)
+        parts = {f"{part[0].record.source.name} at {part[0].maneuver.start_s:.1f} s": [*part] for part in together}
+    return parts if len(parts) > 1 else {}
+
+
+def _said_alone(
+    fitted: FrequencyFit, name: str, flights: Sequence[Flight], settings: IdentifySettings
+) -> Iterator[Alone]:
+    """What some of the flights say of the parameters of a fit, if its structure describes them."""
+    whole = fitted.problem
+    measured = measure(flights, inputs=whole.data.inputs, outputs=whole.data.outputs, settings=settings)
+    posed = pose_screened(whole.structure, measured, settings, flights).problem
+    kept = whole.used.any(axis=-1, keepdims=True) & (posed.data.omega_rad_s >= fitted.band_rad_s[0])
+    problem = replace(posed, parameters=whole.parameters.with_values(fitted.parameters.values), used=posed.used & kept)
+    solution = fit_frequency(problem)
+    final = refine(problem, solution) if fitted.weights == "covariance" else solution
+    costs = problem.costs(final.theta)[problem.used.any(axis=-1)]
+    converged = {solution.outcome, final.outcome} == {Outcome.CONVERGED}
+    if converged and float(np.mean(costs)) <= ACCEPTABLE_COST:
+        limits = bounds(problem, final, weights=fitted.weights)
+        values = problem.parameters.unpack(final.theta).values
+        yield Alone(
+            record=name,
+            values={one: values[one] for one in limits.names},
+            stds=limits.stds,
+            random={one: std for one, std in limits.random_stds.items() if whole.parameters[one].unit != "s"},
+            asked=_swing(measured, measured.response.inputs),
+            moved=_swing(measured, measured.response.outputs),
+        )
+
+
+def _swing(measured: Measured, names: Sequence[str]) -> float:
+    """Root mean square of channels about their means; of several, their geometric mean."""
+    histories = [segment.history for segment in measured.segments]
+    sizes = []
+    for name in names:
+        moved = np.concatenate([history[name] - history[name].mean() for history in histories])
+        sizes.append(float(np.sqrt(np.mean(moved**2))))
+    return math.prod(sizes) ** (1.0 / len(sizes))

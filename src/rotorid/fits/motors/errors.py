@@ -1,0 +1,391 @@
+r"""What intervals of motor physics hold beside random errors: what no repetition of the flight would show.
+
+Random errors of a long flight are small, and the structure is what a fit is wrong by: rotors that speed up faster than
+they slow down, a drag that the rates do not know, a curve of thrust that is no parabola. Where that is so, one part of
+a flight asks for other values than another: a sweep is slow at first and fast at last. With the slopes :math:`J_b` and
+errors :math:`e_b` of the pieces b of all flights,
+
+.. math:: \mathrm{Cov} = H^{-1} \Big( \tfrac{B}{B - 1} \sum_b g_b g_b^T \Big) H^{-1}, \qquad
+          g_b = J_b^T e_b, \quad H = \sum_b J_b^T J_b
+
+holds random errors of any color and what the pieces disagree about; where it is more than the random errors explain,
+the rest is model error. Steps that the values would take say more: were only motion up to 5 Hz fitted, and were there
+what the model leaves out: moments by the speed through the air, which follows the tilt; a part of thrust and torque
+that comes late, as the air does that rotors set in motion; a second lag. All of it keeps the fit as it is, and holds
+with motors that answer to disturbances: it knows the past of the motors alone, of which whitened errors do not depend.
+
+What leaves no trace in residuals comes on top: the bias of an accelerometer, the scale of the sensors, clocks that are
+known to 0.15 of a sample at both ends, a curve that was not flown, motors that were logged too slowly, gusts that the
+controller answers to, and air that moves while its speed is taken to be that over ground.
+
+The sum over pieces is that of clustered errors (Liang and Zeger, *Longitudinal Data Analysis Using Generalized Linear
+Models*, Biometrika 73(1), 1986).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.axes import RATES
+from rotorid.data.record import MotorRecord
+from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, slow_taps
+from rotorid.fitting.motors.fit import MotorFit
+from rotorid.fitting.motors.problem import Axis, Filter, MotorProblem
+from rotorid.flights.motor_data import MotorData
+from rotorid.models.motors import DELAYS, SPIN_UP
+from rotorid.models.parameter import ParameterSet
+from rotorid.typing import FloatArray
+from rotorid.uncertainty.cramer_rao import Bounds
+
+ACCELEROMETER_BIAS_M_S2 = 0.05
+"""Of a calibrated accelerometer."""
+
+CURVE_SHARE = 0.3
+"""Thrust that was not moved: its slope lies between that of a line and twice as much, that of a parabola."""
+
+SENSOR_SHARE = 0.005
+"""Scale of gyros, which no flight with the same sensors shows."""
+
+THRUST_SHARE = 0.01
+"""Slope of thrust, as far as it depends on how fast and how far rotors are moved and on the air they move in: on
+flights of rotors that feel their inflow, or that speed up faster than they slow down, it is one to two percent low."""
+
+_GAINS = {"az": ("m", "c_0", "c_1", "c_2"), "p": ("I_xx",), "q": ("I_yy",), "r": ("kappa_per_I_zz",)}
+_INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
+
+PIECES = 10
+"""Of all flights together: long enough to hold motion of their own, and enough to scatter."""
+
+_DRAG_1_S = 0.3
+"""Of a small multirotor, drag over mass: what it was asked for longer ago has no speed any more."""
+
+LEFT_OUT_SHARE = 0.02
+"""Of what motors do to a rate, that a model of rotors with one lag may leave out without being another model. Nearly
+collinear with lag and damping, more of it could always be had for a little less error."""
+
+_INFLOW_1_S, _SECOND_1_S = 10.0, 30.0
+"""Where thrust may come late, and where a second lag would show: within what flying excites."""
+
+_SEEN = 1e-4
+"""Share of a motion that no parameter follows, below which nothing is to be seen of it."""
+
+_PIECES_OF_ONE = 100
+"""Samples that a piece has at least."""
+
+
+def motor_model_error(fit: MotorFit, random: FloatArray) -> FloatArray:
+    """Covariance of what the structure leaves out, as pieces of the flights and slow motion disagree with the whole.
+
+    Parameters
+    ----------
+    fit
+        Of motors.
+    random
+        Covariance of random errors of ``fit.moving``, shape ``(p, p)``.
+    """
+    count = len(fit.moving)
+    normal, slow_normal, slow_score = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count)
+    scores: dict[tuple[int, int], FloatArray] = {}
+    blocks = list(_blocks(fit))
+    longest = max(_PIECES_OF_ONE, sum({block.place: block.error.size for block in blocks}.values()) / PIECES)
+    for block in blocks:
+        normal += block.slopes @ block.slopes.T
+        slow = block.slow
+        slow_normal += slow[:-1] @ slow[:-1].T
+        slow_score += slow[:-1] @ slow[-1]
+        if block.axis == "weight":
+            continue
+        pieces = np.array_split(np.arange(block.error.size), max(1, round(block.error.size / longest)))
+        for number, rows in enumerate(pieces):
+            score = block.slopes[:, rows] @ block.error[rows]
+            scores[block.place, number] = scores.get((block.place, number), np.zeros(count)) + score
+    inverse = _inverse(normal)
+    found = np.zeros((count, count))
+    if len(scores) > 1:
+        moved = inverse @ np.stack(list(scores.values()), axis=1)
+        found = _beyond(moved @ moved.T * len(scores) / (len(scores) - 1.0), random)
+    steps = [_slow_step(slow_normal, slow_score, inverse), *_left_out(blocks, inverse)]
+    return found + sum((np.outer(step, step) for step in steps), start=np.zeros_like(found))
+
+
+def _slow_step(normal: FloatArray, score: FloatArray, inverse: FloatArray) -> FloatArray:
+    """The step to the values of slow motion, without what chance alone would make of it (Hausman's difference)."""
+    of_slow = _inverse(normal)
+    step: FloatArray = of_slow @ score
+    length = np.sqrt(np.maximum(of_slow.diagonal(), 1e-300))
+    apart = np.linalg.pinv((of_slow - inverse) / np.outer(length, length), rcond=1e-6, hermitian=True)
+    chance = float((step / length) @ apart @ (step / length))
+    return step * np.sqrt(max(0.0, 1.0 - step.size / chance)) if chance > 0.0 else step
+
+
+def _left_out(blocks: Sequence[_Block], inverse: FloatArray) -> Iterator[FloatArray]:
+    """How far the parameters would move with something more in the model of a rate, one thing after the other.
+
+    Errors of the specific force are not white, and say too little of what is missing.
+    """
+    told = sum((block.slopes @ block.error for block in blocks), start=np.zeros(len(inverse)))
+    for axis in RATES:
+        own = [block for block in blocks if block.axis == axis]
+        made = sum(block.made for block in own)
+        for rows in zip(*(block.more for block in own), strict=True):
+            beside = sum((one.slopes @ row for one, row in zip(own, rows, strict=True)), start=np.zeros(len(inverse)))
+            # What of it no parameter follows, and the errors say of that.
+            size = sum(float(row @ row) for row in rows)
+            left = size - float(beside @ inverse @ beside)
+            score = sum(float(row @ one.error) for one, row in zip(own, rows, strict=True))
+            if left > _SEEN * size:
+                factor = (score - float(beside @ inverse @ told)) / left
+                # Of white errors alone it would have a variance of one over what is left.
+                likely = min(max(0.0, factor**2 - 1.0 / left), LEFT_OUT_SHARE**2 * made / size)
+                yield inverse @ beside * np.sqrt(likely)
+
+
+def _beyond(found: FloatArray, random: FloatArray) -> FloatArray:
+    """Of a covariance, what is more than another in any direction."""
+    length = np.sqrt(np.maximum(random.diagonal(), 1e-300))
+    values, vectors = np.linalg.eigh(random / np.outer(length, length))
+    root = vectors * np.sqrt(np.maximum(values, 1e-9))
+    back = np.linalg.pinv(root)
+    more, ways = np.linalg.eigh(back @ (found / np.outer(length, length)) @ back.T - np.eye(len(length)))
+    columns = length[:, None] * (root @ ways) * np.sqrt(np.maximum(more, 0.0))
+    beyond: FloatArray = columns @ columns.T
+    return beyond
+
+
+def _inverse(normal: FloatArray) -> FloatArray:
+    length = np.sqrt(np.maximum(normal.diagonal(), 1e-300))
+    inverse: FloatArray = np.linalg.pinv(normal / np.outer(length, length), hermitian=True) / np.outer(length, length)
+    return inverse
+
+
+class _Block(NamedTuple):
+    """One equation of one record, whitened.
+
+    Parameters
+    ----------
+    place, axis, rate_hz
+        Record and axis.
+    slopes, error
+        Of what is measured by what is moving, shape ``(p, n)``, and the errors ``(n,)``.
+    made
+        Sum of squares of what the motors contribute.
+    more
+        What might be in the equation beside the model, shape ``(k, n)``; of rates alone.
+    gusty
+        Whether slow errors are gusts, to which a controller answers.
+    """
+
+    place: int
+    axis: str
+    rate_hz: float
+    slopes: FloatArray
+    error: FloatArray
+    made: float
+    more: FloatArray
+    gusty: bool
+
+    @property
+    def slow(self) -> FloatArray:
+        """Slopes and errors of slow motion, shape ``(p + 1, m)``; the mean of a force is slow as it is."""
+        rows = np.vstack([self.slopes, self.error[None]])
+        return rows if self.axis == "weight" or self.gusty else slow_rows(rows, self.rate_hz)
+
+
+def _blocks(fit: MotorFit) -> Iterator[_Block]:
+    problem, theta = fit.problem, fit.solution.theta
+    kept, values = problem.determined(fit.solution), problem.parameters.unpack(theta).values
+    axes = [{one.name: one for one in equations} for equations in problem.equations(theta)]
+    for place, name, error, slopes in problem.whitened(theta):
+        record = problem.records[place]
+        made, more = 0.0, np.zeros((0, error.size))
+        if name in RATES:
+            rows = problem.filters[place][name](np.stack(list(_more(axes[place][name], problem, values, record))))
+            rows = rows - rows.mean(axis=1, keepdims=True)
+            made, more = float(rows[0] @ rows[0]), rows[1:]
+        # The problem has the errors of the motion; slopes are those of the motion too.
+        yield _Block(
+            place, name, record.sample_rate_hz, -slopes[kept], error, made, more, name == "az" and fit.white_force
+        )
+
+
+def _more(axis: Axis, problem: MotorProblem, values: Mapping[str, float], record: MotorRecord) -> Iterator[FloatArray]:
+    """What the motors contribute, and what might be there beside it, each up to a factor, shape ``(n,)``."""
+    made = _made_by_motors(axis, problem, values, record.w)
+    made = made - made.mean()
+    yield made
+    yield _low_passed(made, _INFLOW_1_S, record.sample_rate_hz)
+    late = _low_passed(made, _SECOND_1_S, record.sample_rate_hz)
+    yield late - _low_passed(late, _SECOND_1_S, record.sample_rate_hz)
+    if axis.name in ("p", "q"):
+        rate = record.rates[RATES.index(axis.name), :-1]
+        tilt = _low_passed(rate - rate.mean(), _DRAG_1_S, record.sample_rate_hz)
+        yield _low_passed(tilt, _DRAG_1_S, record.sample_rate_hz)
+
+
+def _low_passed(row: FloatArray, corner_1_s: float, rate_hz: float) -> FloatArray:
+    """A row through a first-order low-pass, which knows the past alone."""
+    from scipy.signal import lfilter
+
+    kept = math.exp(-corner_1_s / rate_hz)
+    return np.asarray(lfilter([1.0 - kept], [1.0, -kept], row), dtype=np.float64)
+
+
+def _made_by_motors(axis: Axis, problem: MotorProblem, values: Mapping[str, float], w: FloatArray) -> FloatArray:
+    """Of the prediction of an axis, what the motors contribute."""
+    if axis.name in _INERTIA:
+        name = _INERTIA[axis.name]
+        sign = 1.0 if axis.name == "r" else -1.0
+        names = problem.parameters.names
+        made = sign * values[name] * axis.slopes[names.index(name)]
+        gained = values[SPIN_UP] * axis.slopes[names.index(SPIN_UP)] if axis.name == "r" and SPIN_UP in names else 0.0
+        return np.asarray(made + gained)
+    damped = values["Z_w"] * w[1:] if axis.name == "az" and "Z_w" in values and w.size else 0.0
+    return np.asarray(axis.predicted - damped)
+
+
+def with_model_errors(
+    bounds: Bounds,
+    parameters: ParameterSet,
+    fit: MotorFit,
+    data: MotorData,
+    *,
+    curve_assumed: bool,
+    model: FloatArray,
+) -> Bounds:
+    r"""Bounds that also hold what is wrong in the same way all through a flight.
+
+    - What the structure leaves out, see :func:`motor_model_error`.
+    - The accelerometer is off by up to :data:`ACCELEROMETER_BIAS_M_S2`, which thrust and inertia follow, gyros scale by
+      up to :data:`SENSOR_SHARE`, and the slope of thrust is not the same in all air (:data:`THRUST_SHARE`).
+    - Where within a sample a value belongs is known to 0.15 of it, of motors and of sensors: delays, and motor lag.
+    - Where thrust was not moved, its slope is a guess (:data:`CURVE_SHARE`), and inertia follows it.
+    - Motors that were logged too slowly did between their samples what the log does not tell. Errors of the outputs
+      pull gains toward zero by up to :math:`r^2`, errors of the motion push them away by as much: half the way from one
+      regression to the other, :math:`(1/r^2 - 1)/2`, counts as one standard deviation; of lag and delays, half a step.
+    - A controller that answers to gusts moves thrust with the specific force that they cause, and errors of the force
+      are not whitened: half the way between both regressions, likewise.
+    - Damping is by the velocity through the air, and known is that over ground.
+    """
+    covariance = bounds.covariance.copy()
+    covariance += model
+    shifted = _by_bias(fit)
+    covariance += np.outer(shifted, shifted)
+    values = parameters.values
+    directions = [*_by_sensors(values), *_by_clocks(data)]
+    if curve_assumed:
+        directions.append(_of_slope(values, CURVE_SHARE))
+    if data.slow:
+        directions += list(_by_slow_motors(parameters, fit, data))
+    directions += list(_by_gusts(values, fit))
+    for direction in directions:
+        row = np.array([direction.get(name, 0.0) for name in bounds.names])
+        covariance += np.outer(row, row)
+    return replace(bounds, covariance=covariance)
+
+
+def _of_slope(values: Mapping[str, float], share: float) -> dict[str, float]:
+    """What an error of the slope of thrust does to the others."""
+    signs = {"c_0": 1.0, "c_1": 1.0, "c_2": 1.0, "I_xx": 1.0, "I_yy": 1.0, "kappa_per_I_zz": -1.0}
+    return {name: share * sign * values[name] for name, sign in signs.items() if name in values}
+
+
+def _by_sensors(values: Mapping[str, float]) -> Iterator[Mapping[str, float]]:
+    """Scales of the gyros, and the slope of thrust, which inertia follows; the scale of the accelerometer is in it."""
+    for name in _INERTIA.values():
+        if name in values:
+            of_yaw = {SPIN_UP: SENSOR_SHARE * values.get(SPIN_UP, 0.0)} if name == _INERTIA["r"] else {}
+            yield {name: SENSOR_SHARE * values[name], **of_yaw}
+    yield _of_slope(values, THRUST_SHARE)
+
+
+def _by_clocks(data: MotorData) -> Iterator[Mapping[str, float]]:
+    """A shift of either end of a delay; lag and delay are told apart by less than a sample."""
+    late_s = CLOCK_SAMPLES / min(record.sample_rate_hz for record in data.records)
+    yield dict.fromkeys(DELAYS, late_s)
+    yield from ({name: late_s} for name in ("T_motor", *DELAYS))
+
+
+def _by_bias(fit: MotorFit) -> FloatArray:
+    """How far a bias of the accelerometer moves the parameters, shape ``(p,)``."""
+    kept = np.array([name in fit.moving for name in fit.parameters.free])
+    normal = np.zeros((kept.size, kept.size))
+    pulled = np.zeros(kept.size)
+    for place, axis, _, slopes in fit.problem.whitened(fit.solution.theta):
+        normal += slopes @ slopes.T
+        if axis == "az":
+            passed = fit.problem.filters[place][axis]
+            pulled += slopes.sum(axis=1) * ACCELEROMETER_BIAS_M_S2 * passed.taps.sum() / passed.scale
+    moved: FloatArray = np.linalg.pinv(normal[np.ix_(kept, kept)], hermitian=True) @ pulled[kept]
+    return moved
+
+
+def _by_slow_motors(parameters: ParameterSet, fit: MotorFit, data: MotorData) -> Iterator[Mapping[str, float]]:
+    step_s = 1.0 / min(history.sample_rate_hz for history in data.histories)
+    yield from ({name: 0.5 * step_s} for name in ("T_motor", *DELAYS))
+    for axis, names in _GAINS.items():
+        seen = [one[axis].correlation for one in fit.excitations if one[axis].correlation >= LEAST_CORRELATION]
+        if seen:
+            share = 0.5 * (1.0 / float(np.mean(seen)) ** 2 - 1.0)
+            yield {name: share * parameters[name].value for name in names if name in parameters.names}
+
+
+def _by_gusts(values: Mapping[str, float], fit: MotorFit) -> Iterator[Mapping[str, float]]:
+    """Half the way between the regressions of force on thrust and of thrust on force, and that of damping."""
+    force = _Force.of(fit)
+    if force is None:
+        return
+    if not force.whitened:
+        yield _of_slope(values, force.between)
+    if values.get("Z_w") and force.damped > 0.0:
+        # What is left stands for gusts; they pull the damping toward zero.
+        yield {"Z_w": 0.5 * min(force.left / force.damped, 2.0) * abs(values["Z_w"])}
+
+
+def gusts_between(fit: MotorFit) -> float:
+    r"""How far gusts under feedback may pull thrust, as a share: :math:`(1/r^2 - 1)/2` of slow specific force."""
+    force = _Force.of(fit)
+    return 0.0 if force is None else force.between
+
+
+class _Force(NamedTuple):
+    """Mean squares of slow specific force: made by the motors, by damping, and left."""
+
+    made: float
+    damped: float
+    left: float
+    whitened: bool
+
+    @property
+    def between(self) -> float:
+        """Half the way from one regression to the other, as a share of the gain."""
+        return 0.5 * self.left / self.made
+
+    @classmethod
+    def of(cls, fit: MotorFit) -> _Force | None:
+        sums, whitened = np.zeros(3), False
+        problem = fit.problem
+        values = problem.parameters.unpack(fit.solution.theta).values
+        for record, filters, equations in zip(
+            problem.records, problem.filters, problem.equations(fit.solution.theta), strict=True
+        ):
+            for axis in equations:
+                if axis.name == "az" and axis.name in filters:
+                    by_motors = _made_by_motors(axis, problem, values, record.w)
+                    rows = np.stack([by_motors, axis.predicted - by_motors, axis.measured - axis.predicted])
+                    passed = slow_rows(rows, record.sample_rate_hz)
+                    sums += np.sum((passed - passed.mean(axis=1, keepdims=True)) ** 2, axis=1)
+                    whitened = whitened or filters["az"].taps.size > 1
+        made, damped, left = sums.tolist()
+        return cls(made, damped, left, whitened) if made > 0.0 else None
+
+
+def slow_rows(rows: FloatArray, rate_hz: float) -> FloatArray:
+    """Rows as far as flying makes them, up to a few hertz."""
+    passed: FloatArray = Filter(slow_taps(rate_hz), 1.0)(rows)
+    return passed

@@ -1,0 +1,259 @@
+"""What a careful engineer would remark on the physics of motors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from rotorid.data.axes import AXIS_WORDS
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.fits.motors.errors import CURVE_SHARE
+from rotorid.fits.motors.fit import last_move, physical_contradictions
+from rotorid.fits.motors.fitted import FittedMotors
+from rotorid.fits.motors.loads import judge_loads
+from rotorid.fits.motors.motion import unexplained_by_curve
+from rotorid.fits.remarks import judge_parameters
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excited_axes
+from rotorid.fitting.motors.inertia import judge_both_ways
+from rotorid.models.motors import (
+    CURVE_TERMS,
+    SPIN_UP,
+    YAW_DELAY,
+    check_figure_of_merit,
+    scale_of,
+    yaw_range,
+)
+from rotorid.settings.settings import MotorChoices
+
+_GOOD_PERCENT = 50.0
+"""Of the motion of an axis: where motors explain less, that is remarked on."""
+
+_OPPOSED = 0.6
+"""Correlation of motors and motion against each other, beyond which the layout is another one."""
+
+_DOUBTFUL = 0.2
+"""Share of what a curve of thrust leaves that follows the outputs all the same, from which the curve is doubted."""
+
+
+def judge_motors(
+    identified: FittedMotors, choices: MotorChoices, fit_percent: Mapping[str, float]
+) -> tuple[Finding, ...]:
+    """Remarks on what was excited, what stays undetermined, and what physics does not allow."""
+    return (
+        *identified.left_out,
+        *(one.finding(identified.parameters[one.parameter].unit) for one in identified.disagreeing),
+        *_unexcited(identified),
+        *_turned_around(identified),
+        *_assumed(identified),
+        *judge_loads(identified.logs, identified.voltage),
+        *_doubted(identified, choices),
+        *_unused(identified, choices),
+        *_scale(identified, choices),
+        *_arm(identified),
+        *_yaw(identified),
+        *_beside_torque(identified),
+        *physical_contradictions(identified, choices),
+        *_merit(identified, choices),
+        *judge_both_ways(identified.both),
+        *_ended(identified),
+        *_judged_parameters(identified),
+        *_poor(fit_percent),
+    )
+
+
+def _unexcited(identified: FittedMotors) -> Iterator[Finding]:
+    excited = excited_axes(identified.fit.excitations)
+    missing = [axis for axis in AXIS_WORDS if axis not in (*identified.axes, *excited)]
+    if not missing:
+        return
+    best = {axis: max(one[axis].correlation for one in identified.fit.excitations) for axis in missing}
+    words = " and ".join(f"{best[axis]:.2f} in {AXIS_WORDS[axis]}" for axis in missing)
+    yield warn(
+        "no_excitation",
+        ", ".join(AXIS_WORDS[axis] for axis in missing),
+        f"Nothing was identified of {' and '.join(AXIS_WORDS[axis] for axis in missing)}: the correlation of motors "
+        f"and motion is {words}, and {LEAST_CORRELATION:g} is needed. Where a controller only answers "
+        "gusts and noise, motors show the controller. Fly a sweep or doublets on these axes.",
+        **{AXIS_WORDS[axis]: correlation for axis, correlation in best.items()},
+    )
+
+
+def _turned_around(identified: FittedMotors) -> Iterator[Finding]:
+    """Axes along which the motors act against their levers."""
+    for axis, word in AXIS_WORDS.items():
+        lowest = min(one[axis].opposed for one in identified.fit.excitations)
+        if axis not in identified.axes and lowest <= -_OPPOSED:
+            yield warn(
+                "rotor_layout",
+                word,
+                f"Motors and {word} motion go together with a correlation of {lowest:.2f}: the motors do not "
+                f"stand, are not numbered, or do not turn as {identified.data.layout.name} has them. Name the "
+                "layout with --layout.",
+                correlation=lowest,
+            )
+
+
+def _assumed(identified: FittedMotors) -> Iterator[Finding]:
+    if not identified.curve_assumed:
+        return
+    yield warn(
+        "assumed_curve",
+        "thrust",
+        f"Thrust was not moved, so that its curve is not seen: a {identified.curve} one is assumed, and inertia "
+        f"follows its slope. The deviations of thrust and inertia hold {100.0 * CURVE_SHARE:.0f} % for that. Fly a "
+        "sweep of the throttle, or say with --curve what is known of the motors.",
+        share=CURVE_SHARE,
+    )
+
+
+def _doubted(identified: FittedMotors, choices: MotorChoices) -> Iterator[Finding]:
+    """A curve that was named and leaves of the specific force what another curve would explain."""
+    if choices.curve in ("auto", "polynomial") or "az" not in identified.axes:
+        return
+    share = unexplained_by_curve(identified.fit.problem, identified.fit.solution.theta, identified.fit.excitations)
+    if share < _DOUBTFUL:
+        return
+    yield warn(
+        "assumed_curve",
+        "thrust",
+        f"The {identified.curve} curve of thrust does not fit: {100.0 * share:.0f} % of the specific force that it "
+        "misses still follows the outputs. Inertia, which rests on its slope, is off too. Leave "
+        "--curve out, or give --curve polynomial.",
+        share=share,
+    )
+
+
+def _unused(identified: FittedMotors, choices: MotorChoices) -> Iterator[Finding]:
+    names = [name for name in choices.known if name not in identified.parameters.names]
+    if names:
+        yield warn(
+            "unused_choice",
+            ", ".join(names),
+            f"{' and '.join(names)} {'was' if len(names) == 1 else 'were'} given and used nowhere: what the "
+            "logs excite does not show it.",
+        )
+
+
+def _scale(identified: FittedMotors, choices: MotorChoices) -> Iterator[Finding]:
+    if scale_of(choices.known, identified.axes) is not None:
+        return
+    yield warn(
+        "not_identifiable",
+        "m",
+        "Accelerations tell ratios of mass, thrust and inertia alone: thrust and inertia are those of a vehicle of "
+        "1 kg, to be multiplied with its mass. Weigh it and give --fix m=KILOGRAMS, or a thrust from a bench.",
+    )
+
+
+def _arm(identified: FittedMotors) -> Iterator[Finding]:
+    if identified.data.layout.arm_known or not {"p", "q"} & set(identified.axes):
+        return
+    yield warn(
+        "not_identifiable",
+        "I_xx, I_yy",
+        "The log does not tell the size of the vehicle: I_xx and I_yy are those of an arm of 1 m, to be multiplied "
+        "with its length. Measure from the center to the farthest rotor and give --arm METERS.",
+    )
+
+
+def _yaw(identified: FittedMotors) -> Iterator[Finding]:
+    parameters = identified.parameters
+    if "kappa_per_I_zz" not in parameters.names or "I_zz" in parameters.names:
+        return
+    ratio = parameters["kappa_per_I_zz"].value
+    known = "Give --fix kappa=METERS from a bench, or --fix I_zz=VALUE."
+    numbers = {"kappa_per_I_zz": ratio}
+    bound = ""
+    if {"I_xx", "I_yy"} <= set(parameters.names) and identified.data.layout.arm_known:
+        inertia, torque = yaw_range(parameters.values)
+        bound = (
+            f"No body has an I_zz beyond I_xx + I_yy = {inertia.high:.4g} kg m^2, so that kappa is {torque.high:.4g} m "
+            "at most; a flat vehicle comes close to both. "
+        )
+        numbers |= {"I_zz_at_most": inertia.high, "kappa_at_most": torque.high}
+    yield remark(
+        "not_identifiable",
+        "kappa, I_zz",
+        f"Yaw tells kappa over I_zz alone, {ratio:.4g} 1/(kg m). {bound}{known}",
+        **numbers,
+    )
+
+
+def _beside_torque(identified: FittedMotors) -> Iterator[Finding]:
+    """What yaw shows besides torque: rotors that speed up, and a delay that is not that of roll and pitch."""
+    parameters = identified.parameters
+    if SPIN_UP in parameters.free:
+        value = parameters[SPIN_UP].value
+        lead_s = value / (parameters["kappa_per_I_zz"].value * identified.derived["thrust_slope"].value)
+        speeds = identified.data.kind == "speed"
+        of_one = f"{value:.3g} of what one gains" if speeds else f"{value:.3g} rad/s for one from rest to full output"
+        yield remark(
+            "spin_up",
+            SPIN_UP,
+            f"Rotors that speed up turn the vehicle too, by {of_one}: beyond {1.0 / lead_s:.2g} rad/s that makes more "
+            "of yaw than the torque of the rotors.",
+            lead_s=lead_s,
+            **({"share": value} if speeds else {"rad_s": value}),
+        )
+    if YAW_DELAY in parameters.free and "tau_gyro" in parameters.names:
+        own_s, other_s = parameters[YAW_DELAY].value, parameters["tau_gyro"].value
+        yield remark(
+            "delay_of_yaw",
+            YAW_DELAY,
+            f"Yaw is late by {1e3 * own_s:.3g} ms, roll and pitch by {1e3 * other_s:.3g} ms: gyros of one sensor are "
+            "late alike, so that something turns the vehicle that the model does not have, or its sensors are several.",
+            yaw_s=own_s,
+            roll_pitch_s=other_s,
+        )
+
+
+def _judged_parameters(identified: FittedMotors) -> Iterator[Finding]:
+    """Guidelines of single parameters; coefficients of one curve trade against each other, and their sum counts."""
+    for finding in judge_parameters(identified.parameters, identified.bounds):
+        if not (identified.curve == "polynomial" and finding.where in CURVE_TERMS["polynomial"]):
+            yield finding
+
+
+def _merit(identified: FittedMotors, choices: MotorChoices) -> list[Finding]:
+    """The figure of merit of the rotors, where their speed was measured and their size is known."""
+    data = identified.data
+    weighed = scale_of(choices.known, identified.axes) is not None
+    if data.kind != "speed" or choices.rotor_diameter_m is None or not weighed:
+        return []
+    return check_figure_of_merit(
+        identified.parameters.values,
+        speed_rad_s=identified.hover_output,
+        rotor_diameter_m=choices.rotor_diameter_m,
+        rotors=data.layout.rotors,
+    )
+
+
+def _ended(identified: FittedMotors) -> Iterator[Finding]:
+    fit = identified.fit
+    for name in fit.parameters.free:
+        if name not in fit.moving:
+            value = fit.parameters[name].value
+            yield (remark if value == 0.0 else warn)(
+                "parameter_at_bound",
+                name,
+                f"{name} went to its bound, {value:g} {fit.parameters[name].unit}, and is held there.",
+                value=value,
+            )
+    if identified.data.kind != "speed" and "T_motor" not in identified.parameters.names:
+        both = "; tau_gyro stands for both" if "tau_gyro" in identified.parameters.names else ""
+        yield remark("lag_plus_delay", "T_motor", f"The data do not tell a motor lag from none, or from a delay{both}.")
+    if not fit.settled:
+        moved = last_move(identified)
+        yield warn(
+            "not_converged",
+            "physical.motors",
+            f"Values and color of the errors still moved after {fit.rounds} rounds, by {moved:.2g} stated deviations.",
+            moved=moved,
+        )
+
+
+def _poor(fit_percent: Mapping[str, float]) -> Iterator[Finding]:
+    for name, percent in fit_percent.items():
+        if percent < _GOOD_PERCENT:
+            yield warn(
+                "poor_fit", name, f"The motors explain {percent:.0f} % of {name} up to 5 Hz.", fit_percent=percent
+            )

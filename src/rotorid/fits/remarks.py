@@ -1,0 +1,264 @@
+"""What a careful engineer would remark on a fit: on its parameters, its costs, its structure and its band."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import AXES
+from rotorid.data.trust import (
+    CRAMER_RAO_GUIDELINE_PERCENT,
+    FITTED_SHARE,
+    INSENSITIVITY_GUIDELINE_PERCENT,
+    LARGEST_RANDOM_ERROR,
+)
+from rotorid.fits.frequency.data_requirements import main_pairs
+from rotorid.fitting.frequency.problem import (
+    ACCEPTABLE_COST,
+    EXCELLENT_COST,
+    FrequencyProblem,
+    pair_names,
+)
+from rotorid.fitting.least_squares import Outcome, Solution
+from rotorid.flights.measure import Measured
+from rotorid.models.library import MOTOR_LAG
+from rotorid.models.parameter import ParameterSet
+from rotorid.typing import BoolArray, FloatArray
+from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.identifiability import Combination
+
+_INPUT_DELAYS = tuple(f"tau_{axis}" for axis in AXES)
+
+_KNOWN = 0.25
+"""Lag and delay count as told apart where each is known to a quarter of itself, and ..."""
+
+_LARGEST_CORRELATION = 0.95
+"""... their estimates are correlated by no more than this."""
+
+_TWO_DIGITS = 10.0
+"""Percent from which an error is written without a fraction."""
+
+NO_BOUND = 1e9
+"""Stands for an infinite deviation in JSON."""
+
+
+def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:
+    """Parameters above CIFER's guidelines, and lag and delay that the data hardly tell apart."""
+    findings = []
+    for name, cramer_rao, insensitivity in zip(bounds.names, bounds.cramer_rao, bounds.insensitivity, strict=True):
+        value = abs(parameters[name].value)
+        if value == 0.0:
+            continue
+        percents, error = (100.0 * cramer_rao / value, 100.0 * insensitivity / value), _error_words(bounds, name, value)
+        guidelines = (CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT)
+        shown = [_above(percent, limit) for percent, limit in zip(percents, guidelines, strict=True)]
+        if percents[1] > INSENSITIVITY_GUIDELINE_PERCENT:
+            findings.append(
+                warn(
+                    "insensitive_parameter",
+                    name,
+                    f"The data barely constrain {name}: its insensitivity, which is no error, is {shown[1]} "
+                    f"(usual up to {INSENSITIVITY_GUIDELINE_PERCENT:g} %){error}.",
+                    insensitivity_percent=percents[1],
+                )
+            )
+        elif percents[0] > CRAMER_RAO_GUIDELINE_PERCENT:
+            findings.append(
+                warn(
+                    "uncertain_parameter",
+                    name,
+                    f"{name} trades against other parameters: its Cramér–Rao bound, which is no error, is "
+                    f"{shown[0]} (usual up to {CRAMER_RAO_GUIDELINE_PERCENT:g} %){error}.",
+                    cramer_rao_percent=percents[0],
+                )
+            )
+    return (*findings, *_lag_and_delay(parameters, bounds))
+
+
+def _above(percent: float, limit: float) -> str:
+    """A percent above a limit, with the digits that show that it is.
+
+    Examples
+    --------
+    >>> _above(20.3, 20.0), _above(33.3, 20.0), _above(10.04, 10.0)
+    ('20.3 %', '33 %', '10.04 %')
+    """
+    digits = next((digits for digits in range(3) if round(percent, digits) > limit), 0)
+    return f"{percent:.{digits}f} %"
+
+
+def _error_words(bounds: Bounds, name: str, value: float) -> str:
+    """The error of a parameter, so that nobody takes another percent for it."""
+    percent = 100.0 * bounds.stds[name] / value
+    if not math.isfinite(percent):
+        return ""
+    return f"; its error is ± {percent:.0f} %" if percent >= _TWO_DIGITS else f"; its error is ± {percent:.2g} %"
+
+
+def _lag_and_delay(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:
+    """Whether the data tell motor lag and delay apart, and their sum, which they know better than either."""
+    delays = [name for name in bounds.names if name in _INPUT_DELAYS]
+    if MOTOR_LAG not in bounds.names or not delays:
+        return ()
+    return tuple(_one_lag_and_delay(parameters, bounds, name) for name in delays)
+
+
+def _one_lag_and_delay(parameters: ParameterSet, bounds: Bounds, delay: str) -> Finding:
+    rows = [bounds.names.index(name) for name in (MOTOR_LAG, delay)]
+    values = [parameters[name].value for name in (MOTOR_LAG, delay)]
+    block = bounds.covariance[np.ix_(rows, rows)]
+    lag_std, delay_std = (math.sqrt(block[row, row]) for row in range(2))
+    together, std = sum(values), math.sqrt(max(float(block.sum()), 0.0))
+    # Clocks blur each of them, and do not make one look like the other.
+    random = bounds.random[np.ix_(rows, rows)]
+    correlation = float(random[0, 1] / np.sqrt(random[0, 0] * random[1, 1]))
+    known = lag_std <= _KNOWN * abs(values[0]) and delay_std <= _KNOWN * abs(values[1])
+    apart = known and abs(correlation) <= _LARGEST_CORRELATION
+    each = f"{1e3 * values[0]:.1f} ± {1e3 * lag_std:.1f} ms and {1e3 * values[1]:.1f} ± {1e3 * delay_std:.1f} ms"
+    total = f"{1e3 * together:.1f} ± {1e3 * std:.1f} ms"
+    message = (
+        f"Motor lag and delay are told apart, as {each} with a correlation of {correlation:.2f}; together they are "
+        f"{total}, which is known better than either."
+        if apart
+        else f"Motor lag and delay are hardly told apart: {each} with a correlation of {correlation:.2f}. Trust their "
+        f"sum of {total}. A wider band would separate them, or the lag from a bench or from measured motor speeds "
+        f"(--fix {MOTOR_LAG}=VALUE)."
+    )
+    return (remark if apart else warn)(
+        "lag_plus_delay" if apart else "not_identifiable",
+        f"{MOTOR_LAG}, {delay}",
+        message,
+        sum_s=together,
+        std_s=std,
+        correlation=correlation,
+    )
+
+
+def judge_combinations(combinations: Sequence[Combination]) -> tuple[Finding, ...]:
+    """A warning for each group of parameters that the data do not tell apart at all."""
+    return tuple(
+        warn(
+            "not_identifiable",
+            ", ".join(item.names or item.vector),
+            item.words(),
+            relative_std=min(item.relative_std, NO_BOUND),
+        )
+        for item in combinations
+        if item.flat
+    )
+
+
+def judge_fit(problem: FrequencyProblem, solution: Solution, mean_cost: float) -> tuple[Finding, ...]:
+    """How well the structure follows the data, and how the solver ended."""
+    findings = []
+    if mean_cost > EXCELLENT_COST:
+        acceptable = mean_cost <= ACCEPTABLE_COST
+        findings.append(
+            (remark if acceptable else warn)(
+                "poor_fit",
+                problem.structure.name,
+                f"The average cost is {mean_cost:.0f}: "
+                + (
+                    f"acceptable, but above the {EXCELLENT_COST:g} of a model hardly to be told from the flight."
+                    if acceptable
+                    else f"above the {ACCEPTABLE_COST:g} of an acceptable model. Narrow the band, or take a "
+                    "structure with the missing dynamics."
+                ),
+                average_cost=mean_cost,
+            )
+        )
+    for name, at_bound in zip(problem.parameters.free, solution.at_bound, strict=True):
+        if at_bound:
+            findings.append(
+                warn(
+                    "parameter_at_bound",
+                    name,
+                    f"{name} ended on a bound of the search; its value says no more than that.",
+                )
+            )
+    if solution.outcome is not Outcome.CONVERGED:
+        findings.append(warn("not_converged", problem.structure.name, solution.outcome.value))
+    return tuple(findings)
+
+
+LARGEST_STRUCTURE_ERROR = 0.1
+"""Relative model error of a main response above which the structure does not hold."""
+
+_MANY_TIMES = 6.0
+"""Times the median cost, and ..."""
+
+_COSTLY = 30.0
+"""... cost, above both of which a single response is named."""
+
+
+def judge_structure(problem: FrequencyProblem, costs: FloatArray, limits: Bounds) -> tuple[Finding, ...]:
+    """Where the structure does not hold, whatever its average cost is.
+
+    The model error of the main response to an input, the one that is known best, is above 10 %; or one response costs
+    many times what the others do.
+    """
+    findings = []
+    names = np.array(pair_names(problem.data)).reshape(costs.shape)
+    sizes = limits.model_error.sizes if limits.model_error else {}
+    for place in sorted(main_pairs(problem), key=lambda place: place[1]):
+        name = str(names[place])
+        if sizes.get(name, 0.0) > LARGEST_STRUCTURE_ERROR:
+            findings.append(
+                warn(
+                    "structure_error",
+                    name,
+                    f"The structure does not hold in {name}: over frequency it misses the response by "
+                    f"{100.0 * sizes[name]:.0f} %. The values follow the data and have no physical meaning; their "
+                    "intervals are a lower limit.",
+                    model_error_percent=100.0 * sizes[name],
+                )
+            )
+    used = problem.used.any(axis=-1)
+    typical = float(np.median(costs[used]))
+    for y, u in np.argwhere(used & (costs > max(_MANY_TIMES * typical, _COSTLY))):
+        findings.append(
+            warn(
+                "structure_error",
+                str(names[y, u]),
+                f"The cost of {names[y, u]} is {costs[y, u]:.0f}, and that of half of the responses {typical:.0f} or "
+                "less: the structure does not hold there, and what it knows from this response may be far off.",
+                cost=float(costs[y, u]),
+                median_cost=typical,
+            )
+        )
+    return tuple(findings)
+
+
+def _what_ends(measured: Measured, top: float) -> str:
+    """Why the fitted band ends where it does."""
+    if measured.excited_to_rad_s < measured.asked_rad_s[1] and top > 0.9 * measured.trusted_rad_s[1]:
+        return f"the sweeps end at {measured.excited_to_rad_s:.3g} rad/s"
+    return f"the rest is not coherent enough, or its error is above {100.0 * LARGEST_RANDOM_ERROR:g} %"
+
+
+def judge_band(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
+    """How much of the band that was asked for could be used."""
+    data = measured.response
+    findings = []
+    for y, u in np.ndindex(used.shape[:2]):
+        omega = data.omega_rad_s[used[y, u]]
+        if not omega.size:
+            continue
+        share = np.log(omega[-1] / omega[0]) / np.log(measured.asked_rad_s[1] / measured.asked_rad_s[0])
+        if share < FITTED_SHARE:
+            low, high = measured.asked_rad_s
+            findings.append(
+                warn(
+                    "low_coherence",
+                    f"{data.outputs[y]}/{data.inputs[u]}",
+                    f"Of the band {low:.2g} to {high:.3g} rad/s of {data.outputs[y]}/{data.inputs[u]} only "
+                    f"{omega[0]:.2g} to {omega[-1]:.3g} rad/s could be fitted; "
+                    f"{_what_ends(measured, float(omega[-1]))}.",
+                    low_rad_s=float(omega[0]),
+                    high_rad_s=float(omega[-1]),
+                )
+            )
+    return tuple(findings)

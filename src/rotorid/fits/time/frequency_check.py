@@ -1,0 +1,247 @@
+"""A fit in time beside the responses of the same data: its start, what they add to its errors, whether both agree."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.findings import Finding, refusal, warn
+from rotorid.data.trust import CERTAIN_SIGN
+from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.fits.frequency.data_requirements import require_known_gain
+from rotorid.fits.frequency.fit import FrequencyFit, fit_with_bounds, grown
+from rotorid.fits.frequency.inverse import pose_screened, require_vehicle
+from rotorid.fits.time.fit import TimeFit
+from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.flights.flights import Flight
+from rotorid.flights.measure import Measured, measure
+from rotorid.flights.segments import TimeRecords
+from rotorid.models.structure import LinearStructure
+from rotorid.results.summary import Compared
+from rotorid.settings.settings import IdentifySettings
+from rotorid.typing import ComplexArray, FloatArray
+from rotorid.uncertainty.cramer_rao import Bounds, bounds
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+class FrequencySide(NamedTuple):
+    """What the frequency domain says about the same data.
+
+    Parameters
+    ----------
+    measured
+        Responses, or ``None`` where they could not be estimated.
+    fitted
+        The fit in the frequency domain, or ``None`` where there is none.
+    why_not
+        Why there is no fit, in words; empty where there is one.
+    """
+
+    measured: Measured | None = None
+    fitted: FrequencyFit | None = None
+    why_not: str = ""
+
+
+def frequency_side(
+    structure: LinearStructure,
+    flights: Sequence[Flight],
+    settings: IdentifySettings,
+    *,
+    fits: bool = True,
+    searches: bool = False,
+) -> FrequencySide:
+    """Measure responses and fit them, as far as the data support that.
+
+    Parameters
+    ----------
+    structure, flights, settings
+        As for :func:`rotorid.identifying.identification.identify`.
+    fits
+        Whether to fit the structure; one without start values of its own cannot be.
+    searches
+        Whether the search that the settings ask for belongs here, and not to the fit in time.
+
+    Raises
+    ------
+    InsufficientDataError
+        All that a response shows is the inverse of the controller.
+    """
+    try:
+        measured = measure(flights, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
+    except (InsufficientDataError, ModelError) as error:
+        return FrequencySide(None, None, error.came.rstrip("."))
+    require_vehicle(measured, settings, flights)
+    if not fits:
+        return FrequencySide(measured)
+    try:
+        _PROGRESS.info(f"fitting {structure.name} in the frequency domain")
+        problem = pose_screened(structure, measured, settings, flights).problem
+        own = settings if searches else replace(settings, search=None, evaluations=None, starts="default")
+        return FrequencySide(measured, fit_with_bounds(problem, measured, own))
+    except (InsufficientDataError, ModelError) as error:
+        return FrequencySide(measured, None, error.came.rstrip("."))
+
+
+def held_response(omega_rad_s: FloatArray, records: TimeRecords) -> ComplexArray:
+    r"""Response of the hold of the inputs, :math:`(1 - e^{-j \omega T}) / (j \omega T)`, shape ``(f,)``.
+
+    It is one for inputs that were joined by lines. Responses between samples contain it. A simulation with held inputs
+    has it apart from the model.
+    """
+    if records.hold == "first":
+        return np.ones(omega_rad_s.size, dtype=np.complex128)
+    half = 0.5 * omega_rad_s / records.data[0].sample_rate_hz
+    return np.asarray(np.sinc(half / np.pi) * np.exp(-1j * half), dtype=np.complex128)
+
+
+_APART = 3.0
+"""Combined standard deviations beyond which two methods disagree."""
+
+
+def responses_without_hold(
+    fitted: TimeFit, frequency: FrequencyFit, records: TimeRecords
+) -> tuple[FrequencyProblem, FloatArray]:
+    """Responses as a fit in time sees them, without the hold of the inputs, and the values that it found."""
+    problem = frequency.problem
+    values = {name: fitted.parameters[name].value for name in problem.parameters.free}
+    measured = problem.data
+    apart = replace(measured, values=measured.values / held_response(measured.omega_rad_s, records))
+    return replace(problem, data=apart), problem.parameters.with_values(values).pack()
+
+
+def compare_with(
+    frequency: FrequencyFit, structure: LinearStructure, fitted: TimeFit, records: TimeRecords
+) -> dict[str, Compared]:
+    """Parameters of the frequency-domain fit that the time-domain fit has too.
+
+    A response between samples contains the hold of the inputs, half a step of delay, which a simulation with held
+    inputs has apart. That much of a delay is no disagreement.
+    """
+    half_s = 0.5 / records.data[0].sample_rate_hz if records.hold == "zero" else 0.0
+    delays = {str(entry) for entry in structure.input_delays}
+    std = frequency.bounds.stds
+    return {
+        parameter.name: Compared(
+            value=parameter.value, std=std.get(parameter.name), hold_s=half_s * (parameter.name in delays)
+        )
+        for parameter in frequency.parameters
+        if parameter.name in fitted.parameters.names and parameter.status != "dropped"
+    }
+
+
+def with_model_error(
+    fitted: TimeFit, frequency: FrequencyFit, structure: LinearStructure, records: TimeRecords
+) -> TimeFit:
+    r"""The fit with what the structure leaves out beside its random errors, as the frequency domain shows it.
+
+    .. math:: C = C_{random} + C_{model, f} + d d^T
+
+    Records in time do not tell model error from noise. What the residuals of responses show of it, see
+    :mod:`rotorid.uncertainty.model_error`, bends a fit of the same data in time as well, though not alike: with the
+    distance :math:`d` between both where it exceeds what they state, hold of the inputs apart. Nothing tells which of
+    the two is right. Where responses leave a parameter without a bound they have run away with it: then their errors
+    are taken at the values of the fit in time.
+
+    Parameters
+    ----------
+    fitted, records
+        The fit in time, and what it was fitted to.
+    frequency, structure
+        The fit of responses of the same data. Parameters that only one of the two has keep their random errors.
+    """
+    bounds, names = fitted.bounds, list(fitted.bounds.names)
+    shared = [name for name in frequency.bounds.names if name in names]
+    if not shared:
+        return fitted
+    by_responses = frequency.bounds
+    if grown(frequency.parameters, by_responses):
+        by_responses = _bounds_by_responses(fitted, frequency, records)
+    here = [names.index(name) for name in shared]
+    there = [by_responses.names.index(name) for name in shared]
+    added = np.zeros(bounds.covariance.shape)
+    added[np.ix_(here, here)] = (by_responses.covariance - by_responses.random)[np.ix_(there, there)]
+    std = np.sqrt(np.diag(bounds.covariance + added))
+    distance = np.zeros(len(names))
+    for name, other in compare_with(frequency, structure, fitted, records).items():
+        if name in shared and other.std is not None:
+            place = names.index(name)
+            off = fitted.parameters[name].value + other.hold_s - other.value
+            distance[place] = off if abs(off) > math.hypot(std[place], other.std) else 0.0
+    return replace(fitted, bounds=replace(bounds, covariance=bounds.covariance + added + np.outer(distance, distance)))
+
+
+def _bounds_by_responses(fitted: TimeFit, frequency: FrequencyFit, records: TimeRecords) -> Bounds:
+    """What the responses of the same flights know of parameters at the values of a fit in time."""
+    problem, theta = responses_without_hold(fitted, frequency, records)
+    residual, jacobian = problem.residuals(theta)
+    there = replace(frequency.final, theta=theta, residual=residual, jacobian=jacobian)
+    return bounds(problem, there, weights=frequency.weights)
+
+
+def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
+    """Refuse a model whose gain could as well have the other sign, its distance to that of the responses counted.
+
+    Raises
+    ------
+    InsufficientDataError
+        The gain lies within two standard deviations of zero.
+    """
+    gain = fitted.problem.structure.gain
+    if gain is None or gain not in fitted.bounds.names:
+        return
+    if frequency is None or gain not in frequency.bounds.names:
+        require_known_gain(gain, fitted.parameters, fitted.bounds)
+        return
+    here, there = fitted.parameters[gain], frequency.parameters[gain]
+    std = fitted.bounds.stds[gain]
+    if abs(here.value) >= CERTAIN_SIGN * std:
+        return
+    said = (
+        f"{gain} is {here.value:.4g} ± {std:.2g} {here.unit} in time and {there.value:.4g} {here.unit} by the responses"
+    )
+    others = " or ".join(name for name in ("frequency", "output_error") if name != fitted.method)
+    raise InsufficientDataError(
+        f"{said} of the same flights",
+        needed="methods that agree on it, within a half of its size at least",
+        remedy=f"take --method {others}, or hold what trades against it with --fix NAME=VALUE",
+        findings=[refusal("not_identifiable", gain, f"{said}.", value=here.value, std=std, by_responses=there.value)],
+    )
+
+
+def judge_agreement(fitted: TimeFit, others: Mapping[str, Compared]) -> tuple[Finding, ...]:
+    """A warning for each parameter that time and frequency domain know, and know differently."""
+    # Their distance is part of what is stated: without it, what each knows of itself.
+    std = fitted.bounds.random_stds
+    findings = []
+    for name, other in others.items():
+        if name not in std or other.std is None:
+            continue
+        value, combined = fitted.parameters[name].value, math.hypot(std[name], other.std)
+        distance = abs(value + other.hold_s - other.value) / combined if combined > 0.0 else 0.0
+        if distance > _APART:
+            unit = fitted.parameters[name].unit
+            held = (
+                f" Of that, {1e3 * other.hold_s:.3g} ms are the hold of the input, which the response contains."
+                if other.hold_s
+                else ""
+            )
+            findings.append(
+                warn(
+                    "methods_disagree",
+                    name,
+                    f"{name} is {value:.4g} ± {std[name]:.2g} {unit} in the time domain and {other.value:.4g} ± "
+                    f"{other.std:.2g} {unit} in the frequency domain, {distance:.1f} standard deviations apart."
+                    f"{held} They weigh what the structure leaves out differently, or feedback biases one of them.",
+                    time=value,
+                    frequency=other.value,
+                    distance_std=distance,
+                    hold_s=other.hold_s,
+                )
+            )
+    return tuple(findings)

@@ -1,0 +1,2 @@
+from rotorid.flights.given_controllers import GivenController as GivenController
+from rotorid.flights.given_controllers import read_controllers as read_controllers

@@ -1,0 +1,697 @@
+"""From selected maneuvers to frequency responses: windows, grid, joint and direct estimates.
+
+Logs that hold different channels are estimated apart and joined. Where every input has an instrument the estimate is
+the joint input–output one, which feedback does not bias, with the direct one beside it; :func:`feedback_bias` says how
+far the two differ. Known filters of the autopilot in front of an output can be taken off the measured response
+(:func:`without_known_filters`).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import AXES, Maneuver, TimeHistory
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import UsageError
+from rotorid.fitting.frequency.problem import usable_points
+from rotorid.flights.consistency import data_quality, sensor_agreement, sensor_errors
+from rotorid.flights.controllers import LoggedController, logged_controller
+from rotorid.flights.flights import Flight
+from rotorid.flights.instruments import (
+    band_of_instrument,
+    by_instruments,
+    choose_instruments,
+    is_command,
+    is_free,
+    no_instrument,
+    open_loop,
+)
+from rotorid.flights.segments import cut, histories, holds, require_known, source_of, with_surroundings
+from rotorid.flights.thrust_slope import curvature, with_slope_changes
+from rotorid.flights.tilt_errors import logged_angles, with_lean_errors
+from rotorid.flights.unchecked import unchecked_scales, with_unchecked_errors
+from rotorid.results.model import Segment
+from rotorid.settings.settings import CompositionChoice, MeasureSettings, TaperChoice
+from rotorid.signal.autopilot_filters import filter_findings, known_filters
+from rotorid.signal.filters import KnownFilter
+from rotorid.spectral.composite import Composition
+from rotorid.spectral.derived import corrected
+from rotorid.spectral.estimate import Diagnostics, diagnosed_response
+from rotorid.spectral.joined import by_input, joined_diagnostics, joined_responses
+from rotorid.spectral.windows import (
+    HALF_SINE,
+    HANN,
+    Taper,
+    WindowPlan,
+    band_of,
+    excited_to_rad_s,
+    grid_rad_s,
+    margin_s,
+    plan_of_records,
+    trusted_to_rad_s,
+)
+from rotorid.typing import BoolArray, FloatArray
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measured:
+    """Measured responses and where they came from.
+
+    Parameters
+    ----------
+    response
+        The estimate to fit.
+    direct
+        The direct estimate, when ``response`` is a joint one.
+    segments
+        The data behind them.
+    asked_rad_s
+        Band that was looked at.
+    excited_rad_s
+        Input to the highest frequency that its sweeps reached; infinite where other excitations leave that to the
+        coherence.
+    findings
+        Remarks on the way.
+    diagnostics
+        What stands behind ``response``.
+    lowest_rad_s
+        Input to the lowest frequency that its own windows reach, where windows were chosen by input.
+    unfiltered
+        Outputs that known filters were taken off.
+    """
+
+    response: FrequencyResponse
+    direct: FrequencyResponse | None
+    diagnostics: Diagnostics
+    segments: tuple[Segment, ...]
+    asked_rad_s: tuple[float, float]
+    excited_rad_s: Mapping[str, float]
+    findings: tuple[Finding, ...]
+    lowest_rad_s: Mapping[str, float] = field(default_factory=dict)
+    unfiltered: tuple[str, ...] = ()
+
+    @property
+    def excited_to_rad_s(self) -> float:
+        """Highest frequency that the sweeps of any input reached."""
+        return max(self.excited_rad_s.values())
+
+    @property
+    def trusted_rad_s(self) -> tuple[float, float]:
+        """The band that was asked for, as far as sweeps went.
+
+        Above a sweep there is coherence too: tapers leak, and feedback turns noise into input. It means nothing. Just
+        below its end a response is biased, because there the sweep fills one flank of the spectral line only: with a
+        delay of 40 ms and windows of 2.5 s by 3° and 2 %. So the line of the shortest window must lie inside.
+        """
+        return self._trusted_to(self.excited_to_rad_s)
+
+    def trusted_points(self, data: FrequencyResponse, coherence: float) -> BoolArray:
+        """Points of a response of these inputs that can be trusted, each input as far as its own sweeps went.
+
+        Parameters
+        ----------
+        data
+            The estimate or the one beside it.
+        coherence
+            The least that counts.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape ``(y, u, f)``.
+        """
+        bands = {name: self._trusted_to(top) for name, top in self.excited_rad_s.items()}
+        bands = {name: (max(low, self.lowest_rad_s.get(name, low)), high) for name, (low, high) in bands.items()}
+        each = [
+            usable_points(data, coherence=coherence, band_rad_s=bands[name])[:, u] for u, name in enumerate(data.inputs)
+        ]
+        return np.stack(each, axis=1)
+
+    def _trusted_to(self, top_rad_s: float) -> tuple[float, float]:
+        low, high = self.asked_rad_s
+        return low, min(high, trusted_to_rad_s(top_rad_s, self.response.windows_s))
+
+
+def measure(
+    flights: Sequence[Flight],
+    *,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    settings: MeasureSettings,
+    also: Sequence[str] = (),
+) -> Measured:
+    """Frequency responses of the outputs to the inputs over all maneuvers together.
+
+    Joint input–output whenever every input has an instrument, and the direct estimate beside it. Channels in ``also``
+    are taken along where every record has them. Records that hold some of the channels each are estimated apart, and
+    each response is that of the records that hold it.
+
+    Raises
+    ------
+    InsufficientDataError
+        A channel is missing, or the maneuvers are too short for the band.
+    UsageError
+        A shift is of a channel that takes no part, or longer than a maneuver.
+    """
+    flights = [Flight(*flown) for flown in flights]
+    groups, left = _accounted(_groups(flights, inputs, outputs, settings))
+    prepared = [_prepare(group, settings, also) for group in groups]
+    require_known(settings.shifts, [name for one in prepared for name in one.channels])
+    band = settings.band_rad_s or _common_band(prepared)
+    longest = max((plan for one in prepared for plan in one.windows.values()), key=lambda plan: max(plan.lengths_s))
+    omega = grid_rad_s(band, longest)
+    _PROGRESS.info("frequency responses")
+    parts = [_measured(one, omega, band, settings) for one in prepared]
+    if len(parts) == 1 and not left:
+        return parts[0]
+    whole = _joined(parts, groups, inputs, outputs)
+    return replace(whole, findings=(*left, *whole.findings))
+
+
+class _Group(NamedTuple):
+    """Maneuvers of records that hold the same channels of a response."""
+
+    flights: tuple[Flight, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    instruments: tuple[str, ...]
+    unheard: tuple[str, ...] = ()
+
+
+class _Prepared(NamedTuple):
+    """A group on one clock, with the windows of each input."""
+
+    group: _Group
+    segments: tuple[Segment, ...]
+    channels: tuple[str, ...]
+    band_rad_s: tuple[float, float]
+    windows: Mapping[str, WindowPlan]
+    findings: tuple[Finding, ...]
+
+
+def _groups(
+    flights: Sequence[Flight], inputs: tuple[str, ...], outputs: tuple[str, ...], settings: MeasureSettings
+) -> list[_Group]:
+    """Maneuvers by what their records hold; all in one group where all hold the same.
+
+    An output is estimated from all records that hold it beside the same inputs.
+    """
+    held: dict[tuple[str, ...], list[Flight]] = {}
+    for flight in flights:
+        held.setdefault(tuple(name for name in inputs if holds(flight.record, name)), []).append(flight)
+    by_output: dict[tuple[tuple[str, ...], tuple[int, ...]], list[str]] = {}
+    for sources, every in held.items():
+        for name in outputs:
+            rows = tuple(row for row, flight in enumerate(every) if holds(flight.record, name))
+            if sources and rows:
+                by_output.setdefault((sources, rows), []).append(name)
+    nowhere = [name for name in (*inputs, *outputs) if not any(holds(record, name) for record, _ in flights)]
+    if nowhere or len(by_output) == 1:
+        return _by_instruments(flights, inputs, outputs, settings)
+    given = settings.instruments if len(settings.instruments) == len(inputs) else ()
+    chosen = dict(zip(inputs, given, strict=False))
+    groups = []
+    for (sources, rows), answers in by_output.items():
+        own = [held[sources][row] for row in rows]
+        own = [flight for flight in own if not _of_axis_of(flight, inputs) or _of_axis_of(flight, sources)]
+        # What only feedback moves, and nothing free of feedback tells apart, cannot be accounted for.
+        swept = tuple(name for name in sources if _flown_for(own, name) or chosen.get(name))
+        wanted = replace(settings, instruments=tuple(chosen[name] for name in swept if name in chosen))
+        if own and swept:
+            instruments = choose_instruments(own, swept, answers, wanted)
+            unheard = tuple(name for name in inputs if name not in swept)
+            groups.append(_Group(tuple(own), swept, tuple(answers), instruments, unheard))
+    return groups
+
+
+def _by_instruments(
+    flights: Sequence[Flight], inputs: tuple[str, ...], outputs: tuple[str, ...], settings: MeasureSettings
+) -> list[_Group]:
+    """Maneuvers of logs that hold the same channels, those of each instrument by themselves."""
+    parts = by_instruments(flights, inputs, settings)
+    groups = []
+    for part in parts:
+        swept = inputs if len(parts) == 1 else tuple(name for name in inputs if _flown_for(part, name))
+        unheard = tuple(name for name in inputs if name not in swept)
+        groups.append(_Group(part, swept, outputs, choose_instruments(part, swept, outputs, settings), unheard))
+    return groups
+
+
+def _accounted(groups: Sequence[_Group]) -> tuple[list[_Group], tuple[Finding, ...]]:
+    """Groups without those in which an input moved that is logged and cannot be told apart, where others do without.
+
+    Feedback moves such an input in step with the one that was swept: the response would hold both.
+    """
+    mixed = [
+        group for group in groups if any(holds(record, name) for name in group.unheard for record, _ in group.flights)
+    ]
+    clean = [group for group in groups if group not in mixed]
+    told = {name for group in clean for name in group.inputs}
+    left = [group for group in mixed if told.issuperset(group.inputs)]
+    return [group for group in groups if group not in left], tuple(_left_out(group) for group in left)
+
+
+def _left_out(group: _Group) -> Finding:
+    names = ", ".join(dict.fromkeys(record.source.name for record, _ in group.flights))
+    outputs, moved = ", ".join(group.outputs), " and ".join(group.unheard)
+    return warn(
+        "joined_records",
+        names,
+        f"{outputs} of {names} {'was' if len(group.outputs) == 1 else 'were'} left out: {moved} moves there in step "
+        f"with {' and '.join(group.inputs)}, and no other log that holds {outputs} tells them apart.",
+    )
+
+
+def _of_axis_of(flight: Flight, inputs: Sequence[str]) -> bool:
+    """Whether a maneuver was flown for one of some commands."""
+    return any(name == f"{flight.axis}_command" for name in inputs)
+
+
+def _flown_for(flights: Sequence[Flight], input: str) -> bool:
+    return not is_command(input) or any(_of_axis_of(flight, (input,)) for flight in flights)
+
+
+def _prepare(group: _Group, settings: MeasureSettings, also: Sequence[str]) -> _Prepared:
+    flights, instruments = group.flights, group.instruments
+    channels = (*group.inputs, *group.outputs)
+    extra = [n for n in also if n not in channels and all(n in record.channel_names for record, _ in flights)]
+    followers = tuple(dict.fromkeys((*instruments, *_other_commands(flights, group.inputs), *extra)))
+    # Without an instrument the quiet time would only add what feedback makes of gusts.
+    wider = flights
+    if instruments:
+        wider = with_surroundings(flights, _margin_s(flights, settings), (*channels, *instruments))
+    segments, findings = cut(wider, channels=channels, followers=followers, shifts=settings.shifts)
+    records = histories(segments)
+    band = settings.band_rad_s or default_band(flights, records[0].sample_rate_hz)
+    windows = _windows(records, band, settings, group.inputs)
+    return _Prepared(group, segments, (*channels, *followers), band, windows, findings)
+
+
+def _common_band(prepared: Sequence[_Prepared]) -> tuple[float, float]:
+    """From the lowest to the highest frequency of any group, as far as the rates of all of them carry."""
+    low = min(one.band_rad_s[0] for one in prepared)
+    high = max(one.band_rad_s[1] for one in prepared)
+    carried = min(one.segments[0].history.sample_rate_hz for one in prepared)
+    return low, min(high, 0.8 * np.pi * carried)
+
+
+def _measured(
+    prepared: _Prepared, omega_rad_s: FloatArray, band_rad_s: tuple[float, float], settings: MeasureSettings
+) -> Measured:
+    """Responses of one group on a grid."""
+    (flights, inputs, outputs, instruments, _), segments, windows = prepared.group, prepared.segments, prepared.windows
+    records = histories(segments)
+    agreement = sensor_agreement(flights)
+    errors, unchecked = unchecked_scales(agreement, outputs, sensor_errors(agreement, outputs))
+    direct, diagnostics = _respond(records, inputs, outputs, omega_rad_s, windows, settings)
+    joint = None
+    if instruments:
+        joint, diagnostics = _respond(records, inputs, outputs, omega_rad_s, windows, settings, instruments)
+    # An input that is the excitation itself needs no instrument, nor does one that comes straight from the stick.
+    free = open_loop(flights, *inputs) or all(is_free(flights, name) for name in inputs)
+    unknown = settings.estimate == "auto" and not instruments and not free
+    known = replace(joint or direct, sensor_errors=errors)
+    bands = _bands_of_sticks(flights, inputs, instruments)
+    bent = 0.0
+    if any(is_command(name) for name in inputs):
+        bent = curvature([record for record, _ in flights], [one for one in flights if one.maneuver.axis == "thrust"])
+        known = with_lean_errors(with_slope_changes(known, records, bent), flights, segments, bent)
+    angles = logged_angles(record for record, _ in flights)
+    known, left = with_unchecked_errors(known, angles=angles, curvature=bent, feedback=unknown)
+    measured = Measured(
+        response=known,
+        direct=direct if joint else None,
+        diagnostics=diagnostics,
+        segments=segments,
+        asked_rad_s=band_rad_s,
+        excited_rad_s={
+            name: min(excited_to_rad_s(_of_input(flights, name)), bands.get(name, _ANY)[1]) for name in inputs
+        },
+        lowest_rad_s={
+            name: max(windows[name].lowest_rad_s if name in settings.input_windows_s else 0.0, bands.get(name, _ANY)[0])
+            for name in inputs
+            if name in settings.input_windows_s or bands.get(name, _ANY)[0] > 0.0
+        },
+        findings=(
+            *prepared.findings,
+            *data_quality(flights, segments, inputs, agreement),
+            *(finding for plan in _different(windows) for finding in plan.findings),
+            *((no_instrument(inputs),) if unknown else ()),
+            *unchecked,
+            *left,
+            *_beside_excitation(settings.band_rad_s, flights),
+        ),
+    )
+    return without_known_filters(measured, flights) if settings.correct_filters else measured
+
+
+_ANY = (0.0, np.inf)
+
+
+def _bands_of_sticks(
+    flights: Sequence[Flight], inputs: Sequence[str], instruments: Sequence[str]
+) -> dict[str, tuple[float, float]]:
+    """Inputs that a stick excites, to the band in which it has power; a program's signal has it all over its own."""
+    return {
+        name: band_of_instrument([flight for flight in flights if _of_axis_of(flight, (name,))] or flights, instrument)
+        for name, instrument in zip(inputs, instruments, strict=False)
+        if instrument.endswith("_stick")
+    }
+
+
+_LEAST_KEPT = 0.4
+"""Share of the octaves that were excited, below which a band that was given is remarked on."""
+
+
+def _beside_excitation(band_rad_s: tuple[float, float] | None, flights: Sequence[Flight]) -> tuple[Finding, ...]:
+    """A remark where a band that was given drops most of what was excited, as one in Hz does that is taken as rad/s."""
+    excited = [m.band_rad_s for _, m in flights if m.band_rad_s is not None]
+    if band_rad_s is None or not excited:
+        return ()
+    low, high = min(one[0] for one in excited), max(one[1] for one in excited)
+    octaves = float(np.log2(high / low)) if high > low > 0.0 else 0.0
+    kept = max(float(np.log2(min(high, band_rad_s[1]) / max(low, band_rad_s[0]))), 0.0)
+    if octaves <= 0.0 or kept >= _LEAST_KEPT * octaves:
+        return ()
+    hertz = 2.0 * np.pi * np.array(band_rad_s)
+    meant = max(float(np.log2(min(high, hertz[1]) / max(low, hertz[0]))), 0.0)
+    proposed = f"{band_rad_s[0]:g}:{band_rad_s[1]:g}Hz" if meant > kept else f"{low:.3g}:{high:.3g}"
+    return (
+        warn(
+            "band_beside_excitation",
+            "--band",
+            f"The band of {band_rad_s[0]:.3g} to {band_rad_s[1]:.3g} rad/s keeps {100.0 * kept / octaves:.0f} % of the "
+            f"octaves that were excited, {low:.3g} to {high:.3g} rad/s. "
+            f"{'If Hz were meant' if meant > kept else 'All of them'}: --band {proposed}.",
+            kept_percent=100.0 * kept / octaves,
+        ),
+    )
+
+
+def _joined(
+    parts: Sequence[Measured], groups: Sequence[_Group], inputs: tuple[str, ...], outputs: tuple[str, ...]
+) -> Measured:
+    """Responses of several groups as one, each pair from the records that hold it."""
+    response = joined_responses([part.response for part in parts], inputs=inputs, outputs=outputs)
+    direct = [part.direct for part in parts if part.direct is not None]
+    told = [(part.response, part.diagnostics) for part in parts]
+    tops = {name: [part.excited_rad_s[name] for part in parts if name in part.excited_rad_s] for name in inputs}
+    lows = {name: [part.lowest_rad_s[name] for part in parts if name in part.lowest_rad_s] for name in inputs}
+    return Measured(
+        response=replace(
+            response,
+            sensor_errors=_largest_errors(parts, response.outputs),
+            slope_changes=_largest(parts, response, lambda one: one.slope_changes),
+            lean_errors=_largest(parts, response, lambda one: one.lean_errors),
+            unchecked_errors=_unchecked(parts, response),
+        ),
+        direct=joined_responses(direct, inputs=inputs, outputs=outputs) if len(direct) == len(parts) else None,
+        diagnostics=joined_diagnostics(told, response),
+        segments=tuple(segment for part in parts for segment in part.segments),
+        asked_rad_s=parts[0].asked_rad_s,
+        excited_rad_s={name: max(own, default=np.inf) for name, own in tops.items()},
+        lowest_rad_s={name: min(own) for name, own in lows.items() if own},
+        unfiltered=tuple(dict.fromkeys(name for part in parts for name in part.unfiltered)),
+        findings=(
+            *_each_once(finding for part in parts for finding in part.findings),
+            *(_unheard(group) for group in groups if group.unheard),
+            *_several_instruments(groups, inputs),
+        ),
+    )
+
+
+def _largest_errors(parts: Sequence[Measured], outputs: Sequence[str]) -> FloatArray | None:
+    """How far each output disagrees with other sensors, where it does most."""
+    if all(part.response.sensor_errors is None for part in parts):
+        return None
+    errors = np.zeros((len(outputs), 2))
+    for part in parts:
+        if part.response.sensor_errors is not None:
+            for name, own in zip(part.response.outputs, part.response.sensor_errors, strict=True):
+                if name in outputs:
+                    errors[outputs.index(name)] = np.maximum(errors[outputs.index(name)], own)
+    return errors
+
+
+def _unchecked(parts: Sequence[Measured], joined: FrequencyResponse) -> FloatArray | None:
+    """What no log lets one look at; an error that one group shows is known of this input."""
+    known = np.full((2, len(joined.inputs), joined.omega_rad_s.size), np.inf)
+    for part in parts:
+        own, shape = part.response.unchecked_errors, (2, len(part.response.inputs), part.response.omega_rad_s.size)
+        for u, name in enumerate(part.response.inputs):
+            row = joined.inputs.index(name)
+            for kind, errors in enumerate(np.zeros(shape) if own is None else own):
+                there = np.interp(joined.omega_rad_s, part.response.omega_rad_s, errors[u])
+                known[kind, row] = np.minimum(known[kind, row], there)
+    return known if known.any() else None
+
+
+def _largest(
+    parts: Sequence[Measured], joined: FrequencyResponse, of: Callable[[FrequencyResponse], FloatArray | None]
+) -> FloatArray | None:
+    """What is known of the frequencies of each input, ``(u, f)``, from the group where it differs most over them."""
+    if all(of(part.response) is None for part in parts):
+        return None
+    known = np.zeros((len(joined.inputs), joined.omega_rad_s.size))
+    for part in parts:
+        rows = of(part.response)
+        if rows is not None:
+            for name, own in zip(part.response.inputs, rows, strict=True):
+                row, told = joined.inputs.index(name), np.interp(joined.omega_rad_s, part.response.omega_rad_s, own)
+                known[row] = told if np.ptp(told) > np.ptp(known[row]) else known[row]
+    return known
+
+
+def _each_once(findings: Iterable[Finding]) -> list[Finding]:
+    once: list[Finding] = []
+    for finding in findings:
+        if finding not in once:
+            once.append(finding)
+    return once
+
+
+def _several_instruments(groups: Sequence[_Group], inputs: Sequence[str]) -> Iterable[Finding]:
+    """A remark for each input that some maneuvers show with another instrument than others."""
+    for name in inputs:
+        used = {
+            instrument: ", ".join(f"{m.start_s:.1f} s of {record.source.name}" for record, m in group.flights)
+            for group in groups
+            for source, instrument in zip(group.inputs, group.instruments, strict=False)
+            if source == name
+        }
+        if len(used) > 1:
+            told = "; ".join(f"{instrument} at {flown}" for instrument, flown in used.items())
+            yield remark(
+                "joined_records",
+                name,
+                f"The maneuvers of {name} have several instruments ({told}). Each was measured with its own, and "
+                "their responses were joined by their variances.",
+            )
+
+
+def _unheard(group: _Group) -> Finding:
+    names = ", ".join(dict.fromkeys(record.source.name for record, _ in group.flights))
+    missing, swept = " and ".join(group.unheard), " and ".join(group.inputs)
+    return warn(
+        "joined_records",
+        names,
+        f"{names} shows responses to {swept} alone: where {missing} moved in step with "
+        f"{'it' if len(group.inputs) == 1 else 'them'}, its effect is contained in these responses. Log the "
+        "commands of all axes.",
+    )
+
+
+_COMPOSITIONS: Mapping[CompositionChoice, Composition] = {
+    "variance": "minimum_variance",
+    "least_squares": "least_squares",
+    "weights": "weights",
+}
+_TAPERS: Mapping[TaperChoice, Taper] = {"hann": HANN, "half_sine": HALF_SINE}
+
+
+def _respond(
+    records: Sequence[TimeHistory],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    omega_rad_s: FloatArray,
+    windows: Mapping[str, WindowPlan],
+    settings: MeasureSettings,
+    instruments: Sequence[str] = (),
+) -> tuple[FrequencyResponse, Diagnostics]:
+    """Responses with the windows that were planned for each input."""
+    found = {
+        plan.lengths_s: diagnosed_response(
+            records,
+            inputs=inputs,
+            outputs=outputs,
+            instruments=instruments,
+            omega_rad_s=omega_rad_s,
+            windows_s=plan.lengths_s,
+            overlap=settings.overlap,
+            taper=_TAPERS[settings.taper],
+            composition=_COMPOSITIONS[settings.composition],
+        )
+        for plan in _different(windows)
+    }
+    if len(found) == 1:
+        return next(iter(found.values()))
+    whole = by_input({name: found[plan.lengths_s][0] for name, plan in windows.items()})
+    lengths = list(found)
+    columns = [lengths.index(windows[name].lengths_s) for name in inputs]
+    return whole, joined_diagnostics(list(found.values()), whole, columns=columns)
+
+
+def _different(windows: Mapping[str, WindowPlan]) -> tuple[WindowPlan, ...]:
+    """Plans of inputs, each once."""
+    return tuple({plan.lengths_s: plan for plan in windows.values()}.values())
+
+
+def _margin_s(flights: Sequence[Flight], settings: MeasureSettings) -> float:
+    """How much quiet time to take along: that of the longest window, as far as it is known yet."""
+    given = [*settings.windows_s, *(one for lengths in settings.input_windows_s.values() for one in lengths)]
+    if given:
+        return max(given)
+    return margin_s([maneuver for _, maneuver in flights])
+
+
+def _windows(
+    records: Sequence[TimeHistory], band_rad_s: tuple[float, float], settings: MeasureSettings, inputs: Sequence[str]
+) -> dict[str, WindowPlan]:
+    """Windows of each input."""
+    lengths = [record.duration_s for record in records]
+    given = {name: settings.input_windows_s.get(name, settings.windows_s) for name in inputs}
+    plans = {own: plan_of_records(lengths, band_rad_s, own) for own in dict.fromkeys(given.values())}
+    return {name: plans[own] for name, own in given.items()}
+
+
+def default_band(flights: Sequence[Flight], sample_rate_hz: float) -> tuple[float, float]:
+    """Band to look at: that of the sweeps, or whatever the sample rate carries for other excitations."""
+    return band_of([maneuver for _, maneuver in flights], sample_rate_hz)
+
+
+def _of_input(flights: Sequence[Flight], input: str) -> Sequence[Maneuver]:
+    """The maneuvers of an input's own axis; all, where it has none."""
+    maneuvers = [maneuver for _, maneuver in flights]
+    return [one for one in maneuvers if input == f"{one.axis}_command"] or maneuvers
+
+
+def _other_commands(flights: Sequence[Flight], inputs: Sequence[str]) -> tuple[str, ...]:
+    """Commands of the other axes that every record holds."""
+    names = [f"{axis}_command" for axis in AXES]
+    return tuple(n for n in names if n not in inputs and all(n in record.channel_names for record, _ in flights))
+
+
+def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Measured:
+    """Responses as they would be without the filters that the logs say stood in front of their outputs.
+
+    Parameters
+    ----------
+    measured
+        The responses.
+    flights
+        Records and maneuvers behind them; the filters follow from the parameters of the records.
+
+    Raises
+    ------
+    UsageError
+        The records were filtered differently, so that one response of all of them cannot be corrected.
+    """
+    chains: dict[str, tuple[KnownFilter, ...]] = {}
+    findings: list[Finding] = []
+    for output in measured.response.outputs:
+        sources = {source_of(segment, output) for segment in _holding(measured, output)}
+        found = [known_filters(record, source) for source in sorted(sources) for record, _ in flights]
+        if any(chain != found[0] for chain in found):
+            raise UsageError(
+                f"{output} was filtered differently in the logs",
+                needed="one set of filters for all logs",
+                remedy="estimate each log by itself, or leave out --correct-filters",
+            )
+        if found[0]:
+            chains[output] = found[0]
+        findings += [f for source in sorted(sources) for f in filter_findings(flights[0][0], source)]
+    remarked = replace(measured, findings=(*measured.findings, *findings))
+    if not chains:
+        return remarked
+    direct = None if measured.direct is None else corrected(measured.direct, chains)
+    return replace(remarked, response=corrected(measured.response, chains), direct=direct, unfiltered=tuple(chains))
+
+
+def _holding(measured: Measured, name: str) -> list[Segment]:
+    return [segment for segment in measured.segments if name in segment.history.names]
+
+
+def filter_delays(measured: Measured, flights: Sequence[Flight]) -> dict[str, float]:
+    """Output to the delay in seconds of the known filters in its response, where all logs had the same ones.
+
+    Parameters
+    ----------
+    measured
+        The responses.
+    flights
+        Records and maneuvers behind them.
+    """
+    delays: dict[str, float] = {}
+    for output in measured.response.outputs:
+        if output in measured.unfiltered:
+            continue
+        sources = sorted({source_of(segment, output) for segment in _holding(measured, output)})
+        chains = [known_filters(record, source) for source in sources for record, _ in flights]
+        if chains and chains[0] and all(chain == chains[0] for chain in chains):
+            delays[output] = sum(known.delay_s for known in chains[0])
+    return delays
+
+
+def logged_controllers(
+    flights: Sequence[Flight], measured: Measured, command: str, rate: str
+) -> tuple[LoggedController, ...]:
+    """The controllers of a command in the logs of some flights, one for each that differs."""
+    sources = dict.fromkeys(source_of(segment, rate) for segment in measured.segments if rate in segment.history.names)
+    found = (logged_controller(record, command, source=source) for source in sources or [""] for record, _ in flights)
+    return tuple(dict.fromkeys(controller for controller in found if controller is not None))
+
+
+_BIAS_LIMIT_DB = 1.0
+
+
+def feedback_bias(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
+    """How far direct estimates lie from the joint ones where those were used.
+
+    One warning for each response that feedback biases seriously; where there is none, one remark on the worst.
+    """
+    if measured.direct is None or not used.any():
+        return ()
+    pairs = np.argwhere(used.any(axis=-1))
+    judged = [_judged(measured.response, measured.direct, used, int(y), int(u)) for y, u in pairs]
+    serious = tuple(finding for finding in judged if finding.severity == "warning")
+    return serious or (max(judged, key=lambda finding: finding.numbers["rms_db"]),)
+
+
+def _judged(response: FrequencyResponse, direct: FrequencyResponse, used: BoolArray, y: int, u: int) -> Finding:
+    points = used[y, u]
+    decibel = 20.0 * np.log10(np.abs(direct.values[y, u, points] / response.values[y, u, points]))
+    worst = float(decibel[np.argmax(np.abs(decibel))])
+    typical = float(np.sqrt(np.mean(decibel**2)))
+    serious = typical > _BIAS_LIMIT_DB
+    return (warn if serious else remark)(
+        "closed_loop_bias",
+        f"{response.outputs[y]}/{response.inputs[u]}",
+        f"For {response.outputs[y]}/{response.inputs[u]} the joint estimate with {', '.join(response.instruments)} was "
+        f"used. A direct estimate would differ by "
+        f"{typical:.1f} dB rms and {worst:+.1f} dB at most in the used band"
+        + (
+            ": feedback biases it, unless the instrument contains feedback itself."
+            if serious
+            else ", so feedback hardly biases this flight."
+        ),
+        largest_db=worst,
+        rms_db=typical,
+    )

@@ -1,0 +1,479 @@
+"""From logs to records of motors: outputs, rates and specific force on one clock, over the stretches that moved.
+
+The motors come from the best source that a log has (measured speeds, logged outputs, or commands through the mixer),
+the rotors from its parameters or from the user. Filters that the log knows are passed on as impulse responses, so that
+the model passes them too. Where thrust follows the battery and the battery sagged, all outputs are brought to one
+voltage (:func:`common_voltage`).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.axes import RATES
+from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver, MotorRecord, TimeHistory
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fitting.motors.fit import LEAST_SAMPLES
+from rotorid.flights.differentiated import from_angles
+from rotorid.flights.flights import Flight, longest_flight
+from rotorid.flights.instruments import while_flying
+from rotorid.flights.segments import built
+from rotorid.flights.selection import described, each_once, require_inside
+from rotorid.io.advice import logging_advice
+from rotorid.models.rotors import RotorLayout, layout_of, mixer_of
+from rotorid.settings.settings import MotorChoices, chosen_layout
+from rotorid.signal.autopilot_filters import filter_findings, known_filters
+from rotorid.signal.clock import interpolated, resample
+from rotorid.signal.excitations import find_excitations
+from rotorid.signal.filters import combined_response
+from rotorid.signal.kinematics import ingredients
+from rotorid.signal.motors import Kind, MotorHistory, linearization_of, motor_history, voltage_factor, with_motors
+from rotorid.typing import Axis, FloatArray
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+_MEASURED = ("p", "q", "r", "az")
+_COPIES = 3
+_RINGING_S = 0.1
+
+
+class MotorFlight(NamedTuple):
+    """A stretch of a log.
+
+    Parameters
+    ----------
+    record
+        On one clock.
+    maneuver
+        Where in the log.
+    kind
+        What the outputs are.
+    """
+
+    record: MotorRecord
+    maneuver: Maneuver
+    kind: Kind
+
+
+class Motors(NamedTuple):
+    """Motors, and whether they are samples of something smooth that somebody had joined by straight lines."""
+
+    history: MotorHistory
+    smooth: bool
+
+
+def true_motors(history: MotorHistory) -> Motors:
+    """Motors without the straight lines that somebody drew between slower samples."""
+    joined = interpolated(history.time_s, history.values)
+    if joined is None:
+        return Motors(_without_copies(history), False)
+    findings = (*history.findings, joined.finding(history.source))
+    return Motors(replace(history, time_s=joined.time_s, values=joined.values, findings=findings), True)
+
+
+def _without_copies(history: MotorHistory) -> MotorHistory:
+    """Motors without samples that only repeat the one before, where that is the rule: a table of a faster clock."""
+    changed = np.flatnonzero(np.r_[True, np.any(np.diff(history.values, axis=1) != 0.0, axis=0)])
+    if changed.size < LEAST_SAMPLES or np.median(np.diff(changed)) < _COPIES:
+        return history
+    kept = replace(history, time_s=history.time_s[changed], values=history.values[:, changed])
+    message = (
+        f"{history.source} comes at {history.sample_rate_hz:.0f} Hz and repeats every value of the motors until the "
+        f"next one, at {kept.sample_rate_hz:.1f} Hz."
+    )
+    numbers = {"rate_hz": kept.sample_rate_hz, "logged_rate_hz": history.sample_rate_hz}
+    remark = warn("interpolated_channel", history.source, message, **numbers)
+    return replace(kept, findings=(*history.findings, remark))
+
+
+def on_one_clock(
+    record: FlightRecord, motors: Motors, stretch: Maneuver, reference_v: float | None
+) -> tuple[list[MotorFlight], list[Finding]]:
+    """A stretch on the clock of its rates, in pieces where the log has gaps; pieces of a moment are left out.
+
+    Parameters
+    ----------
+    record, motors, stretch
+        What was flown, and where in it.
+    reference_v
+        Voltage at which thrust is told; ``None`` where it does not matter.
+    """
+    history = motors.history
+    start_s = max(stretch.start_s, float(history.time_s[0]), record.start_s)
+    stop_s = min(stretch.stop_s, float(history.time_s[-1]), record.stop_s)
+    followers = ingredients("w", record.channel_names)
+    moving = "w" in record.channel_names or set(followers) <= set(record.channel_names)
+    wanted = ("w",) if "w" in record.channel_names else followers
+    found = resample(
+        with_motors(record, history),
+        channels=_MEASURED,
+        auxiliary=wanted if moving else (),
+        start_s=start_s,
+        stop_s=stop_s,
+    )
+    findings = [*found.findings]
+    flights = []
+    for part in found.histories:
+        if part.time_s.size < LEAST_SAMPLES:
+            continue
+        one = built(part, (*_MEASURED, "w")) if moving else part
+        strength = np.ones(one.time_s.size)
+        if reference_v is not None:
+            strength = voltage_factor(record, one.time_s, reference_v=reference_v).values
+        findings += _filtered(record, one)
+        flights.append(MotorFlight(_record(record, motors, one, strength), stretch, history.kind))
+    return flights, findings
+
+
+def _record(record: FlightRecord, motors: Motors, part: TimeHistory, strength: FloatArray) -> MotorRecord:
+    return MotorRecord(
+        name=record.source.name,
+        sample_rate_hz=part.sample_rate_hz,
+        outputs=_outputs(record, motors, part),
+        rates=np.stack([part[name] for name in RATES]),
+        az=part["az"],
+        w=part["w"] if "w" in part.names else np.zeros(0),
+        strength=strength,
+        gyro_taps=_taps(record, part, "p"),
+        accel_taps=_taps(record, part, "az"),
+        start_s=part.start_s,
+        between="lines" if motors.history.kind == "speed" else "held",
+    )
+
+
+def _outputs(record: FlightRecord, motors: Motors, part: TimeHistory) -> FloatArray:
+    """Mean output over each sample: held until the next stamp, or on the way to it where the loop was faster."""
+    from scipy.interpolate import CubicSpline
+
+    history, time_s = motors.history, part.time_s
+    if motors.smooth:
+        return np.asarray(CubicSpline(history.time_s, history.values, axis=1)(time_s), dtype=np.float64)
+    if history.kind == "speed":
+        return np.stack([np.interp(time_s, history.time_s, row) for row in history.values])
+    late = np.searchsorted(history.time_s, time_s + 1e-9, side="right") - 1
+    held = history.values[:, np.clip(late, 0, history.time_s.size - 1)]
+    loops = np.round(record.parameters.get("SCHED_LOOP_RATE", 0.0) / history.sample_rate_hz)
+    # Not a number, as a damaged parameter is, is not two and more.
+    if not loops >= 2.0 or history.kind != "thrust_demand":
+        return held
+    # A loop that many times faster went on to the next logged demand by steps that nobody logged.
+    share = (loops - 1) / (2.0 * loops)
+    following = np.concatenate([held[:, 1:], held[:, -1:]], axis=1)
+    return np.asarray((1.0 - share) * held + share * following)
+
+
+def _taps(record: FlightRecord, part: TimeHistory, name: str) -> FloatArray:
+    """Impulse response of the known filters in front of a channel, at the rate of the record."""
+    filters = known_filters(record, part.channels[part.names.index(name)].source)
+    if not filters:
+        return np.ones(1)
+    count = 2 * max(16, round(_RINGING_S * part.sample_rate_hz))
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / part.sample_rate_hz), dtype=np.float64)
+    taps = np.fft.irfft(combined_response(filters, omega), count)[: count // 2]
+    # What rings on is little, and rest must stay rest.
+    return np.asarray(taps / taps.sum(), dtype=np.float64)
+
+
+def _filtered(record: FlightRecord, part: TimeHistory) -> Iterator[Finding]:
+    # A log without the parameters of an autopilot says nothing of filters, and need not say so.
+    if not record.parameters:
+        return
+    for name in ("p", "az"):
+        source = part.channels[part.names.index(name)].source
+        if not source:  # a derivative, which no sensor filtered
+            continue
+        for finding in filter_findings(record, source):
+            if finding.kind == "known_filter":
+                message = f"{finding.message.rstrip('.')}. The model contains the same filters."
+                yield replace(finding, message=message)
+            else:
+                yield finding
+
+
+_SAGGING = 0.02
+
+
+class FlownMotors(NamedTuple):
+    """A stretch of a log with its motors."""
+
+    record: FlightRecord
+    motors: Motors
+    stretch: Maneuver
+
+
+class Voltage(NamedTuple):
+    """The voltage at which thrust is told; ``None`` where it does not matter."""
+
+    reference_v: float | None
+    findings: tuple[Finding, ...] = ()
+
+
+def common_voltage(flown: Sequence[FlownMotors], reference_v: float | None) -> Voltage:
+    """One voltage for all stretches, where outputs follow the battery and it sagged in them."""
+    if any(_compensated(one.record, one.motors.history) for one in flown):
+        return Voltage(None)
+    factors = []
+    for one in flown:
+        time_s = one.motors.history.time_s
+        inside = time_s[(time_s >= one.stretch.start_s) & (time_s <= one.stretch.stop_s)]
+        try:
+            factors.append(voltage_factor(one.record, inside, reference_v=1.0).values)
+        except InsufficientDataError:
+            return Voltage(None)
+    together = np.concatenate(factors) if factors else np.ones(1)
+    if not together.size or together.min() <= 0.0:
+        return Voltage(None)
+    reference = float(np.sqrt(np.median(together))) if reference_v is None else reference_v
+    spread = float(together.max() / together.min() - 1.0)
+    if spread < _SAGGING and reference_v is None:
+        return Voltage(None)
+    message = (
+        f"The battery makes thrust vary by {100.0 * spread:.0f} % at one output; thrust is that at {reference:.3g} V."
+    )
+    numbers = {"spread": spread, "reference_v": reference}
+    where = ", ".join(dict.fromkeys(one.record.source.name for one in flown))
+    return Voltage(reference, (remark("battery_sag", where, message, **numbers),))
+
+
+def _compensated(record: FlightRecord, history: MotorHistory) -> bool:
+    """Whether thrust at a value of the motors does not follow the voltage: speeds, and demands corrected later.
+
+    ArduPilot corrects behind what it logs. PX4 (``MC_BAT_SCALE_EN``) scales its set-points before it publishes them:
+    what is logged is scaled, and thrust at it follows the voltage as that of an output does.
+    """
+    if history.kind == "speed":
+        return True
+    if history.kind == "output":
+        return False
+    known = linearization_of(record)
+    return known is not None and known.compensates_voltage
+
+
+_AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw", "thrust")
+_TELLING = ("sweep", "random_binary", "doublet", "multistep", "multisine")
+"""Kinds of excitations that are used, where there are any."""
+
+_TOGETHER_S = 5.0
+"""Excitations that follow each other within this time are one stretch."""
+
+_MARGIN_S = 1.0
+"""Taken along before and after each."""
+
+
+class MotorData(NamedTuple):
+    """What a fit of motors is made to.
+
+    Parameters
+    ----------
+    stretches
+        Stretches of all logs, on one clock.
+    layout
+        The rotors, in meters where the arm is known.
+    histories
+        Motors of each log.
+    flights
+        Logs and what of them was used.
+    findings
+        Remarks on the way.
+    straightened
+        Whether thrust follows the motors in a line, because the autopilot takes their curve out.
+    reference_v
+        Voltage at which thrust is told; ``None`` where it is no matter.
+    """
+
+    stretches: tuple[MotorFlight, ...]
+    layout: RotorLayout
+    histories: tuple[MotorHistory, ...]
+    flights: tuple[Flight, ...]
+    findings: tuple[Finding, ...]
+    straightened: bool = False
+    reference_v: float | None = None
+
+    @property
+    def slow(self) -> bool:
+        """Whether the motors of some log were logged more slowly than they act."""
+        return min(history.sample_rate_hz for history in self.histories) < LOWEST_RATE_HZ
+
+    @property
+    def records(self) -> tuple[MotorRecord, ...]:
+        """Motors, rates and specific force of the stretches."""
+        return tuple(stretch.record for stretch in self.stretches)
+
+    @property
+    def response(self) -> None:
+        """None was measured."""
+
+    @property
+    def sources(self) -> Mapping[str, str]:
+        """Where the motors stand in the logs."""
+        return {"motors": self.histories[0].source}
+
+    @property
+    def kind(self) -> Kind:
+        """What the outputs are, of all logs the same."""
+        return self.stretches[0].kind
+
+
+def motor_data(
+    records: Sequence[FlightRecord],
+    choices: MotorChoices,
+    *,
+    reference_v: float | None = None,
+    layout: RotorLayout | None = None,
+) -> MotorData:
+    """Motors, rates and specific force of every log on one clock.
+
+    Outputs are held from one stamp to the next, as a motor controller holds them; measured speeds are joined by lines.
+
+    Parameters
+    ----------
+    records, choices
+        As for :func:`rotorid.identifying.motors.Motors`.
+    reference_v
+        Voltage at which thrust is told; the median of all stretches by default.
+    layout
+        The rotors, where they are known from elsewhere; by default those of the choices, or of the logs.
+
+    Raises
+    ------
+    InsufficientDataError
+        A log tells no motors, no rotors, or no motion.
+    UsageError
+        Logs are of different vehicles, or of motors of different kind, or no given segment lies inside one.
+    """
+    each_once(records)
+    require_inside(records, choices.segments)
+    differentiated: list[Finding] = []
+    if choices.method == "accelerations":
+        made = [from_angles(record, choices.outputs) for record in records]
+        records = [record for record, _ in made]
+        differentiated += [finding for _, told in made for finding in told]
+    layout = layout or _layout(records, choices)
+    findings: list[Finding] = [*layout.findings, *differentiated]
+    flown: list[FlownMotors] = []
+    for record in records:
+        _PROGRESS.info(f"{record.source.name}: motors")
+        motors = true_motors(_motor_history(record, layout))
+        if motors.history.motors != layout.rotors:
+            raise UsageError(
+                f"{record.source.name} holds {motors.history.motors} motors, and {layout.name} has "
+                f"{layout.rotors} rotors",
+                needed="a layout of the vehicle that flew",
+                remedy="name it with --layout",
+            )
+        stretches, remarks = _stretches(record, choices)
+        findings += [*motors.history.findings, *remarks]
+        flown += [FlownMotors(record, motors, stretch) for stretch in stretches]
+    voltage = common_voltage(flown, reference_v) if choices.voltage else Voltage(None)
+    findings += voltage.findings
+    flights: list[MotorFlight] = []
+    for one in flown:
+        _PROGRESS.info(f"{one.record.source.name}: {one.stretch.start_s:.1f} to {one.stretch.stop_s:.1f} s")
+        found, remarks = on_one_clock(one.record, one.motors, one.stretch, voltage.reference_v)
+        flights += found
+        findings += remarks
+    _require_one_kind(flights, records)
+    return MotorData(
+        tuple(flights),
+        layout,
+        tuple({id(one.record): one.motors.history for one in flown}.values()),
+        tuple(Flight(one.record, one.stretch) for one in flown),
+        _each_once(findings),
+        straightened=all(_straightened(record, flights[0].kind) for record in records),
+        reference_v=voltage.reference_v,
+    )
+
+
+def _motor_history(record: FlightRecord, layout: RotorLayout) -> MotorHistory:
+    """Outputs of the motors, or why there are none, with what this firmware can log."""
+    try:
+        return motor_history(record, mixer_of(layout, record.source.format))
+    except InsufficientDataError as error:
+        raise InsufficientDataError(
+            error.came, needed=error.needed, remedy=error.remedy or logging_advice(record, 0.0), findings=error.findings
+        ) from error
+
+
+def _layout(records: Sequence[FlightRecord], choices: MotorChoices) -> RotorLayout:
+    formats = sorted({record.source.format for record in records})
+    if len(formats) > 1:
+        raise UsageError(
+            f"logs of {' and '.join(formats)} came", needed="logs of one vehicle", remedy="identify each by itself"
+        )
+    layouts = [chosen_layout(choices.layout)] if choices.layout else [layout_of(record) for record in records]
+    first = layouts[0]
+    for record, other in zip(records, layouts, strict=False):
+        same = other.rotors == first.rotors and np.allclose(other.positions, first.positions)
+        if not (same and np.array_equal(other.spins, first.spins)):
+            raise UsageError(
+                f"{record.source.name} is of {other.name}, and {records[0].source.name} of {first.name}",
+                needed="logs of one vehicle",
+                remedy="identify each vehicle by itself, or name the layout with --layout",
+            )
+    return first.scaled(choices.arm_m) if choices.arm_m else first
+
+
+def _stretches(record: FlightRecord, choices: MotorChoices) -> tuple[list[Maneuver], list[Finding]]:
+    """What was given; else excitations, joined where they follow each other; else the flight."""
+    if choices.segments:
+        return [described(record, one) for one in choices.segments if Flight(record, one).inside], []
+    moved = [one for axis in _AXES for one in find_excitations(record, axis) if one.kind in _TELLING]
+    if moved:
+        flown, remarks = while_flying([Flight(record, one) for one in _joined(moved)])
+        return [one for _, one in flown], remarks
+    start_s, stop_s = longest_flight(record)
+    whole = Maneuver(axis="roll", kind="other", start_s=start_s, stop_s=stop_s, origin="found")
+    message = f"No excitation stands out in {record.source.name}; its flight was used, {start_s:.1f} to {stop_s:.1f} s."
+    return [whole], [remark("no_excitation", record.source.name, message)]
+
+
+def _joined(moved: Sequence[Maneuver]) -> list[Maneuver]:
+    """Maneuvers with a second around them, those that follow within seconds as one."""
+    joined: list[Maneuver] = []
+    for one in sorted(moved, key=lambda maneuver: maneuver.start_s):
+        wider = replace(one, start_s=one.start_s - _MARGIN_S, stop_s=one.stop_s + _MARGIN_S)
+        if joined and wider.start_s <= joined[-1].stop_s + _TOGETHER_S:
+            joined[-1] = replace(joined[-1], stop_s=max(joined[-1].stop_s, wider.stop_s))
+        else:
+            joined.append(wider)
+    return joined
+
+
+def _straightened(record: FlightRecord, kind: Kind) -> bool:
+    """Whether the autopilot takes the curve of the motors out, so that thrust follows what was logged in a line."""
+    if kind != "thrust_demand":
+        return False
+    return record.source.format.startswith("ArduPilot") or record.parameters.get("THR_MDL_FAC", 0.0) > 0.0
+
+
+def _require_one_kind(flights: Sequence[MotorFlight], records: Sequence[FlightRecord]) -> None:
+    names = ", ".join(record.source.name for record in records)
+    if not flights:
+        message = f"No stretch of a second without a gap is left in {names}."
+        raise InsufficientDataError(
+            message,
+            needed="motors, rates and accelerometer logged without gaps",
+            findings=[refusal("gap", names, message)],
+        )
+    if len(kinds := {flight.kind for flight in flights}) > 1:
+        raise UsageError(
+            f"{names} tell motors as {' and '.join(sorted(kinds))}",
+            needed="logs that tell them in one way",
+            remedy="identify on those of one kind",
+        )
+
+
+def _each_once(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Findings of several stretches: what is wrong with the rate of a channel is said once."""
+
+    def said(finding: Finding) -> tuple[str, str, str]:
+        return finding.kind, finding.where, "" if finding.kind == "rate_too_low" else finding.message
+
+    return tuple({said(finding): finding for finding in reversed(findings)}.values())[::-1]

@@ -1,0 +1,142 @@
+"""Are logs of one vehicle? What they say of autopilot, frame and gains, where both say it.
+
+What one log leaves out is not different: only two names that contradict each other make two vehicles. Gains may change
+from flight to flight of one vehicle, and then loops and margins change with them; derivatives do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorid.data.axes import RATE_OF
+from rotorid.data.base import Immutable
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.flights.controllers import controllers_of
+from rotorid.models.rotors import layout_of
+from rotorid.typing import Axis
+
+AUTOPILOTS = ("PX4", "ArduPilot", "Betaflight", "Crazyflie")
+
+_CLASSES: Mapping[int, str] = {
+    1: "quad",
+    2: "hexa",
+    3: "octa",
+    4: "octa quad",
+    5: "Y6",
+    7: "tri",
+    12: "dodeca hexa",
+    14: "deca",
+}
+_TYPES: Mapping[int, str] = {
+    0: "plus",
+    1: "X",
+    2: "V",
+    3: "H",
+    4: "V tail",
+    5: "A tail",
+    12: "X (Betaflight)",
+    13: "X (DJI)",
+    14: "X (clockwise)",
+    18: "X (Betaflight, reversed)",
+}
+_COUNTED: Mapping[int, str] = {3: "tri", 4: "quad", 6: "hexa", 8: "octa", 12: "dodeca"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Aircraft(Immutable):
+    """What a log says of the vehicle that flew; empty where it does not."""
+
+    autopilot: str = ""
+    kind: str = ""
+    frame: str = ""
+
+    def contradiction(self, other: Aircraft) -> str:
+        """What two logs of one vehicle cannot both say, in words; empty where nothing speaks against one vehicle.
+
+        Examples
+        --------
+        >>> Aircraft(autopilot="PX4").contradiction(Aircraft(autopilot="ArduPilot", frame="quad X"))
+        'PX4 and ArduPilot'
+        >>> Aircraft(autopilot="PX4").contradiction(Aircraft(autopilot="PX4", frame="quad X"))
+        ''
+        """
+        pairs = ((self.autopilot, other.autopilot), (self.kind, other.kind), (self.frame, other.frame))
+        return next((f"{here} and {there}" for here, there in pairs if here and there and here != there), "")
+
+
+def aircraft_of(record: FlightRecord) -> Aircraft:
+    """What a log says of the vehicle that flew."""
+    return Aircraft(autopilot=autopilot_of(record), kind=record.status.vehicle, frame=frame_of(record)[0])
+
+
+def autopilot_of(record: FlightRecord) -> str:
+    """Name of the autopilot that wrote a log; empty where no autopilot did."""
+    return next((name for name in AUTOPILOTS if record.source.format.startswith(name)), "")
+
+
+def frame_of(record: FlightRecord) -> tuple[str, str]:
+    """Name of the frame, empty where the log has none, and in brackets what the log says instead of a name."""
+    parameters = record.parameters
+    if "FRAME_CLASS" in parameters and record.source.format.startswith(("ArduPilot", "MAVLink")):
+        number = int(parameters["FRAME_CLASS"])
+        name = _CLASSES.get(number, "")
+        kind = int(parameters.get("FRAME_TYPE", 1.0))
+        return (f"{name} {_TYPES.get(kind, f'type {kind}')}".strip(), "") if name else ("", f" (FRAME_CLASS {number})")
+    if "FRAME" in parameters and record.source.format.startswith("ArduPilot"):
+        return _TYPES.get(int(parameters["FRAME"]), ""), ""
+    try:
+        layout = layout_of(record)
+    except (InsufficientDataError, ModelError):
+        return "", ""
+    count = int(layout.positions.shape[0])
+    # Arms ahead of or beside the center make a plus, arms in between an X.
+    angles = np.arctan2(layout.positions[:, 1], layout.positions[:, 0])
+    off_axis = float(np.min(np.abs(np.sin(2.0 * angles))))
+    shape = "plus" if count == 4 and float(np.max(np.abs(np.sin(2.0 * angles)))) < 0.3 else ""
+    shape = "X" if count == 4 and off_axis > 0.3 else shape
+    return f"{_COUNTED.get(count, f'{count} rotors')} {shape}".strip(), ""
+
+
+def require_one_vehicle(records: Sequence[FlightRecord]) -> None:
+    """Refuse logs that name two autopilots or two frames.
+
+    Raises
+    ------
+    UsageError
+        Two logs are of two vehicles.
+    """
+    known: list[tuple[FlightRecord, Aircraft]] = []
+    for record in records if len(records) > 1 else ():
+        own = aircraft_of(record)
+        for other, before in known:
+            if words := before.contradiction(own):
+                raise UsageError(
+                    f"{other.source.name} and {record.source.name} are of two vehicles: {words}",
+                    needed="logs of one vehicle",
+                    remedy="identify them apart, or compare many vehicles with rotorid fleet",
+                )
+        known.append((record, own))
+
+
+def gains_of(record: FlightRecord, axes: Sequence[Axis] = tuple(RATE_OF)) -> dict[str, float]:
+    """Gains and filters of the rate loops by the firmware's names; empty where the log has none."""
+    found: dict[str, float] = {}
+    for axis in axes:
+        known = controllers_of(record).axis(axis)
+        found |= dict(known.gains) if known is not None else {}
+    return found
+
+
+def different_gains(here: Mapping[str, float], there: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Gains that both have, with other values.
+
+    Examples
+    --------
+    >>> different_gains({"P": 0.15, "D": 0.003}, {"P": 0.2, "D": 0.003, "I": 0.2})
+    {'P': (0.15, 0.2)}
+    """
+    return {name: (here[name], there[name]) for name in sorted(here.keys() & there) if here[name] != there[name]}

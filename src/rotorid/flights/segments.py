@@ -1,0 +1,670 @@
+"""Maneuvers cut out of their logs, on one clock.
+
+:func:`cut` brings all maneuvers to the rate of the slowest, reconstructs channels that are not logged from those that
+are, and applies time shifts last. :func:`with_surroundings` takes quiet time along: without a window's length of what
+came after it, the end of a sweep biases a frequency response. :func:`time_records` cuts records for a fit in time,
+where samples stay as they were logged wherever that is possible, because interpolation removes the steps of a held
+command.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.record import AXES, STANDARD_UNITS, Channel, FlightRecord, Maneuver, TimeHistory, Topic
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fitting.time.output_error import TimeData
+from rotorid.flights.flights import Flight, overlap
+from rotorid.flights.instruments import is_injection, while_flying
+from rotorid.models.structure import LinearStructure, connected
+from rotorid.results.model import Segment
+from rotorid.settings.resolve import black_box_order
+from rotorid.settings.settings import IdentifySettings
+from rotorid.signal.airborne import Airborne, airborne_by_thrust
+from rotorid.signal.clock import Conditioned, missing_channel, resample, source_topic
+from rotorid.signal.excitations import find_excitations
+from rotorid.signal.kinematics import ingredients, reconstruct
+from rotorid.signal.skew import shift
+from rotorid.simulation.linear import Hold
+from rotorid.typing import FloatArray
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+_MARK = "reconstructed from "
+
+
+def require_channels(record: FlightRecord, channels: Sequence[str]) -> None:
+    """Refuse a log that neither holds a channel nor what it can be reconstructed from.
+
+    Raises
+    ------
+    InsufficientDataError
+        Its ``missing_channel`` names what would be needed.
+    """
+    logged = record.channel_names
+    for name in channels:
+        made_of = ingredients(name, logged)
+        lacking = [part for part in made_of if part not in logged]
+        if name in logged or (made_of and not lacking):
+            continue
+        remedy = ""
+        if made_of:
+            remedy = (
+                f"log it, name its source with --map, or log {', '.join(lacking)} too, from which, with the rest of "
+                f"{', '.join(made_of)}, it is reconstructed"
+            )
+        raise missing_channel(record, name, remedy=remedy)
+
+
+def holds(record: FlightRecord, name: str) -> bool:
+    """Whether a log holds a channel, or all that it can be reconstructed from."""
+    logged = record.channel_names
+    made_of = ingredients(name, logged)
+    return name in logged or (bool(made_of) and all(part in logged for part in made_of))
+
+
+def with_ingredients(record: FlightRecord, channels: Sequence[str]) -> tuple[str, ...]:
+    """Channels to take from a log: those that it holds, and what the others are reconstructed from."""
+    logged = record.channel_names
+    parts = [(name,) if name in logged else ingredients(name, logged) for name in channels]
+    return tuple(dict.fromkeys(name for part in parts for name in part))
+
+
+def is_logged(record: FlightRecord, name: str, start_s: float, stop_s: float) -> bool:
+    """Whether a channel has samples in an interval, two and more."""
+    return any(
+        np.count_nonzero((topic.time_s >= start_s) & (topic.time_s <= stop_s)) > 1 for topic, _ in record.holding(name)
+    )
+
+
+def with_zeros(history: TimeHistory, names: Sequence[str]) -> TimeHistory:
+    """A history with further channels that were zero all the time: signals of which nothing is logged."""
+    if not names:
+        return history
+    count = history.values.shape[1]
+    silent = tuple(Channel(name=n, unit=STANDARD_UNITS.get(n, "1"), source="not logged") for n in names)
+    return replace(
+        history,
+        values=np.vstack([history.values, np.zeros((len(names), count))]),
+        channels=(*history.channels, *silent),
+        processing=(*history.processing, f"{', '.join(names)} zero, since nothing of it is logged"),
+    )
+
+
+def built(history: TimeHistory, wanted: Sequence[str]) -> TimeHistory:
+    """A history with the channels that are wanted, in their order; what is not there is reconstructed.
+
+    Parameters
+    ----------
+    history
+        With the ingredients, see :func:`with_ingredients`.
+    wanted
+        Channel names.
+    """
+    made = history if set(wanted) <= set(history.names) else reconstruct(history)
+    if made.names == tuple(wanted):
+        return made
+    rows = [made.names.index(name) for name in wanted]
+    return replace(made, values=made.values[rows], channels=tuple(made.channels[row] for row in rows))
+
+
+def reconstructed_findings(histories: Sequence[TimeHistory]) -> tuple[Finding, ...]:
+    """A remark for each channel that was not logged but made."""
+    made = {c.name: c.source.removeprefix(_MARK) for h in histories for c in h.channels if c.source.startswith(_MARK)}
+    return tuple(
+        remark("reconstructed", name, f"{name} is not in the log; it was reconstructed from {origin}.")
+        for name, origin in made.items()
+    )
+
+
+def shifted(history: TimeHistory, shifts: Mapping[str, float]) -> TimeHistory:
+    """A history with those of its channels moved for which a shift is given, each against all others.
+
+    Raises
+    ------
+    UsageError
+        A shift is longer than the history.
+    """
+    for name, seconds in shifts.items():
+        if name not in history.names:
+            continue
+        try:
+            history = shift(history, name, seconds)
+        except InsufficientDataError as error:
+            raise UsageError(
+                f"a shift of {name} by {seconds:g} s came, and a maneuver of {history.duration_s:.3g} s",
+                needed="a shift much shorter than every maneuver",
+                remedy="see the skews that rotorid inspect finds",
+            ) from error
+    return history
+
+
+def require_known(shifts: Mapping[str, float], used: Sequence[str]) -> None:
+    """Refuse a shift of a channel that takes no part.
+
+    Raises
+    ------
+    UsageError
+        It says which channels there are.
+    """
+    for name in shifts:
+        if name not in used:
+            raise UsageError(f"a shift of {name} came, which takes no part in this", needed=f"one of {', '.join(used)}")
+
+
+_SAME_RATE = 1.02
+
+
+def cut(
+    flights: Sequence[Flight],
+    *,
+    channels: Sequence[str],
+    followers: Sequence[str] = (),
+    shifts: Mapping[str, float] | None = None,
+    rest_s: float = 0.0,
+) -> tuple[tuple[Segment, ...], tuple[Finding, ...]]:
+    """Maneuvers as time histories on one clock, all at the rate of the slowest.
+
+    What lies before take-off and after landing is cut off, channels that are not logged are reconstructed where their
+    ingredients are, and shifts that were asked for are applied last.
+
+    Parameters
+    ----------
+    flights
+        Records and maneuvers.
+    channels, followers
+        See :func:`rotorid.signal.clock.resample`; of ``channels`` those too that
+        :func:`rotorid.signal.kinematics.reconstruct` makes.
+    shifts
+        Channel to seconds by which it is delayed, see :func:`rotorid.signal.skew.shift`. Channels that are not cut out
+        here are passed over.
+    rest_s
+        Seconds of rest to take along on either side.
+
+    Raises
+    ------
+    InsufficientDataError
+        A channel is missing.
+    UsageError
+        A shift is longer than a maneuver.
+    """
+    for record, _ in flights:
+        require_channels(record, channels)
+    flights, landed = while_flying(flights)
+
+    def conditioned(item: Flight, sample_rate_hz: float | None) -> Conditioned:
+        record, maneuver = item
+        _PROGRESS.info(f"{record.source.name}: {maneuver.axis} {maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s")
+        start_s, stop_s = maneuver.start_s - rest_s, maneuver.stop_s + rest_s
+        silent = [
+            name
+            for name in followers
+            if not is_logged(record, name, start_s, stop_s) and (is_injection(name) or name not in record.channel_names)
+        ]
+        found = resample(
+            record,
+            channels=with_ingredients(record, channels),
+            auxiliary=[name for name in followers if name not in silent],
+            start_s=start_s,
+            stop_s=stop_s,
+            sample_rate_hz=sample_rate_hz,
+        )
+        return replace(found, histories=tuple(with_zeros(history, silent) for history in found.histories))
+
+    first = [conditioned(item, None) for item in flights]
+    rates = [history.sample_rate_hz for part in first for history in part.histories]
+    if not rates:
+        raise _nothing_left(flights)
+    slowest = min(rates)
+    parts = first
+    if any(rate != slowest for rate in rates):
+        parts = [conditioned(item, slowest) for item in flights]
+    wanted = tuple(dict.fromkeys((*channels, *followers)))
+    segments = tuple(
+        Segment(record=record.source.name, maneuver=maneuver, history=shifted(built(history, wanted), shifts or {}))
+        for (record, maneuver), part in zip(flights, parts, strict=True)
+        for history in part.histories
+    )
+    remarks = (*landed, *(f for part in parts for f in part.findings), *_rates(rates, slowest))
+    return segments, (
+        *remarks,
+        *reconstructed_findings(histories(segments)),
+        *other_sources(segments, segments, channels),
+    )
+
+
+def _rates(rates: Sequence[float], slowest: float) -> tuple[Finding, ...]:
+    """What to say about records of different rates."""
+    fastest = max(rates)
+    if fastest <= _SAME_RATE * slowest:
+        return ()
+    return (
+        warn(
+            "rate_too_low",
+            "records",
+            f"Records of {slowest:.4g} to {fastest:.4g} Hz were brought to {slowest:.4g} Hz.",
+            rate_hz=slowest,
+            fastest_hz=fastest,
+        ),
+    )
+
+
+def _nothing_left(flights: Sequence[Flight]) -> InsufficientDataError:
+    names = ", ".join(dict.fromkeys(record.source.name for record, _ in flights))
+    return InsufficientDataError(
+        f"no stretch of a second without a gap is left in the maneuvers of {names}",
+        needed="maneuvers logged without gaps",
+        remedy="use a faster card or log fewer topics",
+        findings=[refusal("gap", names, f"Gaps leave no stretch of a second in {names}.")],
+    )
+
+
+def other_sources(
+    reference: Sequence[Segment], segments: Sequence[Segment], channels: Sequence[str]
+) -> tuple[Finding, ...]:
+    """Channels that come from another place in the log than in the first segment of ``reference``.
+
+    Autopilots log one quantity in several places, filtered and not; a filter shifts a model by its delay.
+    """
+    findings = {}
+    for segment in segments:
+        for name in channels:
+            here, there = source_of(segment, name), source_of(reference[0], name)
+            if here != there:
+                findings[segment.record, name] = warn(
+                    "other_source",
+                    f"{segment.record}: {name}",
+                    f"{name} comes from {there} in one place and from {here} in another. Where the autopilot "
+                    "filters one and not the other, they differ by the delay of that filter.",
+                )
+    return tuple(findings.values())
+
+
+def source_of(segment: Segment, name: str) -> str:
+    """Where a channel of a segment stands in its log."""
+    return segment.history.channels[segment.history.names.index(name)].source
+
+
+def histories(segments: Sequence[Segment]) -> tuple[TimeHistory, ...]:
+    """The data of several segments."""
+    return tuple(segment.history for segment in segments)
+
+
+def with_surroundings(flights: Sequence[Flight], margin_s: float, channels: Sequence[str] = ()) -> tuple[Flight, ...]:
+    """Maneuvers with some of the time before and after them; those that then touch become one.
+
+    A record that ends with its maneuver is seen by windows that all fade out there: the answer to the last of the
+    excitation comes when the window is weaker than it was for the excitation, which biases the response by some degrees
+    near the end of a sweep. With a window's length of what came after, every sample is seen by every part of a window.
+
+    Other maneuvers are barriers, so that nothing that is kept unseen is looked at, and so are the ends of the topics in
+    which the maneuver stands: beyond them a channel would come from another place, filtered otherwise. So are take-off
+    and landing. Intervals that the user gave are obeyed as they are.
+
+    Parameters
+    ----------
+    flights
+        Records and maneuvers.
+    margin_s
+        How much to take along on either side, where the record has it.
+    channels
+        What will be read.
+    """
+    wider: list[Flight] = []
+    for record in dict.fromkeys(record for record, _ in flights):
+        own = sorted((m for r, m in flights if r is record), key=lambda m: m.start_s)
+        barriers = [m for m in _all_excitations(record) if not any(overlap(m, mine) for mine in own)]
+        in_air = airborne_by_thrust(record)
+        around = (_widened(record, m, margin_s, barriers, channels, _flight_around(in_air, m)) for m in own)
+        for maneuver in around:
+            last = wider[-1] if wider else None
+            if last is not None and last[0] is record and maneuver.start_s < last[1].stop_s:
+                wider[-1] = Flight(record, replace(last[1], stop_s=max(last[1].stop_s, maneuver.stop_s)))
+            else:
+                wider.append(Flight(record, maneuver))
+    return tuple(wider)
+
+
+def _all_excitations(record: FlightRecord) -> list[Maneuver]:
+    return [maneuver for axis in AXES for maneuver in find_excitations(record, axis)]  # type: ignore[arg-type]
+
+
+def _flight_around(in_air: Airborne | None, maneuver: Maneuver) -> tuple[float, float]:
+    """Start and stop of the flight in which a maneuver was flown, where thrust tells."""
+    for start_s, stop_s in in_air.intervals if in_air else ():
+        if start_s <= 0.5 * (maneuver.start_s + maneuver.stop_s) <= stop_s:
+            return start_s, stop_s
+    return -math.inf, math.inf
+
+
+def _widened(
+    record: FlightRecord,
+    own: Maneuver,
+    margin_s: float,
+    barriers: Sequence[Maneuver],
+    channels: Sequence[str],
+    flight: tuple[float, float],
+) -> Maneuver:
+    if own.origin == "given":
+        return own
+    topics = [
+        source_topic(record, name, own.start_s, own.stop_s)[0]
+        for name in channels
+        if is_logged(record, name, own.start_s, own.stop_s)
+    ]
+    flight_start_s, flight_stop_s = flight
+    first = max((float(topic.time_s[0]) for topic in topics), default=record.start_s)
+    last = min((float(topic.time_s[-1]) for topic in topics), default=record.stop_s)
+    first, last = max(first, flight_start_s), min(last, flight_stop_s)
+    earliest = max([first, *(other.stop_s for other in barriers if other.stop_s <= own.start_s)])
+    latest = min([last, *(other.start_s for other in barriers if other.start_s >= own.stop_s)])
+    return replace(
+        own,
+        start_s=min(own.start_s, max(own.start_s - margin_s, earliest)),
+        stop_s=max(own.stop_s, min(own.stop_s + margin_s, latest)),
+    )
+
+
+_EVEN = 0.5
+"""Stamps that stray from a uniform clock by less than this share of a step name samples of that clock."""
+
+_SAME_STAMP = 1e-6
+"""Seconds within which two stamps are one."""
+
+_EXACT_RATE = 1.002
+"""Ratio of rates up to which they count as one."""
+
+_LOOP_RATES = ("SCHED_LOOP_RATE", "IMU_GYRO_RATEMAX")
+"""Parameters that say how fast a controller ran."""
+
+_FASTER = 1.2
+"""A controller that ran so many times as fast as the log moved its command between the samples."""
+
+_SENT = ("_setpoint", "_excitation", "_stick")
+
+
+class TimeRecords(NamedTuple):
+    """What a time-domain fit is made to.
+
+    Parameters
+    ----------
+    segments
+        Maneuvers with their histories.
+    data
+        The same as inputs and outputs of the structure.
+    hold
+        What the inputs do between their samples.
+    findings
+        Remarks on the way.
+    """
+
+    segments: tuple[Segment, ...]
+    data: tuple[TimeData, ...]
+    hold: Hold
+    findings: tuple[Finding, ...]
+
+
+def time_records(
+    structure: LinearStructure,
+    flights: Sequence[Flight],
+    settings: IdentifySettings,
+    *,
+    every_input: bool = True,
+) -> TimeRecords:
+    """Cut maneuvers out of their logs, without interpolation where all channels share one nearly even clock.
+
+    A command that was held from one stamp to the next loses its steps when it is interpolated between jittery stamps,
+    or thinned out to a slower log: every record keeps its own rate, but for a black box, whose starts need one rate.
+
+    Parameters
+    ----------
+    structure
+        Whose channels are cut out.
+    flights
+        Records and maneuvers.
+    settings
+        Whose hold and shifts count.
+    every_input
+        Whether each input must move in some record, as a fit needs it. To score a model one of them will do.
+
+    Raises
+    ------
+    InsufficientDataError
+        A channel is missing, gaps leave nothing, or an input does not move.
+    UsageError
+        Some records hold their commands and others do not, so that no hold is right for all.
+    """
+    channels = (*structure.inputs, *structure.outputs)
+    for record, _ in flights:
+        require_channels(record, channels)
+    even = [Flight(evenly_stamped(record, maneuver, channels), maneuver) for record, maneuver in flights]
+    parts = [_cut([item], channels, settings) for item in even]
+    if black_box_order(structure) is not None and not _of_one_rate([one for part in parts for one in part.segments]):
+        parts = [_cut(even, channels, settings)]
+    segments = tuple(segment for part in parts for segment in part.segments)
+    data = _data(structure, segments)
+    _require_motion(structure, data, every_input=every_input)
+    findings = (*(f for part in parts for f in part.findings), *other_sources(segments, segments, channels))
+    holds = [held for part in parts for held in part.held(structure.inputs)]
+    hold = _hold(holds, segments) if settings.hold == "auto" else settings.hold
+    return TimeRecords(segments, data, hold, findings)
+
+
+def absolute_records(
+    flights: Sequence[Flight],
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    settings: IdentifySettings,
+) -> TimeRecords:
+    """The same for a model that counts from no trim: inputs and outputs as they are, each record at its own rate.
+
+    Parameters
+    ----------
+    flights, settings
+        As for :func:`time_records`.
+    inputs, outputs
+        Channels of the model. An input that no log holds counts as zero, with a finding.
+
+    Raises
+    ------
+    InsufficientDataError
+        An output is missing, or gaps leave nothing.
+    UsageError
+        No hold is right for all records.
+    """
+    held = [name for name in inputs if any(holds(record, name) for record, _ in flights)]
+    absent = [name for name in inputs if name not in held]
+    channels = (*held, *outputs)
+    for record, _ in flights:
+        require_channels(record, channels)
+    even = [Flight(evenly_stamped(record, maneuver, channels), maneuver) for record, maneuver in flights]
+    parts = [_Cut([item], *cut([item], channels=channels, shifts=settings.shifts)) for item in even]
+    segments = tuple(replace(one, history=with_zeros(one.history, absent)) for part in parts for one in part.segments)
+    data = tuple(
+        TimeData(
+            name=one.record,
+            inputs=np.stack([one.history[name] for name in inputs]),
+            outputs=np.stack([one.history[name] for name in outputs]),
+            sample_rate_hz=one.history.sample_rate_hz,
+        )
+        for one in segments
+    )
+    lacking = [
+        remark("missing_channel", name, f"No log holds {name}; it was taken as zero all the time.") for name in absent
+    ]
+    findings = (*(f for part in parts for f in part.findings), *other_sources(segments, segments, channels), *lacking)
+    sent = [one for part in parts for one in part.held(held)]
+    hold = _hold(sent, segments) if settings.hold == "auto" else settings.hold
+    return TimeRecords(segments, data, hold, findings)
+
+
+class _Cut(NamedTuple):
+    """Maneuvers of one rate, with the records that they were cut out of."""
+
+    flights: Sequence[Flight]
+    segments: tuple[Segment, ...]
+    findings: tuple[Finding, ...]
+
+    def held(self, inputs: Sequence[str]) -> list[bool]:
+        """Whether all inputs of a segment are commands that stand in the log sample by sample, as they were sent.
+
+        A set-point is held until the next one comes. What goes to the mixer a controller computes in a loop that runs
+        faster than most logs: only a log that says otherwise shows every value of it.
+        """
+        records = {record.source.name: record for record, _ in self.flights}
+        return [
+            all(
+                (name.endswith(_SENT) or _every_loop(records[one.record], one))
+                and _as_logged(records[one.record], one, name)
+                for name in inputs
+            )
+            for one in self.segments
+        ]
+
+
+def _cut(flights: Sequence[Flight], channels: Sequence[str], settings: IdentifySettings) -> _Cut:
+    return _Cut(flights, *cut(flights, channels=channels, shifts=settings.shifts))
+
+
+def _of_one_rate(segments: Sequence[Segment]) -> bool:
+    rates = [one.history.sample_rate_hz for one in segments]
+    return max(rates) <= _EXACT_RATE * min(rates)
+
+
+def _data(structure: LinearStructure, segments: Sequence[Segment]) -> tuple[TimeData, ...]:
+    """Segments as inputs and outputs, each at its own rate."""
+    data = tuple(
+        TimeData.of(one.history, inputs=structure.inputs, outputs=structure.outputs, name=one.record)
+        for one in segments
+    )
+    if not _of_one_rate(segments):
+        return data
+    # Of one rate but for their clocks: every sample is one of input and output, so that nothing drifts apart.
+    rate_hz = float(np.mean([one.sample_rate_hz for one in data]))
+    return tuple(replace(one, sample_rate_hz=rate_hz) for one in data)
+
+
+def _require_motion(structure: LinearStructure, data: Sequence[TimeData], *, every_input: bool) -> None:
+    """Raise where an input, or all of them, stand still in every record: then nothing can be learned of it."""
+    moves = [any(one.inputs[row].any() for one in data) for row in range(len(structure.inputs))]
+    still = [name for name, moved in zip(structure.inputs, moves, strict=True) if not moved]
+    if not still or (not every_input and any(moves)):
+        return
+    names = ", ".join(dict.fromkeys(one.name for one in data))
+    came = f"{' and '.join(still)} {'does' if len(still) == 1 else 'do'} not move in {names}"
+    remedy = "fly an excitation, or choose another part of the log with --segment"
+    if pairs := _moving_pairs(structure, moves):
+        inputs, outputs = (",".join(side) for side in zip(*pairs, strict=True))
+        remedy = (
+            f"identify what moves with --inputs {inputs} --outputs {outputs}, or choose another part with --segment"
+        )
+    raise InsufficientDataError(
+        came,
+        needed="inputs that move",
+        remedy=remedy,
+        findings=[refusal("no_excitation", name, f"{name} does not move in {names}.") for name in still],
+    )
+
+
+def _moving_pairs(structure: LinearStructure, moves: Sequence[bool]) -> list[tuple[str, str]]:
+    """Set-points that move, each with what answers it alone; none where responses are coupled or not to set-points."""
+    pairs = []
+    for name, moved in zip(structure.inputs, moves, strict=True):
+        answers = connected(structure.select(inputs=[name])).outputs
+        if not name.endswith("_setpoint") or len(answers) != 1:
+            return []
+        if moved:
+            pairs.append((name, answers[0]))
+    return pairs
+
+
+def _hold(held: Sequence[bool], segments: Sequence[Segment]) -> Hold:
+    """One hold for all records: a record under the wrong one is early or late by half a step."""
+    if all(held) or not any(held):
+        return "zero" if all(held) else "first"
+
+    def named(wanted: bool) -> str:
+        return ", ".join(
+            dict.fromkeys(
+                f"{one.record} at {one.history.start_s:.1f} s"
+                for one, zero in zip(segments, held, strict=True)
+                if zero is wanted
+            )
+        )
+
+    raise UsageError(
+        f"inputs stand in {named(True)} sample by sample, as they were sent, and in {named(False)} between samples",
+        needed="records of one kind",
+        remedy="identify on each kind alone, or say with --hold zero or --hold first what holds for all",
+    )
+
+
+def evenly_stamped(record: FlightRecord, maneuver: Maneuver, channels: Sequence[str]) -> FlightRecord:
+    """A record whose samples within a maneuver lie on a uniform clock, if one topic holds all channels nearly so.
+
+    Parameters
+    ----------
+    record, maneuver
+        What was flown.
+    channels
+        What will be read.
+
+    Returns
+    -------
+    FlightRecord
+        The same one where the channels come from several topics, or the stamps stray by half a step or more.
+    """
+    start_s, stop_s = maneuver.start_s, maneuver.stop_s
+    topics = {
+        id(topic): topic
+        for name in with_ingredients(record, channels)
+        for topic, _ in [source_topic(record, name, start_s, stop_s)]
+    }
+    if len(topics) != 1:
+        return record
+    topic = next(iter(topics.values()))
+    inside = (topic.time_s >= start_s) & (topic.time_s <= stop_s)
+    even = _even(topic.time_s[inside])
+    if even is None:
+        return record
+    time_s = topic.time_s.copy()
+    time_s[inside] = even
+    stamped = Topic(name=topic.name, time_s=time_s, channels=topic.channels, values=topic.values)
+    return replace(record, topics=tuple(stamped if one is topic else one for one in record.topics))
+
+
+def _even(time_s: FloatArray) -> FloatArray | None:
+    """Uniform stamps in place of nearly uniform ones."""
+    if time_s.size < 3 or np.diff(time_s).min() <= 0.0:
+        return None
+    # The ends stay, so that no sample leaves the maneuver.
+    even = np.linspace(time_s[0], time_s[-1], time_s.size)
+    step = (time_s[-1] - time_s[0]) / (time_s.size - 1)
+    return np.asarray(even) if np.abs(time_s - even).max() < _EVEN * step else None
+
+
+def _as_logged(record: FlightRecord, segment: Segment, name: str) -> bool:
+    history = segment.history
+    first_s, last_s = float(history.time_s[0]), float(history.time_s[-1])
+    topic, _ = source_topic(record, name, first_s, last_s)
+    nearest = np.clip(np.searchsorted(topic.time_s, history.time_s - _SAME_STAMP), 0, topic.time_s.size - 1)
+    if np.abs(topic.time_s[nearest] - history.time_s).max() > _SAME_STAMP:
+        return False
+    # A command logged faster than the outputs moved between the samples of the fit.
+    logged = np.count_nonzero((topic.time_s >= first_s - _SAME_STAMP) & (topic.time_s <= last_s + _SAME_STAMP))
+    return int(logged) == history.time_s.size
+
+
+def _every_loop(record: FlightRecord, segment: Segment) -> bool:
+    """Whether the log says that its controller ran no faster than it was logged."""
+    rates = [record.parameters[name] for name in _LOOP_RATES if name in record.parameters]
+    return bool(rates) and max(rates) < _FASTER * segment.history.sample_rate_hz

@@ -1,0 +1,544 @@
+"""Which stretches of which logs are fitted, and which are kept unseen.
+
+For frequency responses: sweeps, random binary signals and multisines are fitted, doublets and multisteps are kept
+unseen (:func:`select_maneuvers`). A fit in time takes the same for commands, and excitations of the set-points or whole
+records for set-points (:func:`select_records`). A delay takes the pairs of channels that move (:func:`default_pairs`)
+and whatever excites them (:func:`chosen_maneuvers`). Segments that the user gave go before all that
+(:func:`given_flights`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.axes import RATE_OF
+from rotorid.data.findings import Finding, refusal, remark
+from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
+from rotorid.data.trust import RICH_KINDS
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flights.flights import Flight, longest_flight, overlap, require_duration
+from rotorid.flights.instruments import (
+    axes_of,
+    find_instrument,
+    is_command,
+    is_injection,
+)
+from rotorid.flights.supports import nothing_excites, ordinary_flights
+from rotorid.io.advice import flying_advice
+from rotorid.models.library import RATE_AXES
+from rotorid.models.structure import LinearStructure
+from rotorid.settings.settings import IdentifySettings, MeasureSettings
+from rotorid.signal.airborne import airborne_by_thrust
+from rotorid.signal.clock import missing_channel
+from rotorid.signal.excitations import (
+    LEAST_MOTION,
+    candidate_excitations,
+    classify,
+    excitation_signals,
+    find_excitations,
+    rich_excitations,
+    verifying_excitations,
+)
+from rotorid.typing import Axis
+
+
+@dataclass(frozen=True, kw_only=True)
+class Selection:
+    """Maneuvers of the axes of a model.
+
+    Parameters
+    ----------
+    fitted
+        Rich enough to fit: sweeps, random binary signals, or what the user gave.
+    unseen
+        Doublets, multisteps and what ranks lower of the same logs, kept for verification.
+    """
+
+    fitted: tuple[Flight, ...]
+    unseen: tuple[Flight, ...]
+
+    def fits(self, record: FlightRecord, maneuver: Maneuver) -> bool:
+        """Whether any part of a maneuver is fitted, also when its log was read again."""
+        return any(Flight(record, maneuver).overlaps(flight) for flight in self.fitted)
+
+
+def select_maneuvers(
+    records: Sequence[FlightRecord],
+    axes: Sequence[Axis],
+    settings: IdentifySettings,
+    *,
+    otherwise: Callable[[Sequence[FlightRecord], Sequence[Axis]], list[Flight]] | None = None,
+) -> Selection:
+    """Split the excitations of the axes into those to fit and those to keep unseen.
+
+    What the log declares is fitted alone: sweeps that are only seen in its signals are kept unseen then.
+    Left out is what only looks like a maneuver: set-points that an outer loop moves while the signal rests in which the
+    fitted excitations of the axis were seen, and what ends on the ground, where no model of a free flight holds.
+
+    Parameters
+    ----------
+    records, axes, settings
+        What was flown, what is wanted, and the choices of the run.
+    otherwise
+        What to fit where nothing was excited: whole flights (:func:`whole_flights`) of an input that is no command and
+        in which nothing can be found, ordinary ones (:func:`by_stick`) for a rate model.
+
+    Raises
+    ------
+    InsufficientDataError
+        Nothing rich enough was flown on these axes.
+    UsageError
+        No record came, the same one twice, or no given segment lies inside one.
+    """
+    each_once(records)
+    # Without its command a log tells nothing of an axis that others tell of.
+    told = {axis for axis in axes if any(f"{axis}_command" in record.channel_names for record in records)}
+    found = [
+        Flight(record, m)
+        for record in records
+        for axis in axes
+        if axis not in told or f"{axis}_command" in record.channel_names
+        for m in find_excitations(record, axis)
+    ]
+    if settings.segments:
+        fitted = [
+            Flight(record, described(record, m))
+            for record, m in given_flights(records, of_axes(settings.segments, axes))
+            if m.axis not in told or f"{m.axis}_command" in record.channel_names
+        ]
+    else:
+        fitted = [
+            Flight(record, described(record, m) if m.origin == "given" else m)
+            for record, m in found
+            if m in rich_excitations(record, m.axis)
+        ]
+    if not fitted and otherwise is not None and not settings.segments:
+        fitted = otherwise(records, axes)
+    if not fitted:
+        raise _nothing_flown(records, axes, [m for _, m in found])
+    unseen = [
+        Flight(record, m)
+        for record, m in found
+        if (m.kind in ("doublet", "multistep") or m in verifying_excitations(record, m.axis))
+        and not any(overlap(m, f) for r, f in fitted if r is record)
+        and not _answers(record, m, fitted)
+    ]
+    return Selection(fitted=tuple(fitted), unseen=wholly_flown(unseen))
+
+
+def wholly_flown(flights: Sequence[Flight]) -> tuple[Flight, ...]:
+    """Maneuvers that begin and end in the air, as far as thrust tells."""
+    airborne_parts = {id(record): airborne_by_thrust(record) for record, _ in flights}
+
+    def flies(item: Flight) -> bool:
+        record, maneuver = item
+        flight = airborne_parts[id(record)]
+        return flight is None or any(
+            start_s <= maneuver.start_s and maneuver.stop_s <= stop_s for start_s, stop_s in flight.intervals
+        )
+
+    return tuple(item for item in flights if flies(item))
+
+
+def _answers(record: FlightRecord, maneuver: Maneuver, fitted: Sequence[Flight]) -> bool:
+    """Whether a set-point only passes on what an outer loop wants, while whoever flew the sweeps rests."""
+    names = excitation_signals(record, maneuver.axis)
+    # An injection enters far inside, and says nothing of the loops around it.
+    outer = [
+        names.index(m.signal)
+        for _, m in fitted
+        if m.axis == maneuver.axis and m.signal in names and not is_injection(m.signal)
+    ]
+    return bool(outer) and maneuver.signal in names and names.index(maneuver.signal) > max(outer)
+
+
+def whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight]:
+    """The airborne part of each record, where nothing in it stands out as an excitation."""
+    flights = []
+    for record in records:
+        start_s, stop_s = longest_flight(record, or_whole=False)
+        flights.append(
+            Flight(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))
+        )
+    return flights
+
+
+def by_stick(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight]:
+    """The parts of each record in which the stick moves an axis, where nothing was excited on purpose.
+
+    ``identify`` and ``response`` measure the answer to the command of an axis over them.
+    """
+    return [
+        Flight(record, described(record, part))
+        for record in records
+        for axis in axes
+        for part in ordinary_flights(record, axis)
+    ]
+
+
+def of_axes(segments: Sequence[Maneuver], axes: Sequence[Axis]) -> list[Maneuver]:
+    """The given segments, of which every one must be of an axis of the model."""
+    for segment in segments:
+        if segment.axis not in axes:
+            raise UsageError(
+                f"the segment {segment.axis}:{segment.start_s:g}:{segment.stop_s:g} is of another axis",
+                needed=f"segments of {' or '.join(axes)}",
+                remedy="leave it out, or choose the inputs or the model of that axis",
+            )
+    return list(segments)
+
+
+def each_once(records: Sequence[FlightRecord]) -> None:
+    """The same data twice would count as twice the evidence, and could be held out from itself."""
+    if not records:
+        raise UsageError("no record came", needed="at least one flight log")
+    seen: dict[str, str] = {}
+    for record in records:
+        # Folders of tables have no hash of their own.
+        key = record.source.sha256 or str(id(record))
+        name, other = record.source.name, seen.get(key)
+        if other is not None:
+            came = f"{name} was given twice" if name == other else f"{name} and {other} are the same log"
+            raise UsageError(came, needed="each log once", remedy="leave one of them out")
+        seen[key] = name
+
+
+def given_flights(records: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> tuple[Flight, ...]:
+    """Given segments in every log that they reach into.
+
+    Raises
+    ------
+    UsageError
+        They reach into none.
+    """
+    flights = tuple(flight for record in records for one in segments if (flight := Flight(record, one)).inside)
+    if not flights:
+        given = " and ".join(f"{one.axis}:{one.start_s:.10g}:{one.stop_s:.10g}" for one in segments)
+        came = f"the segment {given} lies" if len(segments) == 1 else f"the segments {given} lie"
+        spans = ", ".join(f"{one.start_s:.1f} to {one.stop_s:.1f} s of {one.source.name}" for one in records)
+        raise UsageError(
+            f"{came} inside no log",
+            needed=f"a segment within {spans}",
+            remedy="see the excitations that rotorid inspect finds",
+        )
+    return flights
+
+
+def require_inside(records: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> None:
+    """Refuse segments of which none lies inside a log, before the logs are looked at one by one.
+
+    Raises
+    ------
+    UsageError
+        Segments were given and reach into no log.
+    """
+    if records and segments:
+        given_flights(records, segments)
+
+
+def require_reached(record: FlightRecord, segments: Sequence[Maneuver]) -> None:
+    """Refuse one of several logs into which no given segment reaches: it takes no part, and the others may.
+
+    Raises
+    ------
+    InsufficientDataError
+        Segments were given, and none lies inside this log.
+    """
+    if segments and not any(Flight(record, one).inside for one in segments):
+        raise InsufficientDataError("it holds no given segment")
+
+
+def described(record: FlightRecord, given: Maneuver) -> Maneuver:
+    """A given segment with the kind and band of what its best excitation signal does there, unless it has them."""
+    if given.kind != "other":
+        return given
+    name = find_instrument([Flight(record, given)], given.axis) or f"{given.axis}_command"
+    for samples in Flight(record, given).samples(name):
+        if samples.values.size > 10:
+            kind, band = classify(samples.time_s, samples.values - np.median(samples.values))
+            return replace(given, kind=kind, band_rad_s=band, signal=name)
+    return given
+
+
+def _nothing_flown(
+    records: Sequence[FlightRecord], axes: Sequence[Axis], found: Sequence[Maneuver]
+) -> InsufficientDataError:
+    names, wanted = ", ".join(record.source.name for record in records), " or ".join(axes)
+    needed = "a sweep, a multisine or a random binary signal of some 20 s and more"
+    remedy = f"{flying_advice(records[0], axes[0])}, or name an interval with --segment"
+    if any(record.status.foreign for record in records):
+        # What helps there is nobody's test input: turns, pulses and steps of ordinary driving or flying.
+        needed = f"some 20 s in which {wanted} moves slowly and fast: weaving, pulses or steps in turns"
+        remedy = "name such an interval with --segment"
+    came = f"{names} {nothing_excites(axes, found)}"
+    for record in records:
+        for axis in axes:
+            if f"{axis}_command" not in record.channel_names:
+                return missing_channel(record, f"{axis}_command")
+    return InsufficientDataError(
+        came,
+        needed=needed,
+        remedy=remedy,
+        findings=[refusal("no_excitation", wanted, f"{came}.")],
+    )
+
+
+class TimeSelection(NamedTuple):
+    """Maneuvers to fit, those that are kept unseen, and remarks."""
+
+    selection: Selection
+    findings: tuple[Finding, ...] = ()
+
+
+def select_records(
+    structure: LinearStructure, records: Sequence[FlightRecord], settings: IdentifySettings, *, in_time: bool = True
+) -> TimeSelection:
+    """The stretches to fit.
+
+    For commands of the mixer those that the frequency domain fits too. For set-points the segments that were given,
+    the excitations that stand in the set-points themselves, if every one has some, or whole records: to a response in
+    time any motion of its inputs is an excitation. Doublets and multisteps beside longer excitations of several
+    set-points are kept unseen.
+
+    Raises
+    ------
+    InsufficientDataError
+        Nothing was flown that shows the model, or a record holds one sample.
+    UsageError
+        No record came, the same one twice, or no given segment lies inside one.
+    """
+    axes = axes_of(structure.inputs, structure.outputs)
+    commands = all(is_command(name) for name in structure.inputs)
+    if in_time:
+        for record in records:
+            require_duration(record)
+    if commands:
+        selected = select_maneuvers(
+            records, axes, settings, otherwise=by_stick if structure.name in RATE_AXES else None
+        )
+        return TimeSelection(selected, () if settings.segments else _fitted_by_stick(selected.fitted))
+    if not in_time:
+        return TimeSelection(select_maneuvers(records, axes, settings, otherwise=whole_flights))
+    each_once(records)
+    if settings.segments:
+        given = tuple(Flight(r, described(r, m)) for r, m in given_flights(records, settings.segments))
+        return TimeSelection(Selection(fitted=given, unseen=()))
+    by_setpoints = _of_setpoints(structure.inputs, records)
+    if by_setpoints is not None:
+        return TimeSelection(by_setpoints)
+    whole = [whole_record(record, axes) for record in records]
+    return TimeSelection(Selection(fitted=tuple(whole), unseen=()), tuple(_fitted_whole(*item) for item in whole))
+
+
+def _of_setpoints(inputs: Sequence[str], records: Sequence[FlightRecord]) -> Selection | None:
+    """Excitations that stand in the set-points themselves; ``None`` where one of several shows none in any record."""
+    every = {name: [Flight(record, m) for record in records for m in _seen_in(record, name)] for name in inputs}
+    rich = {name: [one for one in flights if _is_rich(one.maneuver)] for name, flights in every.items()}
+    if len(inputs) == 1 and not rich[inputs[0]]:
+        # Of a single set-point even steps are better than whole records.
+        short_ones = tuple(every[inputs[0]])
+        return Selection(fitted=short_ones, unseen=()) if short_ones else None
+    if not all(rich.values()):
+        return None
+    fitted = tuple(_joined([one for flights in rich.values() for one in flights], records))
+    short = (
+        one
+        for flights in every.values()
+        for one in flights
+        if one.maneuver.kind in ("doublet", "multistep") and not any(one.overlaps(other) for other in fitted)
+    )
+    return Selection(fitted=fitted, unseen=wholly_flown(sorted(short, key=lambda one: one.maneuver.start_s)))
+
+
+def _joined(flights: Sequence[Flight], records: Sequence[FlightRecord]) -> Iterator[Flight]:
+    """Maneuvers of each record in the order of time, those that touch each other as one."""
+    for record in records:
+        own = sorted((m for r, m in flights if r is record), key=lambda m: m.start_s)
+        kept: list[Maneuver] = []
+        for maneuver in own:
+            if kept and maneuver.start_s <= kept[-1].stop_s:
+                kept[-1] = replace(kept[-1], stop_s=max(kept[-1].stop_s, maneuver.stop_s))
+            else:
+                kept.append(maneuver)
+        yield from (Flight(record, maneuver) for maneuver in kept)
+
+
+def _seen_in(record: FlightRecord, input: str) -> list[Maneuver]:
+    """Excitations that were seen in an input itself, each interval once."""
+    found = [m for axis in AXES for m in find_excitations(record, axis) if m.signal == input]  # type: ignore[arg-type]
+    return sorted({(m.start_s, m.stop_s): m for m in found}.values(), key=lambda m: m.start_s)
+
+
+def _shown_in(record: FlightRecord, input: str) -> list[Maneuver]:
+    """The same with what fills its whole log, and is no excitation that stands out of it."""
+    likely = [m for axis in AXES for m in candidate_excitations(record, axis) if m.signal == input]  # type: ignore[arg-type]
+    return [*_seen_in(record, input), *likely]
+
+
+def whole_record(record: FlightRecord, axes: Sequence[Axis]) -> Flight:
+    """The longest flight of a record, or all of it where nothing in it tells take-off and landing.
+
+    Raises
+    ------
+    InsufficientDataError
+        It never flew, or holds one sample.
+    """
+    start_s, stop_s = longest_flight(record)
+    return Flight(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))
+
+
+def _fitted_whole(record: FlightRecord, maneuver: Maneuver) -> Finding:
+    return remark(
+        "no_excitation",
+        record.source.name,
+        f"No excitation of all inputs stands out in {record.source.name}, so all of it was fitted, "
+        f"{maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s. Choose a part with --segment.",
+        start_s=maneuver.start_s,
+        stop_s=maneuver.stop_s,
+    )
+
+
+def _fitted_by_stick(fitted: Sequence[Flight]) -> tuple[Finding, ...]:
+    """A remark for each ordinary flight that stands in for an excitation."""
+    return tuple(
+        remark(
+            "no_excitation",
+            record.source.name,
+            f"No sweep, multisine or random binary signal of {part.axis} was found in {record.source.name}, so its "
+            f"flight from {part.start_s:.1f} to {part.stop_s:.1f} s was fitted, with the stick as instrument. A sweep "
+            "gives intervals that are several times narrower.",
+            start_s=part.start_s,
+            stop_s=part.stop_s,
+        )
+        for item in fitted
+        for record, part in (item,)
+        if not rich_excitations(record, part.axis)
+    )
+
+
+_SETPOINT = "_setpoint"
+
+
+def default_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...]:
+    """Every set-point that moves, with its response; commands with their rates where no set-point does.
+
+    Where any axis was excited on purpose, only pairs of such axes count: what feedback moves tells no delay.
+
+    Raises
+    ------
+    InsufficientDataError
+        No such pair is logged.
+    """
+    setpoints = [(name, name.removesuffix(_SETPOINT)) for name in STANDARD_UNITS if name.endswith(_SETPOINT)]
+    for offered in (setpoints, [(f"{axis}_command", rate) for axis, rate in RATE_OF.items()]):
+        pairs = [pair for pair in offered if all(_logged(record, *pair) for record in records)]
+        excited = [pair for pair in pairs if any(_excited(record, *pair) for record in records)]
+        if excited or pairs:
+            return tuple(excited or pairs)
+    message = "The log holds neither a set-point that moves with its response nor a command with its rate."
+    raise InsufficientDataError(
+        "no pair of set-point and response is logged",
+        needed="channels such as phi_setpoint and phi",
+        remedy="name a pair with --input and --output, or the channels with --map",
+        findings=[refusal("missing_channel", "set-points", message)],
+    )
+
+
+def excited_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...]:
+    """Every set-point in which excitations stand, with its response; else the commands that were excited at the mixer.
+
+    Raises
+    ------
+    UsageError
+        None has any.
+    """
+    setpoints = [(name, name.removesuffix(_SETPOINT)) for name in STANDARD_UNITS if name.endswith(_SETPOINT)]
+    found = tuple(
+        pair
+        for pair in setpoints
+        if _all_log(records, pair)
+        and any(_is_rich(maneuver) for record in records for maneuver in _shown_in(record, pair[0]))
+    ) or tuple(
+        (f"{axis}_command", rate)
+        for axis, rate in RATE_OF.items()
+        if _all_log(records, (f"{axis}_command", rate)) and any(rich_excitations(record, axis) for record in records)
+    )
+    if not found:
+        names = ", ".join(record.source.name for record in records)
+        raise UsageError(
+            f"no excitation was found in {names}",
+            needed="the pair to measure, such as --inputs roll_command --outputs p",
+        )
+    return found
+
+
+def _all_log(records: Sequence[FlightRecord], pair: tuple[str, str]) -> bool:
+    return all(set(pair) <= set(record.channel_names) for record in records)
+
+
+def chosen_maneuvers(
+    records: Sequence[FlightRecord], input: str, output: str, settings: MeasureSettings
+) -> tuple[tuple[Flight, ...], tuple[Finding, ...]]:
+    """Stretches to use for one pair: given ones, excitations, what looks like one, or else whole records.
+
+    Raises
+    ------
+    InsufficientDataError
+        Nothing stands out in a record, and it tells that the vehicle never flew, or holds one sample.
+    UsageError
+        No given segment lies inside a record, or one is of another axis.
+    """
+    axes = axes_of((input,), (output,))
+    if settings.segments:
+        given = given_flights(records, of_axes(settings.segments, axes))
+        return tuple(Flight(record, described(record, m)) for record, m in given), ()
+    parts = [_of_record(record, axes, input) for record in records]
+    return tuple(item for flights, _ in parts for item in flights), tuple(f for _, findings in parts for f in findings)
+
+
+def _of_record(record: FlightRecord, axes: Sequence[Axis], input: str) -> tuple[list[Flight], list[Finding]]:
+    """Excitations of one record, or what looks like some, or all of it with a remark."""
+    rich = [Flight(record, m) for axis in axes for m in rich_excitations(record, axis)]
+    likely = rich or [Flight(record, m) for axis in axes for m in candidate_excitations(record, axis)]
+    if likely:
+        return likely, []
+    whole = whole_record(record, axes)
+    return [whole], [_delay_read_whole(record, whole.maneuver, input)]
+
+
+def _is_rich(maneuver: Maneuver) -> bool:
+    return maneuver.kind in RICH_KINDS or maneuver.origin == "given"
+
+
+def _delay_read_whole(record: FlightRecord, maneuver: Maneuver, input: str) -> Finding:
+    return remark(
+        "no_excitation",
+        record.source.name,
+        f"No excitation was found in {record.source.name}, so {input} is read from {maneuver.start_s:.1f} to "
+        f"{maneuver.stop_s:.1f} s.",
+        start_s=maneuver.start_s,
+        stop_s=maneuver.stop_s,
+    )
+
+
+def _logged(record: FlightRecord, input: str, output: str) -> bool:
+    """Whether both channels are there and the input moves."""
+    if output not in record.channel_names:
+        return False
+    least = LEAST_MOTION.get(STANDARD_UNITS.get(input, "1"), 0.0)
+    return any(
+        values.size > 1 and float(np.ptp(values)) > least
+        for topic, row in record.holding(input)
+        if (values := topic.values[row][np.isfinite(topic.values[row])]).size
+    )
+
+
+def _excited(record: FlightRecord, input: str, output: str) -> bool:
+    axes = axes_of((input,), (output,))
+    return any(rich_excitations(record, axis) for axis in axes) or any(
+        candidate_excitations(record, axis) for axis in axes
+    )

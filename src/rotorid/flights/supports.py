@@ -1,0 +1,562 @@
+"""Which models a log supports, by what, and why not: every verb asks here before it starts.
+
+``inspect`` prints what :func:`supports` answers, ``identify --model all`` and ``review`` take the models that
+:func:`supported_models` names, and ``identify`` of a rate model, ``tune`` and ``track`` refuse with the same sentence
+(:func:`unsupported`). What was flown on purpose goes first. Without it a rate model takes the parts of the flights in
+which the stick, or a set-point that is the stick, moves its axis (:func:`ordinary_flights`). Whether the model then
+fits, only ``identify`` shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, TypeAlias
+
+from rotorid.data.base import Immutable
+from rotorid.data.display import listed
+from rotorid.data.findings import Finding, refusal, warn
+from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver
+from rotorid.errors import InsufficientDataError
+from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
+from rotorid.flights.flights import Flight
+from rotorid.flights.instruments import axis_of, find_instrument, is_free, own_instrument
+from rotorid.flights.oscillations import limits_shown, motors_limited, reviewed_oscillations
+from rotorid.io.advice import flying_advice, logging_advice
+from rotorid.models.library import RATE_AXES
+from rotorid.settings.settings import MODEL, IdentifySettings
+from rotorid.signal.airborne import airborne
+from rotorid.signal.excitations import (
+    candidate_excitations,
+    find_excitations,
+    motor_excitations,
+    rich_excitations,
+)
+from rotorid.spectral.windows import excited_to_rad_s
+from rotorid.typing import Axis
+
+SHORTEST_ORDINARY_S = 20.0
+"""Less of ordinary flying holds too few movements of a stick to average over."""
+
+AXIS_OF: Mapping[str, Axis] = {name: axis_of(model.input) for name, model in RATE_AXES.items()}
+"""Axis of each rate model."""
+
+COUPLED: Mapping[str, tuple[Axis, ...]] = {
+    "hover.longitudinal": ("pitch", "thrust"),
+    "hover.lateral": ("roll", "yaw"),
+}
+"""Axes that have to be excited for each model of several axes."""
+
+END_FIRST = "end the oscillation first"
+"""What to do about a flight that shows the limits of its motors."""
+
+_INSTRUMENT = "an instrument free of feedback"
+_WHOLE_HZ, _WHOLE_RAD_S = 100.0, 2.0
+"""Rates and ends of excitations from which decimals say nothing."""
+
+_LISTED = 4
+
+By: TypeAlias = Literal["", "excitation", "ordinary flight", "motors"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Need(Immutable):
+    """One thing that a model needs.
+
+    Parameters
+    ----------
+    need
+        What it is.
+    there
+        Whether the log has it.
+    found
+        What the log has of it.
+    """
+
+    need: str
+    there: bool
+    found: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Support(Immutable):
+    """Whether a model can be identified from a log.
+
+    Parameters
+    ----------
+    possible
+        Whether it can.
+    because
+        Why, or why not.
+    remedy
+        What to change where it cannot, or what would give narrower intervals.
+    instrument
+        Channel free of feedback that a joint estimate would use.
+    needs
+        What the model needs, one by one.
+    by
+        What it would be identified from: an ``excitation``, an ``ordinary flight`` or the ``motors``; empty where it
+        cannot.
+    lacks
+        Kind of the finding that says why it cannot; empty where it can.
+    numbers
+        Of that finding.
+    """
+
+    possible: bool
+    because: str
+    remedy: str = ""
+    instrument: str | None = None
+    needs: tuple[Need, ...] = ()
+    by: By = ""
+    lacks: str = ""
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._set(numbers=self.numbers)
+
+
+def supports(record: FlightRecord) -> dict[str, Support]:
+    """Name of each model that ``--model all`` may choose, and of each of a rig, to whether a log supports it.
+
+    Parameters
+    ----------
+    record
+        The log.
+    """
+    rates = {model: rate_support(record, model) for model in RATE_AXES}
+    coupled = {model: _coupled_support(record, model) for model in COUPLED}
+    return {**rates, **coupled, MODEL: _motor_support(record), **_rig_supports(record)}
+
+
+def supported_models(records: Sequence[FlightRecord], settings: IdentifySettings | None = None) -> tuple[str, ...]:
+    """Names of the models that logs may support: what fits them may still be refused.
+
+    Rate models of axes that were excited on purpose or, failing that, flown at all; hover models where all their axes
+    were excited on purpose; ``physical.motors`` where motors are logged.
+
+    Parameters
+    ----------
+    records
+        The logs.
+    settings
+        Choices of the run: an axis of a given segment counts as excited.
+    """
+    given = {segment.axis for segment in settings.segments} if settings else set()
+    each = [supports(record) for record in records]
+    possible = {name for found in each for name, support in found.items() if support.possible}
+    possible |= {name for name, axis in AXIS_OF.items() if axis in given}
+    excited = given | {axis for axis in AXIS_OF.values() if any(_usable_excitations(one, axis) for one in records)}
+    possible |= {name for name, axes in COUPLED.items() if excited.issuperset(axes)}
+    return tuple(name for name in (*RATE_AXES, *COUPLED, MODEL) if name in possible)
+
+
+def unsupported(records: Sequence[FlightRecord], model: str) -> InsufficientDataError | None:
+    """Why no log supports a rate model, as ``inspect`` says it; ``None`` where one does.
+
+    Parameters
+    ----------
+    records
+        The logs.
+    model
+        One of :data:`rotorid.models.library.RATE_AXES`.
+    """
+    each = [(record, rate_support(record, model)) for record in records]
+    if any(support.possible for _, support in each):
+        return None
+    # The log that comes closest: one that lacks a channel says less of what to fly.
+    record, support = max(each, key=lambda one: _CLOSER.index(one[1].lacks))
+    # Without an instrument the direct estimate is left: that alone stops no fit.
+    needed = ", ".join(need.need for need in support.needs if not need.there and need.need != _INSTRUMENT)
+    message = f"{record.source.name}: {support.because}"
+    others = f" (of {len(each)} logs the one that comes closest)" if len(each) > 1 else ""
+    where = model if support.lacks in ("other_vehicle", "oscillation") else _where(record, model, support.lacks)
+    return InsufficientDataError(
+        f"{message}{others}",
+        needed=needed,
+        remedy=support.remedy,
+        findings=[refusal(support.lacks, where, f"{message}.", **support.numbers)],
+    )
+
+
+def supporting_logs(records: Sequence[FlightRecord], model: str) -> tuple[Sequence[FlightRecord], tuple[Finding, ...]]:
+    """The logs that may enter a rate model, and a warning for each whose vehicle or motors rule it out.
+
+    Parameters
+    ----------
+    records, model
+        As for :func:`unsupported`.
+
+    Raises
+    ------
+    InsufficientDataError
+        No log supports the model.
+    """
+    if error := unsupported(records, model):
+        raise error
+    ruled_out = {id(one): why for one in records if (why := _no_vehicle(one) or _limited(one)) is not None}
+    findings = [
+        warn(
+            ruled_out[id(one)].lacks,
+            one.source.name,
+            f"{one.source.name} was left out: {ruled_out[id(one)].because}. The other logs were used.",
+        )
+        for one in records
+        if id(one) in ruled_out
+    ]
+    return [one for one in records if id(one) not in ruled_out] if ruled_out else records, tuple(findings)
+
+
+_CLOSER = ("other_vehicle", "missing_channel", "rate_too_low", "never_airborne", "oscillation", "no_excitation")
+"""Kinds of what a log lacks, the one that comes closest to a model last."""
+
+
+def _where(record: FlightRecord, model: str, lacks: str) -> str:
+    """The channels or the axis that a refusal is about."""
+    missing = [name for name in _channels(model) if name not in record.channel_names]
+    return missing[0] if lacks == "missing_channel" else AXIS_OF[model]
+
+
+def _channels(model: str) -> tuple[str, str]:
+    axis = RATE_AXES[model]
+    return axis.input, axis.output
+
+
+def rate_support(record: FlightRecord, model: str) -> Support:
+    """Whether a log supports a rate model.
+
+    Parameters
+    ----------
+    record
+        The log.
+    model
+        One of :data:`rotorid.models.library.RATE_AXES`.
+    """
+    axis = AXIS_OF[model]
+    rates = {channel: record.rate_hz(channel) for channel in _channels(model)}
+    rich, ordinary = rich_excitations(record, axis), ordinary_flights(record, axis)
+    likely = () if rich or ordinary else candidate_excitations(record, axis)
+    tried = max(likely, key=lambda one: one.duration_s, default=None)
+    moved = rich or ordinary or ([tried] if tried else [])
+    instrument = find_instrument([Flight(record, one) for one in moved], axis) if moved else None
+    verdict = (
+        _no_vehicle(record)
+        or _unlogged(record, rates)
+        or _limited(record)
+        or (_by_excitation(rich, rates, instrument) if rich else None)
+        or _too_slow(record, rates)
+        or (_by_ordinary(record, axis, ordinary, rates, instrument) if ordinary else None)
+        or _unflown(record, axis, tried)
+    )
+    needs = verdict.needs or _needs(rates, axis, rich, ordinary, instrument)
+    return replace(verdict, instrument=instrument if verdict.possible else None, needs=needs)
+
+
+def ordinary_flights(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
+    """The parts in the air in which the stick, or a set-point that is the stick, moves an axis.
+
+    Parameters
+    ----------
+    record
+        A log that holds the command of the axis and what answers it at 40 Hz or more; of others nothing serves. A
+        stick moves too slowly to show the gain by itself where neither lag nor delay can be seen.
+    axis
+        Which.
+
+    Returns
+    -------
+    tuple of Maneuver
+        Of 20 s and more each, in order of time; empty where the log cannot tell of this axis.
+    """
+    model = next(name for name, own in AXIS_OF.items() if own == axis)
+    if min(record.rate_hz(name) for name in _channels(model)) < LOWEST_RATE_HZ:
+        return ()
+    return tuple(part for part in _long_flights(record, axis) if _by_stick(Flight(record, part), axis))
+
+
+def _long_flights(record: FlightRecord, axis: Axis) -> list[Maneuver]:
+    """The flights of 20 s and more; none where the vehicle never flew, or nothing tells whether it did."""
+    try:
+        flights = airborne(record).intervals
+    except InsufficientDataError:
+        return []
+    return [
+        Maneuver(axis=axis, kind="other", start_s=start_s, stop_s=stop_s, origin="given")
+        for start_s, stop_s in flights
+        if stop_s - start_s >= SHORTEST_ORDINARY_S
+    ]
+
+
+def _by_stick(flight: Flight, axis: Axis) -> bool:
+    instrument = find_instrument([flight], axis)
+    return instrument is not None and is_free([flight], instrument)
+
+
+def nothing_excites(axes: Sequence[Axis], found: Sequence[Maneuver]) -> str:
+    """That only short maneuvers excite axes, or none, as the end of a sentence about a log.
+
+    Examples
+    --------
+    >>> nothing_excites(["roll"], [Maneuver(axis="roll", kind="doublet", start_s=80.0, stop_s=82.0, origin="found")])
+    'holds only short roll maneuvers (doublet at 80.0 s)'
+    >>> nothing_excites(["roll", "pitch"], [])
+    'holds no excitation of roll or pitch'
+    """
+    wanted = " or ".join(axes)
+    if not found:
+        return f"holds no excitation of {wanted}"
+    kinds = ", ".join(f"{one.kind} at {one.start_s:.1f} s" for one in found[:_LISTED])
+    return f"holds only short {wanted} maneuvers ({kinds}{', …' if len(found) > _LISTED else ''})"
+
+
+def nothing_above(top_rad_s: float) -> str:
+    """That the excitations of an axis end at a frequency.
+
+    Examples
+    --------
+    >>> nothing_above(6.16), nothing_above(1.64)
+    ('no excitation above 6 rad/s', 'no excitation above 1.6 rad/s')
+    """
+    rounded = f"{top_rad_s:.0f}" if top_rad_s >= _WHOLE_RAD_S else f"{top_rad_s:.2g}"
+    return f"no excitation above {rounded} rad/s"
+
+
+def segment_of(axis: str, start_s: float, stop_s: float) -> str:
+    """The value of ``--segment`` that takes an interval.
+
+    Examples
+    --------
+    >>> segment_of("roll", 0.0, 17.5512)
+    'roll:0.00:17.55'
+    """
+    return f"{axis}:{start_s:.2f}:{stop_s:.2f}"
+
+
+def _no_vehicle(record: FlightRecord) -> Support | None:
+    """The refusal of a log that says that its vehicle is no multirotor."""
+    if not record.status.foreign:
+        return None
+    needs = (Need(need="a multirotor", there=False, found=record.status.vehicle),)
+    return Support(possible=False, because=foreign_vehicle(record), needs=needs, lacks="other_vehicle")
+
+
+def foreign_vehicle(record: FlightRecord) -> str:
+    """What a log says of a vehicle that is no multirotor."""
+    return f"the vehicle is a {record.status.vehicle}, as {record.status.named_in} says, and no multirotor"
+
+
+def _unlogged(record: FlightRecord, rates: Mapping[str, float]) -> Support | None:
+    """The refusal of a log that lacks channels."""
+    missing = [name for name in rates if name not in record.channel_names]
+    if not missing:
+        return None
+    because = f"the log lacks {' and '.join(missing)}"
+    remedy = logging_advice(record, min(rates.values()), tuple(missing))
+    return Support(possible=False, because=because, remedy=remedy, lacks="missing_channel")
+
+
+def _limited(record: FlightRecord) -> Support | None:
+    """The refusal of a flight in which motors were at their limits so much that nothing else shows."""
+    try:
+        found = reviewed_oscillations(record)
+    except InsufficientDataError:
+        return None
+    if not motors_limited(found):
+        return None
+    return Support(possible=False, because=limits_shown(found).rstrip("."), remedy=END_FIRST, lacks="oscillation")
+
+
+def _usable_excitations(record: FlightRecord, axis: Axis) -> Sequence[Maneuver]:
+    """What excites an axis of a multirotor whose motors have room."""
+    return () if _no_vehicle(record) or _limited(record) else rich_excitations(record, axis)
+
+
+def _by_excitation(rich: Sequence[Maneuver], rates: Mapping[str, float], instrument: str | None) -> Support:
+    """What an excitation gives; one that ends too low gives nothing."""
+    top_rad_s = excited_to_rad_s(rich)
+    if top_rad_s < LOWEST_TOP_RAD_S:
+        return Support(
+            possible=False,
+            because=f"{nothing_above(top_rad_s)}; a rate model needs {LOWEST_TOP_RAD_S:g} rad/s and more",
+            remedy="fly a sweep that goes faster",
+            lacks="no_excitation",
+            numbers={"highest_rad_s": top_rad_s, "needed_rad_s": LOWEST_TOP_RAD_S},
+        )
+    estimate = f"joint estimate with {instrument}" if instrument else "direct estimate only; feedback may bias it"
+    rate_hz = min(rates.values())
+    slow = "" if rate_hz >= LOWEST_RATE_HZ else ", which hides motor lag and delay of a small multirotor"
+    because = f"{len(rich)} rich excitation(s), {rate_hz:.0f} Hz{slow}, {estimate}"
+    return Support(possible=True, because=because, by="excitation")
+
+
+def _too_slow(record: FlightRecord, rates: Mapping[str, float]) -> Support | None:
+    """The refusal of a log without an excitation that is too slow for ordinary flying."""
+    slow = [f"{name} at {rate:.3g} Hz" for name, rate in rates.items() if rate < LOWEST_RATE_HZ]
+    if not slow:
+        return None
+    because = f"{' and '.join(slow)} is too slow; {LOWEST_RATE_HZ:.0f} Hz is the least without a sweep"
+    remedy = logging_advice(record, min(rates.values()))
+    return Support(possible=False, because=because, remedy=remedy, lacks="rate_too_low")
+
+
+def _by_ordinary(
+    record: FlightRecord, axis: Axis, parts: Sequence[Maneuver], rates: Mapping[str, float], instrument: str | None
+) -> Support:
+    """What ordinary flying gives."""
+    flown_s = sum(part.duration_s for part in parts)
+    because = (
+        f"ordinary flight of {flown_s:.0f} s, {min(rates.values()):.0f} Hz, joint estimate with {instrument}: "
+        "intervals several times wider than from a sweep; only identify shows whether the model fits"
+    )
+    return Support(
+        possible=True, because=because, remedy=f"better: {flying_advice(record, axis)}", by="ordinary flight"
+    )
+
+
+def _unflown(record: FlightRecord, axis: Axis, tried: Maneuver | None) -> Support:
+    """The refusal of a flight that moves an axis neither on purpose nor by stick; a candidate is pointed at."""
+    because = f"the log {nothing_excites([axis], find_excitations(record, axis))}, and {_no_ordinary(record, axis)}"
+    remedy = flying_advice(record, axis)
+    if tried is not None:
+        remedy += f", or try --segment {segment_of(axis, tried.start_s, tried.stop_s)}"
+    return Support(possible=False, because=because, remedy=remedy, lacks="no_excitation")
+
+
+def _no_ordinary(record: FlightRecord, axis: Axis) -> str:
+    """Why the flights of a log do not serve an axis."""
+    try:
+        airborne(record)
+    except InsufficientDataError as error:
+        never = any(finding.kind == "never_airborne" for finding in error.findings)
+        return "the vehicle never flew" if never else "when the vehicle flew is not known"
+    if not _long_flights(record, axis):
+        return f"no flight lasts {SHORTEST_ORDINARY_S:.0f} s"
+    return f"no {axis} stick moves in its flights"
+
+
+def _needs(
+    rates: Mapping[str, float],
+    axis: Axis,
+    rich: Sequence[Maneuver],
+    ordinary: Sequence[Maneuver],
+    instrument: str | None,
+) -> tuple[Need, ...]:
+    """What a rate model needs, each with what the log has of it; without the last, feedback may bias the model."""
+    least_hz = 0.0 if rich else LOWEST_RATE_HZ
+    rates_needed = [
+        Need(
+            need=f"{name} at {LOWEST_RATE_HZ:.0f} Hz or more",
+            there=rate > 0.0 and rate >= least_hz,
+            found=(f"{rate:.0f} Hz" if rate >= _WHOLE_HZ else f"{rate:.3g} Hz") if rate else "not logged",
+        )
+        for name, rate in rates.items()
+    ]
+    return (
+        *rates_needed,
+        Need(
+            need=f"a sweep, multisine or random binary signal on {axis}, or {SHORTEST_ORDINARY_S:.0f} s by stick",
+            there=bool(rich or ordinary),
+            found=_excitation_words(rich, ordinary),
+        ),
+        Need(need=_INSTRUMENT, there=bool(instrument), found=instrument or "none found"),
+    )
+
+
+def _excitation_words(rich: Sequence[Maneuver], ordinary: Sequence[Maneuver]) -> str:
+    if not rich:
+        return f"{sum(part.duration_s for part in ordinary):.0f} s by stick" if ordinary else "none found"
+    tops = [maneuver.band_rad_s[1] for maneuver in rich if maneuver.band_rad_s]
+    reach = f" up to {max(tops):.3g} rad/s" if tops else ""
+    return f"{len(rich)} ({', '.join(dict.fromkeys(one.kind.replace('_', ' ') for one in rich))}){reach}"
+
+
+def _coupled_support(record: FlightRecord, model: str) -> Support:
+    """Whether a log supports a model of several axes: each of them has to be excited."""
+    axes = COUPLED[model]
+    found = {axis: rich_excitations(record, axis) for axis in axes}
+    needs = tuple(
+        Need(
+            need=f"a sweep, multisine or random binary signal on {axis}",
+            there=bool(rich),
+            found=_excitation_words(rich, ()),
+        )
+        for axis, rich in found.items()
+    )
+    if refused := _no_vehicle(record) or _limited(record):
+        return replace(refused, needs=refused.needs or needs)
+    if still := [axis for axis, rich in found.items() if not rich]:
+        because = f"the log holds no sweep of {listed(still)}"
+        remedy = flying_advice(record, *still)
+        return Support(possible=False, because=because, remedy=remedy, needs=needs, lacks="no_excitation")
+    because = f"{listed(axes)} were excited; only identify shows whether the model fits"
+    return Support(possible=True, because=because, needs=needs, by="excitation")
+
+
+def _motor_support(record: FlightRecord) -> Support:
+    """Whether a log may support the physics of the motors: their outputs are there, and have room."""
+    there = "motor_1" in record.channel_names
+    needs = (Need(need="outputs of all motors", there=there, found="logged" if there else "not logged"),)
+    if refused := _no_vehicle(record) or _limited(record):
+        return replace(refused, needs=refused.needs or needs)
+    if not there:
+        return Support(possible=False, because="the log lacks motor_1", needs=needs, lacks="missing_channel")
+    because = "motors are logged; only identify shows whether they explain the motion"
+    return Support(possible=True, because=because, needs=needs, by="motors")
+
+
+_RIG_MODELS: Mapping[str, tuple[tuple[str, ...], tuple[Axis, ...], tuple[str, ...]]] = {
+    "rig.roll": (("motor_3", "motor_4"), ("roll",), ("phi", "p")),
+    "rig.attitude": (tuple(f"motor_{n}" for n in range(1, 5)), ("roll", "pitch"), ("phi", "theta", "psi")),
+}
+"""Inputs of each model of a vehicle on a pivot, the axes that have to be swept, and outputs of which one is enough."""
+
+
+def _rig_supports(record: FlightRecord) -> dict[str, Support]:
+    """Whether a record with test inputs of single motors supports the models of a vehicle on a pivot; else nothing."""
+    if not motor_excitations(record):
+        return {}
+    return {name: _rig_support(record, *needed) for name, needed in _RIG_MODELS.items()}
+
+
+def _rig_support(record: FlightRecord, motors: Sequence[str], axes: Sequence[Axis], outputs: Sequence[str]) -> Support:
+    flights = [Flight(record, m) for axis in axes for m in rich_excitations(record, axis)]
+    missing = [name for name in motors if name not in record.channel_names]
+    instruments = [name for motor in motors if (name := own_instrument(flights, motor))] if flights else []
+    unswept = [axis for axis in axes if not any(flight.axis == axis for flight in flights)]
+    seen = [name for name in outputs if name in record.channel_names]
+    rate = min((record.rate_hz(name) for name in (*motors, *seen)), default=0.0)
+    needs = (
+        Need(need=", ".join(motors), there=not missing, found=f"{rate:.3g} Hz" if not missing else "not all logged"),
+        Need(need=" or ".join(outputs), there=bool(seen), found=", ".join(seen) or "not logged"),
+        Need(
+            need=f"single motors swept on {' and '.join(axes)}",
+            there=not unswept,
+            found=f"{len(flights)} sweep(s)" if flights else "none found",
+        ),
+        Need(
+            need="their test inputs, free of feedback",
+            there=len(instruments) == len(motors),
+            found=", ".join(instruments) or "none that move",
+        ),
+    )
+    if missing or not seen:
+        lacking = missing or [" or ".join(outputs)]
+        because = f"the log lacks {' and '.join(lacking)}"
+        return Support(possible=False, because=because, needs=needs, lacks="missing_channel")
+    if unswept:
+        return Support(
+            possible=False,
+            because=f"no sweep of single motors turns the vehicle in {' or '.join(unswept)}",
+            remedy="give a second log with it to identify",
+            needs=needs,
+            lacks="no_excitation",
+        )
+    free = needs[-1].there
+    estimate = f"joint estimate with {', '.join(instruments)}" if free else "direct estimate only; feedback may bias it"
+    return Support(
+        possible=True,
+        because=f"{len(flights)} rich excitation(s), {rate:.0f} Hz, {estimate}",
+        instrument=", ".join(instruments) if free else None,
+        needs=needs,
+        by="excitation",
+    )

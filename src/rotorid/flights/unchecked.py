@@ -1,0 +1,132 @@
+r"""Errors of responses that a log does not let one look at: they count with their usual size.
+
+How far a vehicle leans, how its mean thrust changes during a sweep, whether a gyro agrees with the attitude, and how
+far feedback biases a response are measured where the log holds the channels for it. Where it does not, nothing is known
+to be well, so each of these errors is taken as unknown, with the size that it has in logs that show it (95 % of the 24
+sweeps of real autopilot stacks on which it was looked at, in simulation and in wind, and of 12 flights of real vehicles
+for the gyro):
+
+- *lean*: 1.5 % times the curvature of thrust, of responses to roll and pitch; 0.2 % where the other angle alone is
+  missing;
+- *slope of thrust*: 1.5 % times that curvature, of all responses to an input alike;
+- *scale of a gyro*: 1 %, the tolerance of its data sheet;
+- *feedback*: :math:`1.3\,\% \sqrt{\max(1, 5/\omega)}`, where commands contain feedback and no instrument is logged.
+
+The first two and the last are smooth over frequency, of unknown course
+(:func:`rotorid.fitting.frequency.error_shapes.response_error_shapes`). A log that leaves channels out has wider
+intervals so, and not narrower ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rotorid.data.axes import RATES
+from rotorid.data.findings import Finding, remark
+from rotorid.data.response import FrequencyResponse
+from rotorid.flights.consistency import Consistency
+from rotorid.flights.instruments import is_command
+from rotorid.flights.tilt_errors import ANGLES
+from rotorid.typing import FloatArray
+
+USUAL_LEAN, USUAL_OTHER_LEAN, USUAL_SLOPE = 0.015, 0.002, 0.015
+"""Relative error at a curvature of one, by the lean that an input makes, by the lean about the other axis (3° in wind),
+and by the change of the slope of thrust."""
+
+USUAL_SCALE = 0.01
+"""Relative error of the scale of a gyro; a check that is less certain is none."""
+
+USUAL_BIAS, _BIAS_GROWS_BELOW_RAD_S = 0.013, 5.0
+
+
+def with_unchecked_errors(
+    response: FrequencyResponse, *, angles: Collection[str], curvature: float, feedback: bool
+) -> tuple[FrequencyResponse, tuple[Finding, ...]]:
+    """A response with the usual size of the errors that could not be looked at, and the remarks on them.
+
+    Parameters
+    ----------
+    response
+        With ``lean_errors`` and ``slope_changes`` where the log shows them.
+    angles
+        Which of ``phi`` and ``theta`` the logs hold.
+    curvature
+        How thrust bends, see :func:`rotorid.flights.thrust_slope.curvature`.
+    feedback
+        Whether inputs may contain feedback that no instrument takes out.
+    """
+    commands = np.array([is_command(name) for name in response.inputs])
+    lean = USUAL_LEAN * curvature * np.array([_unseen_lean(response, name, angles) for name in response.inputs])
+    frequencies = response.omega_rad_s
+    nothing = np.zeros((len(response.inputs), frequencies.size))
+    slope, own = nothing.copy(), nothing.copy()
+    findings = []
+    if response.slope_changes is None and commands.any() and curvature > 0.0:
+        slope[commands] = USUAL_SLOPE * curvature
+        findings.append(
+            _remark("slope", "thrust_command is not logged as a share of full thrust", USUAL_SLOPE * curvature)
+        )
+    if lean.any():
+        own += lean[:, None]
+        findings.append(_remark("lean", "phi and theta are not both logged", float(lean.max())))
+    if feedback:
+        grown = np.sqrt(np.maximum(1.0, _BIAS_GROWS_BELOW_RAD_S / frequencies))
+        own = np.hypot(own, USUAL_BIAS * grown)
+        findings.append(_remark("feedback", "no instrument is logged", USUAL_BIAS))
+    if not findings:
+        return response, ()
+    return replace(response, unchecked_errors=np.stack([slope, own])), tuple(findings)
+
+
+def _unseen_lean(response: FrequencyResponse, name: str, angles: Collection[str]) -> float:
+    """Share of the usual error by lean that nothing shows of an input."""
+    if name not in ANGLES:
+        return 0.0
+    if ANGLES[name] not in angles or response.lean_errors is None:
+        return 1.0
+    return 0.0 if set(ANGLES.values()) <= set(angles) else USUAL_OTHER_LEAN / USUAL_LEAN
+
+
+def unchecked_scales(
+    agreement: Sequence[Consistency], outputs: Sequence[str], errors: FloatArray | None
+) -> tuple[FloatArray | None, tuple[Finding, ...]]:
+    """Errors of sensors with the usual scale error of rates that nothing was compared with.
+
+    Parameters
+    ----------
+    agreement
+        What was compared, see :func:`rotorid.flights.consistency.sensor_agreement`.
+    outputs
+        Channels.
+    errors
+        Those that comparing showed, see :func:`rotorid.flights.consistency.sensor_errors`.
+    """
+    told = {
+        check.channel
+        for one in agreement
+        for _, check in one.checks
+        if check.verdict == "inconsistent" or (check.verdict == "consistent" and check.scale_std <= USUAL_SCALE)
+    }
+    missing = [name for name in outputs if name in RATES and name not in told]
+    if not missing:
+        return errors, ()
+    found = np.zeros((len(outputs), 2)) if errors is None else np.array(errors)
+    found[[outputs.index(name) for name in missing], 0] = USUAL_SCALE
+    why = f"{', '.join(missing)} could not be compared with the attitude closely enough"
+    return found, (_remark("scale", why, USUAL_SCALE),)
+
+
+_WHAT = {
+    "slope": "The error by changes of the slope of thrust",
+    "lean": "The error by leaning",
+    "feedback": "The bias by feedback",
+    "scale": "The error of the gyro's scale",
+}
+
+
+def _remark(what: str, why: str, size: float) -> Finding:
+    message = f"{_WHAT[what]} was not measured: {why}. Its usual size, {100.0 * size:.1f} %, widens the intervals."
+    return remark("error_not_checked", what, message, size=size)

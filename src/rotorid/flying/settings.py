@@ -1,0 +1,837 @@
+"""What a user may choose about a planned or a simulated flight: inputs, limits, wind, vehicle."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, TypeAlias, get_args
+
+from rotorid.data.base import Immutable
+from rotorid.errors import UsageError
+from rotorid.settings.settings import Option, parse_band, parse_names, require_seed
+from rotorid.units import read_measure, read_measures, writable
+
+if TYPE_CHECKING:
+    from rotorid.data.findings import Finding
+    from rotorid.data.flight_plan import Entry, FlightPlan, Shape
+    from rotorid.flying.user_vehicles import OwnVehicle
+    from rotorid.io.registry import LogFormat
+    from rotorid.planning.amplitude import Limits
+    from rotorid.planning.expected import FitChoices
+    from rotorid.planning.prior import Prior
+    from rotorid.simulation.multirotor_flight import Aircraft
+    from rotorid.simulation.wind import Wind
+    from rotorid.typing import Axis
+    from rotorid.vehicles.catalog import Interface, Vehicle, VehicleEntry
+
+_MOST_RUNS = 10_000
+_FASTEST_M_S = 100.0
+_MOST_REPEATS = 20
+_LONGEST_PLAN_S = 1800.0
+
+_STEP_S = 0.3
+"""Default length of one step."""
+
+_UNITS_OF_STEPS: "Mapping[Shape, int]" = MappingProxyType({"doublet": 2, "two_one_one": 4, "three_two_one_one": 7})
+"""Steps in each shape."""
+
+_SWEEP_UNITS = 200
+"""An input without steps is by default as long as so many."""
+
+DOUBLET_S = _UNITS_OF_STEPS["doublet"] * _STEP_S
+
+BEHIND_SETPOINTS = "response.second_order_delay"
+"""What is identified of a vehicle behind set-points unless another model is named."""
+
+
+_SHAPES = {
+    "sweep": "pilot_sweep",
+    "log_sweep": "logarithmic_sweep",
+    "multisine": "multisine",
+    "binary": "random_binary",
+    "doublet": "doublet",
+    "2-1-1": "two_one_one",
+    "3-2-1-1": "three_two_one_one",
+}
+_LIMITS = {
+    "tilt": "tilt_rad",
+    "rate": "rate_rad_s",
+    "position": "position_m",
+    "height": "height_m",
+    "motor_low": "motor_low",
+    "motor_high": "motor_high",
+}
+_UNITS_OF_LIMITS = {"tilt": "deg", "rate": "deg/s", "position": "m", "height": "m"}
+_DEGREES = ("tilt", "rate")
+
+
+def parse_assignments(
+    texts: Sequence[str], *, option: str, units: Mapping[str, str], otherwise: str | None = "1"
+) -> dict[str, float]:
+    """Read ``NAME=VALUE`` once or more.
+
+    Parameters
+    ----------
+    texts
+        What was written.
+    option
+        What an error names.
+    units, otherwise
+        What the answers are in: by name, and those of other names. None is written behind one that has no short name.
+        Without ``otherwise`` they are each a :class:`~rotorid.units.Measure`, whose unit is looked at later.
+
+    Examples
+    --------
+    >>> parse_assignments(["d=1500mm", "n=2"], option="--set", units={"d": "m"})
+    {'d': 1.5, 'n': 2.0}
+    """
+    numbers: dict[str, float] = {}
+    for text in texts:
+        name, sign, value = (part.strip() for part in text.partition("="))
+        came, known = f"{option} {text} came", units.get(name, otherwise)
+        unit = None if known is None else writable(known)
+        if not (name and sign):
+            raise UsageError(came, needed="NAME=VALUE with a finite number")
+        if name in numbers:
+            raise UsageError(f"{option} {name} came twice", needed="each name once")
+        needed = "NAME=VALUE with a finite number" + ("" if unit in (None, "1") else f", {name} in {unit}")
+        numbers[name] = read_measure(value, unit, came=came, needed=needed)
+    return numbers
+
+
+def parse_changes(texts: Sequence[str]) -> dict[str, float]:
+    """Read numbers of a vehicle, ``NAME=VALUE`` once or more.
+
+    Examples
+    --------
+    >>> parse_changes(["m=1.5kg", "tau=10ms", "arm=20cm", "I_xx=0.02"])
+    {'m': 1.5, 'tau': 0.01, 'arm': 0.2, 'I_xx': 0.02}
+    """
+    from rotorid.flying.vehicle_from_results import UNITS
+
+    lags = dict.fromkeys(("T_motor_up", "T_motor_down", "tau"), "s")
+    return parse_assignments(texts, option="--set", units={**UNITS, **lags})
+
+
+def parse_percents(texts: Sequence[str], *, option: str) -> dict[str, float]:
+    """Read ``NAME=PERCENT`` once or more.
+
+    Examples
+    --------
+    >>> parse_percents(["L_p=5", "tau=10%"], option="--reach")
+    {'L_p': 5.0, 'tau': 10.0}
+    """
+    return parse_assignments(texts, option=option, units={}, otherwise="%")
+
+
+def parse_limits(texts: Sequence[str]) -> "Limits":
+    """Read ``NAME=VALUE`` once or more: what a flight may reach, angles in degrees unless a unit says otherwise."""
+    from rotorid.models.parameter import no_such
+    from rotorid.planning.amplitude import Limits
+
+    given = parse_assignments(texts, option="--limit", units=_UNITS_OF_LIMITS)
+    if wrong := [name for name in given if name not in _LIMITS]:
+        raise no_such("limit", wrong[0], tuple(_LIMITS))
+    return Limits(
+        **{_LIMITS[name]: math.radians(value) if name in _DEGREES else value for name, value in given.items()}
+    )
+
+
+def parse_shape(kind: str) -> "Shape":
+    """Read the name of a test input.
+
+    Examples
+    --------
+    >>> parse_shape("3-2-1-1")
+    'three_two_one_one'
+    """
+    from rotorid.models.parameter import no_such
+
+    known = {**_SHAPES, **{shape: shape for shape in _SHAPES.values()}}
+    if kind not in known:
+        raise no_such("kind of test input", kind, tuple(_SHAPES))
+    return known[kind]  # type: ignore[return-value]
+
+
+def _listed(texts: Sequence[str]) -> tuple[str, ...]:
+    """Names with commas between them, given once or more."""
+    return tuple(name.strip() for text in texts for name in text.split(","))
+
+
+def parse_axes(text: str) -> "tuple[Axis, ...]":
+    """Read axes with commas between them; ``all`` is all four.
+
+    Examples
+    --------
+    >>> parse_axes("roll, yaw")
+    ('roll', 'yaw')
+    """
+    from rotorid.data.record import AXES
+    from rotorid.models.parameter import no_such
+
+    names = AXES if text == "all" else tuple(part.strip() for part in text.split(","))
+    if wrong := [name for name in names if name not in AXES]:
+        raise no_such("axis", wrong[0], AXES)
+    return names  # type: ignore[return-value]
+
+
+def parse_speed(text: str) -> tuple[float, float]:
+    """Read ``V``, or ``V:V`` for a flight from one speed to another.
+
+    Examples
+    --------
+    >>> parse_speed("4"), parse_speed("0:8")
+    ((4.0, 4.0), (0.0, 8.0))
+    """
+    came, needed = f"--speed {text} came", "--speed V or --speed V:V in m/s, such as 4 or 0:8"
+    speeds = read_measures(text, "m/s", ":", came=came, needed=needed)
+    if len(speeds) > 2:
+        raise UsageError(came, needed=needed)
+    return speeds[0], speeds[-1]
+
+
+def parse_wind(text: str) -> tuple[float, float]:
+    """Read ``NORTH`` or ``NORTH,EAST`` in m/s.
+
+    Examples
+    --------
+    >>> parse_wind("3"), parse_wind("-1,2")
+    ((3.0, 0.0), (-1.0, 2.0))
+    """
+    came, needed = f"--wind {text} came", "--wind NORTH or --wind NORTH,EAST in m/s"
+    blows = read_measures(text, "m/s", ",", came=came, needed=needed)
+    if len(blows) > 2:
+        raise UsageError(came, needed=needed)
+    return blows[0], blows[1] if len(blows) > 1 else 0.0
+
+
+def _read_prior(path: str) -> "Prior":
+    from rotorid.planning.prior import read_prior
+
+    return read_prior(Path(path))
+
+
+def _calm() -> "Wind":
+    from rotorid.simulation.wind import CALM
+
+    return CALM
+
+
+def _usual_limits() -> "Limits":
+    from rotorid.planning.amplitude import Limits
+
+    return Limits()
+
+
+def _usual_fit() -> "FitChoices":
+    from rotorid.planning.expected import FitChoices
+
+    return FitChoices()
+
+
+Seed: TypeAlias = Annotated[int, Option("--seed", help="Seed of everything drawn at random.")]
+Changes: TypeAlias = Annotated[
+    Mapping[str, float],
+    Option(
+        "--set",
+        heading="Vehicle and autopilot",
+        metavar="NAME=VALUE",
+        help="A number of the vehicle: m, I_xx, I_yy, I_zz, T_motor, T_motor_up, T_motor_down, kappa, tau in SI units; "
+        "thrust and drag as factors. Repeatable.",
+        parse=parse_changes,
+        repeats=True,
+    ),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Air:
+    """The wind of a flight in simulation, as the command line has it.
+
+    Parameters
+    ----------
+    mean_m_s
+        Where the air moves, to north and to east.
+    turbulence_m_s
+        Standard deviation of horizontal gusts.
+    height_m
+        Above ground, for the size of the gusts.
+    """
+
+    mean_m_s: Annotated[
+        tuple[float, float],
+        Option(
+            "--wind",
+            heading="Air",
+            metavar="NORTH[,EAST]",
+            help="Where the air moves, in m/s; one number blows north.",
+            parse=parse_wind,
+        ),
+    ] = (0.0, 0.0)
+    turbulence_m_s: Annotated[
+        float, Option("--turbulence", heading="Air", help="Standard deviation of horizontal gusts in m/s.")
+    ] = 0.0
+    height_m: Annotated[
+        float, Option("--height", heading="Air", help="Meters above ground, for the size of the gusts.")
+    ] = 10.0
+
+    @property
+    def wind(self) -> "Wind":
+        """The wind of the simulation."""
+        from rotorid.simulation.wind import Wind
+
+        north_m_s, east_m_s = self.mean_m_s
+        return Wind(north_m_s=north_m_s, east_m_s=east_m_s, turbulence_m_s=self.turbulence_m_s, height_m=self.height_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanChoices(Immutable):
+    """What is to be flown.
+
+    Parameters
+    ----------
+    shape
+        Form of the test input.
+    axes
+        Excited one after the other; a multisine excites them at the same time, and so do random binary signals that
+        fly ``together``.
+    band_rad_s
+        Lowest and highest frequency, where the shape has a band.
+    duration_s
+        Of each test input, of a multisine with all its periods; by default 60 s, and of steps 0.3 s for each unit.
+    repeats
+        How often each is flown in a row, every time with other noise. Steps alternate in sign.
+    entry
+        Where they are added; by default see :func:`rotorid.flying.designs.default_entry`.
+    amplitudes
+        By axis, for those that are not to be searched for.
+    limits
+        What the flight may reach.
+    doublets
+        Whether doublets that no model will be fitted to follow, to verify it.
+    together
+        Whether random binary signals excite all axes at the same time.
+    interface
+        Of a vehicle that is reached by its set-points alone.
+    bands
+        By axis, of those that are flown on their own in another band than ``band_rad_s``.
+    wind
+        The wind that the amplitudes allow for.
+    seed
+        Of what is random in the inputs, and of wind and noise while amplitudes are searched for.
+    """
+
+    shape: "Shape" = "pilot_sweep"
+    axes: Annotated[
+        "tuple[Axis, ...]",
+        Option(
+            "--axis",
+            heading="Test inputs",
+            metavar="AXIS,...",
+            help="roll, pitch, yaw, thrust or all. [default: those of --inputs; all that a vehicle "
+            "behind set-points takes; else roll]",
+            parse=parse_axes,
+        ),
+    ] = ("roll", "pitch", "yaw", "thrust")
+    band_rad_s: Annotated[
+        tuple[float, float],
+        Option(
+            "--band",
+            heading="Test inputs",
+            metavar="LO:HI",
+            help="In rad/s, or LO:HIHz. [default: 0.6:50; of a vehicle behind set-points what it follows]",
+            parse=parse_band,
+        ),
+    ] = (0.6, 50.0)
+    duration_s: Annotated[
+        float | None,
+        Option(
+            "--duration", heading="Test inputs", help="Of each test input. [default: 60, of steps 0.3 for each unit]"
+        ),
+    ] = None
+    repeats: Annotated[int, Option("--repeats", heading="Test inputs", help="How often each is flown.")] = 1
+    entry: Annotated[
+        "Entry | None",
+        Option(
+            "--entry",
+            words=("command", "rate_setpoint", "attitude_setpoint", "stick"),
+            heading="Test inputs",
+            help="Where it is added. [default: what the autopilot can fly]",
+        ),
+    ] = None
+    amplitudes: Annotated[
+        Mapping[str, float],
+        Option(
+            "--amplitude",
+            heading="Test inputs",
+            metavar="AXIS=VALUE",
+            help="Instead of the largest one within the limits, in the unit of the entry: rad of an attitude, rad/s of "
+            "a rate, else a fraction; or with a unit behind it. Repeatable.",
+            parse=partial(parse_assignments, option="--amplitude", units={}, otherwise=None),
+            repeats=True,
+        ),
+    ] = field(default_factory=dict)
+    limits: Annotated[
+        "Limits",
+        Option(
+            "--limit",
+            heading="Test inputs",
+            metavar="NAME=VALUE",
+            help="What a flight may reach: tilt (deg), rate (deg/s), position (m), height (m), motor_low, motor_high. "
+            "[default: tilt=25, rate=180, position=10, height=5, motor_low=0.05, motor_high=0.95] Repeatable.",
+            parse=parse_limits,
+            repeats=True,
+        ),
+    ] = field(default_factory=_usual_limits)
+    doublets: Annotated[
+        bool,
+        Option(
+            "--doublets", heading="Test inputs", help="Two doublets of each axis at the end, to verify the model on."
+        ),
+    ] = False
+    together: Annotated[
+        bool,
+        Option(
+            "--together",
+            heading="Test inputs",
+            help="Random binary signals on all axes at the same time, uncorrelated; always so for set-points that are "
+            "identified together.",
+        ),
+    ] = False
+    interface: "Interface | None" = None
+    bands: "Mapping[Axis, tuple[float, float]]" = field(default_factory=dict)
+    wind: "Wind" = field(default_factory=_calm)
+    seed: Seed = 0
+
+    def __post_init__(self) -> None:
+        from rotorid.data.flight_plan import Entry
+        from rotorid.data.record import AXES
+        from rotorid.models.parameter import no_such
+
+        if self.entry is not None and self.entry not in get_args(Entry):
+            raise no_such("entry of a test input", self.entry, get_args(Entry))
+        wrong = [axis for axis in self.axes if axis not in AXES] or len(set(self.axes)) < len(self.axes)
+        if wrong or not self.axes:
+            raise UsageError(
+                f"--axis {','.join(self.axes) or 'none'} came", needed=f"some of {', '.join(AXES)}, each once"
+            )
+        if not 1 <= self.repeats <= _MOST_REPEATS:
+            raise UsageError(f"--repeats {self.repeats} came", needed=f"1 to {_MOST_REPEATS}")
+        self._require_taken()
+        if not 0.0 < self.length_s <= _LONGEST_PLAN_S:
+            raise UsageError(
+                f"a duration of {self.length_s:g} s came", needed=f"above 0 and up to {_LONGEST_PLAN_S:g} s"
+            )
+        for axis, size in self.amplitudes.items():
+            if axis not in self.axes or not 0.0 < size < math.inf:
+                raise UsageError(
+                    f"the amplitude {axis}={size:g} came",
+                    needed=f"a positive one for one of the axes that are flown: {', '.join(self.axes)}",
+                )
+        self._set(axes=tuple(self.axes), amplitudes=self.amplitudes, bands=self.bands)
+
+    def band_of(self, axis: "Axis") -> tuple[float, float]:
+        """Lowest and highest frequency of an axis that is flown on its own."""
+        return self.bands.get(axis, self.band_rad_s)
+
+    def _require_taken(self) -> None:
+        """Refuse test inputs at a place that a vehicle behind its set-points does not have."""
+        if self.interface is None:
+            return
+        taken = self.interface.entries
+        missing = [axis for axis in self.axes if axis not in taken]
+        missing += [axis for axis in self.axes if axis in taken and self.entry not in (None, taken[axis])]
+        if missing:
+            where = f" at the {self.entry}" if self.entry is not None else ""
+            raise UsageError(
+                f"a test input of {missing[0]}{where} came for a vehicle that is reached by its set-points alone",
+                needed=f"{', '.join(f'{axis} at the {entry}' for axis, entry in taken.items())}",
+            )
+
+    @property
+    def length_s(self) -> float:
+        """Duration of each test input."""
+        if self.duration_s is not None:
+            return self.duration_s
+        return _UNITS_OF_STEPS.get(self.shape, _SWEEP_UNITS) * _STEP_S
+
+
+def plan_choices(
+    vehicle: "VehicleEntry", *, inputs: Sequence[str] = (), models: Sequence[str] = (), **wishes: object
+) -> PlanChoices:
+    """Choices of a plan for a vehicle, what was not asked for as the vehicle and the inputs of a model ask for it.
+
+    Parameters
+    ----------
+    vehicle
+        What flies.
+    inputs
+        Set-points whose responses will be identified.
+    models
+        What will be identified.
+    **wishes
+        Fields of :class:`PlanChoices` that were given.
+
+    Raises
+    ------
+    UsageError
+        An input is no set-point, or is excited elsewhere than was asked for.
+
+    Examples
+    --------
+    >>> from rotorid.vehicles import VEHICLES
+    >>> plan_choices(VEHICLES["bebop"], shape="random_binary").axes
+    ('roll', 'pitch', 'thrust')
+    >>> plan_choices(VEHICLES["x500"], inputs=["q_setpoint"]).entry
+    'rate_setpoint'
+    """
+    from rotorid.models.library import RESPONSE_MODELS
+    from rotorid.planning.responses import SETPOINTS
+
+    if wrong := [name for name in inputs if name not in SETPOINTS]:
+        raise UsageError(f"the input {wrong[0]} came", needed=f"set-points, of {', '.join(SETPOINTS)}")
+    answers = [SETPOINTS[name] for name in inputs]
+    given = {name: value for name, value in wishes.items() if value is not None}
+    interface = vehicle.interface
+    if interface is not None:
+        given.setdefault("band_rad_s", interface.band_rad_s)
+    elif inputs or any(name in RESPONSE_MODELS for name in models):
+        entries = list(dict.fromkeys(one.entry for one in answers)) or ["attitude_setpoint"]
+        if len(entries) > 1:
+            raise UsageError(
+                f"the inputs {', '.join(inputs)} came", needed="set-points at one place of the cascade for one plan"
+            )
+        given.setdefault("entry", entries[0])
+    usual = tuple(interface.entries) if interface is not None else ("roll",)
+    given.setdefault("axes", tuple(dict.fromkeys(one.axis for one in answers)) or usual)
+    if interface is not None or any(name in RESPONSE_MODELS for name in models):
+        given["together"] = True
+    return PlanChoices(interface=interface, **given)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignChoices(Immutable):
+    """What is to be designed.
+
+    Parameters
+    ----------
+    vehicle
+        Name in the library, or a vehicle of one's own.
+    kinds
+        Shapes, one plan each.
+    plan
+        What all plans share: axes, band, duration, limits, wind.
+    models
+        Names of models whose parameters are to be known; by default the rate model of every axis, and of a vehicle
+        behind set-points a response of second order with delay to each.
+    inputs, outputs
+        Set-points of response models and what answers them, in one order; by default those of the axes.
+    reach
+        Parameter to the largest standard deviation wanted, in percent: the shortest duration is looked for.
+    changes
+        Numbers of the vehicle that are to be otherwise.
+    prior
+        A previous result, whose values replace those of the vehicle.
+    gains
+        Parameters of an autopilot, whose gains replace those of the vehicle.
+    gains_source
+        File that they came from.
+    firmware
+        Of the autopilot that will fly, as its logs name it; empty where it is not known.
+    gyro_noise_rad_s
+        Of the gyroscopes, as a log shows it; that of the vehicle where it is ``None``.
+    hover_throttle
+        Thrust command in hover, as a log shows it; that of the vehicle where it is ``None``.
+    own
+        Where the vehicle came from results: its numbers with their sources.
+    remarks
+        What was taken from a log, and what it does not show.
+    fit
+        How the flight will be identified.
+    """
+
+    vehicle: "Vehicle"
+    kinds: "tuple[Shape, ...]"
+    plan: PlanChoices = field(default_factory=PlanChoices)
+    models: Annotated[
+        tuple[str, ...],
+        Option(
+            "--model",
+            heading="What the data will tell",
+            metavar="NAME,...",
+            help="What will be identified: rate.*, hover.*, response.* [default: the rate model of each axis; behind "
+            "set-points response.second_order_delay] Repeatable.",
+            parse=_listed,
+            repeats=True,
+        ),
+    ] = ()
+    inputs: Annotated[
+        tuple[str, ...],
+        Option(
+            "--inputs",
+            heading="What the data will tell",
+            metavar="SETPOINT,...",
+            help="Of response.*: those that are excited.",
+            parse=parse_names,
+        ),
+    ] = ()
+    outputs: Annotated[
+        tuple[str, ...],
+        Option(
+            "--outputs",
+            heading="What the data will tell",
+            metavar="CHANNEL,...",
+            help="Of response.*: one for each of --inputs.",
+            parse=parse_names,
+        ),
+    ] = ()
+    reach: Annotated[
+        Mapping[str, float],
+        Option(
+            "--reach",
+            heading="What the data will tell",
+            metavar="NAME=PERCENT",
+            help="Largest standard deviation wanted; the shortest test input that reaches it is found. Repeatable.",
+            parse=partial(parse_percents, option="--reach"),
+            repeats=True,
+        ),
+    ] = field(default_factory=dict)
+    changes: Changes = field(default_factory=dict)
+    prior: Annotated[
+        "Prior | None",
+        Option(
+            "--prior",
+            heading="What the data will tell",
+            metavar="<path>",
+            help="result.json of an earlier flight, or its folder: what is expected.",
+            parse=_read_prior,
+        ),
+    ] = None
+    gains: Mapping[str, float] = field(default_factory=dict)
+    gains_source: str = ""
+    firmware: str = ""
+    gyro_noise_rad_s: float | None = None
+    hover_throttle: float | None = None
+    own: "OwnVehicle | None" = None
+    remarks: "tuple[Finding, ...]" = ()
+    fit: "FitChoices" = field(default_factory=_usual_fit)
+
+    def __post_init__(self) -> None:
+        if not self.kinds or len(set(self.kinds)) < len(self.kinds):
+            raise UsageError(f"the kinds {', '.join(self.kinds) or '(none)'} came", needed="at least one, each once")
+        self._set(
+            kinds=tuple(self.kinds), models=tuple(self.models), reach=self.reach, changes=self.changes, gains=self.gains
+        )
+        self._set(inputs=tuple(self.inputs), outputs=tuple(self.outputs))
+
+    @property
+    def entry(self) -> "VehicleEntry":
+        """What is known of the vehicle."""
+        from rotorid.vehicles.catalog import entry_of
+
+        return entry_of(self.vehicle)
+
+    @property
+    def aircraft(self) -> "Aircraft":
+        """What will fly, with a pilot who brings it back."""
+        from rotorid.simulation.multirotor_flight import piloted
+
+        # What is sent to a vehicle behind set-points is the test input alone, and nobody leans against drift.
+        return self.craft if self.entry.interface is not None else piloted(self.craft)
+
+    @property
+    def vehicle_changed(self) -> bool:
+        """Whether what flies is none that can be named: changed, or with gains, noise or rotors of a log or a result.
+
+        One behind set-points has no gains, and no file can hold it.
+        """
+        taken = self.own, self.gyro_noise_rad_s, self.hover_throttle
+        other = bool(self.changes or self.gains_source) or any(one is not None for one in taken)
+        return other and self.entry.interface is None
+
+    @property
+    def craft(self) -> "Aircraft":
+        """What will fly: body, autopilot and sensors, with all that was changed."""
+        from rotorid.flying.user_vehicles import hovering_at
+        from rotorid.simulation.multirotor_flight import changed
+        from rotorid.vehicles.px4 import with_gains
+
+        craft = changed(self.entry.aircraft, self.changes)
+        if self.gains_source:
+            craft = with_gains(craft, self.gains, source=self.gains_source)
+        if self.gyro_noise_rad_s is not None:
+            craft = replace(craft, sensors=replace(craft.sensors, gyro_noise_rad_s=self.gyro_noise_rad_s))
+        if self.hover_throttle is not None:
+            craft = hovering_at(craft, self.hover_throttle, answers=self.own.answers if self.own is not None else ())
+        return craft
+
+    @property
+    def model_names(self) -> tuple[str, ...]:
+        """The models in force."""
+        from rotorid.models.library import RATE_AXES
+        from rotorid.settings.resolve import named_model
+
+        if self.models:
+            return self.models
+        if self.prior is not None:
+            return (self.prior.structure.name,)
+        if self.entry.interface is not None:
+            return (BEHIND_SETPOINTS,)
+        return tuple(
+            name for name in RATE_AXES if named_model(name).inputs[0].removesuffix("_command") in self.plan.axes
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateChoices(Immutable):
+    """What is to be simulated.
+
+    Parameters
+    ----------
+    vehicle
+        Name in the library, or a vehicle of one's own.
+    plan
+        Test inputs; without any, nothing is excited.
+    duration_s
+        Length of the log; that of the plan when none is given.
+    wind
+        Steady part and turbulence.
+    changes
+        Numbers of the vehicle that are to be otherwise, see :func:`rotorid.simulation.multirotor_flight.changed`.
+    vary
+        Numbers drawn anew for every run, from a normal distribution with this standard deviation in percent.
+    runs
+        Flights; of several, each has a seed of its own, which follows from ``seed`` and stands in the document.
+    format
+        Of the logs; by default the autopilot's own.
+    stick
+        Largest deflection of the sticks in an everyday flight.
+    speed_m_s
+        Over ground, forward, at the beginning and at the end of the log; straight in between.
+    seed
+        Of wind, noise and what is drawn.
+    """
+
+    vehicle: "Vehicle"
+    plan: "FlightPlan | None" = None
+    duration_s: Annotated[
+        float | None, Option("--duration", heading="Flight", help="How long to fly. [default: as long as the plan]")
+    ] = None
+    wind: "Wind" = field(default_factory=_calm)
+    changes: Changes = field(default_factory=dict)
+    vary: Annotated[
+        Mapping[str, float],
+        Option(
+            "--vary",
+            heading="Flight",
+            metavar="NAME=PERCENT",
+            help="Draw a number of --set anew for every run. Repeatable.",
+            parse=partial(parse_percents, option="--vary"),
+            repeats=True,
+        ),
+    ] = field(default_factory=dict)
+    runs: Annotated[
+        int, Option("--runs", heading="Flight", help="Flights, each with its own wind, noise and draws.")
+    ] = 1
+    format: Annotated[
+        "LogFormat | None",
+        Option(
+            "--format",
+            words=("ulg", "bin", "bbl", "csv"),
+            heading="Flight",
+            help="Of the log. [default: that of the vehicle's autopilot]",
+        ),
+    ] = None
+    stick: Annotated[
+        float, Option("--stick", heading="Flight", help="Largest deflection with --plan everyday; 1 is full stick.")
+    ] = 0.5
+    speed_m_s: Annotated[
+        tuple[float, float],
+        Option(
+            "--speed",
+            heading="Flight",
+            metavar="V|V:V",
+            help="Forward speed that is held, m/s; two: from the first to the last over the log.",
+            parse=parse_speed,
+        ),
+    ] = (0.0, 0.0)
+    seed: Seed = 0
+
+    def __post_init__(self) -> None:
+        from rotorid.data.flight_plan import LONGEST_S
+        from rotorid.io.registry import LogFormat
+
+        require_seed(self.seed)
+        if self.duration_s is not None and not 0.0 < self.duration_s <= LONGEST_S:
+            raise UsageError(f"a duration of {self.duration_s:g} s came", needed=f"above 0 and up to {LONGEST_S:g} s")
+        if not 1 <= self.runs <= _MOST_RUNS:
+            raise UsageError(f"{self.runs} runs came", needed=f"1 to {_MOST_RUNS}")
+        if self.format is not None and self.format not in get_args(LogFormat):
+            raise UsageError(
+                f"the format {self.format!r} of a log came", needed=f"one of {', '.join(get_args(LogFormat))}"
+            )
+        if not all(abs(speed) <= _FASTEST_M_S for speed in self.speed_m_s):
+            raise UsageError(
+                f"a speed of {max(self.speed_m_s, key=abs):g} m/s came", needed=f"up to {_FASTEST_M_S:g} m/s"
+            )
+        if not 0.0 < self.stick <= 1.0:
+            raise UsageError(f"--stick {self.stick:g} came", needed="above 0 and up to 1, which is full stick")
+        if wrong := [name for name, percent in self.vary.items() if not 0.0 < percent < 100.0]:
+            raise UsageError(f"{wrong[0]} should vary by {self.vary[wrong[0]]:g} %", needed="above 0 and below 100 %")
+        self._set(changes=self.changes, vary=self.vary)
+        if self.entry.make is not None and self.log_format == "bbl":
+            self._require_betaflight()
+
+    def _require_betaflight(self) -> None:
+        """Refuse a blackbox log of what Betaflight does not fly so: the log names no rotors, they are told by order."""
+        from rotorid.models.rotors import library_layout
+
+        craft = self.entry.aircraft
+        turned = craft.autopilot.parameters.get("yaw_motors_reversed") == 1.0
+        wanted = library_layout("quad.x.betaflight.reversed" if turned else "quad.x.betaflight")
+        rotors = craft.vehicle.rotors.layout
+        alike = rotors.rotors == wanted.rotors and bool(
+            (rotors.positions[:, :2] * wanted.positions[:, :2] > 0.0).all() and (rotors.spins == wanted.spins).all()
+        )
+        if craft.autopilot.kind != "betaflight" or not alike:
+            raise UsageError(
+                f"the format bbl came for {self.entry.name}, which flies under {craft.autopilot.kind} with "
+                f"{rotors.rotors} rotors{'' if alike else ' in another order'}",
+                needed="Betaflight's controllers and four rotors in its order: rear right, front right, rear left, "
+                "front left",
+                remedy="--format csv, or the autopilot's own",
+            )
+
+    @property
+    def entry(self) -> "VehicleEntry":
+        """What is known of the vehicle."""
+        from rotorid.vehicles.catalog import entry_of
+
+        return entry_of(self.vehicle)
+
+    @property
+    def aircraft(self) -> "Aircraft":
+        """What flies, before anything is drawn."""
+        from rotorid.simulation.multirotor_flight import changed, piloted
+
+        craft = changed(self.entry.aircraft, self.changes)
+        sent = self.plan is not None and any(one.entry == "attitude_setpoint" for one in self.plan.inputs)
+        return craft if self.entry.interface is not None and sent else piloted(craft)
+
+    @property
+    def log_format(self) -> "LogFormat":
+        """The format in force."""
+        from rotorid.io.registry import format_of
+
+        return self.format or format_of(self.aircraft.autopilot.kind)
+
+    @property
+    def file_names(self) -> tuple[str, ...]:
+        """Names of the logs."""
+        ending = {"ulg": "ulg", "bin": "BIN", "bbl": "bbl", "csv": "csv"}[self.log_format]
+        if self.runs == 1:
+            return (f"flight.{ending}",)
+        digits = len(str(self.runs))
+        return tuple(f"flight_{number:0{digits}d}.{ending}" for number in range(1, self.runs + 1))

@@ -1,0 +1,295 @@
+"""A vehicle of one's own that flies: what results say of it, with autopilot and sensors of a vehicle of the library.
+
+What the results do not hold is taken from that vehicle, and said. Gains are those of the log where its autopilot is of
+the same kind. Thrust at hover, the shape of the mixer and the place of each rotor follow from the results.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.record import AXES
+from rotorid.errors import UsageError
+from rotorid.flights.controllers import controllers_of_result
+from rotorid.flying.vehicle_from_results import MOTION, UNITS, JoinedVehicle, VehicleNumber, joined_vehicle, require
+from rotorid.models.rotors import RotorLayout, named_by
+from rotorid.results.model import IdentifiedModel
+from rotorid.signal.motors import Linearization
+from rotorid.simulation.autopilot import Autopilot
+from rotorid.simulation.linearization import hover_derivatives_of
+from rotorid.simulation.multirotor import Multirotor
+from rotorid.simulation.multirotor_flight import Aircraft, changed
+from rotorid.typing import Axis
+from rotorid.units import STANDARD_GRAVITY_M_S2
+from rotorid.vehicles.px4 import rotor_parameters, with_gains
+
+_GAINS: Mapping[str, str] = {"px4": "MC_ROLLRATE_P", "ardupilot": "ATC_RAT_RLL_P"}
+_HOVER: Mapping[str, str] = {"px4": "MPC_THR_HOVER", "ardupilot": "MOT_THST_HOVER"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OwnVehicle(Immutable):
+    """A vehicle that was joined from results, and what flies.
+
+    Parameters
+    ----------
+    joined
+        Its numbers with their sources.
+    aircraft
+        Body, autopilot, sensors.
+    like
+        Name of the vehicle that gave the rest.
+    taken
+        What was taken from it, in words.
+    answers
+        Axes whose answer to a command is that of the results.
+    """
+
+    joined: JoinedVehicle
+    aircraft: Aircraft
+    like: str
+    taken: tuple[str, ...]
+    answers: tuple[Axis, ...] = ()
+
+    @property
+    def has_motors(self) -> bool:
+        """Whether thrust and hover are those of the results, and not of the other vehicle."""
+        return any(model.motors is not None for model in self.joined.models)
+
+
+def numbers_of(craft: Aircraft) -> dict[str, VehicleNumber]:
+    """The numbers of a vehicle by the names of :data:`rotorid.flying.vehicle_from_results.UNITS`.
+
+    Parameters
+    ----------
+    craft
+        What flies.
+
+    Examples
+    --------
+    >>> from rotorid.vehicles import aircraft
+    >>> numbers = numbers_of(aircraft("px4_quad"))
+    >>> numbers["X_u"].value, numbers["kappa"].value, numbers["m"].of
+    (-1.0, 0.02, 'px4_quad')
+    """
+    vehicle, rotors = craft.vehicle, craft.vehicle.rotors
+    air, moments = vehicle.aerodynamics, vehicle.inertia_kg_m2.diagonal()
+    assert air is not None
+    size = [vehicle.mass_kg] * 3 + moments.tolist()
+    lag_down_s = rotors.lag_down_s or 0.0
+    values = {"m": vehicle.mass_kg, **dict(zip(("I_xx", "I_yy", "I_zz"), moments.tolist(), strict=True))}
+    values |= dict(zip(("c_0", "c_1", "c_2"), rotors.thrust, strict=True))
+    values |= {"T_motor": 0.5 * (rotors.lag_up_s + lag_down_s), "arm": rotors.layout.arm}
+    values |= {name: float(air[place]) / size[place[0]] for name, place in MOTION.items()}
+    share = rotors.share_of(vehicle.mass_kg * STANDARD_GRAVITY_M_S2 / rotors.layout.rotors)
+    torque = float(np.polynomial.polynomial.polyval(share, rotors.torque_curve))
+    if torque > 0.0:
+        values["kappa"] = torque / rotors.thrust_at(share)
+    if rotors.inertia_kg_m2:
+        values["h"] = rotors.inertia_kg_m2 * rotors.full_speed_rad_s
+    values["delay"] = float(np.mean(craft.autopilot.delay_s))
+    return {
+        name: VehicleNumber(value=float(value), unit=UNITS[name], source="default", of=craft.name)
+        for name, value in values.items()
+    }
+
+
+def own_vehicle(
+    models: Sequence[IdentifiedModel],
+    *,
+    like: Aircraft | None,
+    given: Mapping[str, float] | None = None,
+    name: str = "vehicle",
+) -> OwnVehicle:
+    """A vehicle that flies, from results.
+
+    Parameters
+    ----------
+    models
+        Results of one vehicle.
+    like
+        A vehicle whose autopilot and sensors it has, and whose numbers fill in what the results do not hold.
+    given
+        Numbers that were measured otherwise; see :func:`rotorid.flying.vehicle_from_results.joined_vehicle`.
+    name
+        What the vehicle is called.
+
+    Raises
+    ------
+    UsageError
+        No vehicle was named for what results never hold, the autopilot; or results contradict each other.
+    """
+    if like is None:
+        held = joined_vehicle(models, given=given, name=name)
+        absent = [key for key in ("m", "arm", "kappa", *MOTION) if key not in held.numbers]
+        others = f", nor {', '.join(absent)}" if absent else ""
+        raise UsageError(
+            f"results do not say which autopilot and sensors {name} has{others}",
+            needed="a vehicle of the library that is similar, from which these are taken",
+            remedy="--like px4_quad, or another of rotorid vehicles",
+        )
+    usual = numbers_of(like)
+    flown = [model.motors for model in models if model.motors is not None]
+    of_speeds = any(one.outputs == "speed" for one in flown)
+    delayed = flown or any(_identified(model, name) for model in models for name in _DELAYS)
+    if delayed and not of_speeds and not any(_identified(model, "T_motor") for model in models):
+        # The delay that was identified stands for the lag too.
+        del usual["T_motor"]
+    layout = None if flown else like.vehicle.rotors.layout
+    joined = joined_vehicle(models, given=given, name=name, usual=usual, layout=layout)
+    answering = _answering(joined, like)
+    if answering:
+        joined = joined_vehicle(models, given=given, name=name, usual={**usual, **answering}, layout=layout)
+    body = require(joined, target="simulation")
+    autopilot, taken = _autopilot(joined, body, like)
+    words = [
+        f"{key} = {one.value:.4g} {one.unit}"
+        for key, one in joined.numbers.items()
+        if one.source == "default" and (one.value != 0.0 or key == "T_motor")
+    ]
+    return OwnVehicle(
+        joined=joined,
+        aircraft=Aircraft(vehicle=body, autopilot=autopilot, sensors=like.sensors),
+        like=like.name,
+        taken=(*words, *taken, "noise of the sensors"),
+        answers=tuple(axis for axis, (moment, _) in _ANSWERS.items() if joined.numbers[moment].source != "default"),
+    )
+
+
+def _identified(model: IdentifiedModel, name: str) -> bool:
+    """Whether a model has a parameter: of a dropped one nothing but zero is left."""
+    return name in model.parameters and model.parameters[name].value != 0.0
+
+
+_DELAYS = ("tau_roll", "tau_pitch", "tau_yaw", "tau_thrust", "tau")
+_ANSWERS: Mapping[Axis, tuple[str, str]] = {
+    "roll": ("I_xx", "L_roll"),
+    "pitch": ("I_yy", "M_pitch"),
+    "yaw": ("I_zz", "N_yaw"),
+}
+"""Axis to its moment of inertia, and to how a command accelerates it."""
+
+
+def _answering(joined: JoinedVehicle, like: Aircraft) -> dict[str, VehicleNumber]:
+    """Moments of inertia with which a vehicle answers as its rate models say, where no result knows them.
+
+    The moment of a command is that of the other vehicle's rotors, so that with it :math:`I = M / L` gives the
+    acceleration L that was identified; as an inertia it is as wrong as that moment.
+    """
+    body = require(joined, target="simulation")
+    usual = hover_derivatives_of(body, _autopilot(joined, body, like)[0])
+    found: dict[str, VehicleNumber] = {}
+    for moment, control in _ANSWERS.values():
+        own = next((one for one in joined.models if one.name.startswith("rate.") and control in one.parameters), None)
+        number = joined.numbers[moment]
+        if own is None or number.source != "default" or not own.parameters[control].value > 0.0:
+            continue
+        value = number.value * usual[control] / own.parameters[control].value
+        if value > 0.0:
+            words = f"{control} of {own.name}, with the rotors of {like.name}"
+            found[moment] = VehicleNumber(value=value, unit=UNITS[moment], source="derived", of=words)
+    return found
+
+
+def _autopilot(joined: JoinedVehicle, body: Multirotor, like: Aircraft) -> tuple[Autopilot, list[str]]:
+    """The autopilot of a vehicle of the library as it flies this one, and what of it is not this one's."""
+    own, taken = like.autopilot, [f"the autopilot, {like.autopilot.kind} at {like.autopilot.rate_hz:g} Hz"]
+    flew = joined.controller
+    gains = controllers_of_result(flew).parameters if flew is not None else {}
+    if _GAINS.get(own.kind, "") in gains:
+        own = with_gains(like, gains, source="the log").autopilot
+    else:
+        taken.append("gains and filters")
+    late_s = joined.numbers.get("delay")
+    if late_s is not None and late_s.source != "default":
+        own = replace(own, delay_s=(max(late_s.value, 0.0),) * 4)
+    known = [one.motors for one in joined.models if one.motors is not None]
+    if any(one.outputs == "thrust_demand" and one.straightening is not None for one in known):
+        taken.append("no curve from demand to output: the logs knew demands of thrust, and outputs here are these")
+    same_rotors = like.vehicle.rotors.layout.rotors == body.rotors.layout.rotors
+    if own.kind != "simple" or not same_rotors:
+        own = replace(own, mixer=None)
+    line = _linearization(joined, own)
+    own = replace(own, linearization=line, parameters={**own.parameters, **_logged(own, body.rotors.layout, line)})
+    return _hovering(own, body, like), taken
+
+
+def _linearization(joined: JoinedVehicle, own: Autopilot) -> Linearization:
+    """What turns demands into outputs: of a thrust by demand nothing does, for its curve is in the thrust."""
+    motors = next((model.motors for model in joined.models if model.motors is not None), None)
+    if motors is None:
+        return own.linearization
+    if motors.outputs != "output":
+        return Linearization()
+    known = motors.straightening
+    if known is None:
+        return own.linearization if own.kind == "ardupilot" else Linearization()
+    return Linearization(expo=known.expo, low=known.low, high=known.high)
+
+
+def _logged(own: Autopilot, layout: RotorLayout, line: Linearization) -> dict[str, float]:
+    """Parameters by which the log says how the rotors stand and how thrust is straightened."""
+    if own.kind == "px4":
+        return {**rotor_parameters(layout), "THR_MDL_FAC": line.expo}
+    if own.kind != "ardupilot":
+        return {}
+    frame = {"MOT_THST_EXPO": line.expo, "MOT_SPIN_MIN": line.low, "MOT_SPIN_MAX": line.high}
+    named = [
+        (kind, form)
+        for kind in range(1, 15)
+        for form in range(20)
+        if named_by("ardupilot", [kind, form]) == layout.name
+    ]
+    return frame | ({"FRAME_CLASS": float(named[0][0]), "FRAME_TYPE": float(named[0][1])} if named else {})
+
+
+_TURNS, _CLOSE = 20, 1e-6
+
+
+def hovering_at(craft: Aircraft, throttle: float, *, answers: Sequence[Axis] = ()) -> Aircraft:
+    """A vehicle whose rotors are as strong as one that hovers at a throttle.
+
+    Parameters
+    ----------
+    craft
+        What flies.
+    throttle
+        Thrust command in hover, from zero to one.
+    answers
+        Axes whose answer to a command is known and stays; others answer as much more as the rotors are stronger.
+
+    Examples
+    --------
+    >>> from rotorid.vehicles import aircraft
+    >>> craft = hovering_at(aircraft("px4_quad"), 0.3)
+    >>> round(float(craft.autopilot.hover_commands(craft.vehicle)[-1]), 4)
+    0.3
+    """
+    thrust, factor, found = AXES.index("thrust"), 1.0, craft
+    for _ in range(_TURNS):
+        hovers = float(found.autopilot.hover_commands(found.vehicle)[thrust])
+        if abs(hovers / throttle - 1.0) < _CLOSE:
+            break
+        factor *= hovers / throttle
+        found = changed(craft, {"thrust": factor})
+    inertia = dict(zip(("I_xx", "I_yy", "I_zz"), craft.vehicle.inertia_kg_m2.diagonal().tolist(), strict=True))
+    kept = {_ANSWERS[axis][0]: factor * inertia[_ANSWERS[axis][0]] for axis in answers}
+    found = changed(found, kept)
+    return replace(found, autopilot=_hovering(found.autopilot, found.vehicle, craft))
+
+
+def _hovering(own: Autopilot, body: Multirotor, like: Aircraft) -> Autopilot:
+    """Loops of height about the thrust at which this vehicle hovers."""
+    thrust = AXES.index("thrust")
+    hover, before = (
+        float(one.hover_commands(vehicle)[thrust]) for one, vehicle in ((own, body), (like.autopilot, like.vehicle))
+    )
+    guidance = own.guidance
+    guidance = replace(guidance, climb_p=guidance.climb_p * hover / before, climb_i=guidance.climb_i * hover / before)
+    name = _HOVER.get(own.kind)
+    logged = {name: hover} if name is not None and name in own.parameters else {}
+    return replace(own, guidance=guidance, parameters={**own.parameters, **logged})

@@ -1,0 +1,11 @@
+from rotorid.identifying.comparison import Comparison as Comparison
+from rotorid.identifying.comparison import compare as compare
+from rotorid.identifying.cross_validation import cross_validate as cross_validate
+from rotorid.identifying.delays import Delays as Delays
+from rotorid.identifying.delays import delay as delay
+from rotorid.identifying.identification import identify as identify
+from rotorid.identifying.identification import identify_motors as identify_motors
+from rotorid.identifying.identify_many import identify_several as identify_several
+from rotorid.identifying.tracking import track as track
+from rotorid.identifying.verification import Verified as Verified
+from rotorid.identifying.verification import verify as verify

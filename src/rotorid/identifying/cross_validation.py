@@ -1,0 +1,461 @@
+"""Cross-validation: identify on some logs, score on the others, each in its turn, with the method of the run.
+
+Every fold goes through the whole identification anew (:func:`cross_validate`). Scores are those of a model with all
+parameters held (:func:`score_flights`), by the same data and the same rules for any method, so that they serve
+:mod:`rotorid.identifying.comparison` too. :func:`cross_validated` adds the scores to an identified model.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, count
+from pathlib import Path
+from typing import get_args
+
+from rotorid.checking.unseen import nothing_left
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, warn, worst_first
+from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fits.time.fit import unknowns_of
+from rotorid.fits.time.remarks import nothing_unseen
+from rotorid.fitting.time.output_error import TimeData
+from rotorid.flights.flights import Flight
+from rotorid.flights.instruments import is_command
+from rotorid.flights.segments import require_channels, time_records
+from rotorid.flights.selection import each_once, require_inside, require_reached, select_records
+from rotorid.identifying.identification import identify, logged_by_all
+from rotorid.models.structure import LinearStructure
+from rotorid.results.model import IdentifiedModel
+from rotorid.results.summary import BestFold, CrossValidationSummary, FoldParameter, FoldSummary, SignalScore, finite
+from rotorid.settings.resolve import resolve_model
+from rotorid.settings.settings import IdentifySettings
+from rotorid.verification import fixed_parameters as engine
+from rotorid.verification.fixed_parameters import (
+    CrossValidation,
+    FixedParameterScores,
+    Fold,
+    Kind,
+    fit_percent,
+    score_frozen,
+)
+from rotorid.verification.sampled import band_pass
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+def score_flights(
+    structure: LinearStructure,
+    flights: Sequence[Flight],
+    settings: IdentifySettings,
+    *,
+    horizon_s: float | None = None,
+    band_rad_s: tuple[float, float] | None = None,
+) -> tuple[FixedParameterScores, ...]:
+    """Scores of a model on each maneuver, with its outputs that the logs hold.
+
+    Without a band nothing is filtered, and noise counts as error for every model alike. With a band inputs and outputs
+    pass the same zero-phase filter first, as in a verification: a model of frequency responses is judged where it was
+    identified, and what it leaves out below its band, such as speed modes, is no fault of it.
+
+    With a band and a finite horizon a filter without phase goes before the prediction: at every sample it has mixed in
+    what comes after, over about one period of the edges of the band. Such a prediction is no longer made of the past
+    alone. Its scores compare models, and are higher than those of a prediction in flight.
+
+    Parameters
+    ----------
+    structure
+        The model; its parameters have their values.
+    flights
+        Maneuvers.
+    settings
+        Whose hold and shifts count.
+    horizon_s
+        How far ahead to predict, infinite for a simulation; by default what the poles of the model ask for.
+    band_rad_s
+        What to look at; everything by default.
+
+    Raises
+    ------
+    InsufficientDataError
+        A log lacks an input or all outputs, is too short, or moves no input.
+    """
+    there = held_outputs(structure, flights)
+    kept = structure if there == structure.outputs else structure.select(outputs=there)
+    records = time_records(kept, flights, settings, every_input=False)
+    # A record in which nothing moves says nothing of the model, and would be scored on its noise.
+    moved = [one for one in zip(records.segments, records.data, strict=True) if one[1].inputs.any()]
+    scores = (
+        score_frozen(
+            kept,
+            kept.parameters.values,
+            data if band_rad_s is None else _within(band_rad_s, data),
+            horizon_s=horizon_s,
+            # A filtered command no longer stands still between its samples.
+            hold=records.hold if band_rad_s is None else "first",
+            unknowns=unknowns_of(kept),
+        )
+        for _, data in moved
+    )
+    return tuple(
+        replace(one, record=segment.record, time_s=one.time_s + segment.history.start_s)
+        for one, (segment, _) in zip(scores, moved, strict=True)
+    )
+
+
+def _within(band_rad_s: tuple[float, float], data: TimeData) -> TimeData:
+    """A record within a band: the model is linear, so filtered inputs drive it to filtered outputs."""
+    filtered = band_pass(band_rad_s, data.sample_rate_hz, data.duration_s)
+    inputs = filtered(data.inputs)
+    return replace(data, inputs=inputs, outputs=filtered(data.outputs), before=inputs[:, 0])
+
+
+def fitted_band(models: Sequence[IdentifiedModel]) -> tuple[float, float] | None:
+    """The band that all models of frequency responses were fitted in; ``None`` without such, or without a common one.
+
+    Examples
+    --------
+    >>> fitted_band(()) is None
+    True
+    """
+    bands = [model.band_rad_s for model in models if model.fit.method == "frequency"]
+    low = max((band[0] for band in bands if band), default=0.0)
+    high = min((band[1] for band in bands if band), default=0.0)
+    return (low, high) if 0.0 < low < high else None
+
+
+def held_outputs(structure: LinearStructure, flights: Sequence[Flight]) -> tuple[str, ...]:
+    """Outputs of a model that all logs hold.
+
+    Raises
+    ------
+    InsufficientDataError
+        An input is missing, or there is no output.
+    """
+    for record, _ in flights:
+        require_channels(record, structure.inputs)
+    there = tuple(name for name in structure.outputs if _holds(name, flights))
+    if not there:
+        for record, _ in flights:
+            require_channels(record, structure.outputs)
+    return there
+
+
+def _holds(name: str, flights: Sequence[Flight]) -> bool:
+    try:
+        for record, _ in flights:
+            require_channels(record, [name])
+    except InsufficientDataError:
+        return False
+    return True
+
+
+def common_horizon_s(scores: Sequence[FixedParameterScores]) -> float | None:
+    """The horizon over which all can be judged, where they were judged over different ones; ``None`` where they agree.
+
+    Examples
+    --------
+    >>> common_horizon_s(()) is None
+    True
+    """
+    horizons_s = {one.horizon_s for one in scores}
+    return min(horizons_s, default=math.inf) if len(horizons_s) > 1 else None
+
+
+Identify = Callable[[Sequence[FlightRecord], IdentifySettings], IdentifiedModel]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CrossValidated(Immutable):
+    """A finished cross-validation.
+
+    Parameters
+    ----------
+    summary
+        Its scores in numbers.
+    found
+        Scores with measured and predicted outputs, and the identification behind each fold.
+    findings
+        Remarks: records that could not be used.
+    """
+
+    summary: CrossValidationSummary
+    found: CrossValidation[IdentifiedModel]
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Group:
+    """What is kept together: the maneuvers of one log, or one maneuver where there is one log."""
+
+    name: str
+    flights: tuple[Flight, ...]
+
+
+def cross_validate(
+    records: Sequence[FlightRecord],
+    model: str | Path | LinearStructure,
+    *,
+    identify: Identify,
+    kind: Kind,
+    settings: IdentifySettings,
+) -> CrossValidated:
+    """Identify a model on some logs and score it on the others, each in its turn, with any method.
+
+    Several logs are kept whole, because maneuvers of one flight share its battery, wind and trim; of a single log each
+    maneuver stands for itself, which is the weaker test. Every fold goes through the whole identification anew, the
+    choice of band, start and reduction included, so nothing of what is scored has been seen. Models of frequency
+    responses are scored within the band that all folds were fitted in.
+
+    Parameters
+    ----------
+    records
+        Logs as :func:`rotorid.read` gives them.
+    model
+        As for :func:`rotorid.identify`; a model that takes its channels from the logs must be resolved before.
+    identify
+        Identifies the model on records with settings.
+    kind
+        On ``each`` one alone, or on all but one.
+    settings
+        Choices of the run.
+
+    Raises
+    ------
+    InsufficientDataError
+        No fold has a model that could be scored.
+    UsageError
+        There is one record only, or the same one twice, or maneuvers of one log overlap.
+    """
+    each_once(records)
+    structure = resolve_model(model)
+    groups, findings = _groups(structure, records, settings)
+    every_axis = {maneuver.axis for group in groups for _, maneuver in group.flights}
+    commands = all(is_command(name) for name in structure.inputs)
+
+    def fit(training: tuple[_Group, ...]) -> IdentifiedModel:
+        flights = [item for group in training for item in group.flights]
+        missing = sorted(every_axis - {maneuver.axis for _, maneuver in flights})
+        if missing and commands:
+            names = ", ".join(group.name for group in training)
+            raise InsufficientDataError(f"{names} does not excite {' and '.join(missing)}")
+        kept = [record for record in records if any(record is one for one, _ in flights)]
+        chosen = replace(settings, segments=tuple(m for _, m in flights)) if len(records) == 1 else settings
+        return identify(kept, chosen)
+
+    def score(model: IdentifiedModel, group: _Group) -> tuple[FixedParameterScores, ...]:
+        return score_flights(model.structure, group.flights, settings)
+
+    folds = count()
+
+    def say(text: str) -> None:
+        _PROGRESS.info(text, extra={"done": next(folds), "total": len(groups)})
+
+    found = engine.cross_validate(
+        groups, names=[group.name for group in groups], kind=kind, fit=fit, score=score, progress=say
+    )
+    horizon_s = common_horizon_s([one for fold in found.folds for scores in fold.scores for one in scores])
+    band_rad_s = fitted_band([fold.model for fold in found.folds if fold.model])
+    if horizon_s is not None or band_rad_s is not None:
+        # Known only when all models are: what they have in common.
+        def alike(model: IdentifiedModel, group: _Group) -> tuple[FixedParameterScores, ...]:
+            return score_flights(model.structure, group.flights, settings, horizon_s=horizon_s, band_rad_s=band_rad_s)
+
+        found = engine.rescored(found, groups, alike)
+    return CrossValidated(
+        summary=summary_of(found, tuple(_parameters(fold.model) for fold in found.folds), band_rad_s),
+        found=found,
+        findings=(*findings, *_empty_folds(found)),
+    )
+
+
+def signal_scores(group: tuple[FixedParameterScores, ...]) -> dict[str, SignalScore]:
+    """Scores of a group of records by output, as means over its records."""
+    names = dict.fromkeys(name for one in group for name in one.scores)
+    return {name: _mean_score(group, name) for name in names}
+
+
+def _mean_score(group: tuple[FixedParameterScores, ...], name: str) -> SignalScore:
+    every = [one.scores[name] for one in group if name in one.scores]
+    return SignalScore(
+        nrmse_fit_percent=finite(fit_percent(group, name)),
+        tic=sum(score.tic for score in every) / len(every),
+        rms=sum(score.rms for score in every) / len(every),
+    )
+
+
+def summary_of(
+    found: CrossValidation[IdentifiedModel],
+    parameters: tuple[dict[str, FoldParameter], ...],
+    band_rad_s: tuple[float, float] | None = None,
+) -> CrossValidationSummary:
+    """A cross-validation in numbers.
+
+    Parameters
+    ----------
+    found
+        What was found.
+    parameters
+        Those of the model of each fold.
+    band_rad_s
+        What was looked at.
+    """
+    means, spreads = found.fold_means, found.fold_spreads
+    best = found.best
+    horizons_s = found.horizons_s
+    return CrossValidationSummary(
+        kind=found.kind,
+        records=tuple(found.records),
+        outputs=tuple(found.outputs),
+        horizon_s=finite(horizons_s[0]) if horizons_s else None,
+        band_rad_s=band_rad_s,
+        folds=tuple(
+            FoldSummary(
+                identified=tuple(fold.identified),
+                unseen=tuple(name for name in found.records if name not in fold.identified),
+                scores={
+                    name: signal_scores(group) for name, group in zip(found.records, fold.scores, strict=True) if group
+                },
+                mean_percent=finite(means[row]),
+                spread_percent=finite(spreads[row]),
+                parameters=parameters[row],
+                cause=fold.cause,
+            )
+            for row, fold in enumerate(found.folds)
+        ),
+        mean_percent=finite(found.mean),
+        spread_percent=finite(found.spread),
+        best=None
+        if best is None
+        else BestFold(
+            record=found.records[best], mean_percent=float(means[best]), spread_percent=finite(spreads[best])
+        ),
+    )
+
+
+def _groups(
+    structure: LinearStructure, records: Sequence[FlightRecord], settings: IdentifySettings
+) -> tuple[list[_Group], list[Finding]]:
+    if len(records) == 1:
+        fitted = select_records(structure, records, settings).selection.fitted
+        if len(fitted) < 2:
+            raise UsageError(
+                f"{records[0].source.name} holds one maneuver to cross-validate on",
+                needed="at least two maneuvers or two logs",
+                remedy="give more logs, or parts of this one with --segment",
+            )
+        _require_apart([m for _, m in fitted])
+        return [_Group(name=f"{m.axis} {m.kind} at {m.start_s:.1f} s", flights=(Flight(r, m),)) for r, m in fitted], []
+    groups, findings = [], []
+    require_inside(records, settings.segments)
+    for name, record in zip(_names(records), records, strict=True):
+        try:
+            require_reached(record, settings.segments)
+            groups.append(_Group(name=name, flights=select_records(structure, [record], settings).selection.fitted))
+        except InsufficientDataError as error:
+            findings.append(_left_out(name, f"{name} takes no part in the cross-validation: {error.came}"))
+    return groups, findings
+
+
+def _require_apart(maneuvers: Sequence[Maneuver]) -> None:
+    """What two maneuvers share would be fitted in one fold and count as unseen in it."""
+    ordered = sorted(maneuvers, key=lambda m: m.start_s)
+    for one, other in combinations(ordered, 2):
+        if other.start_s < one.stop_s:
+            spans = [f"{m.axis}:{m.start_s:g}:{m.stop_s:g}" for m in (one, other)]
+            raise UsageError(
+                f"{spans[0]} and {spans[1]} overlap",
+                needed="maneuvers apart from each other, of which each can be unseen by the others",
+                remedy="name parts that do not overlap with --segment",
+            )
+
+
+def _names(records: Sequence[FlightRecord]) -> list[str]:
+    """A name for each record; those of one file name are told apart by a number."""
+    names: list[str] = []
+    for record in records:
+        name, count = record.source.name, 1
+        while name in names:
+            count += 1
+            name = f"{record.source.name} ({count})"
+        names.append(name)
+    return names
+
+
+def _parameters(model: IdentifiedModel | None) -> dict[str, FoldParameter]:
+    parameters = model.parameters if model else {}
+    return {name: FoldParameter(value=one.value, std=one.std) for name, one in parameters.items()}
+
+
+def _empty_folds(found: CrossValidation[IdentifiedModel]) -> list[Finding]:
+    return [
+        _left_out(name, f"The fold of {name} in the cross-validation {_lacks(fold)}: {fold.cause}")
+        for name, fold in zip(found.records, found.folds, strict=True)
+        if fold.cause
+    ]
+
+
+def _lacks(fold: Fold[IdentifiedModel]) -> str:
+    return "is empty" if fold.model is None else "lacks scores"
+
+
+def _left_out(name: str, message: str) -> Finding:
+    return warn("not_verified", name, f"{message.rstrip('.')}.")
+
+
+def parse_kind(text: str | None) -> Kind | None:
+    """Read ``each`` or ``leave_one_out``; ``None`` for no cross-validation.
+
+    Examples
+    --------
+    >>> parse_kind("each")
+    'each'
+    """
+    if text is None or text in get_args(Kind):
+        return text  # type: ignore[return-value]
+    raise UsageError(f"the cross-validation {text!r} came", needed=f"one of {', '.join(get_args(Kind))}")
+
+
+def cross_validated(
+    identified: IdentifiedModel,
+    records: Sequence[FlightRecord],
+    model: str | Path | LinearStructure,
+    *,
+    kind: Kind,
+    settings: IdentifySettings,
+) -> IdentifiedModel:
+    """The identified model with its cross-validation.
+
+    Parameters
+    ----------
+    identified
+        The model of all records.
+    records, model, settings
+        What it came from.
+    kind
+        Which records each model is identified on.
+
+    Raises
+    ------
+    InsufficientDataError
+        No fold has a model that could be scored.
+    UsageError
+        There is one record only.
+    """
+    structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
+    crossed = cross_validate(
+        records,
+        structure,
+        identify=lambda some, choices: identify(some, structure, settings=choices),
+        kind=kind,
+        settings=settings,
+    )
+    # A model that was judged on unseen records is verified; why another log failed to verify it stays of interest.
+    names = [record.record for record in identified.data.segments]
+    answered = (nothing_unseen(names), nothing_left())
+    kept = [finding for finding in identified.findings if finding not in answered]
+    own = [finding for finding in worst_first(crossed.findings) if finding not in identified.findings]
+    return replace(identified, cross_validation=crossed.summary, findings=(*kept, *own))

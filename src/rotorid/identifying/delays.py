@@ -1,0 +1,370 @@
+"""Logs in, delays out: how late each output answers its input, as a fraction of a sample."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.display import html_table, lines_of
+from rotorid.data.findings import Finding, refusal, warn, worst_first
+from rotorid.data.record import STANDARD_UNITS, FlightRecord
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fitting.delay.estimate import DelayAnalysis, DelayEstimate, estimate_delay, same_rate
+from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
+from rotorid.flights.flights import Flight, never_flew
+from rotorid.flights.instruments import axes_of, find_instrument, is_command, is_free
+from rotorid.flights.measure import measure
+from rotorid.flights.segments import cut, histories, other_sources
+from rotorid.flights.selection import chosen_maneuvers, default_pairs, each_once
+from rotorid.results.model import Records, Segment
+from rotorid.results.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
+from rotorid.settings.settings import MeasureSettings, as_records, as_settings
+from rotorid.signal.clock import missing_channel
+from rotorid.signal.excitations import excitation_signals
+from rotorid.typing import BoolArray
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PairDelay(Immutable):
+    """The delay from one input to one output.
+
+    Parameters
+    ----------
+    analysis
+        Estimates by all methods.
+    feedback
+        Whether the input contains feedback of the output.
+    instrument
+        The channel that removes the bias of feedback; ``None`` where there is no feedback, or no such channel.
+    flights
+        Records and maneuvers that were used.
+    findings
+        Remarks on this pair.
+    """
+
+    analysis: DelayAnalysis
+    feedback: bool
+    instrument: str | None
+    flights: tuple[Flight, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def recommended(self) -> DelayEstimate:
+        """The estimate to use."""
+        return self.analysis.recommended
+
+    @property
+    def others(self) -> tuple[DelayEstimate, ...]:
+        """Estimates by other methods, for comparison."""
+        return self.analysis.others
+
+    @property
+    def whole_band(self) -> DelayEstimate | None:
+        """What a fit of all of the band says where the outputs had been filtered without phase."""
+        return self.analysis.as_filtered
+
+    @property
+    def sample_s(self) -> float:
+        """Longest sample interval of the records."""
+        return self.analysis.sample_s
+
+    @property
+    def hold(self) -> str:
+        """Whether the input is ``held`` between its samples or ``smooth``; ``mixed`` where records differ."""
+        return self.analysis.hold
+
+    @property
+    def maneuvers(self) -> tuple[LoggedManeuver, ...]:
+        """The maneuvers that were used."""
+        return tuple(logged(record, maneuver) for record, maneuver in self.flights)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Delays(Immutable):
+    """A finished run of :func:`delay`.
+
+    Parameters
+    ----------
+    pairs
+        Delays by pair ``output/input``.
+    findings
+        Remarks, the grave ones first; an error for each pair that was refused because the data contradict a delay.
+    provenance
+        Where all of it came from.
+    """
+
+    pairs: Mapping[str, PairDelay]
+    findings: tuple[Finding, ...]
+    provenance: Provenance
+
+    def __post_init__(self) -> None:
+        self._set(pairs=self.pairs)
+
+    def __repr__(self) -> str:
+        return lines_of(self._heading, self._rows())
+
+    def _repr_html_(self) -> str:
+        return html_table(self._heading, ("what", "which", "says"), self._rows())
+
+    @property
+    def _heading(self) -> str:
+        return f"delays of {len(self.pairs)} pair{'' if len(self.pairs) == 1 else 's'} of channels"
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        rows = []
+        for name, pair in self.pairs.items():
+            estimate = pair.recommended
+            std = "" if estimate.std_s is None else f" ± {1e3 * estimate.std_s:.1f}"
+            rows.append((name, f"{1e3 * estimate.delay_s:.1f}{std} ms", estimate.meaning))
+        return rows + [(f"{f.severity} {f.kind}", f.where, f.message) for f in self.findings]
+
+
+def delay(
+    records: Records,
+    *,
+    input: str | None = None,
+    output: str | None = None,
+    settings: MeasureSettings | None = None,
+    **options: Any,
+) -> Delays:
+    """Delays between channels of flight records: what ``rotorid delay`` does.
+
+    The excitations of the pair's axis are used; where there are none, stretches that look like one, and else the whole
+    record. Where the input contains feedback of the output and an instrument is logged, the joint frequency response
+    gives the recommended estimate, otherwise the records themselves.
+
+    Parameters
+    ----------
+    records
+        Logs as :func:`rotorid.read` gives them, or their files; one may come without a list around it.
+    input, output
+        Channels; without them every logged set-point that moves and its response, or the commands and their rates
+        where no set-point is logged.
+    settings
+        Choices; everything has a default.
+    **options
+        Fields of :class:`rotorid.settings.settings.MeasureSettings`, which go before ``settings``.
+
+    Returns
+    -------
+    Delays
+        Estimates of every pair, findings and where all came from.
+
+    Raises
+    ------
+    InsufficientDataError
+        No pair gives a delay; the findings say why.
+    UsageError
+        A channel or an option is wrong.
+
+    Examples
+    --------
+    >>> result = delay("flight.ulg", input="phi_setpoint", output="phi")  # doctest: +SKIP
+    >>> result.pairs["phi/phi_setpoint"].recommended.delay_s  # doctest: +SKIP
+    0.071
+    """
+    settings, records = as_settings(MeasureSettings, settings, options), as_records(records)
+    each_once(records)
+    _require_known(settings.instruments, records)
+    pairs = _pairs(records, input, output)
+    found: dict[str, PairDelay] = {}
+    refusals: list[Finding] = []
+    errors: list[InsufficientDataError] = []
+    for source, answer in pairs:
+        try:
+            found[f"{answer}/{source}"] = _pair(records, source, answer, settings)
+        except InsufficientDataError as error:
+            if input is not None:
+                raise
+            errors.append(error)
+            refusals.append(_refusal(error, source, answer))
+    # A number that tells no delay is none, beside others that do too.
+    for name in [name for name, pair in found.items() if pair.recommended.unseen]:
+        pair = found.pop(name)
+        refusals += [replace(f, severity="error") if f.kind == "no_delay" else f for f in pair.findings]
+    if len(errors) == len(pairs) and all(map(never_flew, errors)):
+        raise errors[0]
+    if not found:
+        raise InsufficientDataError(
+            "no pair of channels shows a delay",
+            needed="a set-point that moves and its response",
+            remedy="name another pair with --input and --output" if input else "name a pair with --input and --output",
+            findings=refusals,
+        )
+    remarks = (
+        *(finding for record in records for finding in record.findings),
+        *(finding for pair in found.values() for finding in pair.findings),
+        *refusals,
+    )
+    flights = dict.fromkeys(flight for pair in found.values() for flight in pair.flights)
+    return Delays(
+        pairs=found,
+        findings=worst_first(remarks),
+        provenance=provenance(records, settings, flights=tuple(flights)),
+    )
+
+
+def refused_delay(
+    error: InsufficientDataError, records: Sequence[FlightRecord], *, settings: MeasureSettings
+) -> Refused:
+    """Why data show no delay: findings alone, and no number."""
+    return refused(error, records, settings, otherwise=refusal("no_delay", "delay", str(error)))
+
+
+def _pairs(records: Sequence[FlightRecord], input: str | None, output: str | None) -> tuple[tuple[str, str], ...]:
+    if (input is None) != (output is None):
+        given = "an input" if output is None else "an output"
+        raise UsageError(f"{given} came alone", needed="both --input and --output, or none of them")
+    if input is None or output is None:
+        return default_pairs(records)
+    if input == output:
+        raise UsageError(f"{input} came as input and as output", needed="different channels")
+    _require_known((input, output), records)
+    return ((input, output),)
+
+
+def _require_known(names: Sequence[str], records: Sequence[FlightRecord]) -> None:
+    known = {*STANDARD_UNITS, *(name for record in records for name in record.channel_names)}
+    for name in names:
+        if name not in known:
+            close = ", ".join(get_close_matches(name, sorted(known), n=3))
+            raise UsageError(
+                f"there is no channel {name}",
+                needed="names such as roll_command, p, az, or those of the mapping",
+                remedy=f"did you mean {close}?" if close else "see the channels that rotorid inspect lists",
+            )
+
+
+def _pair(records: Sequence[FlightRecord], input: str, output: str, settings: MeasureSettings) -> PairDelay:
+    _PROGRESS.info(f"delay of {output} behind {input}")
+    flown, remarks = chosen_maneuvers(records, input, output, settings)
+    instrument = _instrument(flown, input, output, settings)
+    feedback = instrument != input
+    segments, cutting = _cut_apart(flown, input, output, settings)
+    joint = settings.estimate != "direct" and feedback and instrument is not None
+    one_rate = same_rate(histories(segments))
+    if joint and not one_rate:
+        raise _needs_one_rate(segments, input)
+    response, cause = (
+        _response(flown, input, output, instrument if joint else None, settings) if one_rate else (None, "")
+    )
+    analysis = estimate_delay(
+        histories(segments),
+        input=input,
+        output=output,
+        feedback=feedback,
+        airframe=is_command(input),
+        response=response,
+        highest_rad_s=settings.band_rad_s[1] if settings.band_rad_s else np.inf,
+    )
+    analysis = analysis.with_clocks(CLOCK_SAMPLES * math.sqrt(2.0) * analysis.sample_s)
+    by_joint = joint and analysis.recommended.method == "response"
+    biased = [_biased(input, output, joint=joint, cause=cause)] if feedback and not by_joint else []
+    return PairDelay(
+        analysis=analysis,
+        feedback=feedback,
+        instrument=instrument if feedback else None,
+        flights=tuple(flown),
+        findings=(*remarks, *cutting, *biased, *analysis.findings),
+    )
+
+
+def _cut_apart(
+    flown: Sequence[Flight], input: str, output: str, settings: MeasureSettings
+) -> tuple[tuple[Segment, ...], tuple[Finding, ...]]:
+    """Maneuvers of each record by itself, at its own rate: resampling would move the delay."""
+    segments: list[Segment] = []
+    findings: list[Finding] = []
+    for record in {id(record): record for record, _ in flown}.values():
+        own = [item for item in flown if item[0] is record]
+        found, remarks = cut(own, channels=(input, output), shifts=settings.shifts)
+        segments += found
+        findings += remarks
+    findings += [remark for remark in other_sources(segments, segments, (input, output)) if remark not in findings]
+    return tuple(segments), tuple(findings)
+
+
+def _needs_one_rate(segments: Sequence[Segment], input: str) -> UsageError:
+    rates = [segment.history.sample_rate_hz for segment in segments]
+    return UsageError(
+        f"records of {min(rates):.4g} to {max(rates):.4g} Hz came for {input}, which contains feedback",
+        needed="records of one rate, because it takes their joint frequency response",
+        remedy="give the logs of each rate by themselves, or use --estimate direct",
+    )
+
+
+def _instrument(flown: Sequence[Flight], input: str, output: str, settings: MeasureSettings) -> str | None:
+    """The channel that holds no feedback: the input itself, one that excites it, or ``None`` where none is known."""
+    if settings.instruments:
+        return _given_instrument(flown, output, settings.instruments)
+    if is_free(flown, input):
+        return input
+    axis = axes_of((input,), (output,))[0]
+    found = find_instrument(flown, axis)
+    if found is not None:
+        return found
+    # A set-point of the outermost logged loop comes from a person or a program; a command from a controller.
+    outside = excitation_signals(flown[0][0], axis)
+    return input if not is_command(input) and outside and outside[0] == input else None
+
+
+def _given_instrument(flown: Sequence[Flight], output: str, names: Sequence[str]) -> str:
+    if len(names) != 1:
+        raise UsageError(f"{len(names)} instruments for one input came", needed="one")
+    (name,) = names
+    if name == output:
+        raise UsageError(
+            f"{name} is the output itself",
+            needed="an instrument: a channel that excites the input and contains no feedback",
+            remedy="name another one, or use --estimate direct",
+        )
+    for record, _ in flown:
+        if name not in record.channel_names:
+            raise missing_channel(record, name, remedy="name a channel of the log with --instrument")
+    return name
+
+
+def _response(
+    flown: Sequence[Flight], input: str, output: str, instrument: str | None, settings: MeasureSettings
+) -> tuple[tuple[FrequencyResponse, BoolArray] | None, str]:
+    """The frequency response of the pair, joint where there is an instrument, and its usable points; or why not."""
+    chosen = replace(
+        settings,
+        instruments=(instrument,) if instrument else (),
+        estimate="joint" if instrument else "direct",
+    )
+    try:
+        measured = measure(flown, inputs=(input,), outputs=(output,), settings=chosen)
+    except InsufficientDataError as error:
+        # Too short for a window: the records themselves may still answer.
+        return None, str(error).rstrip(".")
+    used = measured.trusted_points(measured.response, settings.least_coherence(joint=instrument is not None))
+    return ((measured.response, used), "") if np.any(used) else (None, "no point of it is coherent")
+
+
+def _biased(input: str, output: str, *, joint: bool, cause: str) -> Finding:
+    """What to say of records alone where the input contains feedback."""
+    if joint:
+        why = f"no joint frequency response could be used ({cause or 'too few of its points are coherent'})"
+    else:
+        why = "no excitation free of feedback is logged or asked for"
+    return warn(
+        "closed_loop_bias",
+        f"{output}/{input}",
+        f"{input} may contain feedback of {output} and {why}, so its delay is that of the records alone. In closed "
+        "loop gusts and noise come back through the controller, which pulls the estimated delay down, even below zero.",
+    )
+
+
+def _refusal(error: InsufficientDataError, input: str, output: str) -> Finding:
+    return warn("no_delay", f"{output}/{input}", str(error))

@@ -1,0 +1,260 @@
+"""Logs in, a model with bounds, verified, out."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rotorid.data.findings import refusal, worst_first
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flights.command_noise import command_densities
+from rotorid.flights.controller_check import controller_findings
+from rotorid.flights.controllers import controllers_of
+from rotorid.flights.same_vehicle import require_one_vehicle
+from rotorid.identifying.derivation import derivation, derivation_findings
+from rotorid.identifying.hover_physics import hover_of_vehicle
+from rotorid.identifying.methods import Fitted, Frequency, InTime, Method, Prepared
+from rotorid.identifying.motors import Motors
+from rotorid.identifying.nonlinear import Nonlinear
+from rotorid.models.derived import require_useful
+from rotorid.models.nonlinear import NonlinearStructure
+from rotorid.models.structure import LinearStructure
+from rotorid.results.model import IdentifiedModel, Records, Refused, parameter_estimates, pole_estimates
+from rotorid.results.provenance import Choices, provenance
+from rotorid.results.summary import ControllerSettings, ParameterEstimate, UnseenCombination
+from rotorid.settings.resolve import Model, answers_setpoints, nonlinear_of, resolve_model
+from rotorid.settings.settings import (
+    HOVER,
+    MODEL,
+    IdentifySettings,
+    MotorChoices,
+    as_records,
+    as_settings,
+    motor_choices,
+)
+
+DataT = TypeVar("DataT", bound=Prepared)
+FittedT = TypeVar("FittedT", bound=Fitted)
+
+
+def identify(
+    records: Records,
+    model: Model,
+    *,
+    settings: IdentifySettings | None = None,
+    verify: Records = (),
+    **options: Any,
+) -> IdentifiedModel:
+    """Identify a model from flight records.
+
+    The steps: find the excitations, bring the channels on one clock, prepare what is fitted, fit the structure and drop
+    what the data do not show, bound the parameters, and predict flights that were not fitted. Most models are fitted to
+    composite-window frequency responses (joint input–output where an instrument is logged) in CIFER's cost; responses
+    to set-points, black boxes, and whatever ``settings.method`` says, in time; the physics of motors to accelerations.
+
+    Parameters
+    ----------
+    records
+        Logs as :func:`rotorid.read` gives them, or their files; one may come without a list around it.
+    model
+        A name of the library such as ``hover.longitudinal``, ``rate.roll`` or ``physical.motors``, a response model
+        such as ``response.second_order``, which finds its channels in the logs, one such as ``drag.linear``,
+        a TOML file, or a structure.
+    settings
+        Choices; everything has a default.
+    verify
+        Further records, kept unseen, to judge the model on.
+    **options
+        Fields of :class:`rotorid.settings.settings.IdentifySettings`, which go before ``settings``.
+
+    Returns
+    -------
+    IdentifiedModel
+        The model with its covariance, its fit, and what it was checked on.
+
+    Raises
+    ------
+    InsufficientDataError
+        The data cannot support the model; its findings say why.
+    UsageError, ModelError
+        An option or a model is wrong.
+
+    Examples
+    --------
+    >>> import rotorid
+    >>> model = identify("flight.BIN", "rate.roll", verify="other.BIN")  # doctest: +SKIP
+    >>> model["L_roll"].value  # doctest: +SKIP
+    439.3
+    """
+    logs, unseen = as_records(records), as_records(verify)
+    method = method_of(model, logs, as_settings(IdentifySettings, settings, options))
+    return identify_by(method, logs, verify=unseen)
+
+
+def identify_by(
+    method: Method[DataT, FittedT],
+    records: Sequence[FlightRecord],
+    *,
+    verify: Sequence[FlightRecord] = (),
+) -> IdentifiedModel:
+    """Identify by a given method, see :func:`identify`."""
+    require_one_vehicle((*records, *verify))
+    data = method.prepare(records)
+    fitted = method.fit(data)
+    unseen = method.verify(data, fitted, verify)
+    told = method.describe(data, fitted)
+    parameters = parameter_estimates(fitted.listed, fitted.bounds)
+    _require_numbers(fitted.structure.name, parameters)
+    derived = derivation(fitted.listed, fitted.bounds, known=_known(method.settings), covered=told.covered)
+    return IdentifiedModel(
+        structure=fitted.structure,
+        parameters=parameters,
+        bounds=fitted.bounds,
+        fit=told.fit,
+        data=replace(told.data, command_densities=command_densities(records, fitted.structure.inputs)),
+        verification=method.checks(fitted, unseen),
+        verifications=unseen,
+        pole_estimates=pole_estimates(told.poles),
+        delays=told.delays,
+        covered=told.covered,
+        combinations=tuple(
+            UnseenCombination(words=found.words(), vector=dict(found.vector)) for found in told.combinations
+        ),
+        motors=told.motors,
+        nonlinear=told.nonlinear,
+        derived=derived,
+        controller=controller_settings(records),
+        findings=worst_first(
+            [
+                *(finding for record in (*records, *verify) for finding in record.findings),
+                *(finding for record in records for finding in controller_findings(record)),
+                *data.findings,
+                *method.remarks(data, fitted, told),
+                *derivation_findings(derived),
+                *unseen.findings,
+            ]
+        ),
+        provenance=provenance(
+            (*records, *verify),
+            method.settings,
+            flights=data.flights,
+            response=data.response,
+            sources=data.sources,
+        ),
+    )
+
+
+def controller_settings(records: Sequence[FlightRecord]) -> ControllerSettings | None:
+    """The controller of roll, pitch and yaw of the first log that says anything of one."""
+    return next((known for record in records if (known := controllers_of(record).settings()) is not None), None)
+
+
+def _known(settings: Choices) -> Mapping[str, tuple[float, float]]:
+    """What is known beside the parameters of a linear model."""
+    return settings.known if isinstance(settings, IdentifySettings) else {}
+
+
+def _require_numbers(model: str, parameters: Mapping[str, ParameterEstimate]) -> None:
+    """Refuse what is no number, or has none for its uncertainty."""
+    odd = [
+        name
+        for name, parameter in parameters.items()
+        if not math.isfinite(parameter.value) or not (parameter.std is None or math.isfinite(parameter.std))
+    ]
+    if odd:
+        message = f"The data do not determine {', '.join(odd)}."
+        raise InsufficientDataError(
+            f"{model} has no finite {', '.join(odd)}",
+            needed="parameters that the data can see",
+            remedy="fix some with --fix NAME=VALUE, or take a smaller model",
+            findings=[refusal("not_identifiable", name, message) for name in odd],
+        )
+
+
+def identify_motors(records: Records, choices: MotorChoices | None = None, *, verify: Records = ()) -> IdentifiedModel:
+    """Identify inertia, thrust, motor lag and torque constant from motor outputs, gyros and accelerometer.
+
+    The same as :func:`identify` of ``physical.motors``, with all choices that this model has.
+
+    Parameters
+    ----------
+    records
+        Logs of one vehicle.
+    choices
+        What is known of it, and how to read the logs.
+    verify
+        Further logs, kept unseen.
+
+    Raises
+    ------
+    InsufficientDataError
+        The logs cannot tell; findings say why.
+    UsageError, ModelError
+        A choice is wrong.
+    """
+    method = Motors(choices or MotorChoices())
+    return identify_by(method, as_records(records), verify=as_records(verify))
+
+
+def method_of(model: Model, records: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
+    """How a model is fitted: as the settings say, else as its kind asks for.
+
+    Parameters
+    ----------
+    model, settings
+        As for :func:`identify`.
+    records
+        Logs in which a response model finds its channels.
+    """
+    choices = motor_choices(str(model) if isinstance(model, str | Path) else model.name, settings)
+    if choices is not None:
+        return Motors(choices)
+    if (equations := nonlinear_of(model)) is not None:
+        return Nonlinear(model=equations, settings=settings)
+    if str(model) == HOVER:
+        structure = hover_of_vehicle(records, settings)
+    else:
+        structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
+    require_useful(structure.parameters.names, settings.known, model=structure.name)
+    name = settings.method
+    if name == "auto":
+        name = "output_error" if answers_setpoints(structure) else "frequency"
+    if name == "frequency":
+        return Frequency(model=structure, settings=settings)
+    if name == "accelerations":  # of motors alone, which came before
+        raise UsageError(f"--method accelerations came with {structure.name}", needed=f"it with {MODEL} alone")
+    return InTime(model=structure, settings=settings, kind=name)
+
+
+def logged_by_all(records: Sequence[FlightRecord]) -> tuple[str, ...]:
+    """Channels that every record holds."""
+    names = [record.channel_names for record in records]
+    return tuple(name for name in (names[0] if names else ()) if all(name in others for others in names))
+
+
+def refused(
+    error: InsufficientDataError,
+    records: Sequence[FlightRecord],
+    model: Model,
+    *,
+    settings: IdentifySettings,
+) -> Refused:
+    """What to say of data that cannot support a model."""
+    structure: LinearStructure | NonlinearStructure | None = nonlinear_of(model)
+    # Motors are no linear structure, and their channels stand in the log.
+    if structure is None and model != MODEL:
+        with contextlib.suppress(InsufficientDataError):
+            structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
+    name = structure.name if structure is not None else str(model)
+    reasons = error.findings or (refusal("not_identifiable", name, str(error)),)
+    return Refused(
+        name=name,
+        structure=structure,
+        findings=worst_first([*(finding for record in records for finding in record.findings), *reasons]),
+        provenance=provenance(records, settings),
+    )

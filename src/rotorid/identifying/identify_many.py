@@ -1,0 +1,216 @@
+"""Several models of the same logs in one run: each stands or is refused by itself."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import refusal
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flights.instruments import axes_of
+from rotorid.flights.supports import supported_models, supports
+from rotorid.identifying.identification import identify, refused
+from rotorid.models.derived import useful_known
+from rotorid.models.parameter import no_such
+from rotorid.models.structure import LinearStructure
+from rotorid.results.model import IdentifiedModel, Records, Refused
+from rotorid.results.provenance import Provenance, provenance
+from rotorid.settings.resolve import finds_its_channels, resolve_model
+from rotorid.settings.settings import ALL, ALSO_OF_MOTORS, MODEL, OF_MOTORS, IdentifySettings, as_records, as_settings
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SeveralModels(Immutable, Mapping[str, "IdentifiedModel | Refused"]):
+    """What became of each model, by its name.
+
+    Parameters
+    ----------
+    answers
+        Identified models, and what to say of those that the data cannot support.
+    provenance
+        Where all of it came from.
+    """
+
+    answers: Mapping[str, IdentifiedModel | Refused]
+    provenance: Provenance
+
+    def __post_init__(self) -> None:
+        self._set(answers=self.answers)
+
+    def __getitem__(self, name: str) -> IdentifiedModel | Refused:
+        return self.answers[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.answers)
+
+    def __len__(self) -> int:
+        return len(self.answers)
+
+    @property
+    def identified(self) -> dict[str, IdentifiedModel]:
+        """The models that stand."""
+        return {name: answer for name, answer in self.answers.items() if isinstance(answer, IdentifiedModel)}
+
+    @property
+    def refused(self) -> dict[str, Refused]:
+        """Those that the data cannot support."""
+        return {name: answer for name, answer in self.answers.items() if isinstance(answer, Refused)}
+
+
+def none_stands(models: SeveralModels, records: Sequence[FlightRecord]) -> InsufficientDataError:
+    """That the data support none of the models."""
+    findings = [one for answer in models.refused.values() for one in answer.findings if one.severity == "error"]
+    if not models:
+        found = [(record.source.name, supports(record)) for record in records]
+        # What several models lack alike is said once.
+        why = {(log, one.because): (one.lacks, model) for log, each in found for model, one in each.items()}
+        findings = [refusal(kind, model, f"{log}: {because}.") for (log, because), (kind, model) in why.items()]
+    logs = " and ".join(record.source.name for record in records)
+    return InsufficientDataError(
+        f"none of {len(models)} models stands: {', '.join(models)}" if models else f"no model is supported by {logs}",
+        needed="flights that move these axes, logged fast enough",
+        remedy="the findings say what each lacks",
+        findings=findings,
+    )
+
+
+def identify_several(
+    records: Records,
+    models: Sequence[str | Path | LinearStructure] | str = ALL,
+    *,
+    settings: IdentifySettings | None = None,
+    verify: Records = (),
+    **options: Any,
+) -> SeveralModels:
+    """Identify several models, see :func:`rotorid.identify`; one that the data cannot support ends no other.
+
+    Options that a model does not have are left out for it.
+
+    Parameters
+    ----------
+    records, settings, verify
+        As for :func:`rotorid.identify`.
+    models
+        Names, files or structures; ``all`` for those that the logs may support (:func:`supported_models`).
+    **options
+        Fields of :class:`rotorid.settings.settings.IdentifySettings`, which go before ``settings``.
+
+    Returns
+    -------
+    SeveralModels
+        By name an identified model, or what to say of data that cannot support it.
+
+    Raises
+    ------
+    UsageError
+        An option is wrong, or is one of no model that was asked for.
+
+    Examples
+    --------
+    >>> answers = identify_several("flight.ulg", ["rate.roll", "rate.pitch"])  # doctest: +SKIP
+    """
+    logs, unseen = as_records(records), as_records(verify)
+    chosen = as_settings(IdentifySettings, settings, options)
+    wanted = supported_models(logs, chosen) if isinstance(models, str) and models == ALL else _each(models)
+    require_known_by_any(wanted, chosen)
+    answers: dict[str, IdentifiedModel | Refused] = {}
+    for number, model in enumerate(wanted):
+        name = model.name if isinstance(model, LinearStructure) else str(model)
+        _PROGRESS.info(f"identifying {name}", extra={"done": number, "total": len(wanted)})
+        own = _settings_of(model, chosen)
+        try:
+            answers[name] = identify(logs, model, settings=own, verify=unseen)
+        except InsufficientDataError as error:
+            answers[name] = refused(error, logs, model, settings=own)
+    return SeveralModels(answers=answers, provenance=provenance((*logs, *unseen), chosen))
+
+
+def _settings_of(model: str | Path | LinearStructure, settings: IdentifySettings) -> IdentifySettings:
+    """The choices that a model has."""
+    usual = IdentifySettings()
+    if model == MODEL:
+        kept = {*OF_MOTORS, *ALSO_OF_MOTORS}
+        if settings.method != "accelerations":
+            kept -= {"outputs"} if settings.method == "prediction_error" else {"outputs", "method"}
+        others = [item.name for item in fields(settings) if item.name not in kept]
+        return replace(settings, **{name: getattr(usual, name) for name in others})
+    if not isinstance(model, LinearStructure):
+        if finds_its_channels(str(model)):
+            return settings
+        model = resolve_model(model)
+    return own_choices(model, replace(settings, **{name: getattr(usual, name) for name in OF_MOTORS}))
+
+
+def own_choices(structure: LinearStructure, settings: IdentifySettings) -> IdentifySettings:
+    """The choices without parameters, constants, responses and segments that a model does not have."""
+    axes = axes_of(structure.inputs, structure.outputs)
+    kept: dict[str, Any] = {
+        name: {key: value for key, value in getattr(settings, name).items() if key in known}
+        for name, known in _known(structure).items()
+    }
+    return replace(settings, segments=tuple(one for one in settings.segments if one.axis in axes), **kept)
+
+
+def _known(structure: LinearStructure) -> dict[str, frozenset[str]]:
+    """Names that a structure knows, by the choice that takes them."""
+    parameters = frozenset(structure.parameters.names)
+    responses = frozenset(f"{output}/{source}" for output in structure.outputs for source in structure.inputs)
+    return {
+        "fix": parameters,
+        "known": useful_known(parameters),
+        "ties": parameters,
+        "constants": frozenset(structure.constants),
+        "pairs": responses,
+        "pair_weights": responses,
+        "input_windows_s": frozenset(structure.inputs),
+    }
+
+
+_KINDS = {
+    "fix": "parameter",
+    "known": "known quantity",
+    "ties": "parameter",
+    "constants": "constant",
+    "pairs": "response",
+    "pair_weights": "response",
+    "input_windows_s": "input",
+}
+
+
+def require_known_by_any(models: Sequence[str | Path | LinearStructure], settings: IdentifySettings) -> None:
+    """Refuse a name that none of the models has.
+
+    Raises
+    ------
+    ModelError
+        The nearest name is suggested.
+    """
+    structures = [
+        model if isinstance(model, LinearStructure) else resolve_model(model)
+        for model in models
+        if model != MODEL and (isinstance(model, LinearStructure) or not finds_its_channels(str(model)))
+    ]
+    if len(structures) < len(models):
+        # What the others take is known when their logs are read.
+        return
+    known = [_known(structure) for structure in structures]
+    for choice, kind in _KINDS.items():
+        names = frozenset[str]().union(*(one[choice] for one in known))
+        for name in getattr(settings, choice):
+            if name not in names:
+                raise no_such(kind, name, sorted(names))
+
+
+def _each(models: Sequence[str | Path | LinearStructure] | str) -> tuple[str | Path | LinearStructure, ...]:
+    """The models in their order, each once."""
+    listed = (models,) if isinstance(models, str) else tuple(models)
+    if not listed:
+        raise UsageError("no model was named", needed="a name of rotorid models, a file, or all")
+    return tuple(dict.fromkeys(listed))

@@ -1,0 +1,657 @@
+"""How a linear model is fitted: what data it needs, its fit with bounds, and what is remarked on it.
+
+Each method has the same few verbs, so that :func:`rotorid.identify` is one way for all of them. Responses are fitted in
+the frequency domain; output error, prediction error and equation error fit the records themselves, and compare with
+the frequency domain where that can answer too. Physics of motors is in :mod:`rotorid.identifying.motors`.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Generic, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from rotorid.checking.candidate import output_sources
+from rotorid.checking.checks import checks_of
+from rotorid.checking.unseen import verify_fitted, verify_fitted_in_time
+from rotorid.data.findings import Finding, remark
+from rotorid.data.record import FlightRecord
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import UsageError
+from rotorid.fits.bootstrapping import bootstrap, require_bootstrap
+from rotorid.fits.frequency.data_requirements import require_known_gain
+from rotorid.fits.frequency.fit import FrequencyFit, cost_of
+from rotorid.fits.frequency.inverse import Screened, pose_screened
+from rotorid.fits.frequency.refusals import fit_sound
+from rotorid.fits.frequency.scatter_between_flights import with_scatter
+from rotorid.fits.frequency.speed_damping import first_step
+from rotorid.fits.remarks import judge_combinations
+from rotorid.fits.searching import judge_minima, refuse_search, search_summary, searched_minima
+from rotorid.fits.time.feedback import following, judge_following
+from rotorid.fits.time.fit import TimeFit, TimeMethod, fit_in_time, simulated_records
+from rotorid.fits.time.frequency_check import (
+    FrequencySide,
+    compare_with,
+    frequency_side,
+    held_response,
+    judge_agreement,
+    require_one_gain,
+    responses_without_hold,
+    with_model_error,
+)
+from rotorid.fits.time.orders import chosen_order
+from rotorid.fits.time.refusals import require_bounds, require_sound_in_time
+from rotorid.fits.time.remarks import judge_time_fit
+from rotorid.fits.time.summary import equation_fits, information, record_fits, residuals
+from rotorid.fitting.frequency.screening import is_coupling
+from rotorid.fitting.least_squares import Solution
+from rotorid.flights.consistency import data_quality, sensor_agreement, sensor_errors
+from rotorid.flights.coverage import covered_by
+from rotorid.flights.flights import Flight
+from rotorid.flights.instruments import is_command
+from rotorid.flights.measure import Measured, filter_delays, measure
+from rotorid.flights.segments import TimeRecords, source_of, time_records
+from rotorid.flights.selection import Selection, select_records
+from rotorid.flights.sensors import corrected_record, sensor_correction, with_sensor_errors
+from rotorid.flights.supports import supporting_logs
+from rotorid.identifying.delay_budget import delay_budget
+from rotorid.identifying.scope import require_common_axes, scoped, trimmed, with_channels_of
+from rotorid.models.library import RATE_AXES
+from rotorid.models.nonlinear import NonlinearStructure
+from rotorid.models.parameter import ParameterSet
+from rotorid.models.structure import LinearStructure
+from rotorid.reduction.guided import Step
+from rotorid.results.model import FittedData, Verifications, no_response
+from rotorid.results.provenance import Choices
+from rotorid.results.summary import (
+    Checks,
+    Cost,
+    DelayBudget,
+    Fit,
+    FitEnd,
+    FitWeights,
+    Minimum,
+    MotorPhysics,
+    OrderChoice,
+    Range,
+    ReductionStep,
+    finite,
+)
+from rotorid.settings.resolve import AUTO, answers_setpoints, black_box_order
+from rotorid.settings.settings import IdentifySettings
+from rotorid.signal.sensor_correction import SensorCorrection
+from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.identifiability import Combination, unseen_combinations
+from rotorid.uncertainty.propagation import Pole, pole_confidence
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+class Prepared(Protocol):
+    """Data of a fit: what was flown, on one clock."""
+
+    @property
+    def flights(self) -> Sequence[Flight]:
+        """Records and maneuvers that are fitted."""
+        ...
+
+    @property
+    def findings(self) -> Sequence[Finding]:
+        """Remarks on the way from the logs."""
+        ...
+
+    @property
+    def response(self) -> FrequencyResponse | None:
+        """The measured response, where there is one."""
+        ...
+
+    @property
+    def sources(self) -> Mapping[str, str]:
+        """Name of a channel to where it stands in the logs."""
+        ...
+
+
+class Fitted(Protocol):
+    """End of a fit: values and bounds."""
+
+    @property
+    def structure(self) -> LinearStructure:
+        """The model with its identified values."""
+        ...
+
+    @property
+    def listed(self) -> ParameterSet:
+        """All parameters with their values, dropped ones included."""
+        ...
+
+    @property
+    def bounds(self) -> Bounds:
+        """Of the free ones."""
+        ...
+
+
+class Described(NamedTuple):
+    """What a method tells of a finished fit.
+
+    Parameters
+    ----------
+    fit
+        How it went.
+    data
+        What it was made to.
+    combinations
+        Parameters that the data cannot tell apart.
+    poles
+        With their uncertainty.
+    delays, covered, motors, nonlinear
+        As in :class:`rotorid.results.model.IdentifiedModel`.
+    """
+
+    fit: Fit
+    data: FittedData
+    combinations: Sequence[Combination] = ()
+    poles: Sequence[Pole] = ()
+    delays: Mapping[str, DelayBudget] = {}
+    covered: Mapping[str, Range] = {}
+    motors: MotorPhysics | None = None
+    nonlinear: NonlinearStructure | None = None
+
+
+DataT = TypeVar("DataT", bound=Prepared)
+FittedT = TypeVar("FittedT", bound=Fitted)
+
+
+class Method(Protocol[DataT, FittedT]):
+    """A way to fit a model to flights."""
+
+    @property
+    def settings(self) -> Choices:
+        """Choices of the run."""
+        ...
+
+    def prepare(self, records: Sequence[FlightRecord]) -> DataT:
+        """Find what was flown, cut it out of the logs, and bring it on one clock."""
+        ...
+
+    def fit(self, data: DataT) -> FittedT:
+        """Values of the parameters, and their bounds."""
+        ...
+
+    def verify(self, data: DataT, fitted: FittedT, records: Sequence[FlightRecord]) -> Verifications:
+        """What flights say that were not fitted: those of the same logs, and of further ones."""
+        ...
+
+    def checks(self, fitted: FittedT, found: Verifications) -> Checks:
+        """The same in numbers."""
+        ...
+
+    def describe(self, data: DataT, fitted: FittedT) -> Described:
+        """What the fit tells of itself."""
+        ...
+
+    def remarks(self, data: DataT, fitted: FittedT, told: Described) -> Sequence[Finding]:
+        """What a careful engineer would remark on it."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Linear(Generic[DataT]):
+    """A linear model and how to fit it.
+
+    Parameters
+    ----------
+    model
+        The whole model.
+    settings
+        Choices of the run.
+    """
+
+    model: LinearStructure
+    settings: IdentifySettings
+
+    def checks(self, fitted: Fitted, found: Verifications) -> Checks:
+        """Scores of maneuvers, and costs on sweeps."""
+        return checks_of(found, fitted.structure.states)
+
+
+class Chosen(NamedTuple):
+    """What of a model and of logs goes into a fit."""
+
+    structure: LinearStructure
+    selection: Selection
+    findings: tuple[Finding, ...]
+
+
+def choose(
+    model: LinearStructure,
+    records: Sequence[FlightRecord],
+    settings: IdentifySettings,
+    *,
+    in_time: bool,
+    outputs: tuple[str, ...] = (),
+) -> Chosen:
+    """The maneuvers to fit, and the model cut to what they can show, at their trim.
+
+    Parameters
+    ----------
+    model, records, settings
+        As for :func:`rotorid.identify`.
+    in_time
+        Whether any motion of an input tells of a response to set-points, as it does in time.
+    outputs
+        Those to fit where the settings name none.
+
+    Raises
+    ------
+    InsufficientDataError
+        Nothing was flown that shows the model.
+    UsageError, ModelError
+        A choice is wrong.
+    """
+    ruled_out: tuple[Finding, ...] = ()
+    if model.name in RATE_AXES and not settings.segments:
+        records, ruled_out = supporting_logs(records, model.name)
+    records, left = with_channels_of(model, records, joined=not in_time)
+    require_common_axes(model, records)
+    selection, remarks = select_records(model, records, settings, in_time=in_time)
+    own = settings if settings.outputs or not outputs else replace(settings, outputs=outputs)
+    scope = scoped(model, selection, records, own, joined=not in_time)
+    at_trim = trimmed(scope.structure, selection.fitted, settings)
+    return Chosen(at_trim.structure, selection, (*ruled_out, *left, *remarks, *scope.findings, *at_trim.findings))
+
+
+class ResponseData(NamedTuple):
+    """Measured responses, and the problem of fitting a structure to them.
+
+    Parameters
+    ----------
+    selection
+        What was flown.
+    measured, screened
+        The responses, and what can be fitted of them.
+    settings
+        Choices of the run, with what a first step held.
+    findings
+        Remarks on the way.
+    sensors
+        Errors of sensors that were taken out.
+    """
+
+    selection: Selection
+    measured: Measured
+    screened: Screened
+    settings: IdentifySettings
+    findings: tuple[Finding, ...]
+    sensors: SensorCorrection | None = None
+
+    @property
+    def flights(self) -> tuple[Flight, ...]:
+        """Records and maneuvers that are fitted."""
+        return self.selection.fitted
+
+    @property
+    def response(self) -> FrequencyResponse:
+        """The estimate that is fitted."""
+        return self.measured.response
+
+    @property
+    def sources(self) -> Mapping[str, str]:
+        """Output to where it stands in the first log."""
+        return output_sources(self.measured)
+
+
+class Frequency(_Linear[ResponseData]):
+    """Fit measured frequency responses in CIFER's cost, joint input–output where an instrument is logged."""
+
+    def prepare(self, records: Sequence[FlightRecord]) -> ResponseData:
+        """Measure the responses and leave out what shows the controller instead of the vehicle."""
+        settings = self.settings
+        _refuse_choices_of_time(settings)
+        sensors = None
+        if settings.correct_sensors:
+            flown = choose(self.model, records, settings, in_time=False).selection.fitted
+            sensors = sensor_correction(flown)
+            records = [corrected_record(record, sensors.correction) for record in records]
+        structure, selection, findings = choose(self.model, records, settings, in_time=False)
+        flights = selection.fitted
+        if settings.speed_damping == "two_step":
+            first = first_step(structure, flights, settings)
+            settings = replace(settings, fix={**first.fix, **settings.fix})
+            findings += first.findings
+        measured = measure(flights, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
+        if sensors is not None:
+            response = with_sensor_errors(measured.response, sensors.correction, flights, settings)
+            measured = replace(measured, response=response)
+            findings += sensors.findings
+        _PROGRESS.info(f"fitting {structure.name}")
+        screened = pose_screened(structure, measured, settings, flights)
+        return ResponseData(
+            selection,
+            measured,
+            screened,
+            settings,
+            (*findings, *measured.findings, *screened.findings),
+            sensors.correction if sensors else None,
+        )
+
+    def fit(self, data: ResponseData) -> FrequencyFit:
+        """Fit, drop what the data do not show, bound the rest; refit noise drawn anew where that was asked for."""
+        fitted = fit_sound(data.screened.problem, data.measured, data.settings)
+        again = bootstrap(fitted.problem, fitted.final, fitted.bounds, data.settings, weights=fitted.weights)
+        scattered = with_scatter(fitted, data.flights, data.settings)
+        # Logs of two vehicles may leave not even a sign, although each is certain by itself.
+        require_known_gain(scattered.problem.structure.gain, scattered.parameters, scattered.bounds, scattered.findings)
+        return replace(scattered, bootstrap=again)
+
+    def verify(self, data: ResponseData, fitted: FrequencyFit, records: Sequence[FlightRecord]) -> Verifications:
+        """Predict unseen maneuvers; where there are none, hold one out of a second fit."""
+        if data.sensors is not None:
+            records = [corrected_record(record, data.sensors) for record in records]
+        return verify_fitted(fitted, data.measured, data.selection, records, data.settings)
+
+    def describe(self, data: ResponseData, fitted: FrequencyFit) -> Described:
+        """Costs, responses and delays."""
+        structure, problem, measured = fitted.structure, fitted.problem, data.measured
+        own, response = structure.parameters, measured.response
+        used = np.asarray(problem.used)
+        filters = filter_delays(measured, data.flights)
+        return Described(
+            fit=Fit(
+                method="frequency",
+                outputs=structure.outputs,
+                end=_end(fitted.solution, fitted.weights, fitted.bounds),
+                cost=cost_of(problem, fitted.costs),
+                minima=searched_minima(fitted.search),
+                search=search_summary(fitted.search),
+                bootstrap=fitted.bootstrap.summary if fitted.bootstrap else None,
+                reduction=reduction_steps(fitted.steps),
+            ),
+            data=FittedData(
+                response=response,
+                direct=measured.direct,
+                model_response=structure.response(fitted.parameters.values, response.omega_rad_s),
+                used=used,
+                least_coherence=data.settings.least_coherence(joint=response.estimate == "joint"),
+                segments=measured.segments,
+            ),
+            combinations=unseen_combinations(fitted.parameters, fitted.bounds),
+            poles=pole_confidence(structure, own, fitted.bounds),
+            delays=delay_budget(structure, own, fitted.bounds, np.asarray(used.any(axis=-1)), filters),
+            covered=covered_by(data.flights),
+        )
+
+    def remarks(self, data: ResponseData, fitted: FrequencyFit, told: Described) -> Sequence[Finding]:  # noqa: ARG002 - as all methods
+        """On data, fit and parameters."""
+        again = fitted.bootstrap.findings if fitted.bootstrap else ()
+        return (*fitted.findings, *judge_combinations(told.combinations), *again)
+
+
+def _refuse_choices_of_time(settings: IdentifySettings) -> None:
+    """Refuse options that a fit of responses does not have."""
+    asked = {"--hold": settings.hold != "auto", "--starts": settings.starts != "default"}
+    asked["--pieces"] = settings.pieces_s is not None
+    if given := [name for name, chosen in asked.items() if chosen]:
+        raise UsageError(
+            f"{' and '.join(given)} came for a fit in the frequency domain",
+            needed="a method that simulates, such as --method output_error",
+            remedy="responses are searched with --search" if settings.starts != "default" else "",
+        )
+
+
+class TimeDomainData(NamedTuple):
+    """Records in time, and what the frequency domain says of the same maneuvers.
+
+    Parameters
+    ----------
+    structure
+        What is fitted.
+    selection
+        What was flown.
+    records
+        Maneuvers as they were sampled.
+    frequency
+        Responses of the same maneuvers and their fit, as far as the data support that.
+    settings
+        Choices of the run.
+    findings
+        Remarks on the way.
+    orders
+        How the order of a black box was chosen, where it was.
+    """
+
+    structure: LinearStructure
+    selection: Selection
+    records: TimeRecords
+    frequency: FrequencySide
+    settings: IdentifySettings
+    findings: tuple[Finding, ...]
+    orders: OrderChoice | None = None
+
+    @property
+    def flights(self) -> tuple[Flight, ...]:
+        """Records and maneuvers that are fitted."""
+        return self.selection.fitted
+
+    @property
+    def response(self) -> FrequencyResponse | None:
+        """The measured response, where there is one."""
+        return self.frequency.measured.response if self.frequency.measured else None
+
+    @property
+    def sources(self) -> Mapping[str, str]:
+        """Output to where it stands in the first log."""
+        return {name: source_of(self.records.segments[0], name) for name in self.structure.outputs}
+
+
+@dataclass(frozen=True, kw_only=True)
+class InTime(_Linear[TimeDomainData]):
+    """Fit records in time: output error, prediction error or equation error.
+
+    Parameters
+    ----------
+    kind
+        Which of them.
+    """
+
+    kind: TimeMethod
+
+    def prepare(self, records: Sequence[FlightRecord]) -> TimeDomainData:
+        """Take the maneuvers out of the logs as they were sampled, and fit their responses for a start."""
+        require_bootstrap(self.settings, self.kind)
+        for name, asked in (("filters", self.settings.correct_filters), ("sensors", self.settings.correct_sensors)):
+            if asked:
+                raise UsageError(
+                    f"--correct-{name} came for a fit in time", needed="--method frequency, which corrects responses"
+                )
+        if self.kind == "equation_error":
+            needed = "another method: regression has one minimum and needs no search"
+            refuse_search(self.settings, "equation error", needed)
+        model = self.model
+        own = answers_setpoints(model) and not self.settings.outputs
+        settings = replace(self.settings, outputs=model.outputs) if own else self.settings
+        structure, selection, findings = choose(
+            model, records, self.settings, in_time=True, outputs=model.outputs if own else ()
+        )
+        side = frequency_side(
+            structure,
+            selection.fitted,
+            settings,
+            fits=_has_values(structure),
+            searches=self.kind == "prediction_error",
+        )
+        data = time_records(structure, selection.fitted, settings)
+        of_vehicles = all(is_command(name) for name in structure.inputs)
+        # No response to a set-point is about the lag of motors.
+        remarks = (finding for finding in data.findings if of_vehicles or "needed_hz" not in finding.numbers)
+        agreement = sensor_agreement(selection.fitted)
+        # A fit in time states random errors alone: of a contradiction only the refusal counts here.
+        sensor_errors(agreement, structure.outputs)
+        quality = data_quality(selection.fitted, data.segments, structure.inputs, agreement)
+        orders = None
+        if structure.name == AUTO:
+            structure, orders = chosen_order(structure, data, settings)
+        return TimeDomainData(structure, selection, data, side, settings, (*findings, *remarks, *quality), orders)
+
+    def fit(self, data: TimeDomainData) -> TimeFit:
+        """Fit, bound with the color of the residuals, and simulate the records."""
+        fitted = fit_in_time(
+            data.structure, data.records, data.settings, method=self.kind, frequency=data.frequency.fitted
+        )
+        theta = fitted.problem.parameters.with_values(fitted.parameters.values).pack()
+        fitted = replace(fitted, simulated=simulated_records(fitted.problem.predicted(theta), data.records))
+        side = data.frequency.fitted
+        require_sound_in_time(fitted, side, data.records)
+        widened = with_model_error(fitted, side, data.structure, data.records) if side else fitted
+        require_one_gain(widened, side)
+        if black_box_order(data.structure) is None:
+            couplings = [one.name for one in data.structure.parameters if is_coupling(one)]
+            require_bounds(widened.parameters, widened.bounds, couplings)
+        again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
+        return replace(widened, bootstrap=again)
+
+    def verify(self, data: TimeDomainData, fitted: TimeFit, records: Sequence[FlightRecord]) -> Verifications:
+        """Simulate what was not fitted."""
+        band_rad_s = data.frequency.fitted.band_rad_s if data.frequency.fitted else None
+        return verify_fitted_in_time(
+            fitted, data.records, data.selection, records, data.settings, band_rad_s=band_rad_s
+        )
+
+    def describe(self, data: TimeDomainData, fitted: TimeFit) -> Described:
+        """Fits of the records, their residuals, and the frequency domain beside."""
+        structure, side, records = fitted.structure, data.frequency, data.records
+        others = compare_with(side.fitted, data.structure, fitted, records) if side.fitted else None
+        noise = np.sqrt(fitted.problem.noise.diagonal())
+        parameters, bounds = structure.parameters, fitted.bounds
+        seen = np.ones((len(structure.outputs), len(structure.inputs)), dtype=np.bool_)
+        filters = filter_delays(side.measured, data.flights) if side.measured else {}
+        black_box = black_box_order(data.structure) is not None
+        return Described(
+            fit=Fit(
+                method=self.kind,
+                outputs=structure.outputs,
+                end=_end(fitted.solution, "likelihood", bounds),
+                cost=self._cost(data, fitted),
+                fit_percent=fitted.fit_percent,
+                hold=records.hold,
+                pieces_s=fitted.pieces_s,
+                records=record_fits(fitted.simulated, records, structure.outputs),
+                noise=dict(zip(structure.outputs, map(float, noise), strict=True)),
+                log_likelihood=fitted.log_likelihood,
+                information=information(fitted),
+                residuals=residuals(fitted, records),
+                minima=_other_minima(fitted),
+                search=search_summary(fitted.search),
+                bootstrap=fitted.bootstrap.summary if fitted.bootstrap else None,
+                equations=equation_fits(fitted),
+                frequency_fit=others,
+                reduction=reduction_steps(side.fitted.steps if side.fitted else ()),
+                orders=data.orders,
+            ),
+            data=self._data(data, fitted),
+            combinations=() if black_box else unseen_combinations(fitted.parameters, bounds),
+            poles=pole_confidence(structure, parameters, bounds),
+            delays=delay_budget(structure, parameters, bounds, seen, filters),
+            covered=covered_by(data.flights),
+        )
+
+    def remarks(self, data: TimeDomainData, fitted: TimeFit, told: Described) -> Sequence[Finding]:
+        """On fit, residuals and parameters, on feedback, and on the frequency domain."""
+        return (
+            *judge_time_fit(fitted, data.records, fitted.fit_percent),
+            *judge_minima(fitted.search, fitted.parameters, fitted.bounds),
+            *(fitted.bootstrap.findings if fitted.bootstrap else ()),
+            *(_feedback(fitted, data.records) if self.kind == "output_error" else ()),
+            *judge_agreement(fitted, told.fit.frequency_fit or {}),
+            *_not_compared(data),
+            *judge_combinations(told.combinations),
+        )
+
+    def _data(self, data: TimeDomainData, fitted: TimeFit) -> FittedData:
+        structure, side = fitted.structure, data.frequency
+        response = side.measured.response if side.measured else no_response(structure)
+        limit = data.settings.least_coherence(joint=response.estimate == "joint")
+        used = side.fitted.problem.used if side.fitted else np.zeros(response.values.shape, dtype=np.bool_)
+        if side.measured and not side.fitted:
+            used = side.measured.trusted_points(response, limit)
+        exact = structure.response(fitted.parameters.values, response.omega_rad_s)
+        return FittedData(
+            response=response,
+            direct=side.measured.direct if side.measured else None,
+            model_response=exact * held_response(response.omega_rad_s, data.records),
+            used=np.asarray(used),
+            least_coherence=limit,
+            segments=data.records.segments,
+            simulated=fitted.simulated,
+        )
+
+    def _cost(self, data: TimeDomainData, fitted: TimeFit) -> Cost | None:
+        """CIFER's cost of the values that the time domain gives, where responses were fitted too."""
+        if data.frequency.fitted is None:
+            return None
+        problem, theta = responses_without_hold(fitted, data.frequency.fitted, data.records)
+        return cost_of(problem, problem.costs(theta))
+
+
+def _has_values(structure: LinearStructure) -> bool:
+    """Whether a structure has values to start from; a black box has none at first."""
+    return black_box_order(structure) is None or any(structure.parameters.values.values())
+
+
+def _feedback(fitted: TimeFit, records: TimeRecords) -> tuple[Finding, ...]:
+    return judge_following(
+        following(
+            [record.measured - record.simulated for record in fitted.simulated],
+            [record.inputs for record in fitted.simulated],
+            input_names=fitted.structure.inputs,
+            output_names=fitted.structure.outputs,
+            sample_rate_hz=records.data[0].sample_rate_hz,
+        )
+    )
+
+
+def _not_compared(data: TimeDomainData) -> tuple[Finding, ...]:
+    if data.frequency.fitted is not None or not _has_values(data.structure):
+        return ()
+    message = f"There is no fit in the frequency domain to compare with: {data.frequency.why_not}."
+    return (remark("not_compared", data.structure.name, message),)
+
+
+def _end(solution: Solution, weights: FitWeights, bounds: Bounds) -> FitEnd:
+    return FitEnd(
+        weights=weights,
+        outcome=solution.outcome.value,
+        evaluations=solution.evaluations,
+        trace=tuple(solution.trace),
+        inflation=bounds.inflation,
+        model_error=dict(bounds.model_error.sizes) if bounds.model_error else {},
+    )
+
+
+def _other_minima(fitted: TimeFit) -> tuple[Minimum, ...]:
+    """Other minima than the one that counts, best first."""
+    free = fitted.parameters.free
+    return tuple(
+        Minimum(cost=minimum.cost, parameters=dict(zip(free, map(float, minimum.theta), strict=True)))
+        for minimum in fitted.solution.others
+        if len(minimum.theta) == len(free)
+    )
+
+
+def reduction_steps(steps: Sequence[Step]) -> tuple[ReductionStep, ...]:
+    """Steps of a reduction, in order."""
+    return tuple(
+        ReductionStep(
+            parameter=step.parameter,
+            action=step.action,
+            reason=step.reason,
+            value_before=step.value_before,
+            insensitivity_percent=finite(step.insensitivity_percent),
+            cramer_rao_percent=finite(step.cramer_rao_percent),
+            mean_cost_before=step.mean_cost_before,
+            mean_cost_after=None if step.mean_cost_after is None else finite(step.mean_cost_after),
+        )
+        for step in steps
+    )

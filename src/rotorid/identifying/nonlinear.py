@@ -1,0 +1,467 @@
+"""Large motion: the method that fits a nonlinear structure to whole flights, such as drag or flight from commands.
+
+Output error, as for responses to set-points: the model is simulated over each record from a start of its own, and what
+it misses counts as noise at the outputs, whose covariance is estimated with the parameters. Signals are taken as they
+stand in the log, since a model of large motion counts from no trim. Three rules choose what is fitted where nobody
+said it: the outputs that the logs hold, without those that only integrate another one (a position beside its
+velocity: its errors add up, and say nothing new); parameters that act only on what no moving input reaches are held;
+and of several records each is fitted alone too, so that their scatter is seen and enters the intervals.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.checking.checks import checks_of
+from rotorid.checking.flown_nonlinear import flown_records, logged_outputs, verified_through, whole_flights
+from rotorid.checking.unseen import verify_apart
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, refusal, remark
+from rotorid.data.record import FlightRecord
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import InsufficientDataError, RotoridError, UsageError
+from rotorid.fits.remarks import judge_combinations, judge_parameters
+from rotorid.fits.scatter import Alone, Disagreement, disagreements, widened
+from rotorid.fits.searching import Searched, judge_minima, search_summary, searched, searched_minima
+from rotorid.fits.time.fit import explained_percents, simulated_records
+from rotorid.fits.time.refusals import does_not_describe, out_of_iterations, require_bounds, unexplained
+from rotorid.fits.time.remarks import judge_colors, judge_explained, judge_solver, nothing_unseen
+from rotorid.fits.time.summary import information_of, record_fits, residual_colors
+from rotorid.fitting.time.nonlinear import NonlinearFit, NonlinearProblem, fit_nonlinear
+from rotorid.fitting.time.output_error import TimeData, log_likelihood
+from rotorid.flights.coverage import covered_by
+from rotorid.flights.flights import Flight
+from rotorid.flights.segments import TimeRecords, source_of
+from rotorid.identifying.methods import Described
+from rotorid.models.nonlinear import NonlinearStructure, linear_of
+from rotorid.models.parameter import ParameterSet
+from rotorid.models.structure import LinearStructure
+from rotorid.results.model import FittedData, SimulatedRecord, Verifications, bounds_of, no_response
+from rotorid.results.summary import Checks, Derived, Fit, FitEnd
+from rotorid.settings.resolve import chosen_parameters
+from rotorid.settings.settings import IdentifySettings, options_given, options_of
+from rotorid.simulation.nonlinear import Scheme
+from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
+from rotorid.uncertainty.identifiability import unseen_combinations
+from rotorid.uncertainty.propagation import pole_confidence
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+CHOICES = (
+    *("fix", "ties", "free", "constants", "outputs", "segments", "shifts", "hold", "pieces_s"),
+    *("starts", "search", "evaluations", "runs", "seed", "method"),
+)
+"""Choices of :class:`rotorid.settings.settings.IdentifySettings` that a nonlinear structure has."""
+
+
+_ABOUT_AS_MUCH = 3.0
+"""How many times less than in the record that shows it best a parameter may show in one that is held against it."""
+
+
+def require_choices(structure: NonlinearStructure, settings: IdentifySettings) -> ParameterSet:
+    """The parameters of a structure as the user wants them; refuses choices that it does not have.
+
+    Raises
+    ------
+    UsageError
+        A choice belongs to another method, or nothing is left free.
+    ModelError
+        A parameter, a constant or an output is unknown.
+    """
+    if settings.method not in ("auto", "output_error"):
+        raise UsageError(
+            f"--method {settings.method} came with {structure.name}, which is nonlinear and has no such choice",
+            needed="--method output_error, as by itself",
+        )
+    if wrong := [option for name, option in options_given(settings).items() if name not in CHOICES]:
+        raise UsageError(
+            f"{', '.join(wrong)} came with {structure.name}, which is nonlinear and has no such choice",
+            needed=", ".join(options_of(IdentifySettings, CHOICES)),
+            remedy="leave it out, or choose a linear model",
+        )
+    if settings.outputs:
+        structure.select(settings.outputs)
+    return chosen_parameters(structure.with_constants(settings.constants), settings)
+
+
+class NonlinearData(NamedTuple):
+    """Flights, and what of a nonlinear structure is fitted to them.
+
+    Parameters
+    ----------
+    whole
+        The model with all outputs that need no further parameters, such as positions beside velocities.
+    structure
+        Of the outputs that are fitted.
+    parameters
+        Of both, as the user wants them; those that nothing moves are held.
+    flights
+        What was flown.
+    records
+        The same as inputs and outputs.
+    findings
+        Remarks on the way.
+    """
+
+    whole: NonlinearStructure
+    structure: NonlinearStructure
+    parameters: ParameterSet
+    flights: tuple[Flight, ...]
+    records: TimeRecords
+    findings: tuple[Finding, ...]
+
+    @property
+    def response(self) -> FrequencyResponse | None:
+        """None was measured."""
+        return None
+
+    @property
+    def sources(self) -> Mapping[str, str]:
+        """Output to where it stands in the first log."""
+        return {name: source_of(self.records.segments[0], name) for name in self.structure.outputs}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FittedNonlinear(Immutable):
+    """A fitted nonlinear structure.
+
+    Parameters
+    ----------
+    model
+        The whole structure, with its identified values.
+    outputs
+        Those that were fitted.
+    fit
+        End of the search; of several pieces where they were asked for.
+    bounds
+        Of the free parameters, for residuals of any color, with the scatter of records.
+    simulated
+        Every record as measured and as the model has it.
+    alone
+        What each record says by itself, where there are several.
+    scattered
+        Parameters of which records say different things.
+    search
+        The search that the fit began at, if any.
+    """
+
+    model: NonlinearStructure
+    outputs: tuple[str, ...]
+    fit: NonlinearFit
+    bounds: Bounds
+    simulated: tuple[SimulatedRecord, ...]
+    alone: tuple[Alone, ...] = ()
+    scattered: tuple[Disagreement, ...] = ()
+    search: Searched | None = None
+
+    @cached_property
+    def structure(self) -> LinearStructure:
+        """Small motion about rest, where there is such a motion."""
+        return linear_of(self.model)
+
+    @property
+    def listed(self) -> ParameterSet:
+        """All parameters."""
+        return self.model.parameters
+
+    @cached_property
+    def fit_percent(self) -> dict[str, float]:
+        """Output to the share of its motion that the model explains, over all records."""
+        return explained_percents(self.outputs, self.simulated)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nonlinear:
+    """Fit a nonlinear structure to whole flights.
+
+    Parameters
+    ----------
+    model
+        The whole model.
+    settings
+        Choices of the run.
+    """
+
+    model: NonlinearStructure
+    settings: IdentifySettings
+
+    def prepare(self, records: Sequence[FlightRecord]) -> NonlinearData:
+        """Take the flights as they stand in the logs, and hold what nothing in them moves."""
+        parameters = require_choices(self.model, self.settings)
+        model = self.model.with_constants(self.settings.constants)
+        flights = whole_flights(records, self.settings.segments)
+        outputs, left = _outputs(model, records, self.settings.outputs)
+        structure = model.select(outputs)
+        flown = flown_records(structure, flights, self.settings)
+        parameters = parameters.only(structure.parameters.names)
+        parameters, held = _held_at_rest(structure, parameters, flown.data)
+        if not parameters.free:
+            raise InsufficientDataError(
+                f"nothing moves what {structure.name} has",
+                needed=f"a flight in which {' or '.join(structure.inputs)} moves",
+                findings=[refusal("no_excitation", structure.name, "No input of the model moves.")],
+            )
+        # Neither motor lag nor delay of a small multirotor is asked of drag and flight.
+        told = [finding for finding in flown.findings if "needed_hz" not in finding.numbers]
+        known = set(structure.parameters.names)
+        more = [name for name in model.outputs if set(model.select([name]).parameters.names) <= known]
+        whole = model.select([name for name in model.outputs if name in more or name in outputs])
+        return NonlinearData(whole, structure, parameters, flights, flown, (*told, *left, *held))
+
+    def fit(self, data: NonlinearData) -> FittedNonlinear:
+        """Fit all records together, bound the parameters, and fit each record alone."""
+        structure, records = data.structure, data.records
+        _PROGRESS.info(f"fitting {structure.name} by output error")
+        problem = _posed(structure, data.parameters, records, records.data, self.settings.pieces_s)
+        search = searched(problem, self.settings)
+        starts = [problem.start, *(basin.theta for basin in (search.minima if search else ()))]
+        fits = [fit_nonlinear(problem, start=start) for start in starts]
+        fit = min(fits, key=_likelihood)
+        if not np.isfinite(fit.solution.cost):
+            raise InsufficientDataError(
+                f"{structure.name} has no finite simulation of these flights",
+                needed="start values from which the model can be simulated",
+                remedy="shorten the records with --pieces SECONDS, or give values with --fix NAME=VALUE",
+                findings=[refusal("not_converged", structure.name, "The simulation diverges at the start values.")],
+            )
+        bounds = bounds_of_parts(fit.problem.parts(fit.solution.theta), data.parameters.free)
+        alone = self._alone(data, fit)
+        scattered = disagreements(alone)
+        fitted = FittedNonlinear(
+            model=replace(data.whole, parameters=fit.estimate.parameters),
+            outputs=structure.outputs,
+            fit=fit,
+            bounds=widened(bounds, {one.parameter: one.scatter for one in scattered}),
+            simulated=simulated_records(fit.problem.predicted(fit.solution.theta), records),
+            alone=alone,
+            scattered=scattered,
+            search=search,
+        )
+        _require_sound(fitted)
+        return fitted
+
+    def _alone(self, data: NonlinearData, fit: NonlinearFit) -> tuple[Alone, ...]:
+        """What each record says by itself, begun at what all say together; records that tell nothing are left out."""
+        if len(data.records.data) < 2:
+            return ()
+        found, shown = [], _shown(fit, data.records)
+        for place, record in enumerate(data.records.data):
+            _PROGRESS.info(f"fitting {record.name} alone", extra={"done": place, "total": len(data.records.data)})
+            parameters, _ = _held_at_rest(data.structure, fit.estimate.parameters, [record])
+            if not parameters.free:
+                continue
+            try:
+                one = fit_nonlinear(_posed(data.structure, parameters, data.records, [record], self.settings.pieces_s))
+                bounds = bounds_of_parts(one.problem.parts(one.solution.theta), parameters.free)
+            except RotoridError:  # a record may be too short for what all show together
+                continue
+            name = f"{record.name} at {data.records.segments[place].history.start_s:.1f} s"
+            stds = {n: std for n, std in zip(bounds.names, bounds.std.tolist(), strict=True) if shown[place][n]}
+            if stds:
+                found.append(Alone(record=name, values=one.estimate.parameters.values, stds=stds))
+        return tuple(found)
+
+    def verify(self, data: NonlinearData, fitted: FittedNonlinear, records: Sequence[FlightRecord]) -> Verifications:
+        """Simulate further logs from their start on."""
+        if not records:
+            names = list(dict.fromkeys(one.record for one in data.records.segments))
+            return Verifications(findings=(nothing_unseen(names),))
+        return verify_apart(
+            records,
+            lambda record: verified_through(fitted.model, fitted.model.parameters, whole_flights([record], ())),
+            fitted=data.flights,
+        )
+
+    def checks(self, fitted: FittedNonlinear, found: Verifications) -> Checks:  # noqa: ARG002 - as all methods
+        """Scores of the flights."""
+        return checks_of(found, ())
+
+    def describe(self, data: NonlinearData, fitted: FittedNonlinear) -> Described:
+        """Fits of the records and their residuals."""
+        structure, solution = fitted.structure, fitted.fit.solution
+        response, problem = no_response(structure), fitted.fit.problem
+        noise = np.sqrt(problem.noise.diagonal())
+        outputs = len(fitted.outputs)
+        numbers = len(fitted.bounds.names) + problem.most_unknowns + outputs * (outputs + 1) // 2
+        likelihood = log_likelihood(problem)
+        alone = {one.record: one for one in fitted.alone}
+        fits = record_fits(fitted.simulated, data.records, fitted.outputs)
+        linear = fitted.structure.parameters
+        return Described(
+            fit=Fit(
+                method="output_error",
+                outputs=fitted.outputs,
+                end=FitEnd(
+                    weights="likelihood",
+                    outcome=solution.outcome.value,
+                    evaluations=solution.evaluations,
+                    trace=tuple(solution.trace),
+                    inflation=fitted.bounds.inflation,
+                ),
+                fit_percent=fitted.fit_percent,
+                hold=data.records.hold,
+                pieces_s=self.settings.pieces_s,
+                records=tuple(
+                    replace(one, parameters=_estimates(alone.get(f"{one.record} at {one.start_s:.1f} s"), fitted.model))
+                    for one in fits
+                ),
+                noise=dict(zip(fitted.outputs, map(float, noise), strict=True)),
+                log_likelihood=likelihood,
+                information=information_of(likelihood, numbers, problem.samples * outputs),
+                residuals=residual_colors(
+                    fitted.simulated, fitted.outputs, fitted.bounds, data.records.data[0].sample_rate_hz
+                ),
+                minima=searched_minima(fitted.search),
+                search=search_summary(fitted.search),
+            ),
+            data=FittedData(
+                response=response,
+                direct=None,
+                model_response=response.values,
+                used=np.zeros(response.values.shape, dtype=np.bool_),
+                segments=data.records.segments,
+                simulated=fitted.simulated,
+            ),
+            combinations=unseen_combinations(fitted.model.parameters, fitted.bounds),
+            poles=pole_confidence(structure, linear, bounds_of(fitted.bounds, linear.free)),
+            covered=covered_by(data.flights),
+            nonlinear=fitted.model,
+        )
+
+    def remarks(self, data: NonlinearData, fitted: FittedNonlinear, told: Described) -> Sequence[Finding]:
+        """On the fit, its residuals and parameters, and on records that disagree."""
+        units = {one.name: one.unit for one in fitted.model.parameters}
+        step_s = 1.0 / data.records.data[0].sample_rate_hz
+        return (
+            *judge_explained(fitted.fit_percent),
+            *judge_colors(fitted.model.name, fitted.bounds, step_s),
+            *judge_solver(fitted.model.name, fitted.fit.solution, fitted.model.parameters, fitted.model.input_delays),
+            *judge_parameters(fitted.model.parameters, fitted.bounds),
+            *judge_minima(fitted.search, fitted.model.parameters, fitted.bounds),
+            *judge_combinations(told.combinations),
+            *(one.finding(units[one.parameter]) for one in fitted.scattered),
+        )
+
+
+def _outputs(
+    model: NonlinearStructure, records: Sequence[FlightRecord], asked: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[Finding, ...]]:
+    """Outputs to fit, and a remark on those that are left out.
+
+    Raises
+    ------
+    InsufficientDataError
+        The logs hold none.
+    """
+    if asked:
+        return tuple(asked), ()
+    logged = logged_outputs(model, records)
+    rates = dict(zip(model.states, model.equations, strict=True))
+    own = {name for name, one in zip(model.outputs, model.output_equations, strict=True) if str(one) == name}
+    integrals = [name for name in logged if name in own and str(rates[name]) in logged and str(rates[name]) in own]
+    chosen = tuple(name for name in logged if name not in integrals)
+    if not chosen:
+        names = ", ".join(record.source.name for record in records)
+        raise InsufficientDataError(
+            f"{names} holds none of {', '.join(model.outputs)}",
+            needed="an output of the model",
+            remedy="name its source with --map",
+            findings=[refusal("missing_channel", name, f"{name} is in no log.") for name in model.outputs],
+        )
+    remarks = [
+        remark(
+            "outputs_left_out",
+            name,
+            f"{name} integrates {rates[name]}, which is fitted, and was left out; --outputs names others.",
+        )
+        for name in integrals
+    ]
+    missing = [name for name in model.outputs if name not in logged]
+    remarks += [remark("missing_channel", name, f"{name} is not in every log, and was not fitted.") for name in missing]
+    return chosen, tuple(remarks)
+
+
+def _shown(fit: NonlinearFit, records: TimeRecords) -> list[dict[str, bool]]:
+    """For each record, whether it moves what a parameter acts on about as much as the record does that moves it most.
+
+    One that hardly does so turns a small error of a sensor into a large one of the parameter, which says nothing of the
+    other records.
+    """
+    names = fit.estimate.parameters.free
+    parts = iter(fit.problem.parts(fit.solution.theta))
+    sizes = []
+    for data in records.data:
+        total, samples = np.zeros(len(names)), 0
+        while samples < data.samples:
+            slopes = next(parts).slopes[:, :, : len(names)]
+            total, samples = total + np.sum(slopes**2, axis=(0, 1)), samples + slopes.shape[0]
+        sizes.append(np.sqrt(total))
+    most = np.max(sizes, axis=0)
+    return [dict(zip(names, (size * _ABOUT_AS_MUCH >= most).tolist(), strict=True)) for size in sizes]
+
+
+def _held_at_rest(
+    structure: NonlinearStructure, parameters: ParameterSet, data: Sequence[TimeData]
+) -> tuple[ParameterSet, tuple[Finding, ...]]:
+    """Parameters with those held that act only on states which inputs at rest, and no moving ones, would move."""
+    moving = {name for row, name in enumerate(structure.inputs) if any(np.ptp(one.inputs[row]) > 0.0 for one in data)}
+    still = [name for name in structure.inputs if name not in moving]
+    if not still or not moving:
+        return parameters, ()
+    asleep = structure.reached(still) - structure.reached(moving)
+    rows = dict(zip(structure.states, structure.equations, strict=True))
+    delays = dict(zip(structure.inputs, structure.input_delays, strict=True))
+    awake = [*(one for state, one in rows.items() if state not in asleep), *(delays[name] for name in moving)]
+    awake += [one for one in structure.output_equations if not (one.names & set(structure.states)) <= asleep]
+    used = frozenset().union(*(one.names for one in awake)) if awake else frozenset()
+    held = [name for name in parameters.free if name not in parameters.only(used & set(parameters.names)).names]
+    for name in held:
+        parameters = parameters.fix(name, parameters[name].value)
+    words = f"{' and '.join(still)} did not move"
+    return parameters, tuple(
+        remark("no_excitation", name, f"{words}, so {name} was held at {parameters[name].value:g}.") for name in held
+    )
+
+
+def _posed(
+    structure: NonlinearStructure,
+    parameters: ParameterSet,
+    records: TimeRecords,
+    data: Sequence[TimeData],
+    pieces_s: float | None,
+) -> NonlinearProblem:
+    parts = data if pieces_s is None else [piece for one in data for piece in one.pieces(pieces_s)]
+    return NonlinearProblem(
+        structure=structure, parameters=parameters, records=tuple(parts), scheme=Scheme(hold=records.hold)
+    )
+
+
+def _likelihood(fit: NonlinearFit) -> float:
+    """What a fit leaves, for comparison with others of the same records; less is better."""
+    return -log_likelihood(fit.problem) if np.isfinite(fit.solution.cost) else math.inf
+
+
+def _require_sound(fitted: FittedNonlinear) -> None:
+    """Refuse a search without an end, a simulation that leaves more than it explains, and values without bounds."""
+    reasons = [*unexplained(fitted.fit_percent), *out_of_iterations(fitted.model.name, fitted.fit.solution)]
+    if reasons:
+        remedy = "take other outputs, a model with the missing dynamics, or segments in which the inputs move it"
+        raise does_not_describe(fitted.model.name, reasons, remedy)
+    require_bounds(fitted.model.parameters, fitted.bounds)
+
+
+def _estimates(alone: Alone | None, structure: NonlinearStructure) -> dict[str, Derived]:
+    """What a record says of the parameters by itself."""
+    if alone is None:
+        return {}
+    return {
+        name: Derived(value=alone.values[name], std=std, unit=structure.parameters[name].unit)
+        for name, std in alone.stds.items()
+    }

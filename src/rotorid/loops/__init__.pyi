@@ -1,0 +1,2 @@
+from rotorid.loops.responses import Responses as Responses
+from rotorid.loops.responses import response as response

@@ -1,1 +1,0 @@
-"""A model on flights that it has not seen."""

@@ -1,1 +1,0 @@
-"""Fits of responses: what they can support, the fit with bounds, and whether a structure holds."""

@@ -1,1 +1,0 @@
-"""What an ordinary flight tells, part by part: values, no page."""

@@ -1,0 +1,423 @@
+"""After the flight with new gains: are the loops what was foretold, and what to do next.
+
+The second flight is identified as the first was, and its flown loops are compared with those that were foretold. A
+figure is inside where its value lies in the foretold interval, widened by what the second flight itself does not know.
+
+An identified plant may be wrong in both flights in the same way, and then it agrees with itself. Where a test signal
+was added at the mixer, the whole loop is measured with it, without any model, and that counts. And two wide intervals
+always overlap: a figure that either flight does not know well decides nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, warn, worst_first
+from rotorid.data.quantity import TWO_SIDED_95, Quantity
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.loops.rate_loops import loop_by_injection, shown_quantities
+from rotorid.proposing.proposal import AxisTuning, TuneSettings, tune
+from rotorid.results.model import IdentifiedModel, Records
+from rotorid.results.provenance import Provenance
+from rotorid.settings.settings import as_records
+from rotorid.tuning.bands import BAND_OVER_CROSSOVER
+from rotorid.typing import Axis, ComplexArray, FloatArray
+
+COMPARED = {
+    "crossover_rad_s": "crossover",
+    "phase_margin_deg": "phase margin",
+    "sensitivity_peak": "sensitivity peak",
+}
+"""Figures that are foretold; a gain margin lies outside the band in half of the flights and is not."""
+
+WIDEST: Mapping[str, float] = {"crossover_rad_s": 0.1, "sensitivity_peak": 0.12}
+"""Half the interval of a figure over its value, foretold or measured, above which it decides nothing: a loop whose
+crossover or peak is off by more flies otherwise. Good flights know a crossover to 4 % and a peak to 3 %."""
+
+WIDEST_PHASE_DEG = 6.0
+"""The same of a phase margin; good flights know it to 2.5 degrees."""
+
+_MOST_DEVIATIONS = 3.0
+"""Standard deviations between two estimates of a figure beyond which one is wrong; three figures are looked at."""
+
+_PEAK_SLACK = 1.03
+"""Largest sensitivity peak over the one that was asked for, up to which a loop counts as robust."""
+
+_LOOP = {"rate": "the rate loop", "whole": "the loop with the angle loop"}
+_SAME = 5e-3
+"""Relative difference up to which gains are the same: a ground station rounds them, and no figure would show it."""
+
+PEAK_WIDER = 1.5
+"""Factor of the interval of a peak that is read off a measured sensitivity, as the review has it."""
+
+_MODEL, _INJECTION = "model", "injection"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Foretold(Immutable):
+    """What a proposal said of one axis.
+
+    Parameters
+    ----------
+    flown, proposed
+        Value of every parameter, by the firmware's name.
+    rate, whole
+        Figures of the rate loop alone and of the whole one with the proposed gains, by name.
+    omega_rad_s, loops
+        Frequencies, and the whole loop on all draws, ``(draws, f)``; ``None`` where a document alone is at hand.
+    robustness
+        Largest sensitivity peak that was asked for.
+    """
+
+    flown: Mapping[str, float]
+    proposed: Mapping[str, float]
+    rate: Mapping[str, Quantity]
+    whole: Mapping[str, Quantity]
+    omega_rad_s: FloatArray | None = None
+    loops: ComplexArray | None = None
+    robustness: float = 1.7
+
+    def __post_init__(self) -> None:
+        self._set(flown=self.flown, proposed=self.proposed, rate=self.rate, whole=self.whole)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparedFigure(Immutable):
+    """One figure of a loop, foretold and measured.
+
+    Parameters
+    ----------
+    loop
+        ``rate`` or ``whole``.
+    name
+        Such as ``crossover_rad_s``.
+    foretold, measured
+        With their intervals.
+    inside
+        Whether the second flight is what was foretold, as far as both intervals go.
+    method
+        ``injection``, measured with the test signal at the mixer, or ``model``: the identified plant times the gains.
+    decided
+        Whether it says anything: it is outside, or both intervals are narrow enough to exclude another loop.
+    """
+
+    loop: str
+    name: str
+    foretold: Quantity
+    measured: Quantity
+    inside: bool
+    method: str = _MODEL
+    decided: bool = True
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CheckedAxis(Immutable):
+    """An axis after its flight with other gains.
+
+    Parameters
+    ----------
+    gains
+        Which gains are in the second log: ``proposed``, ``flown`` (those of the first) or ``other``.
+    foretold
+        What the proposal said.
+    figures
+        Foretold and measured.
+    tuning
+        The second flight, as ``tune`` sees it: its loops, and what it would change now.
+    contradicted
+        Whether the test signal at the mixer shows another loop than the identified plant does.
+    verdict
+        ``as_foretold``, ``inside_limits``, ``worse``, ``cannot_tell`` or ``other_gains``.
+    sentence, advice
+        What came of it, and what to do next.
+    """
+
+    gains: str
+    foretold: Foretold
+    figures: tuple[ComparedFigure, ...]
+    tuning: AxisTuning
+    verdict: str
+    sentence: str
+    advice: str
+    contradicted: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CheckedTuning(Immutable):
+    """What came of a proposal.
+
+    Parameters
+    ----------
+    axes
+        Those of the proposal that the second flight shows.
+    findings
+        The worst first.
+    provenance
+        Of the second flight.
+    """
+
+    axes: Mapping[Axis, CheckedAxis]
+    findings: tuple[Finding, ...]
+    provenance: Provenance
+
+    def __post_init__(self) -> None:
+        self._set(axes=self.axes, findings=tuple(self.findings))
+
+    @property
+    def as_foretold(self) -> bool:
+        """Whether every axis flies as it was foretold."""
+        return all(one.verdict == "as_foretold" for one in self.axes.values())
+
+
+def check_tuning(
+    foretold: Mapping[Axis, Foretold],
+    records: Records,
+    models: Sequence[IdentifiedModel] = (),
+    *,
+    settings: TuneSettings | None = None,
+    **options: Any,
+) -> CheckedTuning:
+    """Whether the loops of a second flight are what was foretold.
+
+    Parameters
+    ----------
+    foretold
+        By axis, as ``tune.json`` holds it.
+    records
+        Logs of the second flight.
+    models
+        Rate models of it, where they are at hand.
+    settings, **options
+        As for :func:`rotorid.proposing.proposal.tune`. The sensitivity peak that a proposal asked for goes before
+        that of the settings.
+
+    Raises
+    ------
+    InsufficientDataError
+        No axis of the proposal can be told from the second flight.
+    UsageError
+        The proposal holds no axis.
+    """
+    if not foretold:
+        raise UsageError("a proposal without any axis came", needed="a tune.json in which gains were looked at")
+    chosen = replace(settings or TuneSettings(), **options)
+    asked = max(one.robustness for one in foretold.values())
+    axes_told = tuple(axis for axis in chosen.axes if axis in foretold)
+    chosen = replace(chosen, axes=axes_told, filters={}, robustness=asked)
+    found = tune(models, records, settings=chosen)
+    logs = as_records(records)
+    axes = {axis: _checked(axis, foretold[axis], one, _injected(axis, logs)) for axis, one in found.axes.items()}
+    if not axes:
+        raise InsufficientDataError("no axis of the proposal was flown", needed="a sweep of an axis of the proposal")
+    said = [_finding(axis, one) for axis, one in axes.items()]
+    return CheckedTuning(
+        axes=axes,
+        findings=worst_first([*(one for one in said if one is not None), *found.findings]),
+        provenance=found.provenance,
+    )
+
+
+def _injected(axis: Axis, logs: Sequence[FlightRecord]) -> dict[str, Quantity]:
+    """Figures of the whole loop by the injections at the mixer, by name; empty where a flight has none."""
+    try:
+        found = loop_by_injection(axis, logs)
+    except (InsufficientDataError, UsageError):
+        return {}
+    if found is None or found.loop is None or found.margins is None or found.rejection is None:
+        return {}
+    figures = {}
+    if found.margins.gain_crossovers and (phase := found.margins.phase_margin_rad) is not None:
+        crossover = found.margins.gain_crossovers[-1].omega_rad_s
+        figures["crossover_rad_s"] = Quantity.normal(crossover.value, crossover.std, "rad/s")
+        figures["phase_margin_deg"] = Quantity.normal(math.degrees(phase.value), math.degrees(phase.std), "deg")
+    peak, place = found.rejection.peak, found.rejection.peak_omega_rad_s
+    # A sweep that ends near the peak biases its last points: what looks like a peak there is the end of the band.
+    if peak is not None and place is not None and place.interval[1] < found.loop.omega_rad_s[-1]:
+        figures["sensitivity_peak"] = Quantity.normal(peak.value, PEAK_WIDER * peak.std, "1")
+    return figures
+
+
+def _checked(axis: Axis, before: Foretold, now: AxisTuning, injected: Mapping[str, Quantity]) -> CheckedAxis:
+    judged = now.proposal.flown
+    rate, whole = (shown_quantities(loop, now.plant) for loop in (judged.rate, judged.whole))
+    contradicted = any(_contradict(whole[name], measured) for name, measured in injected.items() if name in whole)
+    # A plant that the test signal confirms at the crossover may say what its peak is a little above its band.
+    peak_measured = "crossover_rad_s" in injected or _band_reaches_peak(now)
+    figures = [
+        _compared(loop, name, predicted[name], measured[name], trusted=not contradicted, peak_measured=peak_measured)
+        for loop, predicted, measured in (("rate", before.rate, rate), ("whole", before.whole, whole))
+        for name in COMPARED
+        if name in predicted and name in measured and not (loop == "whole" and name in injected)
+    ]
+    figures += [
+        _compared("whole", name, before.whole[name], measured, method=_INJECTION)
+        for name, measured in injected.items()
+        if name in before.whole
+    ]
+    figures.sort(key=lambda one: (list(_LOOP).index(one.loop), list(COMPARED).index(one.name)))
+    logged = {name: value for name, (value, _) in now.parameters.items()}
+    gains = _which(before, logged)
+    unstable = not contradicted and not bool(np.median(judged.rate.stable * judged.whole.stable))
+    verdict = _verdict(figures, before.robustness, unstable=unstable) if gains == "proposed" else "other_gains"
+    sentence, advice = _words(axis, verdict, gains, figures, now, contradicted=contradicted)
+    return CheckedAxis(
+        gains=gains,
+        foretold=before,
+        figures=tuple(figures),
+        tuning=now,
+        verdict=verdict,
+        sentence=sentence,
+        advice=advice,
+        contradicted=contradicted,
+    )
+
+
+def _compared(
+    loop: str,
+    name: str,
+    foretold: Quantity,
+    measured: Quantity,
+    *,
+    method: str = _MODEL,
+    trusted: bool = True,
+    peak_measured: bool = True,
+) -> ComparedFigure:
+    inside = _inside(foretold, measured)
+    narrow = _narrow(name, foretold) and _narrow(name, measured) and (peak_measured or name != "sensitivity_peak")
+    return ComparedFigure(
+        loop=loop,
+        name=name,
+        foretold=foretold,
+        measured=measured,
+        inside=inside,
+        method=method,
+        decided=trusted and (narrow or not inside),
+    )
+
+
+def _narrow(name: str, one: Quantity) -> bool:
+    half = 0.5 * (one.upper - one.lower)
+    return half <= WIDEST_PHASE_DEG if name == "phase_margin_deg" else half <= WIDEST[name] * abs(one.value)
+
+
+def _band_reaches_peak(now: AxisTuning) -> bool:
+    return now.plant.band_rad_s[1] >= BAND_OVER_CROSSOVER * now.proposal.flown.rate.usual_crossover_rad_s
+
+
+def _contradict(one: Quantity, other: Quantity) -> bool:
+    """Whether two estimates of one figure exclude each other."""
+    return abs(one.value - other.value) > _MOST_DEVIATIONS * math.hypot(one.std, other.std)
+
+
+def _verdict(figures: Sequence[ComparedFigure], robustness: float, *, unstable: bool) -> str:
+    """What the figures that decide something say together."""
+    decided = [one for one in figures if one.decided]
+    missed = [one for one in decided if not one.inside]
+    peaks = [one for one in decided if one.name == "sensitivity_peak"]
+    limit = _PEAK_SLACK * robustness
+    if unstable or (missed and any(one.measured.value > limit for one in peaks)):
+        return "worse"
+    # The whole loop is what flies: each of its figures has to be known.
+    if missed:
+        robust = any(one.loop == "whole" and _narrow("sensitivity_peak", one.measured) for one in peaks)
+        return "inside_limits" if robust else "cannot_tell"
+    whole = {one.name for one in decided if one.loop == "whole"}
+    return "as_foretold" if whole == set(COMPARED) else "cannot_tell"
+
+
+def _inside(foretold: Quantity, measured: Quantity) -> bool:
+    slack = TWO_SIDED_95 * measured.std
+    return foretold.lower - slack <= measured.value <= foretold.upper + slack
+
+
+def _which(before: Foretold, logged: Mapping[str, float]) -> str:
+    """Which gains a log has."""
+
+    def alike(told: Mapping[str, float]) -> bool:
+        shared = [name for name in told if name in logged]
+        return bool(shared) and all(
+            math.isclose(told[name], logged[name], rel_tol=_SAME, abs_tol=1e-9) for name in shared
+        )
+
+    return "proposed" if alike(before.proposed) else "flown" if alike(before.flown) else "other"
+
+
+def _words(
+    axis: Axis, verdict: str, gains: str, figures: Sequence[ComparedFigure], now: AxisTuning, *, contradicted: bool
+) -> tuple[str, str]:
+    """What came of it and what to do next, in sentences."""
+    peak = next((one for one in figures if (one.loop, one.name) == ("whole", "sensitivity_peak")), None)
+    peak_words = f" Its peak sensitivity M_s is {peak.measured.value:.2f}." if peak is not None and peak.decided else ""
+    other = (
+        f" The test signal at the mixer contradicts the identified plant of {axis}, which may be wrong in both flights."
+        if contradicted
+        else ""
+    )
+    sweep = f"Fly a sweep of {axis} up to {max(now.needed_rad_s, now.plant.band_rad_s[1]):.0f} rad/s"
+    if verdict == "other_gains":
+        old = gains == "flown"
+        which = "the old gains" if old else "neither the proposed nor the old gains"
+        todo = "Load the proposed file, and fly again" if old else "Tune from this log, or load the proposed file"
+        return f"This log was flown with {which} of {axis}, so nothing can be checked.{peak_words}", f"{todo}."
+    names = _named([one for one in figures if one.decided and not one.inside])
+    if verdict == "cannot_tell":
+        missed = f" These differ from the prediction: {names}." if names else ""
+        return (
+            f"Not enough data to check {axis}: the {_undecided(figures)} is too uncertain.{missed}{other}",
+            f"{sweep} and check again: with these gains if the vehicle flies calmly, else with the rollback file.",
+        )
+    if verdict == "as_foretold":
+        return (
+            f"The {axis} loop is as predicted.{peak_words}{other}",
+            f"Keep these gains. {_further(axis, sweep, now)}",
+        )
+    if verdict == "worse":
+        why = f" ({names})" if names else ""
+        return (
+            f"The {axis} loop is less robust than it should be, and not as predicted{why}.{peak_words}{other}",
+            "Go back to the old gains with the rollback file, and fly a longer sweep before the next proposal.",
+        )
+    following = (
+        f"{sweep} before the next proposal."
+        if contradicted
+        else f"Use this log for the next proposal. {_further(axis, sweep, now)}"
+    )
+    return (
+        f"The {axis} loop is robust, but not as predicted ({names}).{peak_words}{other}",
+        f"These gains can stay. {following}",
+    )
+
+
+def _named(figures: Sequence[ComparedFigure]) -> str:
+    return ", ".join(f"{COMPARED[one.name]} of {_LOOP[one.loop]}" for one in figures)
+
+
+def _undecided(figures: Sequence[ComparedFigure]) -> str:
+    """Figures of the whole loop that decide nothing, or are not there."""
+    decided = {one.name for one in figures if one.loop == "whole" and one.decided}
+    return " or the ".join(words for name, words in COMPARED.items() if name not in decided)
+
+
+def _further(axis: Axis, sweep: str, now: AxisTuning) -> str:
+    """What more can be gained, as far as the plant was seen."""
+    if now.changed:
+        return "A further step is open: rotorid tune on this log proposes it."
+    if not _band_reaches_peak(now):
+        end = f"{now.plant.band_rad_s[1]:.0f} rad/s"
+        return f"The plant was measured only up to {end}, so a further step is not known. {sweep}."
+    return f"No better gains of {axis} were found inside the limits."
+
+
+def _finding(axis: Axis, one: CheckedAxis) -> Finding | None:
+    if one.verdict == "as_foretold":
+        return None
+    kinds = {"other_gains": "other_gains", "cannot_tell": "check_undecided"}
+    kind = kinds.get(one.verdict, "not_as_foretold")
+    return warn(kind, axis, f"{one.sentence} {one.advice}")

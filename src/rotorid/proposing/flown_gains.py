@@ -1,0 +1,316 @@
+"""What flew: the controller of an axis by the parameters of the log, whether it made the commands, and with what room.
+
+Gains are judged by the controller that a log names, where it made the logged commands
+(:func:`rotorid.flights.controller_check.check_controller`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rotorid.checking.candidate import UNFILTERED
+from rotorid.data.axes import RATE_OF
+from rotorid.data.findings import Finding, refusal, remark
+from rotorid.data.record import FlightRecord, Source
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flights.command_noise import LEAST_NOISE_HZ, command_density
+from rotorid.flights.controller_check import check_controller
+from rotorid.flights.controllers import LogControllers, acting_on, controllers_of, controllers_of_result
+from rotorid.flights.oscillations import describe, numbers_of, remedy, reviewed_oscillations
+from rotorid.models.autopilots.settings import AxisController
+from rotorid.results.model import IdentifiedModel
+from rotorid.signal.autopilot_filters import controller_filters, known_filters
+from rotorid.signal.filters import KnownFilter, combined_response
+from rotorid.signal.motors import motor_limits
+from rotorid.tuning.loops import ControllerParts, Gains
+from rotorid.typing import Axis, FloatArray
+
+_MOST_SATURATED = 0.02
+"""Share of the time in which roll, pitch and yaw commands keep a motor at a limit above which nothing is proposed: the
+plant is that of a limit cycle."""
+
+_NOISE_OVER_BAND = 1.5
+
+_FEWEST_NOISE_POINTS = 8
+"""With fewer frequencies nothing is said of noise."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlownAxis:
+    """The controller of an axis, and where its rate stands in the log.
+
+    Parameters
+    ----------
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    controller
+        As flown.
+    record
+        Its log; of a result alone a record without samples, with the parameters that the result keeps.
+    source
+        Where the rate of the plant stands in the log.
+    density
+        Rad/s and one-sided density of the command over the flight, shape ``(2, n)``; ``None`` where it was logged too
+        slowly.
+    known
+        The controllers of all axes, with what made them.
+    """
+
+    axis: Axis
+    controller: AxisController
+    record: FlightRecord
+    source: str
+    known: LogControllers
+    density: FloatArray | None = None
+
+    @property
+    def passed(self) -> tuple[KnownFilter, ...]:
+        """Filters that the rate of the plant has passed; none where ``identify`` took them out."""
+        return () if self.source.endswith(UNFILTERED) else known_filters(self.record, self.source)
+
+    def parts(
+        self, omega_rad_s: FloatArray, *, then: FlightRecord | None = None, noise: FloatArray | None = None
+    ) -> ControllerParts:
+        """What the gains do, with the filters as flown or as another record's parameters have them.
+
+        Parameters
+        ----------
+        omega_rad_s
+            Shape ``(f,)``.
+        then
+            The same log with other filters among its parameters.
+        noise
+            Density of the noise of the rate, shape ``(f,)``.
+        """
+        source = self.source.removesuffix(UNFILTERED)
+        acting = acting_on(self.record, self.controller.controller, source=source)
+        seen, logged = combined_response(acting.seen, omega_rad_s), combined_response(self.passed, omega_rad_s)
+        controller = self.controller.controller
+        if then is not None:
+            before, after = (combined_response(controller_filters(one), omega_rad_s) for one in (self.record, then))
+            seen = seen * after / before
+            controller = self.with_parameters(then).controller
+        return ControllerParts(
+            controller=controller, omega_rad_s=omega_rad_s, seen=seen, logged=logged, rate_noise=noise
+        )
+
+    def with_parameters(self, record: FlightRecord) -> AxisController:
+        """The controller by the parameters of another record."""
+        found = self.known.with_parameters(record.parameters).axis(self.axis)
+        if found is None:
+            raise UsageError(f"the parameters make no controller of {self.axis}", needed="filters that can be flown")
+        return found
+
+    def rate_noise(self, omega_rad_s: FloatArray, band_rad_s: tuple[float, float]) -> FloatArray | None:
+        """Density of the noise of the logged rate, from the command beyond the motion; ``None`` where it is not seen.
+
+        The command is logged behind all filters of its controller, so what it has beyond the band is what they let
+        through: the density of the command over the squared gain of the controller. Below that the noise is taken to
+        go on as it begins there.
+        """
+        if self.density is None:
+            return None
+        at, density = self.density
+        edge = max(2.0 * np.pi * LEAST_NOISE_HZ, _NOISE_OVER_BAND * band_rad_s[1])
+        beyond = at > edge
+        if np.count_nonzero(beyond) < _FEWEST_NOISE_POINTS:
+            return None
+        parts = self.parts(omega_rad_s)
+        size = np.abs(parts.rate(Gains.of(self.controller.controller)))
+        command = np.interp(omega_rad_s, at[beyond], density[beyond], right=0.0)
+        rate = command / np.maximum(size, 1e-9 * size.max()) ** 2
+        first = int(np.searchsorted(omega_rad_s, edge))
+        if first >= omega_rad_s.size:
+            return None
+        rate[:first] = rate[first]
+        return np.asarray(rate)
+
+
+def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) -> FlownAxis:
+    """The controller that flew an axis, by the parameters of the log or by what the result says of them.
+
+    Raises
+    ------
+    InsufficientDataError
+        Neither says which gains flew, or how the rate was filtered.
+    """
+    command, source = f"{axis}_command", model.provenance.sources.get(RATE_OF[axis], "")
+    known = model.controller
+    if record is not None:
+        own, flown, density = record, controllers_of(record), command_density(record, command)
+    elif known is not None:
+        own, flown, density = record_of(model), controllers_of_result(known), model.data.command_densities.get(command)
+    else:
+        raise _no_gains(axis, None)
+    found = flown.axis(axis)
+    if found is None:
+        raise _no_gains(axis, flown)
+    if record is None and known is not None and not known.settings:
+        raise InsufficientDataError(
+            f"the result of {axis} does not hold the filters of its gyro: an older version made it",
+            needed="a result of this version",
+            remedy="identify anew, or give the log beside the result",
+        )
+    return FlownAxis(axis=axis, controller=found, known=flown, record=own, source=source, density=density)
+
+
+def record_of(model: IdentifiedModel) -> FlightRecord:
+    """A record without samples that holds what a result keeps of the parameters of its log.
+
+    Parameters
+    ----------
+    model
+        A result that knows its controller.
+    """
+    known = model.controller
+    assert known is not None
+    name = next((maneuver.record for maneuver in model.provenance.maneuvers), model.name)
+    return FlightRecord(
+        source=Source(name=name, format=known.autopilot, sha256="", firmware=known.firmware),
+        topics=(),
+        parameters={**known.gains, **known.filters, **known.settings},
+    )
+
+
+def settings_records(given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> Sequence[FlightRecord]:
+    """Logs, or records without samples of the results that keep their parameters where no log came."""
+    return logs or [record_of(model) for model in given if model.controller is not None and model.controller.settings]
+
+
+def flown_controllers(
+    axes: Iterable[Axis], given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]
+) -> dict[Axis, AxisController]:
+    """Controllers of axes that need no plant, by the parameters of the first log or result that holds them.
+
+    Parameters
+    ----------
+    axes
+        Which; those whose gains nothing holds are left out.
+    given, logs
+        As for :func:`rotorid.proposing.proposal.tune`.
+    """
+    known = [
+        *(controllers_of(record) for record in logs),
+        *(controllers_of_result(model.controller) for model in given if model.controller is not None),
+    ]
+    found = {axis: next(filter(None, (flown.axis(axis) for flown in known)), None) for axis in axes}
+    return {axis: controller for axis, controller in found.items() if controller is not None}
+
+
+def require_gains(axis: Axis, record: FlightRecord) -> None:
+    """Refuse a log without gains, before anything is identified from it.
+
+    Raises
+    ------
+    InsufficientDataError
+        Its parameters hold no controller of the axis.
+    """
+    flown = controllers_of(record)
+    if flown.axis(axis) is None:
+        raise _no_gains(axis, flown)
+
+
+def _no_gains(axis: Axis, flown: LogControllers | None) -> InsufficientDataError:
+    why, remedy = ("The result has no gains", "Give the log with the result.")
+    if flown is not None:
+        why, remedy = flown.unknown_gains(axis)
+    return InsufficientDataError(
+        _clause(why),
+        needed="a log with the parameters of its autopilot",
+        remedy=_clause(remedy),
+        findings=[refusal("no_controller", axis, f"{why}.")],
+    )
+
+
+def _clause(sentence: str) -> str:
+    """A sentence as a part of another one."""
+    own = sentence if sentence.startswith("Betaflight") else f"{sentence[:1].lower()}{sentence[1:]}"
+    return own.rstrip(".")
+
+
+def require_room(record: FlightRecord, model: IdentifiedModel | None = None) -> list[Finding]:
+    """Refuse a flight that oscillates or whose motors were at their limits; a remark where these are not known.
+
+    Its plant is that of a limit cycle, and gains from it would be those of its limits.
+
+    Parameters
+    ----------
+    record
+        The log.
+    model
+        Its plant: limits count where it was measured. ``None`` for the flight as a whole.
+
+    Raises
+    ------
+    InsufficientDataError
+        An axis oscillates, or a motor was at a limit for more than 2 % of the time.
+    """
+    require_calm(record)
+    limits = motor_limits(record)
+    own = () if model is None else [m for m in model.provenance.maneuvers if m.record == record.source.name]
+    if own:
+        limits = limits.during(tuple((maneuver.start_s, maneuver.stop_s) for maneuver in own))
+    if limits.unknown:
+        message = f"{record.source.name} {limits.unknown}: whether a motor was at a limit was not checked."
+        return [remark("room_not_checked", record.source.name, message)]
+    # In a chop all motors are at their lower end, and in a punch at the upper one: gains make neither.
+    if limits.of(limits.by_loop) > _MOST_SATURATED:
+        part = "the analyzed maneuvers" if own else "the flight"
+        raise InsufficientDataError(
+            f"a motor was at a limit for {100.0 * limits.share:.0f} % of {part}",
+            needed=f"at most {100.0 * _MOST_SATURATED:.0f} % by roll, pitch and yaw commands",
+            remedy="lower the gains first",
+            findings=[limits.finding(refusal, part, "Lower the gains first.")],
+        )
+    return []
+
+
+def require_calm(record: FlightRecord) -> None:
+    """Refuse a flight in which an axis oscillates; one that never flew, or cannot be checked, passes.
+
+    Raises
+    ------
+    InsufficientDataError
+        An axis oscillates, with the gains to lower first.
+    """
+    try:
+        found = reviewed_oscillations(record)
+    except InsufficientDataError:
+        return
+    if found:
+        raise InsufficientDataError(
+            describe(found),
+            needed="a flight in which nothing oscillates, since the log shows the limits of the loop otherwise",
+            remedy="lower the gains of the axis first",
+            findings=[
+                refusal("oscillation", one.axis, f"{describe((one,))} {remedy(one)}", **numbers_of(one))
+                for one in found
+            ],
+        )
+
+
+def explained(flown: FlownAxis) -> list[Finding]:
+    """Refuse a controller that did not make the logged command; a remark where that was not checked.
+
+    Raises
+    ------
+    InsufficientDataError
+        Other gains flew than those of the parameters.
+    """
+    check = check_controller(flown.record, flown.axis)
+    if check.verdict == "not made":
+        raise InsufficientDataError(
+            _clause(check.why),
+            needed="a flight whose controller is the one in its parameters",
+            remedy=_clause(check.remedy),
+            findings=[refusal("other_controller", flown.axis, f"{check.why}.", **check.numbers)],
+        )
+    return list(check.findings)
+
+
+def at_ends(controller: AxisController, parts: ControllerParts) -> dict[str, ControllerParts]:
+    """Parts where a D moves in flight, by the name of each end."""
+    return {name: replace(parts, controller=end) for name, end in controller.ends.items()}

@@ -1,0 +1,684 @@
+"""From an identified plant to gains: the loops as flown, a proposal that holds for every likely plant, what it will do.
+
+Rate models of roll, pitch and yaw come as results of ``identify`` or are identified from the logs. The controller is
+that of the log, with its exact filters and steps. Before anything is proposed it is checked that this controller made
+the logged commands, that the motors had room, and that the plant is known where the gains act. Where one of these fails
+the flown gains stay, and the reason and the flight that would help are said. Nothing is sent to a vehicle.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.display import html_table, lines_of
+from rotorid.data.findings import Finding, Findings, refusal, remark, warn, worst_first
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flights.controller_check import controller_findings
+from rotorid.flying.next_steps import sweep_for_tune
+from rotorid.models.autopilots.settings import AxisController
+from rotorid.proposing.axis import KnownAxis, gains_apart, known_axis, needed_rad_s
+from rotorid.proposing.filters import FilterPrice, changed_filters, prices
+from rotorid.proposing.flown_gains import FlownAxis, at_ends, flown_controllers, settings_records
+from rotorid.proposing.shared_filters import require_filters_hold
+from rotorid.proposing.thrust import ThrustLinearization, linearization
+from rotorid.results.model import IdentifiedModel, Records, Refused
+from rotorid.results.provenance import Provenance, autopilot_of, provenance, require_one_autopilot
+from rotorid.settings.settings import Setting, as_records, require_seed
+from rotorid.tuning.bands import BAND_OVER_CROSSOVER
+from rotorid.tuning.files import parameter_files
+from rotorid.tuning.firmware import Parameter, parameters_of, ranges_of, rounded, scaled, written
+from rotorid.tuning.loops import ControllerParts, Gains
+from rotorid.tuning.plant import DRAWS, UncertainPlant
+from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, flights_between, judged, propose, steps_beyond
+from rotorid.typing import Axis, ComplexArray, FloatArray
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+FULL_SCALE_M = 16.4
+"""Diameter of the rotor of a helicopter for which guidelines were made."""
+
+TUNED_AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw")
+_NEARLY = 1.15
+_SAME_GAIN = 1e-3
+_STEP_RATE_HZ, _STEP_SAMPLES, _STEP_SHOWN_S = 250.0, 4096, 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TuneSettings(Immutable):
+    """Choices of one run of ``tune``.
+
+    Parameters
+    ----------
+    axes
+        Those to look at; all by default.
+    robustness
+        Largest sensitivity peak M_s of the rate loop and of the whole one, on 95 of 100 likely plants.
+    noise
+        Noise of the command at most, as a factor on that of the flown gains.
+    keep
+        Gains that stay, of P, I, D and A.
+    filters
+        Filters that are to be flown, by the firmware's names, where they are not those of the log.
+    scale
+        How many times larger a helicopter of full scale is, for guidelines made for those; ``None`` where the fit of
+        ``physical.motors`` is to say, or none.
+    draws, seed
+        How many likely plants, and the seed of the draws. Of 50 the gains of equal plants differ by a step of the grid.
+
+    Raises
+    ------
+    UsageError
+        A number is out of range, or a gain is unknown.
+    """
+
+    axes: tuple[Axis, ...] = TUNED_AXES
+    robustness: float = 1.7
+    noise: float = 2.0
+    keep: tuple[str, ...] = ()
+    filters: Mapping[str, float] = field(default_factory=dict)
+    scale: float | None = None
+    draws: int = DRAWS
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_seed(self.seed)
+        if not 1.2 <= self.robustness <= 2.5:
+            raise UsageError(f"--robustness {self.robustness:g} came", needed="a largest M_s from 1.2 to 2.5")
+        if not 0.1 <= self.noise <= 10.0:
+            raise UsageError(f"--noise {self.noise:g} came", needed="a factor from 0.1 to 10")
+        if wrong := [name for name in self.keep if name not in "PIDA" or len(name) != 1]:
+            raise UsageError(f"--keep {wrong[0]} came", needed="of P, I, D and A")
+        if len(set(self.keep)) == 4:
+            raise UsageError("all gains stay", needed="at least one that may change")
+        if wrong_axes := [axis for axis in self.axes if axis not in TUNED_AXES]:
+            raise UsageError(f"the axis {wrong_axes[0]} came", needed="roll, pitch, yaw")
+        if self.scale is not None and not 1.0 <= self.scale <= 1000.0:
+            raise UsageError(f"--scale {self.scale:g} came", needed="full scale over the vehicle, from 1 to 1000")
+        if not 10 <= self.draws <= 1000:
+            raise UsageError(f"{self.draws} draws came", needed="10 to 1000")
+        self._set(axes=tuple(self.axes), keep=tuple(self.keep), filters=self.filters)
+
+    def as_json(self) -> dict[str, Setting]:
+        """The choices for the provenance of a result."""
+        return {
+            "axes": [str(axis) for axis in self.axes],
+            "robustness": self.robustness,
+            "noise": self.noise,
+            "keep": list(self.keep),
+            "filters": [f"{name}={value:g}" for name, value in self.filters.items()],
+            "scale": self.scale,
+            "draws": self.draws,
+            "seed": self.seed,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathStep(Immutable):
+    """Gains of one of several flights.
+
+    Parameters
+    ----------
+    flight
+        Which one: the proposed gains are those of the first.
+    goal
+        Whether no further step follows.
+    judged
+        The gains, and what they do on every draw of today's plant.
+    parameters
+        The same by the firmware's names.
+    """
+
+    flight: int
+    goal: bool
+    judged: Judged
+    parameters: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        self._set(parameters=self.parameters)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxisTuning(Immutable):
+    """An axis: its controller, its plant, the flown gains and the proposed ones, and what both do.
+
+    Parameters
+    ----------
+    controller
+        As the log tells it.
+    plant
+        With draws of what is not known.
+    omega_rad_s
+        Frequencies of the responses below.
+    proposal
+        Flown and proposed gains, judged on all draws.
+    parameters
+        Firmware's name of each gain to its flown and its proposed value; kept ones are alike.
+    loops
+        ``flown``, ``proposed``, ``flown_whole``, ``proposed_whole``: broken loops over the draws, ``(draws, f)``.
+    responses
+        ``attitude`` over its set-point and ``disturbance``, the attitude by a moment in commands, each followed by
+        ``_flown`` or ``_proposed``, over the draws, ``(draws, f)``.
+    step_s, steps
+        Seconds, and the attitude's answer to a step of its set-point under both gains, ``(draws, n)`` each.
+    parts
+        What each gain does, with the filters of the proposal.
+    wishes
+        What is asked of the gains.
+    path
+        The flights to the gains that keep the limits of the loop alone, the proposed ones first and the goal last;
+        empty where one flight reaches them.
+    prices
+        What every filter of the proposed loop costs.
+    ends
+        Where D moves in flight: what the proposed gains do at each end.
+    noise_seen
+        Whether the log shows the noise of the rate, so that noises are those of the command and no mere ratios.
+    """
+
+    controller: AxisController
+    plant: UncertainPlant
+    omega_rad_s: FloatArray
+    proposal: AxisProposal
+    parameters: Mapping[str, tuple[float, float]]
+    loops: Mapping[str, ComplexArray]
+    responses: Mapping[str, ComplexArray]
+    step_s: FloatArray
+    steps: Mapping[str, FloatArray]
+    parts: ControllerParts
+    wishes: Wishes = field(default_factory=Wishes)
+    path: tuple[PathStep, ...] = ()
+    prices: tuple[FilterPrice, ...] = ()
+    ends: Mapping[str, Judged] = field(default_factory=dict)
+    noise_seen: bool = False
+
+    def __post_init__(self) -> None:
+        self._set(
+            parameters=self.parameters,
+            loops=self.loops,
+            responses=self.responses,
+            steps=self.steps,
+            path=tuple(self.path),
+            prices=tuple(self.prices),
+            ends=self.ends,
+        )
+
+    @cached_property
+    def needed_rad_s(self) -> float:
+        """Upper end of the sweep on which the gains of the goal can be proposed and checked."""
+        return needed_rad_s(self.proposal.axis, self.plant, self.controller, self.parts, self.wishes)
+
+    @property
+    def changed(self) -> bool:
+        """Whether a gain or a filter of the axis is to change."""
+        return any(after != before for before, after in self.parameters.values())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TuningProposal(Immutable):
+    """What to change of the gains of a vehicle, and what that will do.
+
+    Parameters
+    ----------
+    autopilot, firmware
+        As the log names them.
+    axes
+        Those that were looked at and have a model and a controller.
+    thrust
+        What straightens the curve of thrust, where a fit of ``physical.motors`` came.
+    scale
+        Full scale over the size of the vehicle, where it is known.
+    robustness
+        Largest sensitivity peak that was asked for.
+    files, rollback_files
+        Name of each file to its text: proposed gains, and the flown ones.
+    findings
+        Why axes or gains stay as they are, the worst first.
+    provenance
+        Where the models came from.
+    """
+
+    autopilot: str
+    firmware: str
+    axes: Mapping[Axis, AxisTuning]
+    thrust: ThrustLinearization | None
+    scale: float | None
+    files: Mapping[str, str]
+    rollback_files: Mapping[str, str]
+    findings: tuple[Finding, ...]
+    provenance: Provenance
+    robustness: float = 1.7
+
+    def __post_init__(self) -> None:
+        self._set(axes=self.axes, files=self.files, rollback_files=self.rollback_files)
+
+    def __repr__(self) -> str:
+        return lines_of(self._head, self._rows)
+
+    def _repr_html_(self) -> str:
+        said = Findings(self.findings)._repr_html_() if self.findings else ""
+        return html_table(self._head, ["axis", "parameter", "flown", "proposed"], self._rows) + said
+
+    @property
+    def _head(self) -> str:
+        return f"gains of {self.autopilot}: {'to change' if self.changed else 'they stay'}"
+
+    @property
+    def _rows(self) -> list[tuple[str, str, str, str]]:
+        return [
+            (axis, name, f"{before:.4g}", f"{after:.4g}")
+            for axis, one in self.axes.items()
+            for name, (before, after) in one.parameters.items()
+            if after != before
+        ]
+
+    @property
+    def changed(self) -> bool:
+        """Whether any gain or filter is to change."""
+        return any(name.startswith("proposed") for name in self.files)
+
+
+def tune(
+    models: IdentifiedModel | Sequence[IdentifiedModel] = (),
+    records: Records = (),
+    *,
+    settings: TuneSettings | None = None,
+    **options: Any,
+) -> TuningProposal:
+    """Propose gains of roll, pitch and yaw.
+
+    Parameters
+    ----------
+    models
+        Rate models of the axes, as ``identify`` answers them; those that are missing are identified from the logs. One
+        of ``physical.motors`` tells the curve of thrust.
+    records
+        Logs, whose parameters say which controller flew.
+    settings
+        Choices; everything has a default.
+    **options
+        Fields of :class:`TuneSettings`, which go before ``settings``.
+
+    Raises
+    ------
+    InsufficientDataError
+        No axis has a model and a controller; findings say why.
+    UsageError
+        An option is wrong, or nothing came.
+
+    Examples
+    --------
+    >>> import rotorid
+    >>> proposal = rotorid.tune(records="flight.ulg")  # doctest: +SKIP
+    >>> proposal.axes["roll"].parameters["MC_ROLLRATE_P"]  # doctest: +SKIP
+    (0.15, 0.21)
+    """
+    chosen = replace(settings or TuneSettings(), **options)
+    logs = as_records(records)
+    given = (models,) if isinstance(models, IdentifiedModel) else tuple(models)
+    if not given and not logs:
+        raise UsageError("nothing came to tune", needed="results of identify, logs, or both")
+    findings = [finding for record in logs for finding in (*record.findings, *controller_findings(record))]
+    findings += [*require_one_autopilot(given, logs), *gains_apart(chosen.axes, logs)]
+    settings_from = settings_records(given, logs)
+    autopilot = next((name for record in settings_from if (name := autopilot_of(record))), "")
+    thrust = linearization(given, next(iter(settings_from), None), autopilot=autopilot, seed=chosen.seed)
+    findings += [*thrust.findings, *_thrust_remarks(thrust)] if thrust is not None else []
+    known: dict[Axis, KnownAxis] = {}
+    refused: dict[Axis, InsufficientDataError] = {}
+    look = {"draws": chosen.draws, "seed": chosen.seed}
+    for axis in chosen.axes:
+        _PROGRESS.info(f"tuning {axis}")
+        try:
+            known[axis] = known_axis(axis, given, logs, filters=chosen.filters, findings=findings, **look)
+        except InsufficientDataError as error:
+            refused[axis] = error
+            # Options of identify, which tune does not have, are no remedy here.
+            parts = (error.came, f"needed: {error.needed}", "" if "--" in error.remedy else error.remedy)
+            why = "; ".join(part.rstrip(".") for part in parts if part not in ("", "needed: "))
+            findings += [one for one in error.findings if one not in findings]
+            findings.append(warn("not_tuned", axis, f"The gains of {axis} stay: {why}."))
+            _PROGRESS.info(f"{axis}: {error}")
+    if not known:
+        raise InsufficientDataError(
+            "no axis can be tuned",
+            needed="a rate model of an axis, the gains that flew, and motors with room to both sides",
+            remedy="the findings say what each axis lacks",
+            findings=worst_first(findings) or [refusal("not_tuned", "all axes", "No axis can be tuned.")],
+        )
+    axes, shared = _axes(known, chosen, thrust)
+    axes = {
+        axis: replace(one, path=_path(axis, known[axis], one.proposal, chosen, thrust)) for axis, one in axes.items()
+    }
+    findings += shared
+    findings += _remarks(axes, settings_from)
+    if chosen.filters:
+        findings += require_filters_hold(
+            {axis: known[axis] for axis, tuned in axes.items() if not tuned.proposal.changed},
+            {axis: refused.get(axis) for axis in TUNED_AXES if axis not in axes},
+            given,
+            logs,
+            filters=chosen.filters,
+            wishes=Wishes(sensitivity_peak=chosen.robustness),
+            **look,
+        )
+    return _together(axes, findings, logs, given, chosen, thrust)
+
+
+def _axes(
+    known: Mapping[Axis, KnownAxis], settings: TuneSettings, thrust: ThrustLinearization | None
+) -> tuple[dict[Axis, AxisTuning], list[Finding]]:
+    """All axes, each with gains of its own but for an angle gain that two of them share.
+
+    Where they would have two values of it, the smaller is flown by both; where one of them has no gains for that, or
+    where one alone was looked at, it stays.
+    """
+    sharing = [axis for axis, one in known.items() if (angle := _angle(one)) is not None and angle.shared]
+    flown = known[sharing[0]].gains.A if sharing else 0.0
+    alone = flown if len(sharing) == 1 else None
+    axes = {
+        axis: _axis(axis, one, settings, thrust, angle_1_s=alone if axis in sharing else None)
+        for axis, one in known.items()
+    }
+    proposed = {axis: axes[axis].proposal.proposed.gains.A for axis in sharing}
+    for value in (min(proposed.values(), default=flown), flown):
+        for axis in sharing:
+            if value != axes[axis].proposal.proposed.gains.A:
+                axes[axis] = _axis(axis, known[axis], settings, thrust, angle_1_s=value)
+        if all(value == axes[axis].proposal.proposed.gains.A for axis in sharing):
+            break
+    if not sharing or (alone is None and len(set(proposed.values())) == 1) or "A" in settings.keep:
+        return axes, []
+    angle = _angle(known[sharing[0]])
+    assert angle is not None
+    why = (
+        f"it stays, since {sharing[0]} alone was looked at"
+        if alone is not None
+        else f"{' and '.join(sharing)} alone would have "
+        f"{' and '.join(f'{gain / angle.per_si:.0f}' for gain in proposed.values())}, both fly "
+        f"{axes[sharing[0]].proposal.proposed.gains.A / angle.per_si:.0f}"
+    )
+    return axes, [remark("angle_shared", angle.name, f"{angle.name} is one gain of roll and pitch: {why}.")]
+
+
+def _angle(known: KnownAxis) -> Parameter | None:
+    return parameters_of(known.controller).get("A")
+
+
+def _axis(
+    axis: Axis,
+    known: KnownAxis,
+    settings: TuneSettings,
+    thrust: ThrustLinearization | None,
+    *,
+    angle_1_s: float | None = None,
+) -> AxisTuning:
+    """One axis, from its loop as flown to what the proposed gains will do, with an angle gain that may be given."""
+    flown, plant, then, controller, parts = known.flown, known.plant, known.then, known.controller, known.parts
+    omega, drawn = known.omega_rad_s, known.drawn()
+    ends = at_ends(controller, parts)
+    wishes = replace(wishes_of(controller, settings, thrust), angle_1_s=angle_1_s)
+    found = propose(
+        axis,
+        plant,
+        controller.controller,
+        parts=parts,
+        flown_parts=None if then is None else known.flown_parts,
+        ends=tuple(ends.values()),
+        wishes=wishes,
+    )
+    if found.changed:
+        found = replace(found, proposed=_judged(known, parts, rounded(controller, found.proposed.gains)))
+    elif then is not None:
+        # Gains that stay fly the other filters too.
+        found = replace(found, proposed=_judged(known, parts, found.flown.gains))
+        found = replace(found, better=float(np.median(found.proposed.attitude_rms / found.flown.attitude_rms)))
+    sets = {"flown": (known.flown_parts, found.flown.gains), "proposed": (parts, found.proposed.gains)}
+    return AxisTuning(
+        controller=flown.controller,
+        plant=plant,
+        omega_rad_s=omega,
+        proposal=found,
+        parameters=_parameters(known, settings, found),
+        loops=_loops(drawn, sets),
+        responses=_responses(omega, drawn, sets),
+        parts=parts,
+        wishes=wishes,
+        prices=prices(then or flown.record, controller, parts, plant.response(omega), found.proposed.gains),
+        ends={name: _judged(known, end, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
+        noise_seen=parts.rate_noise is not None,
+        **_steps(flown, then, plant, found),
+    )
+
+
+def _path(
+    axis: Axis, known: KnownAxis, found: AxisProposal, settings: TuneSettings, thrust: ThrustLinearization | None
+) -> tuple[PathStep, ...]:
+    """The flights to the goal, gains as the firmware will hold them; an angle gain of two axes stays as proposed."""
+    wishes = wishes_of(known.controller, settings, thrust)
+    if (angle := _angle(known)) is not None and angle.shared:
+        wishes = replace(wishes, angle_1_s=found.proposed.gains.A)
+    beyond = steps_beyond(
+        axis,
+        known.plant,
+        found,
+        parts=known.parts,
+        flown_parts=None if known.then is None else known.flown_parts,
+        ends=tuple(at_ends(known.controller, known.parts).values()),
+        wishes=wishes,
+    )
+    if not beyond:
+        return ()
+    steps = [found.proposed]
+    steps += [_judged(known, known.parts, rounded(known.controller, one.gains)) for one in beyond]
+    flights = [1, *range(2, len(beyond) + 1)]
+    flights.append(flights[-1] + max(1, flights_between(steps[-2].gains, steps[-1].gains, wishes)))
+    return tuple(
+        PathStep(flight=flight, goal=one is steps[-1], judged=one, parameters=written(known.controller, one.gains))
+        for flight, one in zip(flights, steps, strict=True)
+    )
+
+
+def _judged(known: KnownAxis, parts: ControllerParts, gains: Gains) -> Judged:
+    return judged(parts, known.drawn(), gains, from_rad_s=known.plant.known_from_rad_s)
+
+
+def wishes_of(controller: AxisController, settings: TuneSettings, thrust: ThrustLinearization | None = None) -> Wishes:
+    """What is asked of the gains, and which of them stay."""
+    known = parameters_of(controller)
+    return Wishes(
+        sensitivity_peak=settings.robustness,
+        noise=settings.noise,
+        # What the firmware has no parameter for, or one whose meaning is not sure, stays.
+        keep=tuple(name for name in "PIDA" if name in settings.keep or name not in known),
+        gain_range=thrust.flown_range if thrust is not None else (1.0, 1.0),
+        ranges=ranges_of(controller),
+    )
+
+
+def _thrust_remarks(thrust: ThrustLinearization) -> list[Finding]:
+    """What the curve of thrust changes of the gains, which a plant alone does not know."""
+    low, high = thrust.flown_range
+    if high - low <= _SAME_GAIN:
+        return []
+    message = (
+        f"The curve of thrust of physical.motors makes the loops {low:.2f} to {high:.2f} times those of hover over the "
+        "throttle that was flown: the proposed gains keep their limits over all of it; without it they may be higher."
+    )
+    return [remark("thrust_range", thrust.parameter, message, lowest=low, highest=high)]
+
+
+def _with_end(gains: Gains, end: ControllerParts) -> Gains:
+    return replace(gains, D=end.controller.derivative_s2)
+
+
+def _remarks(axes: Mapping[Axis, AxisTuning], settings_from: Sequence[FlightRecord]) -> Iterator[Finding]:
+    """Why the gains stay, what binds, and what a flight with a wider sweep would measure."""
+    short = [axis for axis, tuned in axes.items() if _ends_early(tuned)]
+    command = sweep_for_tune(settings_from[0], short) if short and settings_from else ""
+    plan = f", planned by: {command}" if command else "."
+    for axis, tuned in axes.items():
+        if tuned.proposal.reasons:
+            words = "; ".join(tuned.proposal.reasons)
+            verb = "are bound" if tuned.proposal.changed else "stay"
+            yield remark("tuning_bound", axis, f"The gains of {axis} {verb}: {words}.")
+        if axis in short:
+            crossover, top = tuned.proposal.proposed.rate.usual_crossover_rad_s, tuned.plant.band_rad_s[1]
+            message = (
+                f"The plant of {axis} was measured up to {top:.0f} rad/s, and its loop crosses over at "
+                f"{crossover:.0f}: what is predicted beyond is the model's. Fly a sweep up to "
+                f"{tuned.needed_rad_s:.0f} rad/s{plan}"
+            )
+            numbers = {"crossover_rad_s": crossover, "needed_rad_s": tuned.needed_rad_s}
+            yield warn("band_below_crossover", axis, message, **numbers)
+
+
+def _ends_early(tuned: AxisTuning) -> bool:
+    """Whether the band that was measured ends below what the proposed gains need."""
+    top = tuned.plant.band_rad_s[1]
+    crosses = tuned.proposal.proposed.rate.usual_crossover_rad_s
+    # A sweep that was flown so far is trusted a little less far.
+    return crosses * BAND_OVER_CROSSOVER > top and tuned.needed_rad_s > _NEARLY * top
+
+
+def _parameters(known: KnownAxis, settings: TuneSettings, found: AxisProposal) -> dict[str, tuple[float, float]]:
+    """Every gain and filter of the loop by the firmware's name, flown and proposed."""
+    flown, then = known.flown.controller, known.controller
+    new = {**then.filters, **(written(then, found.proposed.gains) if found.changed else {})}
+    before = {**flown.gains, **flown.filters}
+    gyro = changed_filters(known.flown.record, settings.filters, gyro=True)
+    return {name: (value, new.get(name, value)) for name, value in before.items()} | gyro
+
+
+_Sets = Mapping[str, tuple[ControllerParts, Gains]]
+
+
+def _loops(drawn: ComplexArray, sets: _Sets) -> dict[str, ComplexArray]:
+    rate = {name: drawn * parts.rate(gains) for name, (parts, gains) in sets.items()}
+    return rate | {f"{name}_whole": drawn * parts.whole(gains) for name, (parts, gains) in sets.items()}
+
+
+def _responses(omega: FloatArray, drawn: ComplexArray, sets: _Sets) -> dict[str, ComplexArray]:
+    """The attitude over its set-point, and by a moment that is given as a command."""
+    found = {}
+    for name, (parts, gains) in sets.items():
+        closed = 1.0 / (1.0 + drawn * parts.whole(gains))
+        found[f"attitude_{name}"] = drawn * parts.angle(gains) * closed
+        found[f"disturbance_{name}"] = drawn / (1j * omega) * closed
+    return found
+
+
+def _steps(flown: FlownAxis, then: FlightRecord | None, plant: UncertainPlant, found: AxisProposal) -> dict[str, Any]:
+    """Answer of the attitude to a step of its set-point, by both gains, on all plants."""
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(_STEP_SAMPLES, 1.0 / _STEP_RATE_HZ), dtype=np.float64)
+    omega[0] = omega[1] * 1e-3
+    drawn = plant.drawn(omega)
+    count = round(_STEP_SHOWN_S * _STEP_RATE_HZ)
+    steps = {}
+    for name, parts, gains in (
+        ("flown", flown.parts(omega), found.flown.gains),
+        ("proposed", flown.parts(omega, then=then), found.proposed.gains),
+    ):
+        by_setpoint = drawn * (parts.angle(gains) if gains.A > 0.0 else parts.rate(gains))
+        answer = by_setpoint / (1.0 + drawn * parts.whole(gains))
+        impulse = np.fft.irfft(answer, n=_STEP_SAMPLES, axis=1)
+        steps[name] = np.cumsum(impulse, axis=1)[:, :count]
+    return {"step_s": np.arange(count) / _STEP_RATE_HZ, "steps": steps}
+
+
+def _together(
+    axes: Mapping[Axis, AxisTuning],
+    findings: Sequence[Finding],
+    logs: Sequence[FlightRecord],
+    given: Sequence[IdentifiedModel],
+    settings: TuneSettings,
+    thrust: ThrustLinearization | None,
+) -> TuningProposal:
+    """All axes, with their files."""
+    first = next(iter(axes.values())).controller
+    changes = {name: pair for one in axes.values() for name, pair in one.parameters.items() if pair[0] != pair[1]}
+    for record in settings_records(given, logs)[:1]:
+        changes |= changed_filters(record, settings.filters)
+    every: dict[str, float] = {}
+    for one in axes.values():
+        every |= written(one.controller, one.proposal.flown.gains)
+    make = partial(parameter_files, first.autopilot, firmware=first.firmware)
+    files = make({name: after for name, (_, after) in changes.items()}, role="proposed") if changes else {}
+    old = {name: before for name, (before, _) in changes.items()} or every
+    findings = list(findings)
+    if thrust is not None and thrust.changed:
+        try:
+            straightened = _straightened(axes, thrust, given, logs)
+        except UsageError as error:
+            thrust = thrust.kept(error.came)
+            findings += thrust.findings
+        else:
+            files |= make({name: after for name, (_, after) in straightened.items()}, role="thrust")
+            old |= {**every, **{name: before for name, (before, _) in straightened.items()}}
+    return TuningProposal(
+        autopilot=first.autopilot,
+        firmware=first.firmware,
+        axes=axes,
+        thrust=thrust,
+        scale=settings.scale or _scale(given),
+        robustness=settings.robustness,
+        files=files,
+        rollback_files=make(old, role="rollback"),
+        findings=worst_first(findings),
+        provenance=provenance(logs, settings) if logs or not given else replace(given[0].provenance),
+    )
+
+
+def _scale(models: Sequence[IdentifiedModel]) -> float | None:
+    """Full scale over the distance between opposite rotors."""
+    arms = [one.motors.arm_m for one in models if one.motors is not None and one.motors.arm_m]
+    return FULL_SCALE_M / (2.0 * arms[0]) if arms else None
+
+
+def _straightened(
+    axes: Mapping[Axis, AxisTuning],
+    thrust: ThrustLinearization,
+    given: Sequence[IdentifiedModel],
+    logs: Sequence[FlightRecord],
+) -> dict[str, tuple[float, float]]:
+    """The parameter that straightens thrust, with gains that make the loops in hover what they were: flown and new.
+
+    Thrust is under every axis, so that the gains of those that are not tuned go with it.
+
+    Raises
+    ------
+    UsageError
+        One of them leaves its range, or is not known.
+    """
+    controllers = {axis: one.controller for axis, one in axes.items()}
+    controllers |= flown_controllers((axis for axis in TUNED_AXES if axis not in axes), given, logs)
+    if unknown := [axis for axis in TUNED_AXES if axis not in controllers]:
+        named = " and ".join(unknown)
+        raise UsageError(f"the gains of {named}, which it moves too, are not known", needed="a log that holds them")
+    values = {thrust.parameter: (thrust.flown, thrust.proposed)}
+    for controller in controllers.values():
+        try:
+            new = scaled(controller, 1.0 / thrust.hover_gain)
+        except UsageError as error:
+            came = error.came.removesuffix(" came")
+            why = f"the flown gains, made to {thrust.proposed:g}, leave their range: {came}"
+            raise UsageError(why, needed=error.needed) from error
+        values |= {name: (controller.gains[name], value) for name, value in new.items()}
+    return values
+
+
+def refused_tuning(error: InsufficientDataError, records: Sequence[FlightRecord], settings: TuneSettings) -> Refused:
+    """What to say where no axis can be tuned."""
+    return Refused(
+        name="tune",
+        structure=None,
+        findings=worst_first(error.findings or [refusal("not_tuned", "all axes", str(error))]),
+        provenance=provenance(records, settings),
+    )

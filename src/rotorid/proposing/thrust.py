@@ -1,0 +1,260 @@
+r"""Which parameter of the autopilot straightens the curve of thrust, so that gains hold over the whole throttle.
+
+An autopilot asks a motor for a share :math:`d` of its thrust and makes an output :math:`s` of it by a curve with one
+parameter. With the thrust :math:`T(s)` of ``physical.motors`` the gain of every loop goes as
+
+.. math:: g = \frac{dT}{ds} \frac{ds}{dd}
+
+and the parameter is best that lets it change least over the outputs that were flown. It changes the gain in hover too,
+so the gains of the rates are divided by that: the vehicle flies as before in hover, and alike elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, remark
+from rotorid.data.quantity import Quantity
+from rotorid.data.record import FlightRecord
+from rotorid.results.model import IdentifiedModel, bounds_of
+from rotorid.tuning.loops import over_draws
+from rotorid.typing import FloatArray
+
+_GRID = 201
+_DRAWS = 200
+_OUTPUTS = 41
+
+_WIDEST = 0.2
+"""Half the interval of a parameter, over its range, above which nothing is proposed."""
+
+_WORTH = 0.9
+"""A proposal has to leave less than this of the change of gain over the throttle."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Kind:
+    """How an autopilot straightens: its parameter, its steps, and demand and its derivative by output."""
+
+    name: str
+    largest: float
+    integer: bool
+    bend: Callable[[FloatArray, FloatArray], FloatArray]
+    """Derivative of the demand by the output, of outputs ``(1, x)`` and parameters ``(p, 1)``."""
+    demand: Callable[[FloatArray, FloatArray], FloatArray]
+
+
+def _expo_demand(share: FloatArray, expo: FloatArray) -> FloatArray:
+    return (1.0 - expo) * share + expo * share**2
+
+
+def _expo_bend(share: FloatArray, expo: FloatArray) -> FloatArray:
+    return 1.0 - expo + 2.0 * expo * share
+
+
+def _linear_demand(output: FloatArray, percent: FloatArray) -> FloatArray:
+    """Demand of which Betaflight makes an output: output = d (1 + k (1 - d)²), by bisection."""
+    low, high = np.zeros(np.broadcast_shapes(output.shape, percent.shape)), np.ones(1)
+    high = np.ones_like(low)
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        over = middle * (1.0 + percent / 100.0 * (1.0 - middle) ** 2) > output
+        low, high = np.where(over, low, middle), np.where(over, middle, high)
+    return 0.5 * (low + high)
+
+
+def _linear_bend(output: FloatArray, percent: FloatArray) -> FloatArray:
+    d, k = _linear_demand(output, percent), percent / 100.0
+    return 1.0 / (1.0 + k * (1.0 - d) ** 2 - 2.0 * k * d * (1.0 - d))
+
+
+_KINDS: Mapping[str, _Kind] = {
+    "PX4": _Kind(name="THR_MDL_FAC", largest=1.0, integer=False, bend=_expo_bend, demand=_expo_demand),
+    "ArduPilot": _Kind(name="MOT_THST_EXPO", largest=1.0, integer=False, bend=_expo_bend, demand=_expo_demand),
+    # Above 100 its curve is not monotonic any more.
+    "Betaflight": _Kind(name="thrust_linear", largest=100.0, integer=True, bend=_linear_bend, demand=_linear_demand),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThrustLinearization(Immutable):
+    """What straightens the curve of thrust.
+
+    Parameters
+    ----------
+    parameter
+        Of the firmware.
+    flown, proposed
+        Its values; alike where the flown one stays.
+    best
+        The value that the fit asks for, with its interval.
+    flown_range, proposed_range
+        Least and largest gain of the loops over the outputs that were flown, over that in hover.
+    hover_gain
+        Gain in hover with the proposed value over that as flown: by this the gains of the rates are divided.
+    hover_demand, flown_hover_demand
+        Demand of thrust in hover with the proposed value, and with the flown one.
+    findings
+        Why nothing is proposed.
+    """
+
+    parameter: str
+    flown: float
+    proposed: float
+    best: Quantity
+    flown_range: tuple[float, float]
+    proposed_range: tuple[float, float]
+    hover_gain: float
+    hover_demand: float
+    flown_hover_demand: float
+    findings: tuple[Finding, ...] = field(default=())
+
+    @property
+    def changed(self) -> bool:
+        """Whether another value is proposed."""
+        return self.proposed != self.flown
+
+    def kept(self, why: str) -> ThrustLinearization:
+        """The same, with the flown value proposed, since gains cannot be made to another."""
+        message = f"{self.parameter} stays: {why}."
+        return replace(
+            self,
+            proposed=self.flown,
+            proposed_range=self.flown_range,
+            hover_gain=1.0,
+            hover_demand=self.flown_hover_demand,
+            findings=(*self.findings, remark("thrust_stays", self.parameter, message)),
+        )
+
+
+def linearization(
+    models: Sequence[IdentifiedModel], record: FlightRecord | None, *, autopilot: str, seed: int = 0
+) -> ThrustLinearization | None:
+    """The parameter that straightens thrust, by a fit of ``physical.motors``; ``None`` without one.
+
+    Parameters
+    ----------
+    models
+        Of which the first that knows its motors counts.
+    record
+        Log with the parameters as flown.
+    autopilot
+        ``PX4``, ``ArduPilot`` or ``Betaflight``.
+    seed
+        Of the draws.
+    """
+    model = next((one for one in models if one.motors is not None), None)
+    kind = _KINDS.get(autopilot)
+    if model is None or model.motors is None or kind is None or model.motors.outputs == "speed":
+        return None
+    motors = model.motors
+    flown = _flown(kind, record, model)
+    known = motors.straightening
+    low, high = (known.low, known.high) if known is not None else (0.0, 1.0)
+    outputs = np.linspace(*motors.flown_outputs, _OUTPUTS)
+    hover = np.array([motors.hover_output])
+    if motors.outputs == "thrust_demand":
+        # The curve was fitted by the demand: the autopilot's own curve leads to the output.
+        straightened = known.expo if known is not None else flown
+        shares, at_hover = (_share_of(demand, straightened) for demand in (outputs, hover))
+        slopes, slope_hover = (
+            _slope(model, demand, seed) * _expo_bend(share, np.array(straightened))
+            for demand, share in ((outputs, shares), (hover, at_hover))
+        )
+    else:
+        shares, at_hover = ((one - low) / (high - low) for one in (outputs, hover))
+        slopes, slope_hover = _slope(model, outputs, seed), _slope(model, hover, seed)
+    shares = np.clip(shares, 1e-3, 1.0)
+    grid = np.linspace(0.0, kind.largest, _GRID)[:, None]
+    relative = kind.bend(shares[None], grid) / kind.bend(at_hover[None], grid)
+    spread = np.array(
+        [np.ptp(np.log(np.abs(row / top) / relative), axis=1) for row, top in zip(slopes, slope_hover, strict=True)]
+    )
+    best = over_draws(grid[np.argmin(spread, axis=1), 0], "1")
+    proposed = float(round(best.value)) if kind.integer else float(np.float32(f"{best.value:.3g}"))
+
+    def ranged(value: float) -> tuple[float, float]:
+        one = np.array([[value]])
+        gain = slopes[0] / slope_hover[0] * kind.bend(at_hover[None], one)[0] / kind.bend(shares[None], one)[0]
+        return float(gain.min()), float(gain.max())
+
+    before, after = ranged(flown), ranged(proposed)
+    findings = _stays(kind, model, best, before, after)
+    if findings:
+        proposed, after = flown, before
+    bends = [float(kind.bend(at_hover, np.array([value]))[0]) for value in (flown, proposed)]
+    return ThrustLinearization(
+        parameter=kind.name,
+        flown=flown,
+        proposed=proposed,
+        best=best,
+        flown_range=before,
+        proposed_range=after,
+        hover_gain=bends[0] / bends[1],
+        hover_demand=float(kind.demand(at_hover, np.array([proposed]))[0]),
+        flown_hover_demand=float(kind.demand(at_hover, np.array([flown]))[0]),
+        findings=findings,
+    )
+
+
+def _flown(kind: _Kind, record: FlightRecord | None, model: IdentifiedModel) -> float:
+    if record is not None and kind.name in record.parameters:
+        return float(record.parameters[kind.name])
+    known = model.motors.straightening if model.motors is not None else None
+    return float(known.expo) if known is not None and not kind.integer else 0.0
+
+
+def _share_of(demand: FloatArray, expo: float) -> FloatArray:
+    """Share of the range of the output for a demand, by the curve of ArduPilot and PX4."""
+    if expo < 1e-6:
+        return demand
+    half = (1.0 - expo) / (2.0 * expo)
+    return np.asarray(np.sqrt(half**2 + demand / expo) - half)
+
+
+def _slope(model: IdentifiedModel, at: FloatArray, seed: int) -> FloatArray:
+    """Slope of thrust of the fit and of draws of it, the fit itself first, shape ``(1 + draws, x)``."""
+    names = [name for name in ("c_1", "c_2") if name in model.parameters]
+    mean = np.array([model.parameters[name].value for name in names])
+    covariance = np.zeros((len(names), len(names)))
+    free = [index for index, name in enumerate(names) if name in model.bounds.names]
+    if free:
+        covariance[np.ix_(free, free)] = bounds_of(model.bounds, [names[index] for index in free]).covariance
+    drawn = np.random.default_rng(seed).multivariate_normal(mean, covariance, size=_DRAWS)
+    powers = {"c_1": np.ones_like(at), "c_2": 2.0 * at}
+    return np.asarray(np.vstack([mean, drawn]) @ np.array([powers[name] for name in names]))
+
+
+def _stays(
+    kind: _Kind,
+    model: IdentifiedModel,
+    best: Quantity,
+    before: tuple[float, float],
+    after: tuple[float, float],
+) -> tuple[Finding, ...]:
+    """Why the parameter stays; nothing where it is to change."""
+    assert model.motors is not None
+    if model.motors.curve_assumed:
+        message = (
+            f"{kind.name} stays: the curve of thrust was assumed, since thrust was not moved. Fly steps of throttle."
+        )
+    elif "c_2" not in model.parameters or "c_1" not in model.parameters:
+        message = (
+            f"{kind.name} stays: thrust was fitted as {model.motors.curve}. Fly steps of throttle, and identify with "
+            "--curve polynomial."
+        )
+    elif best.upper - best.lower > 2.0 * _WIDEST * kind.largest:
+        message = (
+            f"{kind.name} stays: the fit asks for {best.value:.2g}, from {best.lower:.2g} to {best.upper:.2g}. "
+            "Fly larger steps of throttle."
+        )
+    elif np.log(after[1] / after[0]) > _WORTH * np.log(before[1] / before[0]):
+        message = (
+            f"{kind.name} stays: gains change by {before[0]:.2f} to {before[1]:.2f} over the throttle that was flown."
+        )
+    else:
+        return ()
+    return (remark("thrust_stays", kind.name, message),)

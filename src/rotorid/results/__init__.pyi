@@ -1,0 +1,2 @@
+from rotorid.results.model import IdentifiedModel as IdentifiedModel
+from rotorid.results.model import Segment as Segment

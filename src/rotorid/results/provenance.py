@@ -1,0 +1,280 @@
+"""Where a result came from: logs with their hashes, choices, seed and stretches, enough to make it again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar, overload
+
+from rotorid import __version__
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, warn, worst_first
+from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.data.response import Estimate, FrequencyResponse
+from rotorid.errors import InsufficientDataError, UsageError
+
+if TYPE_CHECKING:
+    from rotorid.results.model import IdentifiedModel
+
+Setting: TypeAlias = str | int | float | bool | list[str] | list[float] | None
+
+
+class Choices(Protocol):
+    """Choices of a run."""
+
+    @property
+    def seed(self) -> int:
+        """Of everything random."""
+        ...
+
+    def as_json(self) -> Mapping[str, Setting]:
+        """All of them by name."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoggedManeuver(Maneuver):
+    """A maneuver and the name of the log that it lies in.
+
+    Parameters
+    ----------
+    axis, kind, start_s, stop_s, band_rad_s, origin, signal
+        As in :class:`rotorid.data.record.Maneuver`.
+    record
+        Name of the log.
+    """
+
+    record: str
+
+
+Logged = TypeVar("Logged", bound=LoggedManeuver)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance(Immutable):
+    """Where a result came from.
+
+    Parameters
+    ----------
+    version
+        That of the program.
+    command
+        Words of the command line, empty where a program called.
+    inputs
+        Name of each log to its SHA-256.
+    settings
+        Choices of the run by name.
+    seed
+        Of everything random.
+    estimate
+        How the response was estimated; ``None`` where there is none.
+    instruments
+        Channels used as instruments of a joint estimate.
+    sources
+        What a name in the result stands for, such as the channel behind an input.
+    maneuvers
+        Stretches that were used.
+    """
+
+    version: str = __version__
+    command: tuple[str, ...] = ()
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, Setting] = field(default_factory=dict)
+    seed: int = 0
+    estimate: Estimate | None = None
+    instruments: tuple[str, ...] = ()
+    sources: Mapping[str, str] = field(default_factory=dict)
+    maneuvers: tuple[LoggedManeuver, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._set(inputs=self.inputs, settings=self.settings, sources=self.sources)
+
+
+def provenance(
+    records: Sequence[FlightRecord],
+    settings: Choices,
+    *,
+    command: Sequence[str] = (),
+    flights: Sequence[tuple[FlightRecord, Maneuver]] = (),
+    response: FrequencyResponse | None = None,
+    sources: Mapping[str, str] | None = None,
+) -> Provenance:
+    """Where a result on ``records`` came from.
+
+    Parameters
+    ----------
+    records
+        All logs that were read.
+    settings
+        Choices of the run.
+    command
+        Words of the command line.
+    flights
+        The stretches used: a log and an interval of it.
+    response
+        The estimate, where there is one.
+    sources
+        What names stand for.
+    """
+    names = _names(records)
+    return Provenance(
+        command=tuple(command),
+        inputs=hashes(records),
+        settings=settings.as_json(),
+        seed=settings.seed,
+        estimate=response.estimate if response else None,
+        instruments=tuple(response.instruments) if response else (),
+        sources=sources or {},
+        maneuvers=tuple(
+            replace(logged(record, maneuver), record=names.get(_key(record), record.source.name))
+            for record, maneuver in flights
+        ),
+    )
+
+
+@overload
+def logged(record: FlightRecord, maneuver: Maneuver) -> LoggedManeuver: ...
+@overload
+def logged(record: FlightRecord, maneuver: Maneuver, kind: type[Logged], **more: Any) -> Logged: ...
+def logged(
+    record: FlightRecord, maneuver: Maneuver, kind: type[LoggedManeuver] = LoggedManeuver, **more: Any
+) -> LoggedManeuver:
+    """A maneuver with the name of its log.
+
+    Parameters
+    ----------
+    record, maneuver
+        A stretch of a log.
+    kind
+        What to make of it.
+    more
+        Fields of that kind which a maneuver has not.
+    """
+    same = {item.name: getattr(maneuver, item.name) for item in fields(Maneuver)}
+    return kind(record=record.source.name, **same, **more)
+
+
+def hashes(records: Sequence[FlightRecord]) -> dict[str, str]:
+    """Hash of each log by its name; logs of one name are told apart by a number."""
+    return {name: sha256 for (_, sha256), name in _names(records).items()}
+
+
+def _names(records: Sequence[FlightRecord]) -> dict[tuple[str, str], str]:
+    """Name and hash of each log to the name that no other log has."""
+    names: dict[tuple[str, str], str] = {}
+    for record in records:
+        name, count = record.source.name, 1
+        while name in names.values() and _key(record) not in names:
+            count += 1
+            name = f"{record.source.name} ({count})"
+        names.setdefault(_key(record), name)
+    return names
+
+
+def _key(record: FlightRecord) -> tuple[str, str]:
+    return record.source.name, record.source.sha256
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refused(Immutable):
+    """Data that cannot support a result: why, and no number.
+
+    Parameters
+    ----------
+    findings
+        Remarks, the grave ones first.
+    provenance
+        Where they came from.
+    inputs, outputs
+        Channels that were asked for.
+    """
+
+    findings: tuple[Finding, ...]
+    provenance: Provenance
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+
+
+def refused(
+    error: InsufficientDataError,
+    records: Sequence[FlightRecord],
+    settings: Choices,
+    *,
+    otherwise: Finding,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+) -> Refused:
+    """Why data cannot support a result.
+
+    Parameters
+    ----------
+    error
+        What ended the run.
+    records
+        Logs that were read.
+    settings
+        Choices of the run.
+    otherwise
+        The finding that stands for an error which brings none.
+    inputs, outputs
+        Channels that were asked for.
+    """
+    findings = (*(finding for record in records for finding in record.findings), *(error.findings or (otherwise,)))
+    return Refused(
+        findings=worst_first(findings),
+        provenance=provenance(records, settings),
+        inputs=tuple(inputs),
+        outputs=tuple(outputs),
+    )
+
+
+AUTOPILOTS = ("PX4", "ArduPilot", "Betaflight")
+
+
+def autopilot_of(record: FlightRecord) -> str:
+    """By the format of a log, as its controllers are named; empty for logs of others."""
+    return next((name for name in AUTOPILOTS if record.source.format.startswith(name)), "")
+
+
+def require_one_autopilot(models: Sequence[IdentifiedModel], records: Sequence[FlightRecord]) -> tuple[Finding, ...]:
+    """Refuse models and logs of different autopilots, and remark on a model that is of none of the logs.
+
+    Parameters
+    ----------
+    models, records
+        Results of earlier runs, and the logs beside which they are used.
+
+    Returns
+    -------
+    tuple of Finding
+        ``other_log`` for each model that was identified on other logs: whether both are of one vehicle is not known.
+
+    Raises
+    ------
+    UsageError
+        A model was identified on a log of another autopilot.
+    """
+    flown = {record.source.sha256 for record in records if record.source.sha256}
+    findings = []
+    for model in models:
+        known = model.controller.autopilot if model.controller is not None else ""
+        came = ", ".join(model.provenance.inputs) or "data without a name"
+        for record in records:
+            own = autopilot_of(record)
+            if known in AUTOPILOTS and own and own != known:
+                raise UsageError(
+                    f"{model.name} was identified on {came} of {known}, and {record.source.name} is of {own}",
+                    needed="a model and logs of one vehicle",
+                    remedy=f"identify {model.name} on {record.source.name}, or give the logs of the model",
+                )
+        if flown and not flown & set(model.provenance.inputs.values()):
+            logs = ", ".join(record.source.name for record in records)
+            findings.append(
+                warn(
+                    "other_log",
+                    model.name,
+                    f"{model.name} was identified on {came} and not on {logs}: whether both are of one vehicle, as it "
+                    "flew, was not checked. Identify the model on a log of the flight that counts.",
+                )
+            )
+    return tuple(findings)

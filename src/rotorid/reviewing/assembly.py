@@ -1,0 +1,304 @@
+"""Everything that an ordinary flight tells, in one call: each part stands by itself, and says what it cannot tell."""
+
+from __future__ import annotations
+
+import logging as logs
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar, overload
+
+from rotorid.data.axes import RATE_OF
+from rotorid.data.display import capital
+from rotorid.data.findings import worst_first
+from rotorid.data.quantity import Quantity
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError
+from rotorid.flights.controller_check import controller_findings
+from rotorid.flights.oscillations import (
+    OscillationReview,
+    describe,
+    limits_shown,
+    motors_limited,
+    oscillation_findings,
+    reviewed_oscillations,
+)
+from rotorid.flights.supports import AXIS_OF, END_FIRST, foreign_vehicle, rate_support, supports
+from rotorid.flights.whole_flights import Flown, flown
+from rotorid.flying.next_steps import KnownOfLog, LoopChannels, next_steps
+from rotorid.identifying.identify_many import identify_several
+from rotorid.io.advice import flying_advice, logging_advice
+from rotorid.results.model import IdentifiedModel, Refused
+from rotorid.reviewing.flight import flight, logging, vehicle
+from rotorid.reviewing.inspection import foreseen
+from rotorid.reviewing.loops import loops
+from rotorid.reviewing.margins import margins
+from rotorid.reviewing.motors import motors
+from rotorid.reviewing.noise import noise
+from rotorid.reviewing.values import (
+    FlightSummary,
+    LoggingReview,
+    LoopReview,
+    MarginReview,
+    MotorReview,
+    NoiseReview,
+    Review,
+    Untold,
+)
+from rotorid.settings.settings import as_records
+from rotorid.signal.oscillations import check_oscillations
+from rotorid.typing import Axis
+
+_PROGRESS = logs.getLogger("rotorid.progress")
+_STEPS = ("flight", "logging", "oscillations", "loops", "margins", "noise", "motors", "models")
+
+
+Part = TypeVar("Part")
+
+
+@overload
+def review(  # type: ignore[overload-overlap]
+    records: FlightRecord | str | Path, *, models: bool = True
+) -> Review: ...
+@overload
+def review(records: Sequence[FlightRecord | str | Path], *, models: bool = True) -> tuple[Review, ...]: ...
+def review(
+    records: FlightRecord | str | Path | Sequence[FlightRecord | str | Path], *, models: bool = True
+) -> Review | tuple[Review, ...]:
+    """Review ordinary flights: loops as flown, margins, models, noise, motors, and what the logs cannot tell.
+
+    Nothing needs to be flown on purpose: sticks that move tell the loops, with an error that says how well.
+
+    Parameters
+    ----------
+    records
+        A log or its file; several give a review each.
+    models
+        Whether models are identified too, which takes most of the time.
+
+    Returns
+    -------
+    Review or tuple of Review
+        One for each log. A number that a flight cannot tell is absent, and ``cannot_tell`` says why.
+
+    Raises
+    ------
+    LogError
+        A file cannot be read.
+
+    Examples
+    --------
+    >>> import rotorid
+    >>> seen = rotorid.review("flight.ulg")  # doctest: +SKIP
+    >>> seen.loops["p"].numbers["rise_time_s"].value  # doctest: +SKIP
+    0.031
+    """
+    if isinstance(records, FlightRecord | str | Path):
+        (record,) = as_records(records)
+        return _review(record, models=models)
+    return tuple(_review(record, models=models) for record in as_records(records))
+
+
+def told_anything(seen: Review) -> bool:
+    """Whether a review holds anything beyond what the log is."""
+    stands = any(isinstance(model, IdentifiedModel) for model in seen.models.values())
+    parts = (
+        seen.oscillations,
+        seen.calm,
+        seen.loops,
+        seen.margins,
+        seen.noise.maps,
+        seen.noise.numbers,
+        seen.motors.numbers,
+        seen.flight.battery,
+    )
+    return bool(seen.flight.flights) and (stands or any(parts))
+
+
+def _review(record: FlightRecord, *, models: bool) -> Review:
+    untold: list[Untold] = []
+
+    def part(step: str, make: Callable[[], tuple[Part, Sequence[Untold]]], otherwise: Part) -> Part:
+        """A part of the review; where there is none, the reason joins what is untold."""
+        _PROGRESS.info(f"reviewing {step}", extra={"done": _STEPS.index(step), "total": len(_STEPS)})
+        try:
+            made, missing = make()
+        except InsufficientDataError as error:
+            untold.append(untold_by(error, step))
+            return otherwise
+        untold.extend(missing)
+        return made
+
+    summary = part("flight", lambda: flight(record), FlightSummary(flights=(), seen_in=""))
+    logged = part("logging", lambda: logging(record), LoggingReview(rates_hz={}, longest_gap_s=0.0))
+    air = part("flight", lambda: (flown(record), ()), None)
+    closed: dict[str, LoopReview] = {}
+    broken: dict[Axis, MarginReview] = {}
+    heard, worked = NoiseReview(), MotorReview()
+    found: dict[str, IdentifiedModel | Refused] = {}
+    swinging: tuple[OscillationReview, ...] = ()
+    calm: tuple[Axis, ...] = ()
+    if air is not None:
+        swinging, calm = part("oscillations", lambda: _oscillations(record), (swinging, calm))
+        closed = part("loops", lambda: _loops_of(air, swinging), closed)
+        broken = part("margins", lambda: _margins_of(air, swinging), broken)
+        widths = {
+            name: loop.numbers["bandwidth_90deg_rad_s"].value
+            for name, loop in closed.items()
+            if "bandwidth_90deg_rad_s" in loop.numbers
+        }
+        heard = part("noise", lambda: noise(record, bandwidths_rad_s=widths), heard)
+        worked = part("motors", lambda: motors(record), worked)
+    kind, *_ = vehicle(record)
+    if air is not None and models:
+        if motors_limited(swinging):
+            untold.append(_hidden_by_limits("models", swinging))
+        else:
+            found = part("models", lambda: _models(record), found)
+    summary, untold = _with_thrust_of(found, summary, untold)
+    seen = Review(
+        name=record.source.name,
+        sha256=record.source.sha256,
+        vehicle=kind,
+        flight=summary,
+        logging=logged,
+        loops=closed,
+        margins=broken,
+        models=found,
+        models_sought=models,
+        unsupported=_unsupported(record, found),
+        noise=heard,
+        motors=worked,
+        cannot_tell=tuple(dict.fromkeys(untold)),
+        next_commands=(),
+        oscillations=swinging,
+        calm=calm,
+        findings=worst_first(
+            [
+                *record.findings,
+                *controller_findings(record),
+                *oscillation_findings(swinging),
+                *(finding for loop in closed.values() for finding in loop.findings),
+                *(finding for margin in broken.values() for finding in margin.findings),
+                *heard.findings,
+                *worked.findings,
+            ]
+        ),
+    )
+    return replace(seen, next_commands=next_commands(record, seen))
+
+
+def _oscillations(
+    record: FlightRecord,
+) -> tuple[tuple[tuple[OscillationReview, ...], tuple[Axis, ...]], list[Untold]]:
+    """Axes that swing, axes that do not, and those that could not be checked."""
+    check = check_oscillations(record)
+    rates = {axis: record.rate_hz(f"{axis}_command") for axis in RATE_OF}
+    untold = [
+        Untold(what=f"oscillations.{axis}", why=why, remedy=logging_advice(record, rates[axis]))
+        for axis, why in check.unchecked.items()
+    ]
+    return (reviewed_oscillations(record), check.calm), untold
+
+
+def _hidden_by_limits(what: str, swinging: tuple[OscillationReview, ...]) -> Untold:
+    """What no axis of a flight shows: motors at their limits answer to no command, of a calm axis neither."""
+    return Untold(what=what, why=limits_shown(swinging), remedy=END_FIRST)
+
+
+def _loops_of(flight: Flown, swinging: tuple[OscillationReview, ...]) -> tuple[dict[str, LoopReview], Sequence[Untold]]:
+    """Loops as flown, unless motors at their limits hide all of them."""
+    return ({}, [_hidden_by_limits("loops", swinging)]) if motors_limited(swinging) else loops(flight)
+
+
+def _margins_of(
+    flight: Flown, swinging: tuple[OscillationReview, ...]
+) -> tuple[dict[Axis, MarginReview], Sequence[Untold]]:
+    """Margins of the axes that do not swing: what a log shows of a swinging loop is its limits, not its plant."""
+    if motors_limited(swinging):
+        return {}, [_hidden_by_limits("margins", swinging)]
+    axes = tuple(one.axis for one in swinging)
+    why = f"{describe(swinging)} The log then shows the limits of the loop and not its margins." if axes else ""
+    missing = [Untold(what=f"margins.{axis}", why=why, remedy=END_FIRST) for axis in axes]
+    if len(axes) == len(RATE_OF):
+        return {}, missing
+    found, untold = margins(flight)
+    kept = {axis: one for axis, one in found.items() if axis not in axes}
+    return kept, [*missing, *(one for one in untold if one.what.split(".")[1] not in axes)]
+
+
+def _models(record: FlightRecord) -> tuple[dict[str, IdentifiedModel | Refused], list[Untold]]:
+    if record.status.foreign:
+        return {}, [Untold(what="models", why=f"{capital(foreign_vehicle(record))}; all models are of multirotors.")]
+    several = identify_several(record)
+    lacking = {name: rate_support(record, name) for name in AXIS_OF if name not in several}
+    unsupported = [
+        Untold(what=f"models.{name}", why=f"{capital(support.because)}.", remedy=support.remedy)
+        for name, support in lacking.items()
+    ]
+    return dict(several), [*_refusals(several.refused, record), *unsupported]
+
+
+def _unsupported(record: FlightRecord, found: Mapping[str, IdentifiedModel | Refused]) -> tuple[str, ...]:
+    """Models that were refused and could not have been identified, as ``inspect`` answers before any fit."""
+    refused = [name for name, answer in found.items() if isinstance(answer, Refused)]
+    if not refused:
+        return ()
+    each = supports(record)
+    return tuple(name for name in refused if not foreseen(record, name, each[name]).possible)
+
+
+def _with_thrust_of(
+    found: Mapping[str, IdentifiedModel | Refused], summary: FlightSummary, untold: list[Untold]
+) -> tuple[FlightSummary, list[Untold]]:
+    """The flight with the full thrust that a model of its motors tells, where one does: a usual curve is a guess."""
+    for model in found.values():
+        if isinstance(model, IdentifiedModel) and model.motors is not None:
+            ratio = model.motors.derived.get("thrust_to_weight")
+            if ratio is not None and math.isfinite(ratio.value) and math.isfinite(ratio.std):
+                told = Quantity.normal(ratio.value, ratio.std, "1")
+                missing = [one for one in untold if one.what != "flight.thrust_to_weight"]
+                return replace(summary, thrust_to_weight=told), missing
+    return summary, untold
+
+
+def next_commands(record: FlightRecord, seen: Review) -> tuple[str, ...]:
+    """The commands that lead on from here, for this very log.
+
+    Parameters
+    ----------
+    record
+        The log.
+    seen
+        Its review.
+    """
+    identified = {name: model for name, model in seen.models.items() if isinstance(model, IdentifiedModel)}
+    known = KnownOfLog(record=record, models=tuple(identified), identified=tuple(identified.values()))
+    if not seen.oscillations:
+        # A log that swings shows the limits of its loops, and a sweep on top of them would not be a safe flight.
+        loop = next(iter(seen.loops.values()), None)
+        wanted = seen.models_sought and seen.flight.flights and seen.vehicle.kind in ("", "multirotor")
+        known = replace(
+            known,
+            loop=None
+            if loop is None
+            else LoopChannels(reference=loop.reference, answer=loop.answer, direct=loop.instrument == "direct"),
+            wanted_axes=tuple(axis for name, axis in AXIS_OF.items() if name not in identified) if wanted else (),
+        )
+    return tuple(next_steps(known))
+
+
+def untold_by(error: InsufficientDataError, what: str) -> Untold:
+    """What an error leaves untold."""
+    why = str(error.findings[0].message) if error.findings else str(error)
+    return Untold(what=what, why=why, remedy=error.remedy)
+
+
+def _refusals(refused: dict[str, Refused], record: FlightRecord) -> Iterator[Untold]:
+    for name, answer in refused.items():
+        reasons = [finding.message for finding in answer.findings if finding.severity == "error"]
+        axis = AXIS_OF.get(name)
+        short = {finding.kind for finding in answer.findings} & {"no_excitation", "low_coherence"}
+        remedy = flying_advice(record, axis) if axis and short else ""
+        yield Untold(what=f"models.{name}", why=reasons[0] if reasons else "The data cannot support it.", remedy=remedy)

@@ -1,0 +1,411 @@
+r"""The flight as a whole: what flew, when, on which battery, in which modes; and how it was logged.
+
+Internal resistance comes from volts against amperes: with slow discharge taken out by a running mean over 20 s,
+
+.. math:: \Delta V = -R \, \Delta I
+
+Thrust over weight follows from the throttle of hover where the autopilot knows the motors' curve (ArduPilot's ``ThO``
+is linear in thrust, so that it is one over it) or where it is the usual one (PX4), and is the largest specific force
+that was seen elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from rotorid.data.quantity import TWO_SIDED_95, Quantity
+from rotorid.data.record import FlightRecord, Intervals
+from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.flights.hover import hover_of, thrust_curve
+from rotorid.flights.same_vehicle import autopilot_of, frame_of
+from rotorid.io.advice import gap_advice, logging_advice, raw_gyro_advice, wind_advice
+from rotorid.models.rotors import layout_of
+from rotorid.reviewing.values import FlightSummary, LoggingReview, Untold, VehicleReview
+from rotorid.signal.airborne import airborne, in_air
+from rotorid.signal.battery import battery_voltages
+from rotorid.signal.clock import even_step_s
+from rotorid.signal.motors import linearization_of, logged_outputs, or_none
+from rotorid.typing import FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
+
+GOOD_RATE_HZ = 250.0
+"""Rates and commands logged so fast tell loops of small multirotors; slower ones those of larger."""
+
+LONG_GAP = 3.0
+"""Steps of a topic from which a pause is a gap."""
+
+_TREND_S = 20.0
+"""The resistance of the battery is that of what changes faster."""
+
+_BLOCK_S = 10.0
+"""Where the battery was not logged for so long, nothing is put between its samples."""
+
+_LEAST_CURRENT_A = 0.5
+"""A current that hardly ever exceeds this is not logged."""
+
+_LEAST_CORRELATION = 0.3
+"""Of voltage and current, below which no resistance is told."""
+
+_PUNCH_S = 0.1
+"""Length over which the specific force at full throttle is."""
+
+_FULL = 0.9
+"""Throttle that counts as full."""
+
+
+def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Untold, ...]]:
+    """What flew, as far as the log says it.
+
+    Parameters
+    ----------
+    record
+        The log.
+    """
+    history = or_none(logged_outputs, record)
+    frame, source = frame_of(record)
+    count = history.motors if history is not None else None
+    if count is None:
+        try:
+            count = int(layout_of(record).positions.shape[0])
+        except (InsufficientDataError, ModelError):
+            count = None
+    untold = []
+    if not record.status.vehicle:
+        why = "The log does not say what kind of vehicle it is; it is taken for a multirotor."
+        untold.append(Untold(what="vehicle.kind", why=why))
+    if not frame:
+        untold.append(Untold(what="vehicle.frame", why=f"The log does not name the frame{source}."))
+    found = VehicleReview(
+        autopilot=autopilot_of(record) or record.source.format,
+        firmware=record.source.firmware,
+        kind=record.status.vehicle,
+        frame=frame,
+        motors=count,
+    )
+    return found, tuple(untold)
+
+
+def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Untold, ...]]:
+    """Flights, battery, throttle of hover, thrust over weight, wind and modes.
+
+    Parameters
+    ----------
+    record
+        The log.
+
+    Raises
+    ------
+    InsufficientDataError
+        The vehicle never flew, or nothing tells whether it did.
+    """
+    found = airborne(record)
+    flights = found.intervals
+    battery, untold = _battery(record, flights)
+    hover, ratio, missing = _thrust(record, flights)
+    untold += missing
+    wind, missing = _wind(record, flights)
+    untold += missing
+    modes = _modes(record, flights)
+    if not modes:
+        untold.append(Untold(what="flight.modes", why="The log does not say in which modes it flew."))
+    summary = FlightSummary(
+        flights=flights,
+        seen_in=found.seen_in,
+        battery=battery,
+        hover_throttle=hover,
+        thrust_to_weight=ratio,
+        wind=wind,
+        modes=modes,
+    )
+    return summary, tuple(untold)
+
+
+def _battery(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity], list[Untold]]:
+    numbers = dict(battery_voltages(record, flights))
+    if not numbers:
+        why = "The battery's voltage is not logged in the air."
+        return {}, [Untold(what="flight.battery", why=why, remedy="turn on the battery monitor")]
+    time_s, volts = in_air(record, "battery_voltage", flights)
+    stamps, amperes = in_air(record, "battery_current", flights)
+    if stamps.size < 20 or float(np.percentile(amperes, 90)) < _LEAST_CURRENT_A:
+        why = "The battery's current is not logged."
+        return numbers, [Untold(what="flight.battery.resistance_ohm", why=why, remedy="turn on the current sensor")]
+    found = _resistance(time_s, volts, stamps, amperes)
+    if found is None:
+        why = "Current and voltage do not move together, so that they tell no resistance."
+        return numbers, [Untold(what="flight.battery.resistance_ohm", why=why, remedy="raise the throttle a few times")]
+    numbers["resistance_ohm"] = found
+    mean = float(np.mean(amperes))
+    numbers["sag_v"] = Quantity(
+        value=found.value * mean, std=found.std * mean, lower=found.lower * mean, upper=found.upper * mean, unit="V"
+    )
+    return numbers, []
+
+
+def _resistance(time_s: FloatArray, volts: FloatArray, stamps: FloatArray, amperes: FloatArray) -> Quantity | None:
+    """Volts per ampere of the fast changes, on ten samples a second, with the spread between parts of the flight."""
+    first_s, last_s = max(time_s[0], stamps[0]), min(time_s[-1], stamps[-1])
+    # In blocks that have samples: between flights a log may be silent for years.
+    blocks = np.unique(np.floor((stamps[stamps >= first_s] - first_s) / _BLOCK_S))
+    clock = first_s + np.add.outer(_BLOCK_S * blocks, np.arange(0.0, _BLOCK_S, 0.1)).ravel()
+    clock = clock[clock < last_s]
+    if clock.size < 100:
+        return None
+    pair: FloatArray = np.stack([_averaged(clock, time_s, volts), _averaged(clock, stamps, amperes)])
+    size = round(_TREND_S / 0.1)
+    from scipy.ndimage import uniform_filter1d
+
+    moves = np.asarray(pair - uniform_filter1d(pair, min(size, clock.size // 2), axis=1, mode="nearest"))
+    spread = [float(row.std()) for row in moves]
+    if spread[1] < 0.02 * max(float(np.mean(pair[1])), _LEAST_CURRENT_A) or spread[0] == 0.0:
+        return None
+    if float(np.mean(moves[0] * moves[1])) > -_LEAST_CORRELATION * spread[0] * spread[1]:
+        return None
+    # Noise of the current makes the slope too flat, noise of the voltage the inverse one too steep: between them lies
+    # the resistance, and the distance is no error of chance.
+    flat = -float(moves[0] @ moves[1]) / float(moves[1] @ moves[1])
+    steep = -float(moves[0] @ moves[0]) / float(moves[0] @ moves[1])
+    value = flat
+    parts = [
+        -float(v @ i) / float(i @ i)
+        for v, i in zip(*(np.array_split(row, 8) for row in moves), strict=True)
+        if float(i @ i) > 0.05 * float(moves[1] @ moves[1])
+    ]
+    std = float(np.std(parts, ddof=1)) / math.sqrt(len(parts)) if len(parts) > 2 else 0.3 * value
+    std = math.hypot(std, 0.03 * value)
+    upper = max(value + TWO_SIDED_95 * std, min(steep, 1.5 * value))
+    return Quantity(value=value, std=std, lower=max(value - TWO_SIDED_95 * std, 0.0), upper=upper, unit="Ω")
+
+
+def _averaged(clock: FloatArray, time_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Means over a tenth of a second where the log is faster, straight lines where it is slower."""
+    if time_s.size < 15 * clock.size / 10:
+        return np.interp(clock, time_s, values)
+    total: FloatArray = np.concatenate([[0.0], np.cumsum(values)])
+    first, last = np.searchsorted(time_s, clock - 0.05), np.searchsorted(time_s, clock + 0.05)
+    count = last - first
+    means = (total[last] - total[first]) / np.maximum(count, 1)
+    return np.asarray(np.where(count > 0, means, np.interp(clock, time_s, values)))
+
+
+def _thrust(record: FlightRecord, flights: Intervals) -> tuple[Quantity | None, Quantity | None, list[Untold]]:
+    """Throttle of hover in steady seconds, and thrust over weight."""
+    found = hover_of(record, flights)
+    if found is None:
+        why = "Neither thrust nor motors are logged."
+        return None, None, [Untold(what=f"flight.{part}", why=why) for part in ("hover_throttle", "thrust_to_weight")]
+    untold: list[Untold] = []
+    if found.hovering is None:
+        why = f"The vehicle hovered quietly for {found.steady_s} s only."
+        untold.append(
+            Untold(what="flight.hover_throttle", why=why, remedy="hover for 20 s without touching the sticks")
+        )
+    ratio, why = _thrust_to_weight(record, flights, found.hovering, found.time_s, found.throttle)
+    if ratio is None:
+        remedy = "raise the throttle to full for half a second in a safe climb"
+        untold.append(Untold(what="flight.thrust_to_weight", why=why, remedy=remedy))
+    return found.hovering, ratio, untold
+
+
+def _thrust_to_weight(
+    record: FlightRecord, flights: Intervals, hover: Quantity | None, time_s: FloatArray, throttle: FloatArray
+) -> tuple[Quantity | None, str]:
+    if linearization_of(record) is not None and hover is not None and "thrust_command" in record and hover.value > 0.02:
+        return _by_hover(record, hover), ""
+    stamps, az = in_air(record, "az", flights)
+    if stamps.size < 50 or time_s.size < 20:
+        return None, "Neither the motors' curve nor the specific force is known."
+    # Of stamps in bursts most steps are far shorter than the samples are apart.
+    step_s = even_step_s(stamps)
+    size = min(max(round(_PUNCH_S / step_s), 1), stamps.size)
+    force = np.convolve(-az / STANDARD_GRAVITY_M_S2, np.full(size, 1.0 / size), mode="same")
+    asked = np.interp(stamps, time_s, np.convolve(throttle, np.full(3, 1.0 / 3.0), mode="same"))
+    full = force[asked >= _FULL]
+    if full.size < size:
+        most, long_s = float(np.max(asked)), full.size * step_s
+        seen = (
+            f"were asked for {100.0 * _FULL:.0f} % and more for {long_s:.2g} s only"
+            if full.size
+            else f"were never asked for more than {100.0 * most:.0f} % at once"
+        )
+        return None, f"All motors together {seen}, so that their most was not seen."
+    value = float(np.percentile(full, 90))
+    # Speed through the air takes thrust away: at rest it is more.
+    return Quantity(value=value, std=0.1 * value, lower=0.9 * value, upper=1.5 * value, unit="1"), ""
+
+
+def _by_hover(record: FlightRecord, hover: Quantity) -> Quantity:
+    """The most thrust over that of hover, by the curve of the motors."""
+    expo, least, most = (0.0, 0.0, 0.0)
+    if record.source.format.startswith("PX4"):
+        expo, least, most = thrust_curve(record)
+
+    def ratio(throttle: float, curve: float) -> float:
+        return 1.0 / ((1.0 - curve) * throttle + curve * throttle**2)
+
+    value = ratio(hover.value, expo)
+    # A curve that the autopilot takes for the motors' is known to a tenth or so.
+    std = math.hypot(ratio(hover.value, most) - ratio(hover.value, least), 0.4 * value) / (2.0 * TWO_SIDED_95)
+    std = math.hypot(std, value * hover.std / hover.value)
+    lower, upper = value - TWO_SIDED_95 * std, value + TWO_SIDED_95 * std
+    return Quantity(value=value, std=std, lower=min(max(lower, 1.0), value), upper=upper, unit="1")
+
+
+def _wind(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity], list[Untold]]:
+    _, north = in_air(record, "wind_north", flights)
+    _, east = in_air(record, "wind_east", flights)
+    if north.size < 5 or north.size != east.size or not (np.any(north) or np.any(east)):
+        why = "The log holds no estimate of the wind."
+        return {}, [Untold(what="flight.wind", why=why, remedy=wind_advice(record))]
+    mean_n, mean_e = float(np.mean(north)), float(np.mean(east))
+    speed = math.hypot(mean_n, mean_e)
+    # An estimator's own error is of this order; its spread holds gusts.
+    std = math.hypot(0.5, float(np.hypot(np.std(north), np.std(east))) / math.sqrt(10.0))
+    # Wind is named by where it comes from.
+    direction = math.degrees(math.atan2(-mean_e, -mean_n)) % 360.0
+    turn = min(math.degrees(std / speed) if speed > 0.0 else 180.0, 180.0)
+    found = Quantity.normal(speed, std, "m/s")
+    return {
+        "speed_m_s": Quantity(value=speed, std=std, lower=max(found.lower, 0.0), upper=found.upper, unit="m/s"),
+        "direction_deg": Quantity.normal(direction, turn, "deg"),
+    }, []
+
+
+def _modes(record: FlightRecord, flights: Intervals) -> dict[str, float]:
+    total = sum(stop - start for start, stop in flights)
+    shares: dict[str, float] = {}
+    for name, start_s, stop_s in record.status.modes:
+        inside = sum(max(0.0, min(stop, stop_s) - max(start, start_s)) for start, stop in flights)
+        if inside > 0.0 and total > 0.0:
+            shares[name] = shares.get(name, 0.0) + inside / total
+    return dict(sorted(shares.items(), key=lambda item: -item[1]))
+
+
+_NEEDED: Mapping[str, float] = {
+    "p": GOOD_RATE_HZ,
+    "p_setpoint": GOOD_RATE_HZ,
+    "roll_command": GOOD_RATE_HZ,
+    "motor_1": 50.0,
+    "roll_stick": 25.0,
+    "phi": 50.0,
+    "ax": GOOD_RATE_HZ,
+    "battery_voltage": 1.0,
+}
+
+_PX4_TOPICS: Mapping[str, tuple[str, float]] = {
+    "p": ("vehicle_angular_velocity", 1000.0),
+    "p_setpoint": ("vehicle_rates_setpoint", 1000.0),
+    "roll_command": ("vehicle_torque_setpoint", 1000.0),
+    "thrust_command": ("vehicle_thrust_setpoint", 1000.0),
+    "motor_1": ("actuator_motors", 1000.0),
+    "roll_stick": ("manual_control_setpoint", 100.0),
+    "phi": ("vehicle_attitude", 200.0),
+    "phi_setpoint": ("vehicle_attitude_setpoint", 200.0),
+    "ax": ("vehicle_acceleration", 1000.0),
+    "u": ("vehicle_local_position", 100.0),
+    "battery_voltage": ("battery_status", 10.0),
+    "motor_speed_1": ("esc_status", 100.0),
+    "p_raw": ("sensor_gyro_fifo", 8000.0),
+}
+"""Channel to PX4's topic and the highest rate at which it is published."""
+
+_PX4_WANTED: Mapping[str, float] = {**_NEEDED, "thrust_command": GOOD_RATE_HZ, "phi_setpoint": 50.0}
+
+
+def logging(record: FlightRecord) -> tuple[LoggingReview, tuple[Untold, ...]]:
+    """Rates of all channels, the longest gap in flight, and what to change before the next one.
+
+    Parameters
+    ----------
+    record
+        The log.
+    """
+    rates = {name: record[name].sample_rate_hz for name in record.channel_names}
+    try:
+        flights: Intervals = airborne(record).intervals
+    except InsufficientDataError:
+        flights = ((record.start_s, record.stop_s),)
+    gap_s = 0.0
+    for name in ("p", "roll_command", "p_setpoint", "ax"):
+        for start_s, stop_s in flights if name in record else ():
+            stamps, _ = in_air(record, name, ((start_s, stop_s),))
+            steps = np.diff(stamps)
+            longest = float(steps.max()) if steps.size else 0.0
+            if steps.size and longest > LONG_GAP * float(np.median(steps)):
+                gap_s = max(gap_s, longest)
+    slow = {name: rates.get(name, 0.0) for name, needed in _NEEDED.items() if rates.get(name, 0.0) < 0.9 * needed}
+    change = tuple(_changes(record, slow, gap_s))
+    topics = logger_topics(record) if record.source.format.startswith("PX4") else ""
+    untold = []
+    loops = [name for name in ("p", "p_setpoint", "roll_command") if not rates.get(name, 0.0)]
+    if loops:
+        why = f"The log does not hold {', '.join(loops)}."
+        untold.append(Untold(what="logging.rates", why=why, remedy=change[0] if change else ""))
+    return LoggingReview(rates_hz=rates, longest_gap_s=gap_s, change=change, topics=topics), tuple(untold)
+
+
+def _changes(record: FlightRecord, slow: Mapping[str, float], gap_s: float) -> Iterator[str]:
+    """Sentences with the settings to change, the most important first."""
+    loop = [name for name in ("p", "p_setpoint", "roll_command", "ax") if name in slow]
+    if loop:
+        rate_hz = min(slow[name] for name in loop)
+        if record.source.format.startswith("Betaflight"):
+            missing = tuple(name for name in loop if name not in record.channel_names)
+            said = f"{', '.join(missing)} not logged" if missing else f"Rates are logged at {rate_hz:.0f} Hz"
+            advice = logging_advice(record, rate_hz, missing)
+            yield f"{said}: {advice}." if advice else f"{said}."
+        else:
+            advice = logging_advice(record, rate_hz)
+            if record.source.format.startswith("PX4"):
+                rates = ", ".join(f"{name} {slow[name]:.0f} Hz" for name in loop)
+                yield f"{rates}: {advice}; or put logger_topics.txt into etc/logging of the SD card."
+            else:
+                yield f"{advice[0].upper()}{advice[1:]}."
+    if gap_s > 0.0:
+        yield f"The longest gap in flight is {1e3 * gap_s:.0f} ms: {gap_advice(record)}."
+    if "p_raw" not in record and (advice := raw_gyro_advice(record)).startswith("set "):
+        yield f"{advice[0].upper()}{advice[1:]}, which logs the gyro before its filters too."
+    if not any(name.startswith("motor_speed_") for name in record.channel_names):
+        yield "Motor speeds are not logged: bidirectional DShot or telemetry of the motor controllers names vibration."
+
+
+def logger_topics(record: FlightRecord, *, wanted: Sequence[str] = ()) -> str:
+    """Text of a ``logger_topics.txt`` that makes PX4 log what is missing or too slow, empty where nothing is.
+
+    Each line is a topic and the interval in milliseconds, as PX4's logger reads them from ``etc/logging`` on the SD
+    card. The file replaces the topics of ``SDLOG_PROFILE``; so it repeats those that the log already holds.
+
+    Parameters
+    ----------
+    record
+        A PX4 log.
+    wanted
+        Channels to log as fast as they are published, beside the usual ones.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Channel, Source, Topic
+    >>> rates = Topic(name="vehicle_angular_velocity", time_s=np.arange(9) / 50.0, values=np.zeros((1, 9)),
+    ...               channels=(Channel(name="p", unit="rad/s"),))
+    >>> record = FlightRecord(source=Source(name="a.ulg", format="PX4 ULog", sha256=""), topics=(rates,))
+    >>> logger_topics(record).splitlines()[:3]
+    ['vehicle_angular_velocity 4', 'vehicle_rates_setpoint 4', 'vehicle_torque_setpoint 4']
+    """
+    rates = {name: record[name].sample_rate_hz for name in record.channel_names}
+    needed = {**_PX4_WANTED, **{name: _PX4_TOPICS[name][1] for name in wanted if name in _PX4_TOPICS}}
+    if all(rates.get(name, 0.0) >= 0.9 * rate for name, rate in needed.items()):
+        return ""
+    lines = []
+    for channel, (topic, fastest_hz) in _PX4_TOPICS.items():
+        if channel not in needed and channel not in rates:
+            continue
+        rate_hz = min(max(needed.get(channel, 0.0), min(rates.get(channel, 0.0), fastest_hz)), fastest_hz)
+        # An interval of zero is every message; whole milliseconds below half a step lose samples.
+        interval_ms = 0 if rate_hz >= 1000.0 else math.floor(1000.0 / rate_hz)
+        lines.append(f"{topic} {interval_ms}")
+    fixed = ("vehicle_status", "vehicle_land_detected", "actuator_armed", "parameter_update", "vehicle_imu_status")
+    lines += [f"{topic} 0" for topic in fixed[:4]] + [f"{fixed[4]} 1000", "hover_thrust_estimate 100"]
+    return "\n".join(lines) + "\n"

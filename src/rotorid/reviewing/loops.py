@@ -1,0 +1,587 @@
+r"""Closed loops as they were flown: set-point to answer, and the answer to a step, by sticks that nobody moved for it.
+
+Where a loop's set-point holds feedback, the response is told jointly with the stick; where the pilot sets it himself,
+it is told directly. Its step response is that of a Gaussian process (`rotorid.spectral.impulse`). What a log that is
+too slow, a stick that rests or a loop that is none cannot tell is not told, and says why.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from types import MappingProxyType
+
+import numpy as np
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.quantity import TWO_SIDED_95, Quantity
+from rotorid.data.record import FlightRecord, TimeHistory
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import InsufficientDataError
+from rotorid.flights.whole_flights import (
+    LEAST_MOTION_S,
+    USABLE_ERROR,
+    Flown,
+    Instrument,
+    loop_response,
+)
+from rotorid.io.advice import logging_advice
+from rotorid.reviewing.values import LoopReview, StepCurve, Untold
+from rotorid.signal.motors import motor_limits
+from rotorid.spectral.impulse import (
+    NUMBERS,
+    ImpulseResponse,
+    flat_near_3db,
+    impulse_response,
+    phase_crossing,
+    step_numbers,
+)
+from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
+
+RATE_FOR_BANDWIDTH, RATE_FOR_STEP = 1.25, 2.5
+"""Hz of the log for each rad/s of the −90° bandwidth from which bandwidth and delay are told, and everything."""
+
+_SLOW_LOG_HZ = 110.0
+"""In a log at less, a set-point that is held between its samples may change up to half a period from where it shows."""
+
+_FAST_ENOUGH_HZ = 40.0
+"""In a log at less, a loop whose phase stays above −90° in its band is not told: a faster log would show more of it."""
+
+_LEAST_COHERENCE = 0.3
+"""Of stick or set-point with the motion at half the bandwidth, below which a loop is not told: gusts move it then."""
+
+_SURE_COHERENCE = 0.95
+"""Of a held stick at the bandwidth, below which errors are widened: one that gusts nearly drown errs by more than noise
+explains."""
+
+_WEAK_STICK = 2.0
+"""Factor of the errors of a response by such a stick."""
+
+_MOST_MISFIT = 3.0
+"""Mean square of what the best linear loop misses, in its errors, above which no linear loop explains the flight."""
+
+_SATURATED_SHARE = 0.05
+"""Share of the flight with motors at their limits from which it is said beside the loops: yaw suffers first."""
+
+_NEAR_PEAK = 0.6
+"""Coherence at the resonance from which its size is told."""
+
+_OUTERMOST_S = 12.0
+"""How long the answer of a velocity is followed."""
+
+_OF_STICK_RATE = 0.6
+"""Share of its Nyquist frequency up to which a stick shows the answer; above, the direct response may be taken."""
+
+_AGREED_FROM, _AGREED = 0.35, 2.5
+"""Share of that frequency from which on, and errors within which, a direct response must agree with the joint one."""
+
+_SIZE_WINDOW_S = 2.0
+"""Window over which the size of a set-point is taken."""
+
+_LEAST_OF_SIZE_S = 30.0
+"""Small and large set-points are told apart where each lasted as long."""
+
+_SIZES_APART = 2.0
+"""And where their sizes differ by more than this factor."""
+
+_STRETCH_S = 6.0
+"""Shorter stretches of one size are left out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loop(Immutable):
+    """A loop that a log may hold.
+
+    Parameters
+    ----------
+    name
+        Its state.
+    axis
+        Whose stick drives it.
+    words
+        What people call it.
+    horizon_s, within_s
+        How long its impulse response lasts, and how long its answer to a step is waited for.
+    of_rates
+        Whether the state is a body rate; the others are slower.
+    """
+
+    name: str
+    axis: Axis
+    words: str
+    horizon_s: float
+    within_s: float
+    of_rates: bool = False
+
+    @property
+    def reference(self) -> str:
+        return f"{self.name}_setpoint"
+
+
+LOOPS: tuple[Loop, ...] = (
+    Loop(name="p", axis="roll", words="roll rate", horizon_s=10.0, within_s=1.0, of_rates=True),
+    Loop(name="q", axis="pitch", words="pitch rate", horizon_s=10.0, within_s=1.0, of_rates=True),
+    Loop(name="r", axis="yaw", words="yaw rate", horizon_s=10.0, within_s=3.0, of_rates=True),
+    Loop(name="phi", axis="roll", words="roll angle", horizon_s=10.0, within_s=3.0),
+    Loop(name="theta", axis="pitch", words="pitch angle", horizon_s=10.0, within_s=3.0),
+    Loop(name="psi", axis="yaw", words="heading", horizon_s=10.0, within_s=3.0),
+    Loop(name="u", axis="pitch", words="forward velocity", horizon_s=_OUTERMOST_S, within_s=8.0),
+    Loop(name="v", axis="roll", words="lateral velocity", horizon_s=_OUTERMOST_S, within_s=8.0),
+    Loop(name="w", axis="thrust", words="vertical velocity", horizon_s=_OUTERMOST_S, within_s=8.0),
+)
+"""Every loop that a review looks for."""
+
+_EXPECTED = ("p", "q", "r", "phi", "theta")
+"""Loops that every autopilot closes: a log without their set-points lacks something."""
+
+_FEEDFORWARDS: Mapping[Axis, tuple[str, ...]] = MappingProxyType(
+    {
+        "roll": ("MC_ROLLRATE_FF", "ATC_RAT_RLL_FF", "ATC_RAT_RLL_D_FF", "ff_weight[0]", "feedforward_weight[0]"),
+        "pitch": ("MC_PITCHRATE_FF", "ATC_RAT_PIT_FF", "ATC_RAT_PIT_D_FF", "ff_weight[1]", "feedforward_weight[1]"),
+        "yaw": ("MC_YAWRATE_FF", "ATC_RAT_YAW_FF", "ATC_RAT_YAW_D_FF", "ff_weight[2]", "feedforward_weight[2]"),
+    }
+)
+
+_MOVE = "move the {axis} stick for 30 s: quick pairs to both sides of 5 to 10 degrees, one every second"
+
+
+def loops(flight: Flown) -> tuple[dict[str, LoopReview], tuple[Untold, ...]]:
+    """Every loop that a flight tells, and what it cannot tell of them.
+
+    Parameters
+    ----------
+    flight
+        The flight, by :func:`rotorid.flights.whole_flights.flown`.
+
+    Returns
+    -------
+    dict, tuple of Untold
+        Loops by the names of their states. A loop of which only the response is known has no step; one of which
+        nothing is known is not there. ``Untold.what`` is ``loops.NAME`` or ``loops.NAME.NUMBER``.
+    """
+    found: dict[str, LoopReview] = {}
+    untold: list[Untold] = []
+    saturated = _saturation(flight.record)
+    for loop in LOOPS:
+        review, missing = loop_of(flight, loop)
+        untold += missing
+        if review is not None:
+            found[loop.name] = replace(review, findings=(*review.findings, *saturated)) if loop.of_rates else review
+    return found, tuple(untold)
+
+
+def loop_of(flight: Flown, loop: Loop) -> tuple[LoopReview | None, tuple[Untold, ...]]:
+    """One loop of a flight, and what of it cannot be told."""
+    instrument, channel = flight.instrument(loop.axis, of_rates=loop.of_rates)
+    why = _missing(flight, loop, instrument, channel)
+    if why is not None:
+        return None, (why,) if why.why else ()
+    try:
+        return _told(flight, loop, instrument, channel)
+    except InsufficientDataError as error:
+        return None, (Untold(what=f"loops.{loop.name}", why=_sentence(error), remedy=error.remedy),)
+
+
+def _missing(flight: Flown, loop: Loop, instrument: Instrument, channel: str) -> Untold | None:
+    """What keeps a loop from being looked at; without a reason where such a loop was not flown."""
+    names, what = flight.record.channel_names, f"loops.{loop.name}"
+    # In acro no loop holds an attitude; and nobody misses a velocity that is not controlled.
+    flown_directly = flight.instrument("roll")[0] == "direct"
+    if loop.reference not in names or loop.name not in names:
+        if loop.name not in _EXPECTED or (flown_directly and not loop.of_rates):
+            return Untold(what=what, why="")
+        lacking = tuple(name for name in (loop.reference, loop.name) if name not in names)
+        remedy = logging_advice(flight.record, 0.0, lacking)
+        return Untold(what=what, why=f"The log holds no {' and no '.join(lacking)}.", remedy=remedy)
+    if flown_directly and not loop.of_rates:
+        return Untold(what=what, why="")
+    if not channel:
+        return Untold(
+            what=what,
+            why=f"{loop.reference} holds feedback, and the log holds no {loop.axis} stick that would do without it.",
+            remedy=f"log the sticks, at 5 Hz and more ({loop.axis}_stick)",
+        )
+    moved_s = flight.moving_s(channel, flight.during(instrument))
+    if moved_s < LEAST_MOTION_S:
+        moved = f"moved for {moved_s:.0f} s only" if moved_s else "did not move"
+        return Untold(
+            what=what,
+            why=f"{_words(channel)} {moved}: gusts alone would show the controller, not the loop.",
+            remedy=_MOVE.format(axis=loop.axis),
+        )
+    return None
+
+
+def _told(
+    flight: Flown, loop: Loop, instrument: Instrument, channel: str
+) -> tuple[LoopReview | None, tuple[Untold, ...]]:
+    held = () if channel == loop.reference else (channel,)
+    intervals = flight.during(instrument)
+    histories = flight.histories((loop.reference, loop.name), held=held, intervals=intervals)
+    response = _response(flight, loop, channel, histories)
+    usable = usable_points(response)
+    omega = response.omega_rad_s
+    if np.count_nonzero(usable) < 8:
+        return None, (_incoherent(loop, channel, 0.0),)
+    if held and loop.of_rates:
+        response = _beyond_the_stick(flight, loop, channel, histories, response)
+        usable = usable_points(response)
+    scale = phase_crossing(omega[usable], response.values[0, 0][usable])
+    seen = _coherence(response, 0.5 * min(scale, float(omega[usable][-1])))
+    if seen < _LEAST_COHERENCE:
+        return None, (_incoherent(loop, channel, seen),)
+    if held and _coherence(response, min(scale, float(omega[usable][-1]))) < _SURE_COHERENCE:
+        # A stick that gusts nearly drown errs by more than noise explains.
+        response = _doubted(response)
+        usable = usable_points(response)
+    logged_hz = min(flight.rate_hz(loop.reference), flight.rate_hz(loop.name))
+    review = LoopReview(
+        name=loop.name,
+        reference=loop.reference,
+        answer=loop.name,
+        instrument=instrument,
+        response=response,
+        step=None,
+        numbers={},
+        band_rad_s=(float(omega[usable][0]), float(omega[usable][-1])),
+        by_size=_by_size(flight, loop, instrument, channel, histories) if loop.of_rates else {},
+        findings=response.findings,
+    )
+    # Where the phase stays above −90°, half of the rate that the band comes from would show more.
+    beyond = not math.isfinite(scale) and logged_hz < _FAST_ENOUGH_HZ
+    if beyond or logged_hz < RATE_FOR_BANDWIDTH * min(scale, 2.0 * float(omega[usable][-1])):
+        # Rates that were logged so slowly are folded over themselves: not even the response is one.
+        return None if loop.of_rates else review, (_too_slow(loop, "", logged_hz, scale),)
+    impulse = _impulse(response, usable, loop)
+    numbers, untold = _numbers(loop, impulse, response, logged_hz)
+    stepped = "rise_time_s" in numbers or "overshoot_percent" in numbers
+    review = replace(
+        review,
+        step=_curve(impulse, loop) if stepped else None,
+        numbers=numbers,
+        findings=(*review.findings, *_remarks(flight, loop, impulse)),
+    )
+    return review, tuple(untold)
+
+
+def _response(flight: Flown, loop: Loop, channel: str, histories: Sequence[TimeHistory]) -> FrequencyResponse:
+    return loop_response(
+        flight,
+        reference=loop.reference,
+        answer=loop.name,
+        instrument=channel,
+        slow=not loop.of_rates or loop.axis == "yaw",
+        histories=histories,
+    )
+
+
+def _beyond_the_stick(
+    flight: Flown, loop: Loop, channel: str, histories: Sequence[TimeHistory], joint: FrequencyResponse
+) -> FrequencyResponse:
+    """The joint response, and above what a slowly logged stick shows the direct one, where that agreed with it below.
+
+    What feedback does to a direct response falls with frequency: gusts are slow, and so are the outer loops that put
+    them into the set-point. Where both agree in the octave and a half below the end of the stick, the direct one holds
+    beyond it.
+    """
+    end_rad_s = _OF_STICK_RATE * np.pi * flight.rate_hz(channel)
+    omega = joint.omega_rad_s
+    if end_rad_s >= omega[-1]:
+        return joint
+    direct = _response(flight, loop, loop.reference, histories)
+    errors = [np.nan_to_num(one.random_error[0, 0], nan=np.inf) for one in (joint, direct)]
+    shared = (omega > _AGREED_FROM * end_rad_s) & (omega <= end_rad_s) & (np.maximum(*errors) < USABLE_ERROR)
+    if np.count_nonzero(shared) < 3:
+        return joint
+    apart = np.abs(direct.values[0, 0] / joint.values[0, 0] - 1.0)[shared] / np.hypot(*errors)[shared]
+    if float(np.sqrt(np.mean(apart**2))) > _AGREED:
+        return joint
+    beyond = (omega > end_rad_s) & (errors[1] < errors[0])
+    inside = ~beyond
+    covariance = joint.covariance.copy()
+    covariance[0, 0] = np.where(np.outer(inside, inside), joint.covariance[0, 0], 0.0)
+    covariance[0, 0] += np.where(np.outer(beyond, beyond), direct.covariance[0, 0], 0.0)
+    return replace(
+        joint,
+        values=np.where(beyond, direct.values, joint.values),
+        coherence=np.where(beyond, direct.coherence, joint.coherence),
+        random_error=np.where(beyond, direct.random_error, joint.random_error),
+        covariance=covariance,
+        disturbance=None,
+        processing=(
+            *joint.processing,
+            f"above {end_rad_s:.3g} rad/s, where {channel} was not logged fast enough, the direct estimate",
+        ),
+    )
+
+
+def usable_points(response: FrequencyResponse) -> BoolArray:
+    """Points of a single response that are known better than to 0.3 of their size, shape ``(f,)``."""
+    error = response.random_error[0, 0]
+    return np.asarray(np.isfinite(response.values[0, 0]) & np.isfinite(error) & (error < USABLE_ERROR))
+
+
+def _impulse(response: FrequencyResponse, usable: BoolArray, loop: Loop) -> ImpulseResponse:
+    return impulse_response(
+        response.omega_rad_s[usable],
+        response.values[0, 0][usable],
+        response.covariance[0, 0][np.ix_(usable, usable)],
+        horizon_s=loop.horizon_s,
+    )
+
+
+def _coherence(response: FrequencyResponse, omega_rad_s: float) -> float:
+    """Coherence at a frequency, the mean of a few points about it."""
+    near = np.abs(np.log(response.omega_rad_s / omega_rad_s)) < 0.2
+    values = response.coherence[0, 0][near & np.isfinite(response.coherence[0, 0])]
+    return float(values.mean()) if values.size else 0.0
+
+
+def _doubted(response: FrequencyResponse) -> FrequencyResponse:
+    return replace(
+        response,
+        covariance=_WEAK_STICK**2 * response.covariance,
+        random_error=_WEAK_STICK * response.random_error,
+        processing=(*response.processing, "errors doubled: the stick is weak against gusts"),
+    )
+
+
+_REMEDIES: Mapping[str, str] = MappingProxyType(
+    {
+        "bandwidth_3db_rad_s": "move the sticks faster, or log faster",
+        "bandwidth_90deg_rad_s": "move the sticks faster, or log faster",
+        "rise_time_s": "raise the integral gain, if that droop is not wanted",
+        "delay_s": "fly longer with the sticks moving",
+        "overshoot_percent": "fly longer with the sticks moving",
+    }
+)
+
+
+def _numbers(
+    loop: Loop, impulse: ImpulseResponse, response: FrequencyResponse, logged_hz: float
+) -> tuple[dict[str, Quantity], list[Untold]]:
+    """The numbers that the rate of the log and the coherence carry, and those that they do not."""
+    numbers = step_numbers(impulse, within_s=loop.within_s)
+    bandwidth = numbers.get("bandwidth_90deg_rad_s")
+    scale = impulse.scale_rad_s if bandwidth is None else bandwidth.value
+    slow = logged_hz < RATE_FOR_STEP * scale
+    untold = [_too_slow(loop, "step", logged_hz, scale)] if slow else []
+    told: dict[str, Quantity] = {}
+    for name in NUMBERS:
+        if slow and name not in ("delay_s", "bandwidth_90deg_rad_s"):
+            continue
+        if name in numbers and (name != "peak_db" or _coherent_peak(impulse, response)):
+            told[name] = numbers[name]
+        elif name != "peak_db":
+            what, why = f"loops.{loop.name}.{name}", _why_untold(name, loop, impulse)
+            untold.append(Untold(what=what, why=why, remedy=_REMEDIES.get(name, "")))
+    if logged_hz < _SLOW_LOG_HZ:
+        told = _with_half_sample(told, impulse, 0.5 / logged_hz)
+    return told, untold
+
+
+def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Untold:
+    """What a log at too low a rate does not tell: everything, or all but the phase."""
+    step_hz, phase_hz = RATE_FOR_STEP * scale_rad_s, RATE_FOR_BANDWIDTH * scale_rad_s
+    falls = f"a loop whose phase falls to −90° at {scale_rad_s:.3g} rad/s"
+    if not math.isfinite(scale_rad_s):
+        needs = "its phase does not fall to −90° within what that shows"
+    elif part:
+        needs = f"the step, the −3 dB bandwidth and the resonance of {falls} need {step_hz:.0f} Hz"
+    else:
+        needs = f"{falls} needs {phase_hz:.0f} Hz for that and its delay, and {step_hz:.0f} Hz for its step"
+    faster = f" at {step_hz:.0f} Hz and more" if math.isfinite(scale_rad_s) else " faster"
+    return Untold(
+        what=f"loops.{loop.name}.{part}".rstrip("."),
+        why=f"The log holds {loop.reference} or {loop.name} at {logged_hz:.0f} Hz: {needs}.",
+        remedy=f"log {loop.reference} and {loop.name}{faster}",
+    )
+
+
+def _why_untold(name: str, loop: Loop, impulse: ImpulseResponse) -> str:
+    top = impulse.band_rad_s[1]
+    if name.startswith("bandwidth"):
+        return f"The {loop.words} follows its set-point to beyond {top:.3g} rad/s, where this flight shows nothing."
+    end = float(impulse.step()[np.searchsorted(impulse.time_s, loop.within_s) - 1])
+    if name == "settling_time_s":
+        return (
+            f"The {loop.words} does not stay within 5 % of its set-point: {loop.within_s:g} s later it is at {end:.2f}."
+        )
+    return (
+        f"The {loop.words} does not surely reach 0.9 of its set-point within {loop.within_s:g} s: it is at {end:.2f}."
+    )
+
+
+def _coherent_peak(impulse: ImpulseResponse, response: FrequencyResponse) -> bool:
+    """Whether the resonance stands where the flight shows the loop well."""
+    omega = np.geomspace(0.2 * impulse.scale_rad_s, impulse.band_rad_s[1], 200)
+    return _coherence(response, float(omega[np.abs(impulse.at(omega)).argmax()])) > _NEAR_PEAK
+
+
+def _with_half_sample(told: Mapping[str, Quantity], impulse: ImpulseResponse, half_s: float) -> dict[str, Quantity]:
+    """Numbers of which half a sample of the log more or less is not known."""
+    wider = dict(told)
+    if "delay_s" in told:
+        wider["delay_s"] = _moved(told["delay_s"], half_s, half_s)
+    if "bandwidth_90deg_rad_s" in told:
+        omega = np.geomspace(0.2 * impulse.scale_rad_s, 2.0 * impulse.band_rad_s[1], 400)
+        values, middle = impulse.at(omega), told["bandwidth_90deg_rad_s"].value
+        ends = [phase_crossing(omega, values * np.exp(1j * sign * omega * half_s)) for sign in (-1.0, 1.0)]
+        below, above = (abs(end - middle) if math.isfinite(end) else middle for end in ends)
+        wider["bandwidth_90deg_rad_s"] = _moved(told["bandwidth_90deg_rad_s"], below, above)
+    return wider
+
+
+def _moved(quantity: Quantity, below: float, above: float) -> Quantity:
+    """A number with errors of up to ``below`` and ``above`` that are as likely anywhere in between."""
+    return replace(
+        quantity,
+        std=math.hypot(quantity.std, (below + above) / math.sqrt(12.0)),
+        lower=max(quantity.lower - below, 0.0),
+        upper=quantity.upper + above,
+    )
+
+
+def _curve(impulse: ImpulseResponse, loop: Loop) -> StepCurve:
+    inside = impulse.time_s <= loop.within_s
+    value, std = impulse.step()[inside], impulse.step_std[inside]
+    rows = (impulse.time_s[inside], value, value - TWO_SIDED_95 * std, value + TWO_SIDED_95 * std)
+    time_s, middle, lower, upper = (np.concatenate([[0.0], row]) for row in rows)
+    return StepCurve(time_s=time_s, value=middle, lower=lower, upper=upper)
+
+
+def _remarks(flight: Flown, loop: Loop, impulse: ImpulseResponse) -> Iterator[Finding]:
+    where = f"{loop.name}/{loop.reference}"
+    if impulse.misfit > _MOST_MISFIT:
+        yield warn(
+            "structure_error",
+            where,
+            f"The {loop.words} did not follow its set-point like a linear loop: the best linear response misses the "
+            f"measured one by {math.sqrt(impulse.misfit):.1f} standard deviations. Stated errors were widened by that "
+            "factor.",
+            misfit=impulse.misfit,
+        )
+    if flat_near_3db(impulse):
+        yield remark(
+            "flat_bandwidth",
+            where,
+            f"The response lies flat near −3 dB, so that the −3 dB bandwidth of the {loop.words} says little.",
+        )
+    forward = {name: flight.record.parameters.get(name, 0.0) for name in _FEEDFORWARDS.get(loop.axis, ())}
+    if loop.of_rates and (used := [name for name, value in forward.items() if value]):
+        yield remark(
+            "feedforward",
+            where,
+            f"{used[0]} is {forward[used[0]]:g}: response and step are those of the loop with its feed-forward, and do "
+            "not judge the feedback alone.",
+            value=forward[used[0]],
+        )
+
+
+def _saturation(record: FlightRecord) -> tuple[Finding, ...]:
+    """What to say of motors that were at their limits."""
+    limits = motor_limits(record)
+    if not limits.share > _SATURATED_SHARE:
+        return ()
+    then = "The loops are those of this flight, and weaker than with room to both sides."
+    return (limits.finding(warn, then=then),)
+
+
+def _by_size(
+    flight: Flown, loop: Loop, instrument: Instrument, channel: str, histories: Sequence[TimeHistory]
+) -> dict[str, LoopReview]:
+    """The loop where its set-point moves little and much, where both were flown for long enough."""
+    parts = _parts_by_size(loop, histories)
+    if parts is None:
+        return {}
+    found = {}
+    for name, chosen in parts.items():
+        try:
+            response = _response(flight, loop, channel, chosen)
+        except InsufficientDataError:
+            return {}
+        usable = usable_points(response)
+        if np.count_nonzero(usable) < 8:
+            return {}
+        omega = response.omega_rad_s[usable]
+        crossing = _phase_bandwidth(omega, response.values[0, 0][usable], response.random_error[0, 0][usable])
+        if crossing is None:
+            return {}
+        found[name] = LoopReview(
+            name=loop.name,
+            reference=loop.reference,
+            answer=loop.name,
+            instrument=instrument,
+            response=response,
+            step=None,
+            numbers={"bandwidth_90deg_rad_s": crossing},
+            band_rad_s=(float(omega[0]), float(omega[-1])),
+        )
+    return found
+
+
+def _phase_bandwidth(omega: FloatArray, values: ComplexArray, error: FloatArray) -> Quantity | None:
+    """Where the phase falls to −90°, with the error that the phase and its slope there give it."""
+    crossing = phase_crossing(omega, values)
+    if not math.isfinite(crossing):
+        return None
+    near = np.abs(np.log(omega / crossing)) < 0.4
+    if np.count_nonzero(near) < 3:
+        return None
+    slope = float(np.polyfit(np.log(omega[near]), np.unwrap(np.angle(values))[near], 1)[0])
+    if slope >= 0.0:
+        return None
+    std = crossing * float(np.median(error[near])) / -slope
+    return Quantity.normal(crossing, std, "rad/s")
+
+
+def _parts_by_size(loop: Loop, histories: Sequence[TimeHistory]) -> dict[str, list[TimeHistory]] | None:
+    """Stretches of 6 s and more with small and with large set-points, each 30 s and more together."""
+    rate_hz = histories[0].sample_rate_hz
+    size = max(round(_SIZE_WINDOW_S * rate_hz), 1)
+    levels = []
+    for history in histories:
+        motion = history[loop.reference] - history[loop.reference].mean()
+        levels.append(np.sqrt(np.convolve(motion**2, np.full(size, 1.0 / size), mode="same")))
+    middle = float(np.median(np.concatenate(levels)))
+    sizes: dict[str, list[TimeHistory]] = {"small set-points": [], "large set-points": []}
+    power = dict.fromkeys(sizes, 0.0)
+    for history, level in zip(histories, levels, strict=True):
+        large = level > middle
+        edges = np.concatenate([[0], np.flatnonzero(np.diff(large)) + 1, [large.size]])
+        for begin, end in pairwise(edges.tolist()):
+            if end - begin < _STRETCH_S * rate_hz:
+                continue
+            name = "large set-points" if large[begin] else "small set-points"
+            part = replace(
+                history, values=history.values[:, begin:end], start_s=history.start_s + float(begin) / rate_hz
+            )
+            sizes[name].append(part)
+            power[name] += float(np.sum(level[begin:end] ** 2))
+    lengths = {name: sum(part.duration_s for part in parts) for name, parts in sizes.items()}
+    if min(lengths.values()) < _LEAST_OF_SIZE_S:
+        return None
+    small, large_rms = (math.sqrt(power[name] / lengths[name]) for name in sizes)
+    return sizes if large_rms > _SIZES_APART * small else None
+
+
+def _incoherent(loop: Loop, channel: str, seen: float) -> Untold:
+    return Untold(
+        what=f"loops.{loop.name}",
+        why=f"{_words(channel)} explains too little of how the {loop.words} moved (coherence {seen:.2f}).",
+        remedy=_MOVE.format(axis=loop.axis),
+    )
+
+
+def _words(channel: str) -> str:
+    axis, _, kind = channel.partition("_")
+    return f"The {axis} stick" if kind == "stick" else channel
+
+
+def _sentence(error: InsufficientDataError) -> str:
+    said = str(error.findings[0].message) if error.findings else str(error).partition(";")[0]
+    said = said[:1].upper() + said[1:]
+    return said if said.endswith(".") else f"{said}."

@@ -1,0 +1,129 @@
+"""Margins of the rate loops of a flight, as a review states them.
+
+Each loop is that of :mod:`rotorid.loops.rate_loops`; here stand what a flight does not show, and what is
+worth a remark.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rotorid.data.axes import RATE_OF
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.errors import InsufficientDataError
+from rotorid.flights.controllers import controllers_of
+from rotorid.flights.whole_flights import Flown
+from rotorid.loops.plants import MOVE, PlantUnavailableError
+from rotorid.loops.rate_loops import NUMBERS, RateLoop, rate_loop, remedy_of
+from rotorid.models.autopilots.betaflight import TOP
+from rotorid.reviewing.values import MarginReview, Untold
+from rotorid.typing import Axis
+
+
+def margins(flight: Flown) -> tuple[dict[Axis, MarginReview], tuple[Untold, ...]]:
+    """Margins of the rate loops of a flight, each with the error that it deserves.
+
+    Parameters
+    ----------
+    flight
+        A record with its flights.
+
+    Returns
+    -------
+    dict of MarginReview
+        By axis; an axis of which nothing can be told is absent.
+    tuple of Untold
+        What cannot be told, and why.
+    """
+    found: dict[Axis, MarginReview] = {}
+    untold: list[Untold] = []
+    for axis in RATE_OF:
+        try:
+            loop = rate_loop(axis, flight.record)
+        except PlantUnavailableError as reason:
+            untold.append(Untold(what=f"margins.{axis}", why=reason.why, remedy=reason.remedy))
+            continue
+        except InsufficientDataError as error:
+            untold.append(Untold(what=f"margins.{axis}", why=_sentence(error), remedy=error.remedy or MOVE))
+            continue
+        found[axis] = _review(flight, loop)
+        untold += [
+            Untold(what=f"margins.{axis}.{name}", why=loop.missing[name], remedy=remedy_of(loop))
+            for name in NUMBERS
+            if name in loop.missing
+        ]
+    return found, tuple(untold)
+
+
+def _sentence(error: InsufficientDataError) -> str:
+    text = str(error.came)
+    return f"{text[:1].upper()}{text[1:]}." if text else str(error)
+
+
+def _review(flight: Flown, loop: RateLoop) -> MarginReview:
+    return MarginReview(
+        axis=loop.measured.axis,
+        loop=loop.loop,
+        controller=loop.controller,
+        instrument=loop.measured.instrument,
+        numbers=loop.numbers,
+        by_model=loop.by_model,
+        findings=(*loop.check.findings, *_remarks(flight, loop)),
+        ends=loop.ends,
+        settings=loop.settings,
+        throttle=controllers_of(flight.record).throttle,
+        explained=loop.check.correlation,
+        stick_idle=loop.measured.idle,
+    )
+
+
+_LEAST_FACTOR, _SLEWED_SHARE = 0.99, 0.01
+"""Factor of ArduPilot's slew limiter below which it had lowered the gains, and share of the flight from which that is
+said."""
+
+_MOVED = 0.2
+"""How far the logged I term may fall short of what its gain makes before that is said."""
+
+
+def _remarks(flight: Flown, loop: RateLoop) -> list[Finding]:
+    axis, settings, seen, main = loop.measured.axis, loop.settings, loop.check, next(iter(loop.ends), "")
+    found = []
+    factors = [values for _, values in flight.samples(f"{axis}_slew_factor")]
+    if factors:
+        values = np.concatenate(factors)
+        lowered = float(np.mean(values < _LEAST_FACTOR)) if values.size else 0.0
+        if lowered > _SLEWED_SHARE:
+            found.append(
+                warn(
+                    "moving_gains",
+                    axis,
+                    f"The slew limiter had lowered P and D of {axis} during {100.0 * lowered:.0f} % of the flight, to "
+                    f"{float(values.min()):.2f} times at least: the margins are those of the full gains.",
+                    share=lowered,
+                    least=float(values.min()),
+                )
+            )
+    if main:
+        own, base = seen.terms.get("d"), settings.controller.derivative_s2
+        top = settings.ends[TOP].derivative_s2
+        flew = f", and flew at {own.slope * top / base:.2f} times its base" if own is not None and base > 0.0 else ""
+        found.append(
+            remark(
+                "moving_gains",
+                axis,
+                f"D of {axis} moves between two values in flight{flew}: the margins are those with {main}, and the "
+                "other end stands beside them.",
+            )
+        )
+    if "i" in seen.terms and seen.terms["i"].slope < 1.0 - _MOVED:
+        left = max(seen.terms["i"].slope, 0.0)
+        found.append(
+            remark(
+                "moving_gains",
+                axis,
+                f"The integral of {axis} was {100.0 * left:.0f} % of what its gain makes: the controller takes it back "
+                "while the set-point moves, and hover has more of it.",
+                share=left,
+            )
+        )
+    return found

@@ -1,0 +1,391 @@
+r"""Motors of a flight: at their limits, out of balance in steady flight, falling out of step, with how much left.
+
+Steady flight is every second in which the vehicle hardly turns (rates below 0.25 rad/s rms, without vibration), stays
+near level and near its usual thrust. There the mean outputs :math:`m_i` of the motors differ by what trims the vehicle:
+
+.. math:: m_i - \bar m = a\,y_i + b\,x_i + c\,s_i
+
+with the positions :math:`x, y` and the directions of rotation :math:`s` of the rotors. A center of gravity off the
+middle asks for :math:`a` and :math:`b`, an arm or motor mount that is twisted for :math:`c`, a weak motor or a damaged
+propeller for more output of that motor alone. Of a quadrotor the three together explain everything, so that the
+explanation with the fewest parts is named, where it leaves less than a tenth of the squares.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from rotorid.data.findings import Finding, warn
+from rotorid.data.quantity import TWO_SIDED_95, Quantity
+from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Intervals
+from rotorid.data.response import FrequencyResponse
+from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.flights.hover import WINDOW_S, steady_windows, thrust_curve
+from rotorid.flights.whole_flights import Flown, flown, loop_response
+from rotorid.io.advice import motor_advice, speed_advice
+from rotorid.models.rotors import layout_of
+from rotorid.reviewing.values import MotorReview, Untold
+from rotorid.signal.airborne import within
+from rotorid.signal.limits import MotorLimits
+from rotorid.signal.motors import (
+    MotorHistory,
+    logged_outputs,
+    logged_speeds,
+    motor_limits,
+    or_none,
+)
+from rotorid.typing import BoolArray, FloatArray
+
+WORTH_SAYING = 0.08
+"""Imbalance over the mean from which it is worth a look."""
+
+EXPLAINED = 0.9
+"""Part of the squares that a pattern must explain to be named."""
+
+_FEWEST_WINDOWS = 5
+"""Steady seconds from which balance and headroom are told."""
+
+_BIAS = 0.003
+"""What outputs of one motor differ by from flight to flight, as a part of the range."""
+
+_STEP, _WITHIN_S = 0.2, 0.05
+"""A motor that is told to rise by this share of its range, and slows down by as much of its speed within this time, has
+lost step."""
+
+_DELAY_BAND_RAD_S = (10.0, 80.0)
+"""Where lag and delay from output to gyro are fitted."""
+
+_LONGEST_LAG_S = 0.12
+"""Lags of motors that are tried."""
+
+_LAG_BIAS = 0.05
+"""Damping of the rate looks like less delay; flights with a known answer differ by so much."""
+
+MUCH_AT_FULL = 0.05
+"""Share of the flight with a motor at its upper limit from which it is said."""
+
+
+def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Untold, ...]]:
+    """Limits, balance, headroom, loss of step, and the delay from output to gyro.
+
+    Parameters
+    ----------
+    record
+        The log.
+
+    Raises
+    ------
+    InsufficientDataError
+        The vehicle never flew, or nothing tells whether it did.
+    """
+    flight = flown(record)
+    untold: list[Untold] = []
+    numbers: dict[str, Quantity] = {}
+    means: dict[str, Quantity] = {}
+    pattern = ""
+    limits = motor_limits(record)
+    if not limits.counted.any():
+        why = "The motor outputs are not logged in the air."
+        untold.append(Untold(what="motors", why=why, remedy=motor_advice(record)))
+    else:
+        numbers |= _limits(record, limits)
+        if limits.unknown:
+            why = f"The log {limits.unknown}."
+            untold += [Untold(what=f"motors.saturated_{end}_share", why=why) for end in ("high", "low")]
+        time_s, outputs = limits.time_s[limits.counted], limits.outputs[:, limits.counted]
+        steady = steady_windows(record, flight.flights, time_s, outputs, limits.limited[limits.counted])
+        if len(steady) < _FEWEST_WINDOWS:
+            why = f"The vehicle hovered quietly for {len(steady) * WINDOW_S:.0f} s only."
+            remedy = "hover for 20 s without touching the sticks"
+            untold += [Untold(what=f"motors.{name}", why=why, remedy=remedy) for name in ("imbalance", "headroom")]
+        else:
+            means, balance, pattern = _balance(record, outputs, steady)
+            numbers |= balance
+    events, missing = _events(record, flight.flights)
+    untold += missing
+    steps_checked = not missing
+    delay, missing = _delay(flight)
+    numbers |= delay
+    untold += missing
+    found = MotorReview(means=means, numbers=numbers, pattern=pattern, events=events, steps_checked=steps_checked)
+    return replace(found, findings=tuple(_findings(found))), tuple(untold)
+
+
+def _limits(record: FlightRecord, limits: MotorLimits) -> dict[str, Quantity]:
+    """Share of the flight in which a motor is at a limit, of each motor and by the axis that asks for most."""
+    if limits.unknown:
+        return {}
+    numbers = {
+        "saturated_high_share": _share(limits, np.asarray(limits.upper.any(axis=0))),
+        "saturated_low_share": _share(limits, np.asarray(limits.lower.any(axis=0))),
+    }
+    for motor, (above, below) in enumerate(zip(limits.upper, limits.lower, strict=True), start=1):
+        numbers[f"motor_{motor}_high_share"] = _share(limits, above)
+        numbers[f"motor_{motor}_low_share"] = _share(limits, below)
+    commands = []
+    for axis in ("roll", "pitch", "yaw", "thrust"):
+        if f"{axis}_command" not in record:
+            return numbers
+        track = record[f"{axis}_command"]
+        kept = np.isfinite(track.values)
+        if not kept.any():
+            return numbers
+        values = np.interp(limits.time_s, track.time_s[kept], track.values[kept])
+        commands.append(np.abs(values - (np.median(values) if axis == "thrust" else 0.0)))
+    asking = np.argmax(np.stack(commands), axis=0)
+    for place, axis in enumerate(("roll", "pitch", "yaw", "thrust")):
+        numbers[f"saturated_by_{axis}_share"] = _share(limits, limits.limited & (asking == place))
+    return numbers
+
+
+def _share(limits: MotorLimits, samples: BoolArray) -> Quantity:
+    """Share of the flight with the spread of its mean between tenths of it."""
+    value, on = limits.of(samples), samples[limits.counted]
+    parts = [float(np.mean(part)) for part in np.array_split(on, 10) if part.size]
+    std = float(np.std(parts, ddof=1)) / math.sqrt(len(parts)) if len(parts) > 1 else 0.0
+    # None in n samples still leaves three in n possible, or three times as many as a pile needs to be seen.
+    half = max(TWO_SIDED_95 * std, 3.0 * limits.fewest / on.size)
+    return Quantity(value=value, std=std, lower=max(value - half, 0.0), upper=min(value + half, 1.0), unit="1")
+
+
+def _balance(
+    record: FlightRecord, outputs: FloatArray, steady: list[slice]
+) -> tuple[dict[str, Quantity], dict[str, Quantity], str]:
+    """Mean outputs in steady flight, the largest difference from their mean, headroom, and the pattern."""
+    each = np.stack([outputs[:, window].mean(axis=1) for window in steady])
+    usual = each.mean(axis=0)
+    # Seconds that follow each other are alike: means over up to ten parts tell how much the mean is worth.
+    parts = np.stack([part.mean(axis=0) for part in np.array_split(each, min(10, max(len(steady) // 2, 2)))])
+    std = np.hypot(parts.std(axis=0, ddof=1) / math.sqrt(len(parts)), _BIAS)
+    means = {
+        f"motor_{number}": Quantity.normal(float(value), float(error), "1")
+        for number, (value, error) in enumerate(zip(usual, std, strict=True), start=1)
+    }
+    average = float(usual.mean())
+    apart = (usual - average) / average
+    worst = int(np.argmax(np.abs(apart)))
+    error = float(std[worst]) / average
+    numbers = {
+        "imbalance": Quantity(
+            value=float(abs(apart[worst])),
+            std=error,
+            lower=max(float(abs(apart[worst])) - TWO_SIDED_95 * error, 0.0),
+            upper=float(abs(apart[worst])) + TWO_SIDED_95 * error,
+            unit="1",
+        ),
+        "headroom": Quantity.normal(1.0 - float(usual.max()), float(std[int(np.argmax(usual))]), "1"),
+    }
+    positions, spins = _geometry(record, usual.size)
+    if positions is None or spins is None:
+        return means, numbers, ""
+    expo, least, most = thrust_curve(record)
+    share = _thrust_share(usual, expo)
+    # How strongly the thrust of a motor follows its output, there.
+    slope = usual * ((1.0 - expo) + 2.0 * expo * usual) / np.maximum((1.0 - expo) * usual + expo * usual**2, 1e-6)
+    noise = slope * std / average * share
+    for name, arm in zip(("forward", "right"), positions.T, strict=True):
+        # The center of gravity lies where the thrusts balance, in parts of the arm.
+        offset = float(share @ arm)
+        ends = [float(_thrust_share(usual, end) @ arm) for end in (least, most)]
+        spread = math.hypot(float(np.sqrt(np.sum((noise * arm) ** 2))), float(np.ptp(ends)) / (2.0 * TWO_SIDED_95))
+        numbers[f"center_of_gravity_{name}"] = Quantity.normal(offset, spread, "1")
+    pattern = ""
+    if float(abs(apart[worst])) > WORTH_SAYING and numbers["imbalance"].lower > 0.5 * WORTH_SAYING:
+        pattern = imbalance_pattern(apart, positions, spins)
+    if pattern == "one motor":
+        # What one weak motor asks for would look like a center of gravity off the middle.
+        numbers = {name: value for name, value in numbers.items() if not name.startswith("center_of_gravity")}
+    return means, numbers, pattern
+
+
+def _thrust_share(outputs: FloatArray, expo: float) -> FloatArray:
+    """Part of each motor in the thrust."""
+    thrust = np.maximum((1.0 - expo) * outputs + expo * outputs**2, 1e-6)
+    return np.asarray(thrust / thrust.sum())
+
+
+def _geometry(record: FlightRecord, count: int) -> tuple[FloatArray | None, FloatArray | None]:
+    """Forward and right in parts of the longest arm, shape ``(motors, 2)``, and directions of rotation."""
+    try:
+        layout = layout_of(record)
+    except (InsufficientDataError, ModelError):
+        return None, None
+    positions = np.asarray(layout.positions[:, :2])
+    if positions.shape[0] != count:
+        return None, None
+    return positions / float(np.abs(np.hypot(*positions.T)).max()), np.asarray(layout.spins, dtype=np.float64)
+
+
+def imbalance_pattern(apart: FloatArray, positions: FloatArray, spins: FloatArray) -> str:
+    """What explains the differences of the mean outputs: ``center of gravity``, ``twisted arm``, ``one motor`` or none.
+
+    Parameters
+    ----------
+    apart
+        Differences from the mean, over the mean, shape ``(motors,)``.
+    positions
+        Forward and right, shape ``(motors, 2)``.
+    spins
+        +1 and -1, shape ``(motors,)``.
+
+    Examples
+    --------
+    >>> x = np.array([[1.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0]])
+    >>> s = np.array([1.0, 1.0, -1.0, -1.0])
+    >>> imbalance_pattern(np.array([0.1, -0.1, 0.1, -0.1]), x, s), imbalance_pattern(0.1 * s, x, s)
+    ('center of gravity', 'twisted arm')
+    >>> imbalance_pattern(np.array([0.3, -0.1, -0.1, -0.1]), x, s)
+    'one motor'
+    """
+    total = float(apart @ apart)
+    if total <= 0.0:
+        return ""
+    alone = np.eye(apart.size) - 1.0 / apart.size
+    explained = {
+        "twisted arm": _explained(apart, spins[:, None] - spins.mean()),
+        "one motor": max(_explained(apart, alone[:, [motor]]) for motor in range(apart.size)),
+        "center of gravity": _explained(apart, positions - positions.mean(axis=0)),
+    }
+    # A center of gravity has two parts and explains more by chance; it comes last, and must explain alone what it does.
+    named = max(explained, key=lambda name: explained[name] - (0.02 if name == "center of gravity" else 0.0))
+    return named if explained[named] > EXPLAINED * total else ""
+
+
+def _explained(apart: FloatArray, columns: FloatArray) -> float:
+    fitted = columns @ np.linalg.lstsq(columns, apart, rcond=None)[0]
+    return float(fitted @ fitted)
+
+
+def _events(record: FlightRecord, flights: Intervals) -> tuple[tuple[float, ...], list[Untold]]:
+    what = "motors.events"
+    remedy = speed_advice(record)
+    speeds, outputs = or_none(logged_speeds, record), or_none(logged_outputs, record)
+    if speeds is None or outputs is None:
+        why = "The motors' speeds are not logged."
+        return (), [Untold(what=what, why=why, remedy=remedy)]
+    if min(speeds.sample_rate_hz, outputs.sample_rate_hz) < LOWEST_RATE_HZ:
+        why = (
+            f"Speeds are logged at {speeds.sample_rate_hz:.0f} Hz and outputs at {outputs.sample_rate_hz:.0f} Hz: a "
+            "motor that falls out of step is back in less than a tenth of a second."
+        )
+        return (), [Untold(what=what, why=why, remedy=remedy)]
+    return _lost_step(speeds, outputs, flights), []
+
+
+def _lost_step(speeds: MotorHistory, outputs: MotorHistory, flights: Intervals) -> tuple[float, ...]:
+    """When an output rises by a fifth of its range while the speed falls by a fifth, within 50 ms."""
+    time_s = speeds.time_s[within(speeds.time_s, flights)]
+    if time_s.size < 10:
+        return ()
+    lag = max(round(_WITHIN_S / float(np.median(np.diff(time_s)))), 1)
+    found: list[float] = []
+    for speed, output in zip(speeds.values, outputs.values, strict=False):
+        turns = np.interp(time_s, speeds.time_s, speed)
+        asked = np.interp(time_s, outputs.time_s, output)
+        falls = (turns[lag:] < (1.0 - _STEP) * turns[:-lag]) & (turns[:-lag] > 0.3 * float(np.median(turns)))
+        rises = asked[lag:] - asked[:-lag] > _STEP * max(float(np.percentile(asked, 99)), 0.2)
+        found += time_s[:-lag][falls & rises].tolist()
+    times = np.sort(np.array(found))
+    apart = np.concatenate([[True], np.diff(times) > 5.0 * _WITHIN_S]) if times.size else np.zeros(0, dtype=np.bool_)
+    return tuple(times[apart].tolist())
+
+
+def _delay(flight: Flown) -> tuple[dict[str, Quantity], list[Untold]]:
+    """From output to gyro: lag of the motors and all delays together, by the phase of command to rate."""
+    what = "motors.output_delay_s"
+    reasons = []
+    for axis, rate in (("roll", "p"), ("pitch", "q")):
+        how, instrument = flight.instrument(axis)  # type: ignore[arg-type]
+        try:
+            if not instrument:
+                raise InsufficientDataError("The sticks rest, so that nothing tells command from feedback")
+            response = loop_response(
+                flight,
+                reference=f"{axis}_command",
+                answer=rate,
+                instrument=instrument,
+                intervals=flight.during(how),
+            )
+        except InsufficientDataError as error:
+            reasons.append(
+                str(error.findings[0].message) if error.findings else str(error).partition(";")[0].rstrip(".") + "."
+            )
+            continue
+        fitted = _lag_and_delay(response)
+        if fitted is not None:
+            return {"output_delay_s": Quantity.normal(*fitted, "s")}, []
+        reasons.append("Command and rate are not coherent enough between 10 and 80 rad/s.")
+    remedy = "move the roll stick quickly left and right for 30 s, with commands and rates logged at 100 Hz and more"
+    return {}, [Untold(what=what, why=reasons[0], remedy=remedy)]
+
+
+def _lag_and_delay(response: FrequencyResponse) -> tuple[float, float] | None:
+    r"""Sum of lag and delay with its standard deviation, from :math:`H = K e^{-s \tau} / ((s + d)(T s + 1))`.
+
+    In :math:`\ln H` the gain, the damping (:math:`\ln(s + d) \approx \ln s + d/s`) and the delay are linear, so that
+    they are solved for each lag of a grid. Lag and delay trade against each other; their sum does so much less.
+    """
+    omega, values = np.asarray(response.omega_rad_s), np.asarray(response.values).reshape(-1)
+    error = np.asarray(response.random_error).reshape(-1)
+    low, high = _DELAY_BAND_RAD_S
+    kept = (omega >= low) & (omega <= high) & (error < 0.2) & (error > 0.0) & np.isfinite(np.abs(values))
+    if np.count_nonzero(kept) < 6 or omega[kept].max() < 2.0 * omega[kept].min():
+        return None
+    omega, error = omega[kept], np.tile(error[kept], 2)
+    phase = np.unwrap(np.angle(values[kept])) + 0.5 * np.pi
+    # A command whose sign is turned around moves the phase by half a turn.
+    phase = phase - np.pi * np.round(phase[0] / np.pi)
+    size = np.log(np.abs(values[kept]) * omega)
+    none, one = np.zeros(omega.size), np.ones(omega.size)
+    columns = np.stack([np.r_[one, none], np.r_[none, 1.0 / omega], np.r_[none, -omega]], axis=1) / error[:, None]
+    lags = np.linspace(0.0, _LONGEST_LAG_S, 121)
+    targets = np.concatenate(
+        [
+            size[:, None] + 0.5 * np.log1p(np.square(np.outer(omega, lags))),
+            phase[:, None] + np.arctan(np.outer(omega, lags)),
+        ]
+    )
+    targets = targets / error[:, None]
+    solved = np.linalg.lstsq(columns, targets, rcond=None)[0]
+    misfit = np.sum(np.square(targets - columns @ solved), axis=0)
+    misfit[solved[2] < 0.0] = np.inf
+    best = int(np.argmin(misfit))
+    if not np.isfinite(misfit[best]):
+        return None
+    inflation = max(1.0, float(misfit[best]) / max(2 * omega.size - 4, 1))
+    likely = misfit <= misfit[best] + inflation
+    total = lags + solved[2]
+    variance = float(np.linalg.inv(columns.T @ columns)[2, 2]) * inflation
+    std = math.hypot(math.sqrt(variance), 0.5 * float(np.ptp(total[likely])), _LAG_BIAS * float(total[best]))
+    return (float(total[best]), std) if std < 0.5 * total[best] else None
+
+
+_MEANS = {
+    "center of gravity": "the motors of one side work harder: move the battery away from them",
+    "twisted arm": "the motors of one direction of rotation work harder: look for a twisted arm or a motor that leans",
+    "one motor": "one motor works harder alone: look at its propeller, its bearing and its arm",
+    "": "no single cause explains it",
+}
+
+
+def _findings(review: MotorReview) -> Iterator[Finding]:
+    numbers = review.numbers
+    high = numbers.get("saturated_high_share")
+    if high is not None and high.value > MUCH_AT_FULL:
+        message = f"A motor was at its upper limit for {100.0 * high.value:.1f} % of the flight."
+        yield warn("saturation", "motors", message, saturated_share=high.value)
+    imbalance = numbers.get("imbalance")
+    if imbalance is not None and imbalance.value > WORTH_SAYING:
+        meaning = _MEANS[review.pattern]
+        message = f"A motor's output in hover is {100.0 * imbalance.value:.0f} % off the mean; {meaning}."
+        yield warn("motor_imbalance", "motors", message, imbalance=imbalance.value)
+    if review.events:
+        message = (
+            f"A motor slowed down while its output rose, {len(review.events)} times, first at {review.events[0]:.2f} "
+            "s: it may have fallen out of step (desync); look at its controller's timing and its wiring."
+        )
+        yield warn("motor_out_of_step", "motors", message, events=len(review.events), first_s=review.events[0])

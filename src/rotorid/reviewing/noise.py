@@ -1,0 +1,641 @@
+"""Noise of a flight: spectra against throttle before and behind the filters, who makes the peaks, what reaches motors.
+
+Where the log holds motor speeds, a peak belongs to the rotor whose first, second or third harmonic it lies on within
+two bins (speeds are often logged ten times a second only, and rotors move in between). Elsewhere its movement with the
+throttle decides. A channel logged more slowly than twice a peak's frequency shows it folded, at a frequency where
+nothing vibrates: below 200 Hz of rate, and above 0.4 of any rate, no peak is named.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from rotorid.data.axes import RATE_OF, RATES
+from rotorid.data.display import capital
+from rotorid.data.findings import Finding, warn
+from rotorid.data.quantity import TWO_SIDED_95, Quantity
+from rotorid.data.record import FlightRecord, Intervals
+from rotorid.flights.controllers import controllers_of
+from rotorid.io.advice import raw_gyro_advice, sensor_advice
+from rotorid.reviewing.values import NoiseMap, NoisePeak, NoiseReview, Untold
+from rotorid.signal.airborne import airborne, within
+from rotorid.signal.autopilot_filters import filter_findings, known_filters
+from rotorid.signal.filters import combined_response
+from rotorid.spectral.noise import (
+    HARMONICS,
+    ShortSpectra,
+    by_level,
+    floor_db,
+    lines,
+    measured_delay,
+    nearest_harmonic,
+    peaks,
+    short_spectra,
+    unexplained,
+    unexplained_frequencies,
+)
+from rotorid.typing import Axis, FloatArray
+
+LEAST_RATE_HZ = 200.0
+"""Slower channels fold the rotors' lines into each other."""
+
+LINES_ABOVE_HZ = 30.0
+"""Below it the vehicle flies."""
+
+TOLERANCE_BINS = 2.0
+"""So far from a rotor's harmonic a peak is still its own."""
+
+MOST_PEAKS = 6
+"""Of a sensor that are named, the strongest ones."""
+
+_OF_RATE = 0.4
+"""Share of the rate of a log above which no line is told: faster vibration folds to lower frequencies."""
+
+_UNTOLD_MAKER = "It is seen at too few throttles, or moves too unevenly, to tell whether rotors or the frame make it"
+_VIBRATION_HZ = 10.0
+"""Specific force that changes faster is vibration."""
+
+_BINS = 25
+"""Of the throttle, each of 4 % of its range."""
+
+_DELAY_BAND_HZ = (5.0, 80.0)
+"""Where the delay of the filters is measured, as the slope of their phase."""
+
+_DELAY_AT_HZ = 20.0
+"""Where the delay of the configured filters is told, as their phase delay."""
+
+_HOT_HZ = 100.0
+"""Noise above it moves nothing and heats the motors."""
+
+_MOST_CLIPS_SHARE = 1e-3
+"""Share of samples at the end of a sensor's range from which it is said."""
+
+_GYRO_END_RAD_S = tuple(math.radians(end) for end in (2000.0, 4000.0))
+"""Ends of the ranges that gyros have."""
+
+_ACCEL_END_M_S2 = tuple(9.80665 * end for end in (8.0, 16.0, 32.0))
+"""Ends of the ranges that accelerometers have."""
+
+_DEGREES = 180.0 / math.pi
+
+Stage = Literal["before", "after"]
+
+
+class _Sensor(NamedTuple):
+    """Samples of a channel in the air."""
+
+    channel: str
+    stage: Stage
+    topic: str
+    source: str
+    time_s: FloatArray
+    values: FloatArray
+
+    @property
+    def rate_hz(self) -> float:
+        return float(1.0 / np.median(np.diff(self.time_s))) if self.time_s.size > 1 else 0.0
+
+
+def noise(
+    record: FlightRecord, *, bandwidths_rad_s: Mapping[str, float] | None = None
+) -> tuple[NoiseReview, tuple[Untold, ...]]:
+    r"""Noise of the sensors in the air and what of it reaches the motors.
+
+    The heat map has windows of 0.3 s with three quarters of overlap in 25 bins of the mean motor output. Noise through
+    P and D is the root of :math:`\int S (1 - \gamma^2) df` of the term, with the coherence to the set-point, above the
+    larger of 30 Hz and twice the loop's bandwidth; where the log holds no terms, of the rate times the controller's
+    response.
+
+    Parameters
+    ----------
+    record
+        The log.
+    bandwidths_rad_s
+        Of the closed rate loops ``p q r``, where they are known.
+
+    Raises
+    ------
+    InsufficientDataError
+        The vehicle never flew, or nothing tells whether it did.
+    """
+    flights = airborne(record).intervals
+    sensors = tuple(_sensors(record, flights))
+    level = _level(record)
+    maps: list[NoiseMap] = []
+    found: list[NoisePeak] = []
+    untold: list[Untold] = []
+    for sensor in sensors:
+        spectra = short_spectra(sensor.time_s, sensor.values * _scale(sensor.channel))
+        if spectra is None:
+            continue
+        made = _map(sensor, spectra, level)
+        maps.append(made)
+        if sensor.rate_hz >= LEAST_RATE_HZ and not any(peak.channel == sensor.channel for peak in found):
+            found += _peaks(record, sensor, spectra, made)
+    untold += _untold(record, sensors, level)
+    numbers: dict[str, Quantity] = {}
+    for part in (_vibration, _clipping, _delays, _terms(bandwidths_rad_s or {})):
+        more, missing = part(record, sensors, flights)
+        numbers |= more
+        untold += missing
+    return (
+        NoiseReview(maps=tuple(maps), peaks=tuple(found), numbers=numbers, findings=tuple(_findings(numbers))),
+        tuple(untold),
+    )
+
+
+def _sensors(record: FlightRecord, flights: Intervals) -> Iterator[_Sensor]:
+    """Gyro and accelerometer before and behind the filters, each as fast as the log has it."""
+    for channel in ("p", "q", "r", "ax", "ay", "az"):
+        before = _samples(record, (f"{channel}_raw",), channel, "before", flights)
+        after = _samples(record, (f"{channel}_filtered", channel), channel, "after", flights)
+        if before is None and record.source.format.startswith("PX4"):
+            # The sensor hub's mean over a few milliseconds passes none of the filters of the controllers.
+            before = _samples(record, (channel,), channel, "before", flights, topic="sensor_combined")
+        if after is not None and before is not None and after.topic == before.topic == "sensor_combined":
+            after = None
+        yield from (sensor for sensor in (before, after) if sensor is not None)
+
+
+def _samples(
+    record: FlightRecord,
+    names: Sequence[str],
+    channel: str,
+    stage: Stage,
+    flights: Intervals,
+    topic: str = "",
+) -> _Sensor | None:
+    for name in names:
+        for held, row in record.holding(name):
+            if topic and held.name != topic:
+                continue
+            kept = within(held.time_s, flights) & np.isfinite(held.values[row])
+            time_s, values = held.time_s[kept], held.values[row][kept]
+            rising = np.concatenate([[True], np.diff(time_s) > 0.0]) if time_s.size else np.zeros(0, dtype=np.bool_)
+            if np.count_nonzero(rising) > 100:
+                source = held.channels[row].source
+                return _Sensor(channel, stage, held.name, source, time_s[rising], values[rising])
+    return None
+
+
+def _scale(channel: str) -> float:
+    return _DEGREES if channel in RATES else 1.0
+
+
+@dataclass(frozen=True)
+class _Level:
+    """What the map stands against: mean motor output, thrust command or throttle stick."""
+
+    name: str
+    time_s: FloatArray
+    values: FloatArray
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        return np.interp(time_s, self.time_s, self.values, left=np.nan, right=np.nan)
+
+
+def _level(record: FlightRecord) -> _Level | None:
+    motors = [name for name in record.channel_names if name.startswith("motor_") and name[6:].isdigit()]
+    for names in (motors, ["thrust_command"], ["thrust_stick"]):
+        if not names or names[0] not in record:
+            continue
+        topic, _ = next(iter(record.holding(names[0])))
+        rows = [topic.row(name) for name in names]
+        values = topic.values[[place for place in rows if place is not None]].mean(axis=0)
+        kept = np.isfinite(values) & np.isfinite(topic.time_s)
+        if np.count_nonzero(kept) > 2:
+            return _Level("throttle", topic.time_s[kept], values[kept])
+    return None
+
+
+def _map(sensor: _Sensor, spectra: ShortSpectra, level: _Level | None) -> NoiseMap:
+    against = np.full(spectra.time_s.size, 0.5) if level is None else level.at(spectra.time_s)
+    edges = np.array([0.0, 1.0]) if level is None else np.linspace(0.0, 1.0, _BINS + 1)
+    # Outputs somewhat beyond their calibrated range belong to the outermost bins.
+    against = np.where(np.isfinite(against), np.clip(against, 1e-6, 1.0 - 1e-6), np.nan)
+    found = by_level(spectra, against, edges=edges)
+    unit = "(deg/s)²/Hz" if sensor.channel in RATES else "(m/s²)²/Hz"
+    return NoiseMap(
+        channel=sensor.channel,
+        stage=sensor.stage,
+        against="throttle" if level is not None else "",
+        level=found.level,
+        frequency_hz=spectra.frequency_hz,
+        density=found.density,
+        windows=found.windows.astype(np.float64),
+        average=spectra.density.mean(axis=0),
+        unit=unit,
+    )
+
+
+def _peaks(record: FlightRecord, sensor: _Sensor, spectra: ShortSpectra, made: NoiseMap) -> list[NoisePeak]:
+    speeds = rotor_speeds_hz(record, spectra.time_s)
+    named = _by_movement(sensor, made, spectra) if speeds is None else _by_speed(sensor, spectra, speeds)
+    return sorted(named, key=lambda peak: -peak.height_db)[:MOST_PEAKS]
+
+
+def rotor_speeds_hz(record: FlightRecord, time_s: FloatArray) -> FloatArray | None:
+    """Turns per second of all rotors at the middles of windows, shape ``(rotors, n)``; ``None`` where none is logged.
+
+    Parameters
+    ----------
+    record
+        The log.
+    time_s
+        Middles, shape ``(n,)``; what lies outside of the speeds' own stamps becomes NaN.
+    """
+    names = [name for name in record.channel_names if name.startswith("motor_speed_")]
+    rows = []
+    for name in names:
+        track = record[name]
+        kept = np.isfinite(track.values) & np.isfinite(track.time_s)
+        if np.count_nonzero(kept) > 2 and float(np.ptp(track.values[kept])) > 0.0:
+            values = np.interp(time_s, track.time_s[kept], track.values[kept], left=np.nan, right=np.nan)
+            rows.append(values / (2.0 * math.pi))
+    return np.stack(rows) if rows else None
+
+
+class OnHarmonics(NamedTuple):
+    """Strongest peak of each window that has one: frequency, height, harmonic, distance, all of shape ``(n,)``."""
+
+    window: FloatArray
+    frequency_hz: FloatArray
+    height_db: FloatArray
+    order: FloatArray
+    distance_bins: FloatArray
+
+    @property
+    def share(self) -> float:
+        """Part of the windows whose strongest peak lies on a rotor's harmonic."""
+        return float(np.mean(self.distance_bins <= TOLERANCE_BINS)) if self.window.size else 0.0
+
+
+def on_harmonics(spectra: ShortSpectra, speeds_hz: FloatArray) -> OnHarmonics:
+    """Strongest peak of each window, and the rotor's harmonic nearest to it.
+
+    Parameters
+    ----------
+    spectra
+        Of ``n`` windows.
+    speeds_hz
+        Turns per second, shape ``(rotors, n)``.
+    """
+    # Slower, the motors idle, and their harmonics lie where the vehicle flies.
+    turning = np.all(np.isfinite(speeds_hz), axis=0) & (speeds_hz.min(axis=0) > LINES_ABOVE_HZ)
+    rows = np.flatnonzero(turning)
+    density = spectra.density[rows]
+    usable = spectra.frequency_hz >= LINES_ABOVE_HZ
+    inner = usable[1:-1] & (density[:, 1:-1] > density[:, :-2]) & (density[:, 1:-1] >= density[:, 2:])
+    strongest = np.argmax(np.where(inner, density[:, 1:-1], 0.0), axis=1) + 1
+    height = 10.0 * np.log10(np.maximum(density, 1e-300)) - floor_db(spectra.frequency_hz, density)
+    top = height[np.arange(rows.size), strongest]
+    kept = top >= 6.0
+    rows, strongest, top = rows[kept], strongest[kept], top[kept]
+    frequency = spectra.frequency_hz[strongest]
+    found = nearest_harmonic(frequency, speeds_hz[:, rows], most=HARMONICS)
+    return OnHarmonics(
+        rows.astype(np.float64), frequency, top, found.order.astype(np.float64), found.distance_hz / spectra.bin_hz
+    )
+
+
+def _by_speed(sensor: _Sensor, spectra: ShortSpectra, speeds_hz: FloatArray) -> Iterator[NoisePeak]:
+    found = on_harmonics(spectra, speeds_hz)
+    of_rotors = found.distance_bins <= TOLERANCE_BINS
+    for order in range(1, HARMONICS + 1):
+        own = of_rotors & (found.order == order)
+        if np.count_nonzero(own) >= max(4, 0.05 * found.window.size):
+            share = float(np.mean(own))
+            times = {1: "the rotors' speed", 2: "twice the rotors' speed"}.get(
+                order, f"{order} times the rotors' speed"
+            )
+            yield _peak(
+                sensor,
+                found.frequency_hz[own],
+                float(np.median(found.height_db[own])),
+                "rotor",
+                order,
+                f"In {100.0 * share:.0f} % of the flight the strongest vibration lies on {times}",
+            )
+    left = np.sort(found.frequency_hz[~of_rotors])
+    if left.size >= max(4, 0.1 * found.window.size):
+        # Peaks off the rotors' harmonics that share a frequency while the rotors change theirs.
+        width = 2.0 * TOLERANCE_BINS * spectra.bin_hz
+        counts = np.searchsorted(left, left + width) - np.arange(left.size)
+        first = int(np.argmax(counts))
+        together = left[first : first + int(counts[first])]
+        moved = float(np.std(np.nanmean(speeds_hz, axis=0))) > TOLERANCE_BINS * spectra.bin_hz
+        if together.size >= max(4, 0.1 * found.window.size):
+            inside = (found.frequency_hz >= together[0]) & (found.frequency_hz <= together[-1]) & ~of_rotors
+            height = float(np.median(found.height_db[inside]))
+            yield _peak(
+                sensor,
+                together,
+                height,
+                "frame" if moved else "unknown",
+                None,
+                "It stays while the rotors change their speed" if moved else "It lies on no harmonic of a rotor",
+            )
+
+
+def _by_movement(sensor: _Sensor, made: NoiseMap, spectra: ShortSpectra) -> Iterator[NoisePeak]:
+    from rotorid.spectral.noise import LevelMap
+
+    level_map = LevelMap(made.level, made.density, made.windows.astype(np.int64))
+    known = []
+    for line in lines(level_map, made.frequency_hz, above_hz=LINES_ABOVE_HZ) if made.level.size > 1 else ():
+        low, high = (float(line.frequency_hz[place]) for place in (0, -1))
+        if max(low, high) > _OF_RATE * sensor.rate_hz:
+            continue
+        known.append((min(low, high), max(low, high)))
+        moves = f"It moves from {low:.0f} to {high:.0f} Hz as the throttle rises from {line.level[0]:.2f} to "
+        sentence = {
+            "rotor": moves + f"{line.level[-1]:.2f}, as a rotor does",
+            "frame": f"It stays at {np.median(line.frequency_hz):.0f} Hz whatever the throttle, as a resonance of the "
+            "frame does",
+            "unknown": _UNTOLD_MAKER,
+        }[line.maker]
+        yield _peak(sensor, line.frequency_hz, float(np.median(line.height_db)), line.maker, None, sentence)
+    for peak in peaks(made.frequency_hz, made.average, above_hz=LINES_ABOVE_HZ):
+        margin = 3.0 * spectra.bin_hz
+        if peak.frequency_hz > _OF_RATE * sensor.rate_hz:
+            continue
+        if not any(low - margin <= peak.frequency_hz <= high + margin for low, high in known):
+            spot = np.array([peak.frequency_hz - 0.5 * spectra.bin_hz, peak.frequency_hz + 0.5 * spectra.bin_hz])
+            yield _peak(sensor, spot, peak.height_db, "unknown", None, _UNTOLD_MAKER)
+
+
+def _peak(
+    sensor: _Sensor,
+    frequency_hz: FloatArray,
+    height_db: float,
+    source: Literal["rotor", "frame", "unknown"],
+    harmonic: int | None,
+    sentence: str,
+) -> NoisePeak:
+    """A peak with the range in which it was seen: rotors move, and that is no error of the frequency."""
+    value = float(np.median(frequency_hz))
+    low, high = (float(end) for end in np.percentile(frequency_hz, [2.5, 97.5]))
+    return NoisePeak(
+        channel=sensor.channel,
+        frequency_hz=Quantity(
+            value=value, std=float(np.std(frequency_hz)), lower=min(low, value), upper=max(high, value), unit="Hz"
+        ),
+        height_db=height_db,
+        source=source,
+        harmonic=harmonic,
+        sentence=f"{sentence}: {height_db:.0f} dB above its surroundings.",
+    )
+
+
+Told = tuple[dict[str, Quantity], list[Untold]]
+
+
+def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> Told:
+    """Root mean square of the specific force above 10 Hz, or the autopilot's own measure of it."""
+    # Betaflight writes hundredths, INAV whole numbers; both begin with 10 Hz.
+    per_hz = 1.0 if "INAV" in record.source.firmware else 100.0
+    cutoff_hz = record.parameters.get("acc_lpf_hz", 10.0 * per_hz) / per_hz
+    if record.source.format.startswith("Betaflight") and 0.0 < cutoff_hz < LEAST_RATE_HZ / 2.0:
+        why = f"The accelerometer is logged behind a low-pass of {cutoff_hz:g} Hz, which takes the vibration out."
+        return {}, [Untold(what="noise.vibration_m_s2", why=why, remedy="set acc_lpf_hz = 0 for a test flight")]
+    accelerometers = {sensor.channel: sensor for sensor in sensors if sensor.channel in ("ax", "ay", "az")}
+    raw = [sensor for sensor in sensors if sensor.channel in accelerometers and sensor.stage == "before"]
+    chosen = {**accelerometers, **{sensor.channel: sensor for sensor in raw}}
+    if len(chosen) == 3 and min(sensor.rate_hz for sensor in chosen.values()) >= LEAST_RATE_HZ / 2.0:
+        squares = []
+        for sensor in chosen.values():
+            spectra = short_spectra(sensor.time_s, sensor.values)
+            if spectra is None:
+                break
+            above = spectra.frequency_hz >= _VIBRATION_HZ
+            squares.append(spectra.density[:, above].sum(axis=1) * spectra.bin_hz)
+        if len(squares) == 3:
+            total = float(sum(np.mean(square) for square in squares))
+            # Windows of one maneuver belong together: the mean over tenths of the flight tells how it varies.
+            variance = float(sum(_mean_variance(square) for square in squares))
+            value = math.sqrt(total)
+            std = 0.5 * math.sqrt(variance) / value if value > 0.0 else 0.0
+            return {"vibration_m_s2": _positive(value, std, "m/s²")}, []
+    if all(f"{name}_vibration" in record for name in ("ax", "ay", "az")):
+        own = []
+        for name in ("ax", "ay", "az"):
+            track = record[f"{name}_vibration"]
+            own.append(track.values[within(track.time_s, flights)])
+        if own[0].size > 10:
+            norm = np.sqrt(np.sum(np.square(own), axis=0))
+            return {"vibration_m_s2": _positive(float(norm.mean()), math.sqrt(_mean_variance(norm)), "m/s²")}, []
+    why = "The accelerometer is logged too slowly for vibration, or not at all."
+    return {}, [Untold(what="noise.vibration_m_s2", why=why, remedy=_fast_sensors(record))]
+
+
+def _mean_variance(values: FloatArray) -> float:
+    """Variance of a mean, from means over up to ten parts."""
+    parts = [float(np.mean(part)) for part in np.array_split(values, min(10, values.size)) if part.size]
+    return float(np.var(parts, ddof=1)) / len(parts) if len(parts) > 1 else float(np.mean(values)) ** 2
+
+
+def _positive(value: float, std: float, unit: str) -> Quantity:
+    found = Quantity.normal(value, std, unit)
+    return replace(found, lower=max(found.lower, 0.0))
+
+
+def _clipping(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> Told:
+    """Share of samples at the end of a sensor's range; the autopilot's own count where it keeps one."""
+    numbers: dict[str, Quantity] = {}
+    if "accel_clips" in record:
+        track = record["accel_clips"]
+        counts = track.values[within(track.time_s, flights)]
+        if counts.size > 1:
+            new = float(np.sum(np.maximum(np.diff(counts), 0.0)))
+            numbers["clipping_count"] = Quantity(value=new, std=0.0, lower=new, upper=new, unit="1")
+    shares = []
+    for sensor in sensors:
+        ends = _GYRO_END_RAD_S if sensor.channel in RATES else _ACCEL_END_M_S2
+        size = np.abs(sensor.values)
+        most = float(size.max())
+        if any(abs(most / end - 1.0) < 0.005 for end in ends) or not numbers:
+            at_end = [float(np.mean(np.abs(size / end - 1.0) < 0.002)) for end in ends if most < 1.01 * end]
+            shares.append((max(at_end, default=0.0), size.size))
+    if shares:
+        share, count = max(shares)
+        error = math.sqrt(max(share * (1.0 - share), 1.0 / count) / count)
+        numbers["clipping_share"] = (
+            Quantity(
+                value=share,
+                std=error,
+                lower=max(share - TWO_SIDED_95 * error, 0.0),
+                upper=share + 3.0 / count,
+                unit="1",
+            )
+            if share == 0.0
+            else _positive(share, error, "1")
+        )
+    if numbers:
+        return numbers, []
+    why = "Neither a fast sensor nor a count of clipped samples is logged."
+    return {}, [Untold(what="noise.clipping_share", why=why, remedy=_fast_sensors(record))]
+
+
+def _delays(record: FlightRecord, sensors: Sequence[_Sensor], _: Intervals) -> Told:
+    """Delay of the gyro's filters, by the settings and by what passed them."""
+    numbers: dict[str, Quantity] = {}
+    untold: list[Untold] = []
+    source = next((sensor.source for sensor in sensors if sensor.channel == "p" and sensor.stage == "after"), "")
+    if source.startswith(("ISBD", "GYR")):
+        source = "RATE.R"
+    filters = known_filters(record, source) if source else ()
+    findings = filter_findings(record, source) if source else ()
+    doubts = [finding.message for finding in findings if finding.kind == "unknown_filter"]
+    at = np.array([2.0 * math.pi * _DELAY_AT_HZ])
+    if filters:
+        delay = float(-np.angle(combined_response(filters, at))[0] / at[0])
+        upper = math.inf if doubts else delay
+        numbers["filter_delay_configured_s"] = Quantity(value=delay, std=0.0, lower=delay, upper=upper, unit="s")
+    else:
+        why = f"{capital(doubts[0])}." if doubts else "The log does not say which filters the gyro passes."
+        untold.append(Untold(what="noise.filter_delay_configured_s", why=why))
+    before, after = (
+        next((sensor for sensor in sensors if sensor.channel == "p" and sensor.stage == stage), None)
+        for stage in ("before", "after")
+    )
+    what, remedy = "noise.filter_delay_measured_s", raw_gyro_advice(record)
+    if before is None or after is None or before.topic == "sensor_combined":
+        why = "The gyro is not logged both before and behind its filters."
+        return numbers, [*untold, Untold(what=what, why=why, remedy=remedy)]
+    if before.rate_hz < 0.9 * after.rate_hz or after.rate_hz < 2.5 * _DELAY_AT_HZ:
+        why = f"The gyro is logged at {after.rate_hz:.0f} Hz behind its filters, too slowly."
+        return numbers, [*untold, Untold(what=what, why=why, remedy=_fast_sensors(record))]
+    near = before.time_s[np.clip(np.searchsorted(before.time_s, after.time_s), 0, before.time_s.size - 1)]
+    together = np.abs(near - after.time_s) <= 1.5 / before.rate_hz
+    if np.mean(together) < 0.5:
+        why = "The batches before and behind the filters were taken one after the other, not at the same time."
+        has = "INS_RAW_LOG_OPT" in record.parameters
+        both = "log GYR before and behind (INS_RAW_LOG_OPT = 9)" if has else ""
+        return numbers, [*untold, Untold(what=what, why=why, remedy=both)]
+    raw = np.interp(after.time_s, before.time_s, before.values)
+    measured = measured_delay(after.time_s, raw, after.values, band_hz=_DELAY_BAND_HZ)
+    if measured is None:
+        why = "The flight is too short for it."
+        return numbers, [*untold, Untold(what=what, why=why, remedy="fly for 20 s and more")]
+    numbers["filter_delay_measured_s"] = Quantity.normal(measured.delay_s, max(measured.std_s, 2e-5), "s")
+    return numbers, untold
+
+
+def _terms(
+    bandwidths_rad_s: Mapping[str, float],
+) -> Callable[[FlightRecord, Sequence[_Sensor], Intervals], Told]:
+    def told(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> Told:
+        """Noise of P and D in the motors, by the terms as logged or by the rate times the controller."""
+        numbers: dict[str, Quantity] = {}
+        untold: list[Untold] = []
+        for axis, rate in RATE_OF.items():
+            low_hz = max(30.0, 2.0 * bandwidths_rad_s.get(rate, 0.0) / (2.0 * math.pi))
+            made = _logged_terms(record, axis, rate, flights, low_hz) or _computed_terms(record, axis, sensors, low_hz)
+            numbers |= made
+            if not made:
+                why = f"Neither the terms of the {axis} controller nor its gains with a rate of 100 Hz are logged."
+                untold.append(Untold(what=f"noise.{axis}_p_noise_share", why=why, remedy=_fast_sensors(record)))
+        return numbers, untold
+
+    return told
+
+
+def _logged_terms(record: FlightRecord, axis: str, rate: str, flights: Intervals, low_hz: float) -> dict[str, Quantity]:
+    numbers: dict[str, Quantity] = {}
+    for term in ("p", "d"):
+        held = _samples(record, (f"{axis}_{term}_term",), rate, "after", flights)
+        if held is None or held.rate_hz < 3.0 * low_hz or float(np.ptp(held.values)) == 0.0:
+            continue
+        reference = None
+        if f"{rate}_setpoint" in record:
+            track = record[f"{rate}_setpoint"]
+            reference = np.interp(held.time_s, track.time_s, track.values)
+        numbers |= _shares(f"{axis}_{term}", held.time_s, held.values, reference, low_hz)
+    return numbers
+
+
+def _computed_terms(record: FlightRecord, axis: Axis, sensors: Sequence[_Sensor], low_hz: float) -> dict[str, Quantity]:
+    rate = next((s for s in sensors if s.channel == RATE_OF[axis] and s.stage == "after"), None)
+    if rate is None or rate.rate_hz < max(3.0 * low_hz, 100.0):
+        return {}
+    logged = controllers_of(record).axis(axis)
+    if logged is None:
+        return {}
+    controller = logged.controller
+    window_s = min(0.5, 0.9 * _stretch_s(rate.time_s))
+    omega = 2.0 * np.pi * np.maximum(unexplained_frequencies(rate.time_s, window_s=window_s), 0.1)
+    numbers: dict[str, Quantity] = {}
+    alone = replace(controller, integral=0.0, angle_1_s=0.0)
+    for term in ("p", "d"):
+        kept = controller.derivative_s2 if term == "d" else controller.proportional_s
+        if kept > 0.0:
+            one = replace(alone, proportional_s=0.0) if term == "d" else replace(alone, derivative_s2=0.0)
+            gain = np.abs(one.response(omega)) ** 2
+            numbers |= _shares(f"{axis}_{term}", rate.time_s, rate.values, None, low_hz, gain, window_s)
+    return numbers
+
+
+def _stretch_s(time_s: FloatArray) -> float:
+    """Length of the usual stretch without a gap."""
+    from rotorid.spectral.noise import stretches
+
+    return float(np.median([time_s[part][-1] - time_s[part][0] for part in stretches(time_s)] or [0.0]))
+
+
+def _shares(
+    name: str,
+    time_s: FloatArray,
+    values: FloatArray,
+    reference: FloatArray | None,
+    low_hz: float,
+    gain: FloatArray | None = None,
+    window_s: float = 0.5,
+) -> dict[str, Quantity]:
+    bands = {"": low_hz, "_above_100hz": max(low_hz, _HOT_HZ)}
+    found = unexplained(
+        time_s, values, reference, bands_hz=[(low, math.inf) for low in bands.values()], gain=gain, window_s=window_s
+    )
+    # Which part the set-point explains depends on windows and on the flight by a tenth or so.
+    return {
+        f"{name}_noise_share{suffix}": _positive(part.rms, math.hypot(part.std, 0.05 * part.rms), "1")
+        for suffix, part in zip(bands, found or (), strict=False)
+    }
+
+
+def _untold(record: FlightRecord, sensors: Sequence[_Sensor], level: _Level | None) -> Iterator[Untold]:
+    gyro = [sensor for sensor in sensors if sensor.channel == "p"]
+    if not gyro:
+        why = "The log holds no body rates in the air."
+        yield Untold(what="noise.maps", why=why, remedy=_fast_sensors(record))
+        return
+    if max(sensor.rate_hz for sensor in gyro) < LEAST_RATE_HZ:
+        fastest = max(sensor.rate_hz for sensor in gyro)
+        why = f"The gyro is logged at {fastest:.0f} Hz, and the rotors' vibration folds into lower frequencies."
+        yield Untold(what="noise.peaks", why=why, remedy=_fast_sensors(record))
+    if not any(sensor.stage == "before" for sensor in gyro):
+        why = "The gyro before its filters is not logged."
+        yield Untold(what="noise.maps.before", why=why, remedy=raw_gyro_advice(record))
+    if level is None:
+        why = "Neither motors nor throttle are logged, so that noise stands against nothing."
+        yield Untold(what="noise.maps.throttle", why=why)
+
+
+def _fast_sensors(record: FlightRecord) -> str:
+    return sensor_advice(record, max((topic.sample_rate_hz for topic, _ in record.holding("p")), default=0.0))
+
+
+def _findings(numbers: Mapping[str, Quantity]) -> Iterator[Finding]:
+    share = numbers.get("clipping_share")
+    if share is not None and share.value > _MOST_CLIPS_SHARE:
+        worst = f"{100.0 * share.value:.2g} %"
+        message = f"A sensor stood at the end of its range in {worst} of the samples: mount it more softly."
+        yield warn("sensor_clipping", "sensors", message, share=share.value)
+    count = numbers.get("clipping_count")
+    if count is not None and count.value > 0.0:
+        message = f"The autopilot counted {count.value:.0f} clipped samples of the accelerometer in the air."
+        yield warn("sensor_clipping", "accelerometer", message, samples=count.value)

@@ -1,0 +1,330 @@
+"""What a review says, as values: each part is made by a module of its own and shown by pages and documents.
+
+A number that a flight cannot tell is absent, and a :class:`Untold` says what, why, and what would make it tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from rotorid.data.base import Immutable, read_only
+from rotorid.data.findings import Finding
+from rotorid.data.quantity import Quantity
+from rotorid.data.record import Intervals
+from rotorid.data.response import FrequencyResponse
+from rotorid.flights.oscillations import OscillationReview
+from rotorid.flights.whole_flights import Instrument
+from rotorid.models.autopilots.settings import AxisController
+from rotorid.models.controller import RateController
+from rotorid.typing import Axis, FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Untold(Immutable):
+    """What a flight cannot tell.
+
+    Parameters
+    ----------
+    what
+        Name of the quantity, such as ``loops.p.rise_time_s`` or ``models.rate.yaw``.
+    why
+        One sentence.
+    remedy
+        The one maneuver, setting or command that would make it tell; empty where there is none.
+    """
+
+    what: str
+    why: str
+    remedy: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepCurve(Immutable):
+    """Answer to a step of the set-point with a pointwise 95 % band, arrays of shape ``(t,)``."""
+
+    time_s: FloatArray
+    value: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+    def __post_init__(self) -> None:
+        names = ("time_s", "value", "lower", "upper")
+        self._set(**{name: read_only(getattr(self, name), np.float64, ndim=1) for name in names})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoopReview(Immutable):
+    """One closed loop as it was flown.
+
+    Parameters
+    ----------
+    name
+        State that the loop holds: ``p q r phi theta psi u v w``.
+    reference, answer
+        Channels of the set-point and of the state.
+    instrument
+        What told it.
+    response
+        Set-point to answer.
+    step
+        Its answer to a unit step; ``None`` where it cannot be told.
+    numbers
+        ``bandwidth_3db_rad_s``, ``bandwidth_90deg_rad_s``, ``delay_s`` (until half of the step), ``peak_db``,
+        ``rise_time_s``, ``overshoot_percent``, ``settling_time_s``; what cannot be told is left out.
+    band_rad_s
+        Where the response is usable.
+    by_size
+        The same loop at small and large sticks or throttle, named, where the flight covers it.
+    """
+
+    name: str
+    reference: str
+    answer: str
+    instrument: Instrument
+    response: FrequencyResponse
+    step: StepCurve | None
+    numbers: Mapping[str, Quantity]
+    band_rad_s: tuple[float, float]
+    by_size: Mapping[str, LoopReview] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._set(numbers=self.numbers, by_size=self.by_size)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MarginReview(Immutable):
+    """The broken rate loop of an axis as it was flown.
+
+    Parameters
+    ----------
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    loop
+        Plant as measured times controller as logged, broken at the command.
+    controller
+        The rate controller from gains and filters of the log.
+    numbers
+        ``crossover_rad_s``, ``gain_margin_db``, ``phase_margin_deg``, ``delay_margin_s``, ``sensitivity_peak``,
+        ``disturbance_rejection_rad_s``; what cannot be told is left out.
+    by_model
+        Names of the numbers that a model of the plant tells beyond what was measured.
+    ends
+        Names of states between which the controller moves in flight, to the numbers there; empty for one that stays.
+    settings
+        What the log says of the controller, by the firmware's own names.
+    throttle
+        Share of the throttle at which the controller was evaluated.
+    explained
+        Correlation of the logged command with what the gains make of set-point and rate; ``None`` where no set-point
+        is logged.
+    stick_idle
+        Whether the stick of the axis hardly moved, so that gusts show the loop, and no more than they can.
+    """
+
+    axis: Axis
+    loop: FrequencyResponse
+    controller: RateController
+    instrument: Instrument
+    numbers: Mapping[str, Quantity]
+    by_model: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    ends: Mapping[str, Mapping[str, Quantity]] = field(default_factory=dict)
+    settings: AxisController | None = None
+    throttle: float | None = None
+    explained: float | None = None
+    stick_idle: bool = False
+
+    def __post_init__(self) -> None:
+        self._set(numbers=self.numbers, ends=self.ends)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VehicleReview(Immutable):
+    """What flew: names as the log has them, empty where it does not say."""
+
+    autopilot: str
+    firmware: str
+    kind: str
+    frame: str
+    motors: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightSummary(Immutable):
+    """The flight as a whole.
+
+    Parameters
+    ----------
+    flights
+        In the air, on the log's own clock.
+    seen_in
+        What tells that.
+    battery
+        ``start_v``, ``stop_v``, ``lowest_v``, ``resistance_ohm``, ``sag_v``.
+    hover_throttle, thrust_to_weight
+        Of the usual thrust, and of the most that a model of the motors tells, was seen, or follows from a thrust curve.
+    wind
+        ``speed_m_s`` and ``direction_deg`` where the log estimates it.
+    modes
+        Share of the time in the air of each flight mode, by name.
+    """
+
+    flights: Intervals
+    seen_in: str
+    battery: Mapping[str, Quantity] = field(default_factory=dict)
+    hover_throttle: Quantity | None = None
+    thrust_to_weight: Quantity | None = None
+    wind: Mapping[str, Quantity] = field(default_factory=dict)
+    modes: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._set(battery=self.battery, wind=self.wind, modes=self.modes)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoggingReview(Immutable):
+    """How it was logged: median rates by channel, gaps, and what to change (sentences that name settings).
+
+    ``topics`` is the text of a PX4 ``logger_topics.txt`` that would log what is missing; empty where nothing is, or of
+    another autopilot.
+    """
+
+    rates_hz: Mapping[str, float]
+    longest_gap_s: float
+    change: tuple[str, ...] = ()
+    topics: str = ""
+
+    def __post_init__(self) -> None:
+        self._set(rates_hz=self.rates_hz)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NoiseMap(Immutable):
+    """Spectral density of one channel against throttle or motor speed.
+
+    Parameters
+    ----------
+    channel, stage
+        What was measured, and ``before`` or ``after`` the filters.
+    against
+        ``throttle`` or the channel of motor speed.
+    level
+        Centers of the bins of ``against``, shape ``(b,)``.
+    frequency_hz
+        Shape ``(f,)``.
+    density
+        In the square of the channel's display unit per Hz ((deg/s)²/Hz, (m/s²)²/Hz), shape ``(b, f)``; not a number
+        where the flight was not.
+    windows
+        How many windows each bin holds, shape ``(b,)``.
+    average
+        Over the whole flight, shape ``(f,)``.
+    """
+
+    channel: str
+    stage: Literal["before", "after"]
+    against: str
+    level: FloatArray
+    frequency_hz: FloatArray
+    density: FloatArray
+    windows: FloatArray
+    average: FloatArray
+    unit: str
+
+    def __post_init__(self) -> None:
+        self._set(
+            level=read_only(self.level, np.float64, ndim=1),
+            frequency_hz=read_only(self.frequency_hz, np.float64, ndim=1),
+            density=read_only(self.density, np.float64, ndim=2),
+            windows=read_only(self.windows, np.float64, ndim=1),
+            average=read_only(self.average, np.float64, ndim=1),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoisePeak(Immutable):
+    """A peak of a noise spectrum: where, how strong over its surroundings, and what makes it.
+
+    ``source`` is ``rotor`` (with ``harmonic`` where speeds are logged), ``frame`` or ``unknown``.
+    """
+
+    channel: str
+    frequency_hz: Quantity
+    height_db: float
+    source: Literal["rotor", "frame", "unknown"]
+    harmonic: int | None = None
+    sentence: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NoiseReview(Immutable):
+    """Noise of the sensors and what of it reaches the motors.
+
+    ``numbers``: ``vibration_m_s2``, ``clipping_share``, ``filter_delay_configured_s``, ``filter_delay_measured_s``,
+    ``AXIS_p_noise_share``, ``AXIS_d_noise_share`` (of the motor range, rms); what cannot be told is left out.
+    """
+
+    maps: tuple[NoiseMap, ...] = ()
+    peaks: tuple[NoisePeak, ...] = ()
+    numbers: Mapping[str, Quantity] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._set(numbers=self.numbers)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotorReview(Immutable):
+    """Motors: limits, balance, headroom.
+
+    ``numbers``: ``saturated_high_share``, ``saturated_low_share``, ``imbalance``, ``headroom``, ``output_delay_s``.
+    ``means`` are the mean outputs in steady flight by motor; ``pattern`` is ``center of gravity``, ``twisted arm``,
+    ``one motor`` or empty, ``events`` start times of desync-like events, ``steps_checked`` whether these were sought.
+    """
+
+    means: Mapping[str, Quantity] = field(default_factory=dict)
+    numbers: Mapping[str, Quantity] = field(default_factory=dict)
+    pattern: str = ""
+    events: tuple[float, ...] = ()
+    steps_checked: bool = False
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._set(numbers=self.numbers, means=self.means)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Review(Immutable):
+    """Everything that one ordinary flight tells.
+
+    ``models`` maps names of models to an ``IdentifiedModel`` or to an error that says why there is none; none was
+    looked for where ``models_sought`` is false; ``unsupported`` names those that the log does not support, as
+    ``inspect`` answers. ``oscillations`` are axes that swing by themselves, ``calm`` those that were checked and do
+    not.
+    """
+
+    name: str
+    sha256: str
+    vehicle: VehicleReview
+    flight: FlightSummary
+    logging: LoggingReview
+    loops: Mapping[str, LoopReview]
+    margins: Mapping[Axis, MarginReview]
+    models: Mapping[str, Any]
+    noise: NoiseReview
+    motors: MotorReview
+    cannot_tell: tuple[Untold, ...]
+    next_commands: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
+    models_sought: bool = True
+    unsupported: tuple[str, ...] = ()
+    oscillations: tuple[OscillationReview, ...] = ()
+    calm: tuple[Axis, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._set(loops=self.loops, margins=self.margins, models=self.models)

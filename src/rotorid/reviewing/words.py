@@ -1,0 +1,162 @@
+"""What names of quantities of a review are called by people."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
+
+from rotorid.data.display import listed
+from rotorid.reviewing.loops import LOOPS
+from rotorid.reviewing.values import Untold
+
+_LOOPS: Mapping[str, str] = MappingProxyType({loop.name: f"{loop.words} loop" for loop in LOOPS})
+
+_WHOLE: Mapping[str, str] = MappingProxyType(
+    {
+        "flight": "flight",
+        "flight.battery": "battery",
+        "flight.battery.resistance_ohm": "resistance of the battery",
+        "flight.hover_throttle": "throttle in hover",
+        "flight.thrust_to_weight": "full thrust over weight",
+        "flight.wind": "wind",
+        "flight.modes": "flight modes",
+        "logging": "logging",
+        "logging.rates": "rates of the log",
+        "loops": "loops",
+        "margins": "margins",
+        "models": "models",
+        "motors": "motors",
+        "motors.imbalance": "imbalance of the motors",
+        "motors.headroom": "output left above steady flight",
+        "motors.events": "motors that lose their step",
+        "motors.output_delay_s": "delay from motor output to gyro",
+        "oscillations": "oscillation",
+        "noise": "noise",
+        "noise.maps": "noise maps",
+        "noise.maps.before": "noise before the filters",
+        "noise.maps.throttle": "noise against throttle",
+        "noise.peaks": "lines in the noise",
+        "noise.vibration_m_s2": "vibration",
+        "noise.clipping_share": "accelerometer at its limits",
+        "noise.filter_delay_configured_s": "delay of the gyro filters as configured",
+        "noise.filter_delay_measured_s": "delay of the gyro filters as measured",
+        "vehicle.kind": "kind of vehicle",
+        "vehicle.frame": "frame",
+        **{
+            f"noise.{axis}_{term}_noise_share": f"noise through {term.upper()} of {axis}"
+            for axis in ("roll", "pitch", "yaw")
+            for term in "pd"
+        },
+    }
+)
+
+_NUMBERS: Mapping[str, str] = MappingProxyType(
+    {
+        "bandwidth_3db_rad_s": "bandwidth at −3 dB",
+        "bandwidth_90deg_rad_s": "bandwidth at −90°",
+        "delay_s": "delay",
+        "peak_db": "resonance peak",
+        "sensitivity_peak": "largest sensitivity M_s",
+        "step": "step response",
+    }
+)
+
+_UNITS = ("_rad_s", "_deg", "_db", "_percent", "_s")
+
+
+def untold_words(name: str) -> tuple[str, str]:
+    """What a quantity that cannot be told is called: the thing itself, and which number of it, if one alone.
+
+    Examples
+    --------
+    >>> untold_words("loops.p.rise_time_s"), untold_words("loops.p")
+    (('roll rate loop', 'rise time'), ('roll rate loop', ''))
+    >>> untold_words("margins.yaw.gain_margin_db"), untold_words("models.physical.motors")
+    (('margins of yaw', 'gain margin'), ('model physical.motors', ''))
+    >>> untold_words("noise.roll_p_noise_share")
+    ('noise through P of roll', '')
+    """
+    if name in _WHOLE:
+        return _WHOLE[name], ""
+    part, _, rest = name.partition(".")
+    if part == "models":
+        return f"model {rest}", ""
+    which, _, number = rest.partition(".")
+    if part == "loops" and which in _LOOPS:
+        return _LOOPS[which], number_words(number)
+    if part == "oscillations":
+        return f"oscillation of {which}", ""
+    if part == "margins":
+        return f"margins of {which}", number_words(number)
+    return number_words(name.replace(".", " ")), ""
+
+
+def number_words(name: str) -> str:
+    """A number without its unit, as one says it.
+
+    Examples
+    --------
+    >>> number_words("phase_margin_deg"), number_words("bandwidth_90deg_rad_s")
+    ('phase margin', 'bandwidth at −90°')
+    """
+    unit = next((unit for unit in _UNITS if name.endswith(unit)), "")
+    return _NUMBERS.get(name, name.removesuffix(unit).replace("_", " "))
+
+
+def of_numbers(thing: str, numbers: list[str]) -> str:
+    """A thing with the numbers of it that are meant.
+
+    Examples
+    --------
+    >>> of_numbers("roll rate loop", ["rise time", "peak"]), of_numbers("wind", [""])
+    ('roll rate loop: rise time and peak', 'wind')
+    """
+    named = [number for number in numbers if number]
+    return f"{thing}: {listed(named)}" if named else thing
+
+
+_AXIS_WORDS = re.compile(r"\b(roll|pitch|yaw|p|q|r|phi|theta|psi)(_setpoint|_stick|_command)?\b")
+"""What is said of one axis in the words of another: one row for both, with the words of each."""
+
+
+def gathered(untold: Iterable[Untold]) -> tuple[Untold, ...]:
+    """What cannot be told for one reason in one row: the numbers of a loop that a slow log hides, for instance.
+
+    Examples
+    --------
+    >>> slow = [Untold(what=f"loops.p.{name}", why="It is too slow.") for name in ("rise_time_s", "peak_db")]
+    >>> [one.what for one in gathered(slow)]
+    ['roll rate loop: rise time and resonance peak']
+    """
+    rows: dict[tuple[str, str, str], list[str]] = {}
+    for one in untold:
+        thing, number = untold_words(one.what)
+        rows.setdefault((thing, one.why, one.remedy), []).append(number)
+    numbers = [
+        Untold(what=of_numbers(thing, told), why=why, remedy=remedy) for (thing, why, remedy), told in rows.items()
+    ]
+    alike: dict[tuple[str, str], list[Untold]] = {}
+    for row in numbers:
+        alike.setdefault((_AXIS_WORDS.sub("…", row.why), _AXIS_WORDS.sub("…", row.remedy)), []).append(row)
+    return tuple(
+        Untold(
+            what="; ".join(row.what for row in same),
+            why=_of_all_axes([row.why for row in same]),
+            remedy=_of_all_axes([row.remedy for row in same]),
+        )
+        for same in alike.values()
+    )
+
+
+def _of_all_axes(sentences: Sequence[str]) -> str:
+    """Sentences that differ in their axes as one that lists them.
+
+    Examples
+    --------
+    >>> _of_all_axes(["move the roll stick", "move the pitch stick", "move the roll stick"])
+    'move the roll and pitch stick'
+    """
+    words = [[found.group() for found in _AXIS_WORDS.finditer(sentence)] for sentence in sentences]
+    each = iter([listed(list(dict.fromkeys(same))) for same in zip(*words, strict=True)])
+    return _AXIS_WORDS.sub(lambda _: next(each), sentences[0])
