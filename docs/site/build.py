@@ -20,6 +20,7 @@ from typing import Any
 
 from typer.main import get_command
 
+from rotorid._faces import deprecated
 from rotorid.cli.app import COMMANDS, app
 from rotorid.documents.schemas import SCHEMAS
 
@@ -163,7 +164,10 @@ def names(folder: Path) -> None:
             if isinstance(value, type):
                 lines.append("   :members:")
             lines.append("")
-        (folder / f"{face}.md").write_text("\n".join([*lines, "```", ""]), encoding="utf-8")
+        lines += ["```", ""]
+        if going := deprecated(face):
+            lines += ["## Deprecated", "", *(f"- `{name}`: {words}" for name, words in sorted(going.items())), ""]
+        (folder / f"{face}.md").write_text("\n".join(lines), encoding="utf-8")
     listed = [f"| [`{face}`]({face}.md) | {_cell(_first(importlib.import_module(face).__doc__))} |" for face in FACES]
     tree = _TREE.format(caption="Packages", entries="\n".join(FACES))
     head = "# Python names\n\n| package | what it holds |\n|---|---|\n"

@@ -4,6 +4,24 @@
 :func:`lazy` makes a package answer by that list (the pattern of Scientific Python's SPEC 1). So ``import rotorid``
 loads nothing heavy, and a name is written down once.
 
+A name that will be removed keeps its line for a release, below a comment that says so; a class under a new name keeps
+the old one as an alias. Type checkers go on finding both, ``__all__``, ``dir`` and the documentation no longer show
+them, and whoever takes one gets a :class:`DeprecationWarning` with the words of the comment::
+
+    from rotorid.data.record import FlightRecord as FlightRecord
+
+    # deprecated, removed in 0.3: use rotorid.resample
+    from rotorid.signal.clock import resample as resample
+
+    # deprecated, removed in 0.3
+    from rotorid.signal.quality import battery_sag as battery_sag
+
+    # deprecated, removed in 0.3: use rotorid.FlightRecord
+    Log = FlightRecord
+
+The release is the one after the next. A test looks for each replacement on the faces, and fails at that release until
+the line is gone. Each line has its own comment, on a face of which everything goes as well.
+
 Values also have places that a higher layer takes: ``record.plot`` belongs to the record and is drawn by the pictures,
 which no value may import. The values say that there is a place (:func:`attached`); ``rotorid/__init__.py``, which sees
 everything, says who takes it.
@@ -20,6 +38,7 @@ if TYPE_CHECKING:
     from typing import Any, TypeAlias
 
     Face: TypeAlias = tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]
+    Listed: TypeAlias = dict[str, tuple[str, str, str]]
 
 _PLACES: dict[str, str] = {}
 
@@ -39,26 +58,53 @@ def lazy(package: str) -> Face:
     True
     """
     module = sys.modules[package]
-    homes = _listed(module)
+    names = _listed(module)
 
     def load(name: str) -> Any:
-        if name not in homes:
+        if name not in names:
             raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=module)
-        home = homes[name]
+        home, original, deprecation = names[name]
+        if deprecation:
+            import warnings
+
+            warnings.warn(f"{package}.{name} is {deprecation}", DeprecationWarning, stacklevel=2)
         # A listed module is its own home, as a vehicle with its sources.
-        value = import_module(f"{package}.{name}") if home == package else getattr(import_module(home), name)
+        value = import_module(f"{package}.{name}") if home == package else getattr(import_module(home), original)
         setattr(module, name, value)
         return value
 
-    public = sorted(homes)
+    public = sorted(name for name, (_, _, deprecation) in names.items() if not deprecation)
     return load, lambda: sorted({*public, *vars(module)}), public
 
 
-def _listed(module: Any) -> dict[str, str]:
-    """Name to home of every line ``from HOME import NAME as NAME`` of the stub."""
+def deprecated(package: str) -> dict[str, str]:
+    """Names of a face that will be removed, and what its stub says of each.
+
+    Parameters
+    ----------
+    package
+        Its name, as ``rotorid.spectral``.
+    """
+    names = _listed(import_module(package))
+    return {name: deprecation for name, (_, _, deprecation) in names.items() if deprecation}
+
+
+def _listed(module: Any) -> Listed:
+    """Name to its home, its name there and its deprecation, of the lines of the stub.
+
+    They read ``from HOME import NAME as NAME``, and below them all ``OLD = NAME``.
+    """
     stub = module.__spec__.loader.get_data(f"{module.__file__.removesuffix('c')}i").decode()
-    lines = (line.split() for line in stub.splitlines() if line.startswith("from rotorid"))
-    return {words[3]: words[1] for words in lines}
+    names: Listed = {}
+    comment = ""
+    for line in stub.splitlines():
+        words = line.split()
+        if line.startswith("from rotorid"):
+            names[words[3]] = (words[1], words[3], comment)
+        elif words[1:2] == ["="]:
+            names[words[0]] = (*names[words[2]][:2], comment)
+        comment = line[2:] if line.startswith("# deprecated") else ""
+    return names
 
 
 def attach(places: Mapping[str, str]) -> None:

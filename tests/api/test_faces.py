@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import pkgutil
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from types import ModuleType
 import pytest
 
 import rotorid
+from rotorid._faces import deprecated
 
 SOURCE = Path(rotorid.__file__).parent
 STUBS = sorted(SOURCE.rglob("__init__.pyi"))
@@ -30,14 +32,19 @@ MOST_MODULES = 3
 """Of the package, that ``import rotorid`` loads; all others are loaded when a name of theirs is used."""
 
 
+DEPRECATED = [(package, name, words) for package in PACKAGES for name, words in deprecated(package).items()]
+DEPRECATION = re.compile(r"deprecated, removed in (\d+)\.(\d+)(?:: use (rotorid(?:\.\w+)*)\.(\w+))?")
+
+
 def listed(package: str) -> dict[str, str]:
-    """Name to home, by the stub."""
+    """Name to home, by the stub, of the names that stay."""
     path = SOURCE.parent.joinpath(*package.split("."), "__init__.pyi")
     lines = [node for node in ast.parse(path.read_text("utf-8")).body if isinstance(node, ast.ImportFrom)]
     for node in lines:
         assert node.level == 0
         assert [name.asname for name in node.names] == [node.names[0].name], "one import a line, `NAME as NAME`"
-    return {node.names[0].name: str(node.module) for node in lines}
+    homes = {node.names[0].name: str(node.module) for node in lines}
+    return {name: home for name, home in homes.items() if name not in deprecated(package)}
 
 
 def homes_of(name: str) -> list[str]:
@@ -107,6 +114,48 @@ def test_an_unknown_name_of_a_face_is_an_attribute_error() -> None:
 
     with pytest.raises(AttributeError, match="no attribute 'frequency_respones'"):
         _ = rotorid.spectral.frequency_respones  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("package", "name", "words"), DEPRECATED, ids=lambda word: str(word).partition(",")[0])
+def test_a_deprecated_name_works_until_its_release(package: str, name: str, words: str) -> None:
+    match = DEPRECATION.fullmatch(words)
+    assert match, f"{package}.{name}: `# deprecated, removed in X.Y: use rotorid.PACKAGE.NAME`"
+    assert (int(match[1]), int(match[2])) > tuple(map(int, rotorid.__version__.split(".")[:2])), "remove it now"
+    face = importlib.import_module(package)
+    assert name not in face.__all__
+    vars(face).pop(name, None)
+    with pytest.warns(DeprecationWarning, match=re.escape(f"{package}.{name} is {words}")):
+        assert getattr(face, name) is not None
+    if match[3]:
+        assert match[4] in importlib.import_module(match[3]).__all__
+
+
+def test_a_deprecated_name_warns_whoever_takes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "aging"
+    folder.mkdir()
+    (folder / "__init__.py").write_text(
+        "from rotorid._faces import lazy\n\n__getattr__, __dir__, __all__ = lazy(__name__)\n"
+    )
+    (folder / "__init__.pyi").write_text(
+        "from rotorid.errors import LogError as LogError\n"
+        "# deprecated, removed in 9.9\nfrom rotorid.errors import UsageError as UsageError\n\n"
+        "# deprecated, removed in 9.9: use aging.LogError\nReadError = LogError\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    face = importlib.import_module("aging")
+    assert face.__all__ == ["LogError"]
+    assert face.LogError is rotorid.LogError
+    assert deprecated("aging") == {
+        "ReadError": "deprecated, removed in 9.9: use aging.LogError",
+        "UsageError": "deprecated, removed in 9.9",
+    }
+    with pytest.warns(DeprecationWarning, match=r"aging\.ReadError is .*use aging\.LogError") as caught:
+        exec("from aging import ReadError\nfrom aging import ReadError", taken := {})
+    assert [warning.filename for warning in caught] == ["<string>"], "once, at the line that takes it"
+    assert taken["ReadError"] is rotorid.LogError
+    with pytest.warns(DeprecationWarning, match=r"aging\.UsageError is deprecated, removed in 9\.9$") as caught:
+        assert face.UsageError is rotorid.UsageError
+    assert [warning.filename for warning in caught] == [__file__]
 
 
 def test_import_brings_nothing_heavy() -> None:

@@ -80,6 +80,7 @@ def code_of(block: str) -> str:
     return "".join(example.source for example in examples) if examples else block
 
 
+@pytest.mark.filterwarnings("ignore:rotorid:DeprecationWarning")  # the list of changes names what will be removed
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_every_dotted_name_exists(page: Path) -> None:
     named = {f"rotorid{match[1]}" for match in DOTTED.finditer(page.read_text("utf-8"))}
