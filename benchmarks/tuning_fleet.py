@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.rules import amigo, integrating_plant, px4_angle, px4_autotune, quicktune, simc, with_angle
 from rotorid.data import FlightPlan
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flying import PlanChoices, SimulateChoices, fly_run, plan_for, write_run
@@ -31,19 +32,12 @@ from rotorid.tuning import (
     Gains,
     UncertainPlant,
     Wishes,
-    amigo,
     attitude_rms,
-    integrating_plant,
     judged,
     loop_figures,
     propose,
-    px4_angle,
-    px4_autotune,
     quantities,
-    quicktune,
     ranges_of,
-    simc,
-    with_angle,
 )
 from rotorid.typing import ComplexArray
 from rotorid.vehicles import VehicleEntry, aircraft, with_gains

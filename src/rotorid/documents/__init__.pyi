@@ -5,6 +5,8 @@ from rotorid.documents.result import ResultDocument as ResultDocument
 from rotorid.documents.result import load as load
 from rotorid.documents.result import save as save
 from rotorid.documents.schemas import SCHEMAS as SCHEMAS
+
+# deprecated, removed in 0.3: use rotorid.documents.SCHEMAS
 from rotorid.documents.schemas import schema_text as schema_text
 from rotorid.documents.tune_check import load_foretold as load_foretold
 from rotorid.documents.vehicle import named_vehicle as named_vehicle

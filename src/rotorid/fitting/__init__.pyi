@@ -2,10 +2,14 @@ from rotorid.fitting.black_box.fit import BlackBoxFit as BlackBoxFit
 from rotorid.fitting.black_box.fit import StartPlan as StartPlan
 from rotorid.fitting.black_box.fit import fit_black_box as fit_black_box
 from rotorid.fitting.black_box.fit import fit_black_box_pairs as fit_black_box_pairs
+
+# deprecated, removed in 0.3
 from rotorid.fitting.black_box.fit import information_criteria as information_criteria
 from rotorid.fitting.black_box.polynomial import PolynomialModel as PolynomialModel
 from rotorid.fitting.black_box.polynomial import PolynomialOrders as PolynomialOrders
 from rotorid.fitting.black_box.polynomial import fit_arx as fit_arx
+
+# deprecated, removed in 0.3
 from rotorid.fitting.black_box.polynomial import fit_polynomial_output_error as fit_polynomial_output_error
 from rotorid.fitting.black_box.subspace import SubspaceModel as SubspaceModel
 from rotorid.fitting.black_box.subspace import fit_subspace as fit_subspace
@@ -14,6 +18,8 @@ from rotorid.fitting.delay.estimate import DelayEstimate as DelayEstimate
 from rotorid.fitting.delay.estimate import estimate_delay as estimate_delay
 from rotorid.fitting.equations.equation_error import EquationErrorFit as EquationErrorFit
 from rotorid.fitting.equations.equation_error import fit_equation_error as fit_equation_error
+
+# deprecated, removed in 0.3
 from rotorid.fitting.equations.equation_error import stepwise_equation as stepwise_equation
 from rotorid.fitting.equations.regression import Regression as Regression
 from rotorid.fitting.equations.regression import equation_error as equation_error

@@ -1,4 +1,6 @@
 from rotorid.models.autopilots.reading import axis_controller as axis_controller
+
+# deprecated, removed in 0.3: use rotorid.models.axis_controller
 from rotorid.models.autopilots.reading import rate_controller as rate_controller
 from rotorid.models.autopilots.settings import AxisController as AxisController
 from rotorid.models.autopilots.settings import described as described
@@ -35,6 +37,8 @@ from rotorid.models.motors import yaw_range as yaw_range
 from rotorid.models.nonlinear import NonlinearStructure as NonlinearStructure
 from rotorid.models.nonlinear import about_rest as about_rest
 from rotorid.models.nonlinear import flight_structure as flight_structure
+
+# deprecated, removed in 0.3: use rotorid.models.NonlinearStructure
 from rotorid.models.nonlinear import nonlinear_structure as nonlinear_structure
 from rotorid.models.parameter import Parameter as Parameter
 from rotorid.models.parameter import ParameterSet as ParameterSet
@@ -65,7 +69,11 @@ from rotorid.models.structure import connected as connected
 from rotorid.models.thrust_curve import ExpoCurve as ExpoCurve
 from rotorid.models.thrust_curve import PolynomialCurve as PolynomialCurve
 from rotorid.models.thrust_curve import ThrustCurve as ThrustCurve
+
+# deprecated, removed in 0.3: use rotorid.models.ExpoCurve
 from rotorid.models.thrust_curve import ardupilot_curve as ardupilot_curve
+
+# deprecated, removed in 0.3: use rotorid.models.ExpoCurve
 from rotorid.models.thrust_curve import px4_curve as px4_curve
 from rotorid.models.toml import from_toml as from_toml
 from rotorid.models.toml import nonlinear_from_toml as nonlinear_from_toml

@@ -6,9 +6,7 @@ for each picture:
 ======================================  ========================================================
 ``rotorid.plot.bode``                   a response with coherence, error band and model
 ``rotorid.plot.bode_figure``            the same for a paper, by matplotlib
-``rotorid.plot.overlay``                several responses of one pair: records, methods, windows
 ``rotorid.plot.window_contributions``   which window of a composite carries which frequency
-``rotorid.plot.input_spectrum``         densities of instrument, input and output
 ``rotorid.plot.coherence_map``          usable bands of all inputs and outputs
 ``rotorid.plot.broken_loop``            a broken loop with its gain and phase margins
 ``rotorid.plot.disturbance_rejection``  a sensitivity with its bandwidth and peak

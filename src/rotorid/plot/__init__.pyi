@@ -12,8 +12,12 @@ from rotorid.plot.frequency import Density as Density
 from rotorid.plot.frequency import Named as Named
 from rotorid.plot.frequency import bode as bode
 from rotorid.plot.frequency import coherence_map as coherence_map
+
+# deprecated, removed in 0.3
 from rotorid.plot.frequency import input_spectrum as input_spectrum
 from rotorid.plot.frequency import measured_curve as measured_curve
+
+# deprecated, removed in 0.3
 from rotorid.plot.frequency import overlay as overlay
 from rotorid.plot.frequency import window_contributions as window_contributions
 from rotorid.plot.inspection import LogPicture as LogPicture

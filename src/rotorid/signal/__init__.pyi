@@ -10,10 +10,14 @@ from rotorid.signal.excitations import classify as classify
 from rotorid.signal.excitations import excitation_signals as excitation_signals
 from rotorid.signal.excitations import find_excitations as find_excitations
 from rotorid.signal.filters import KnownFilter as KnownFilter
+
+# deprecated, removed in 0.3
 from rotorid.signal.filters import band_pass as band_pass
 from rotorid.signal.filters import butterworth_low_pass as butterworth_low_pass
 from rotorid.signal.filters import cascaded_low_pass as cascaded_low_pass
 from rotorid.signal.filters import combined_response as combined_response
+
+# deprecated, removed in 0.3
 from rotorid.signal.filters import high_pass as high_pass
 from rotorid.signal.filters import integral_mean as integral_mean
 from rotorid.signal.filters import low_pass as low_pass

@@ -7,6 +7,8 @@ from rotorid.spectral.derived import integrated as integrated
 from rotorid.spectral.derived import inverse as inverse
 from rotorid.spectral.derived import log_curve as log_curve
 from rotorid.spectral.derived import ratio as ratio
+
+# deprecated, removed in 0.3
 from rotorid.spectral.derived import renamed as renamed
 from rotorid.spectral.derived import selected as selected
 from rotorid.spectral.errors import overlap_constant as overlap_constant
@@ -19,7 +21,11 @@ from rotorid.spectral.impulse import ImpulseResponse as ImpulseResponse
 from rotorid.spectral.impulse import impulse_response as impulse_response
 from rotorid.spectral.impulse import step_numbers as step_numbers
 from rotorid.spectral.loops import closed_loop as closed_loop
+
+# deprecated, removed in 0.3
 from rotorid.spectral.loops import error_loop as error_loop
+
+# deprecated, removed in 0.3
 from rotorid.spectral.loops import feedback_controller as feedback_controller
 from rotorid.spectral.loops import injected_loop as injected_loop
 from rotorid.spectral.loops import sensitivity as sensitivity

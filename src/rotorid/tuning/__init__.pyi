@@ -21,11 +21,3 @@ from rotorid.tuning.proposal import Judged as Judged
 from rotorid.tuning.proposal import Wishes as Wishes
 from rotorid.tuning.proposal import judged as judged
 from rotorid.tuning.proposal import propose as propose
-from rotorid.tuning.rules import IntegratingPlant as IntegratingPlant
-from rotorid.tuning.rules import amigo as amigo
-from rotorid.tuning.rules import integrating_plant as integrating_plant
-from rotorid.tuning.rules import px4_angle as px4_angle
-from rotorid.tuning.rules import px4_autotune as px4_autotune
-from rotorid.tuning.rules import quicktune as quicktune
-from rotorid.tuning.rules import simc as simc
-from rotorid.tuning.rules import with_angle as with_angle

@@ -1,4 +1,6 @@
 from rotorid.uncertainty.bootstrapping import bootstrap as bootstrap
+
+# deprecated, removed in 0.3: use rotorid.uncertainty.bootstrap
 from rotorid.uncertainty.bootstrapping import bootstrap_records as bootstrap_records
 from rotorid.uncertainty.colored import ColoredCovariance as ColoredCovariance
 from rotorid.uncertainty.colored import colored_covariance as colored_covariance
@@ -9,6 +11,8 @@ from rotorid.uncertainty.identifiability import unseen_combinations as unseen_co
 from rotorid.uncertainty.propagation import Pole as Pole
 from rotorid.uncertainty.propagation import covariance_of_all as covariance_of_all
 from rotorid.uncertainty.propagation import pole_confidence as pole_confidence
+
+# deprecated, removed in 0.3
 from rotorid.uncertainty.propagation import response_confidence as response_confidence
 from rotorid.uncertainty.resampling import SpreadRow as SpreadRow
 from rotorid.uncertainty.resampling import SpreadTable as SpreadTable

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from rotorid.models.controller import RateController
-from rotorid.tuning import ControllerParts, Gains, loop_figures
-from rotorid.tuning.rules import (
+from benchmarks.rules import (
     IntegratingPlant,
     amigo,
     integrating_plant,
@@ -17,6 +14,9 @@ from rotorid.tuning.rules import (
     simc,
     with_angle,
 )
+
+from rotorid.models.controller import RateController
+from rotorid.tuning import ControllerParts, Gains, loop_figures
 
 OMEGA = np.geomspace(0.5, 600.0, 1200)
 PLANT = IntegratingPlant(gain=1.0, lag_s=0.05, delay_s=0.02)

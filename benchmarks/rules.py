@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.errors import UsageError
-from rotorid.tuning.loops import ControllerParts, Gains, loop_figures
+from rotorid.tuning import ControllerParts, Gains, loop_figures
 from rotorid.typing import ComplexArray, FloatArray
 
 _ANGLE_BELOW_CROSSOVER = 4.0
@@ -58,13 +58,6 @@ def integrating_plant(omega_rad_s: FloatArray, response: ComplexArray) -> Integr
         Where it is to be near, shape ``(f,)``.
     response
         Shape ``(f,)``.
-
-    Examples
-    --------
-    >>> omega = np.geomspace(3.0, 60.0, 40)
-    >>> found = integrating_plant(omega, IntegratingPlant(100.0, 0.05, 0.02).response(omega))
-    >>> [round(number, 4) for number in found]
-    [100.0, 0.05, 0.02]
     """
     from scipy.optimize import least_squares
 
@@ -94,11 +87,6 @@ def simc(plant: IntegratingPlant, wish: float = 1.0) -> tuple[float, float, floa
         What is controlled.
     wish
         λ, the closed loop's time constant over the delay; more is softer.
-
-    Examples
-    --------
-    >>> [round(gain, 4) for gain in simc(IntegratingPlant(1.0, 0.05, 0.02))]
-    [32.8125, 156.25, 1.25]
     """
     gain = 1.0 / (plant.gain * plant.delay_s * (1.0 + wish))
     integral_s = 4.0 * plant.delay_s * (1.0 + wish)
@@ -109,11 +97,6 @@ def amigo(plant: IntegratingPlant) -> tuple[float, float, float]:
     r"""AMIGO for integrating plants, with all that is late in one delay :math:`L`.
 
     .. math:: K = \frac{0.45}{k L}, \quad T_i = 8 L, \quad T_d = 0.5 L
-
-    Examples
-    --------
-    >>> [round(gain, 4) for gain in amigo(IntegratingPlant(1.0, 0.05, 0.02))]
-    [6.4286, 11.4796, 0.225]
     """
     late = plant.lag_s + plant.delay_s
     gain = 0.45 / (plant.gain * late)
