@@ -19,7 +19,6 @@ from rotorid.models.library import rate_model, response_model
 from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.uncertainty.bootstrapping import bootstrap, bootstrap_records
-from rotorid.uncertainty.colored import BlockNoise
 from rotorid.uncertainty.resampling import SpreadTable, resample_records
 
 OMEGA = np.geomspace(1.5, 50.0, 40)
@@ -102,20 +101,16 @@ def test_intervals_of_responses_hold_the_truth_as_often_as_they_say() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("source", ["colored", "blocks"])
-def test_intervals_in_time_hold_the_truth_under_colored_noise(source: str) -> None:
-    """Blocks lose what spans their ends, some 4 %."""
+def test_intervals_in_time_hold_the_truth_under_colored_noise() -> None:
     flights, truth = 150, YAW.parameters.pack()
 
     def table(seed: int) -> SpreadTable:
         found = yaw_fit(seed)
-        noise = BlockNoise.of(found.problem.parts(found.solution.theta)) if source == "blocks" else None
-        return bootstrap(found.problem, found.solution, runs=100, seed=seed, noise=noise)
+        return bootstrap(found.problem, found.solution, runs=100, seed=seed)
 
     share = covered((table(seed) for seed in range(flights)), truth)
-    print(source, share)
-    lost = 0.04 if source == "blocks" else 0.0
-    assert np.all(share >= 0.95 - lost - 3.0 * np.sqrt(0.0475 / flights))
+    print(share)
+    assert np.all(share >= 0.95 - 3.0 * np.sqrt(0.0475 / flights))
     assert np.all(share <= 0.995)
 
 

@@ -95,8 +95,8 @@ def time_skew(
 
     **What cannot.** Between a motor or a command and a gyro, the delay of the vehicle, the lag of its motors, the
     filter of its gyro and an error of stamps all turn the phase alike: one record gives their sum. Give what is known
-    as ``known_delay_s`` and ``known_lag_s``, or compare two records with :func:`skew_change`, in which the vehicle
-    cancels. With feedback and little excitation the phase leans toward that of the inverse controller.
+    as ``known_delay_s`` and ``known_lag_s``, or subtract the skews of two records, in which the vehicle cancels. With
+    feedback and little excitation the phase leans toward that of the inverse controller.
 
     Parameters
     ----------
@@ -152,50 +152,6 @@ def time_skew(
         relation=found,
         band_rad_s=(float(lines.omega_rad_s[0]), float(lines.omega_rad_s[-1])),
         findings=(_finding(reference, delayed, seconds, std, 1.0 / history.sample_rate_hz),),
-    )
-
-
-def skew_change(before: TimeSkew, after: TimeSkew) -> TimeSkew:
-    r"""What changed between two records of the same pair of channels: the vehicle between them cancels.
-
-    .. math:: \tau = \tau_{after} - \tau_{before}, \qquad \sigma^2 = \sigma_{after}^2 + \sigma_{before}^2
-
-    Assumes that vehicle, filters and band are the same in both. A phase that is not a straight line is weighed by where
-    each record is coherent, so give ``band_rad_s`` to both, and the lag of the motors as well as it is known.
-
-    Raises
-    ------
-    UsageError
-        The two are not of one pair of channels, or were not related alike.
-
-    Examples
-    --------
-    >>> skew = TimeSkew(
-    ...     reference="motor_1", delayed="p", seconds=0.05, std=0.003, coherence=0.9, relation="integral",
-    ...     band_rad_s=(1.0, 50.0),
-    ... )
-    >>> later = replace(skew, seconds=0.054, std=0.004)
-    >>> change = skew_change(skew, later)
-    >>> round(change.seconds, 6), round(change.std, 6)
-    (0.004, 0.005)
-    """
-    pairs = [(skew.reference, skew.delayed, skew.relation) for skew in (before, after)]
-    if pairs[0] != pairs[1]:
-        raise UsageError(
-            "skews of " + " and of ".join(f"{ref} to {name} ({relation})" for ref, name, relation in pairs) + " came",
-            needed="one pair of channels, related alike",
-            remedy="estimate both with the same channels, band_rad_s and relation",
-        )
-    return replace(
-        after,
-        seconds=after.seconds - before.seconds,
-        std=math.hypot(after.std, before.std),
-        coherence=min(after.coherence, before.coherence),
-        band_rad_s=(
-            max(before.band_rad_s[0], after.band_rad_s[0]),
-            min(before.band_rad_s[1], after.band_rad_s[1]),
-        ),
-        findings=(),
     )
 
 

@@ -25,9 +25,6 @@ from rotorid.typing import FloatArray, IntArray
 
 WINDOW_S = 0.3
 OVERLAP = 0.75
-DEPENDENT = 1.92
-"""Windows with Hann's taper and this overlap that count as one."""
-
 FEWEST_WINDOWS = 4
 """Windows of a level without which its density is not known."""
 
@@ -194,31 +191,6 @@ def by_level(spectra: ShortSpectra, level: FloatArray, *, edges: FloatArray) -> 
     flown = np.flatnonzero(windows >= FEWEST_WINDOWS)
     kept = slice(int(flown[0]), int(flown[-1]) + 1) if flown.size else slice(0, 0)
     return LevelMap(0.5 * (edges[:-1] + edges[1:])[kept], density[kept], windows[kept])
-
-
-def density_interval(windows: FloatArray, *, dependent: float = DEPENDENT) -> tuple[FloatArray, FloatArray]:
-    r"""Factors from a mean density to the ends of its 95 % interval, by :math:`\chi^2` with :math:`2 n / 1.92` degrees.
-
-    Holds for noise that does not change within the bin; a line that wanders adds to it.
-
-    Parameters
-    ----------
-    windows
-        How many were averaged, shape ``(b,)``.
-    dependent
-        How many of them count as one.
-
-    Examples
-    --------
-    >>> low, high = density_interval(np.array([10.0, 50.0]))
-    >>> (10.0 * np.log10(low)).round(1).tolist(), (10.0 * np.log10(high)).round(1).tolist()
-    ([-3.1, -1.5], [4.8, 1.8])
-    """
-    from scipy.stats import chi2
-
-    freedom = 2.0 * np.asarray(windows, dtype=np.float64) / dependent
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(freedom / chi2.ppf(0.975, freedom)), np.asarray(freedom / chi2.ppf(0.025, freedom))
 
 
 def floor_db(frequency_hz: FloatArray, density: FloatArray) -> FloatArray:

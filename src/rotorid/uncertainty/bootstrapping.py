@@ -89,7 +89,7 @@ def bootstrap(
         covariance stay those about the solution.
     noise
         What is drawn where the data state no errors; by default the autoregression of the residuals,
-        :class:`rotorid.uncertainty.colored.ColoredNoise`. Where none fits, its ``BlockNoise``.
+        :class:`rotorid.uncertainty.colored.ColoredNoise`.
     executor, progress
         As in :func:`rotorid.uncertainty.resampling.resample`.
 

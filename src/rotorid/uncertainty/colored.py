@@ -7,14 +7,13 @@ themselves, a bootstrap draws new errors.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError
 from rotorid.fitting.problem import Part
 from rotorid.typing import ComplexArray, FloatArray
 
@@ -348,11 +347,6 @@ def _colored(columns: FloatArray, process: Process) -> FloatArray:
     return whole[:samples]
 
 
-_CHANCE = 2.0
-_LONGEST_SHARE = 8
-"""A record gives at least so many blocks, or every draw of it would be much the same."""
-
-
 class OutputNoise(Protocol):
     """Draws whitened errors of all records, shape ``(n, y)`` each."""
 
@@ -419,89 +413,3 @@ def _filter(process: Process, length: int) -> ComplexArray:
     polynomial = np.concatenate([np.eye(len(process.noise))[None], -process.coefficients])
     root = np.linalg.cholesky(process.noise)
     return np.asarray(np.linalg.solve(rfft(polynomial, n=length, axis=0), root.astype(np.complex128)))
-
-
-@dataclass(frozen=True, eq=False)
-class BlockNoise:
-    """Draws blocks of the residuals themselves, all outputs together, from any record and round its end.
-
-    For residuals that no autoregression describes: with outliers, or of changing size. What is longer than a block is
-    lost, and with it the spread by slow errors; blocks that are long are few and draw the same again and again.
-
-    Parameters
-    ----------
-    residuals
-        Whitened residuals of each record, shape ``(n, y)``.
-    length
-        Samples of a block.
-
-    References
-    ----------
-    D. N. Politis and J. P. Romano, *A Circular Block-Resampling Procedure for Stationary Data*, in Exploring the Limits
-    of Bootstrap, 1992.
-    """
-
-    residuals: tuple[FloatArray, ...]
-    length: int
-
-    def __post_init__(self) -> None:
-        shortest = min(len(one) for one in self.residuals)
-        if not 1 <= self.length <= shortest:
-            raise UsageError(f"blocks of {self.length} samples came", needed=f"from 1 to {shortest} samples")
-
-    @classmethod
-    def of(cls, parts: Sequence[Part], *, length: int | None = None) -> BlockNoise:
-        r"""Blocks of the residuals of a fit.
-
-        They are centered, and stretched by :math:`\sqrt{N / (N - k)}` for the k numbers that the fit took from them.
-
-        Parameters
-        ----------
-        parts
-            Whitened residuals, slopes and unknowns of each record.
-        length
-            Samples of a block. By default twice the memory of the residuals, the cube root of the samples at least and
-            an eighth of a record at most.
-        """
-        count = sum(part.residual.size for part in parts)
-        taken = parts[0].slopes.shape[2] + sum(part.unknown.shape[2] for part in parts)
-        stretch = math.sqrt(count / max(count - taken, 1))
-        residuals = tuple(stretch * (part.residual - part.residual.mean(axis=0)) for part in parts)
-        return cls(residuals, block_length(residuals) if length is None else length)
-
-    def draw(self, rng: np.random.Generator) -> tuple[FloatArray, ...]:
-        """One draw of all records, shape ``(n, y)`` each."""
-        return tuple(self._record(len(one), rng) for one in self.residuals)
-
-    def _record(self, samples: int, rng: np.random.Generator) -> FloatArray:
-        whole = np.cumsum([len(one) for one in self.residuals])
-        blocks = []
-        for place in rng.integers(0, whole[-1], -(-samples // self.length)).tolist():
-            record = int(np.searchsorted(whole, place, side="right"))
-            first = place - int(whole[record]) + len(self.residuals[record])
-            rows = np.arange(first, first + self.length) % len(self.residuals[record])
-            blocks.append(self.residuals[record][rows])
-        return np.concatenate(blocks)[:samples]
-
-
-def block_length(residuals: Sequence[FloatArray]) -> int:
-    r"""Samples of a block that hold the memory of residuals ``(n, y)``.
-
-    Twice the last lag at which the autocorrelation of an output leaves :math:`2 / \sqrt N`; the cube root of the
-    samples at least, an eighth of the shortest record at most.
-
-    Examples
-    --------
-    >>> block_length([np.random.default_rng(0).standard_normal((1000, 1))])
-    10
-    """
-    count = sum(len(one) for one in residuals)
-    longest = max(min(len(one) for one in residuals) // _LONGEST_SHARE, 1)
-    power = sum((np.sum(one**2, axis=0) for one in residuals), start=np.zeros(residuals[0].shape[1]))
-    memory = 0
-    for lag in range(1, longest + 1):
-        product = sum((np.sum(one[lag:] * one[:-lag], axis=0) for one in residuals), start=np.zeros_like(power))
-        if np.all(np.abs(product) <= _CHANCE / math.sqrt(count) * power):
-            break
-        memory = lag
-    return min(max(2 * memory, math.ceil(math.cbrt(count) - 1e-9)), longest)

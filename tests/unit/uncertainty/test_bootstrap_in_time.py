@@ -1,4 +1,4 @@
-"""Bootstrap of fits in time: new noise at the outputs, blocks of residuals, whole records."""
+"""Bootstrap of fits in time: new noise at the outputs, whole records."""
 
 from __future__ import annotations
 
@@ -22,11 +22,9 @@ from rotorid.simulation.linear import simulate_linear
 from rotorid.simulation.nonlinear import Scheme, simulate_nonlinear
 from rotorid.uncertainty.bootstrapping import bootstrap, bootstrap_records
 from rotorid.uncertainty.colored import (
-    BlockNoise,
     ColoredNoise,
     Process,
     autoregression,
-    block_length,
     colored_covariance,
 )
 from rotorid.uncertainty.cramer_rao import bounds
@@ -103,41 +101,6 @@ def test_a_drawn_process_has_its_covariance_from_the_first_sample_on() -> None:
     np.testing.assert_allclose(last.T @ last / 4000, stationary, atol=tolerance)
     assert abs(np.mean(first * last)) < tolerance
     np.testing.assert_allclose(autoregression([one[0] for one in draws]).coefficients[0], A, atol=0.02)
-
-
-def test_blocks_are_stretches_of_one_record() -> None:
-    """Residuals that count upward: within a block each is one more than the last, round the end of its record."""
-    residuals = (np.arange(40.0)[:, None], 100.0 + np.arange(60.0)[:, None])
-    source = BlockNoise(residuals, 10)
-    for seed in range(20):
-        drawn = source.draw(np.random.default_rng(seed))
-        assert [len(one) for one in drawn] == [40, 60]
-        for block in np.concatenate(drawn)[:, 0].reshape(10, 10):
-            low, samples = (0.0, 40) if block[0] < 100.0 else (100.0, 60)
-            np.testing.assert_array_equal(block, low + (block[0] - low + np.arange(10)) % samples)
-    with pytest.raises(UsageError, match="from 1 to 40 samples"):
-        BlockNoise(residuals, 41)
-
-
-def test_blocks_are_long_where_residuals_remember() -> None:
-    rng = np.random.default_rng(3)
-    white = rng.standard_normal((4000, 1))
-    assert block_length([white]) == 16
-    assert block_length([lfilter([1.0], [1.0, -0.9], white, axis=0)]) > 30
-    assert block_length([np.ones((16, 1)) + 0.1 * white[:16]]) == 2
-
-
-@pytest.mark.slow
-def test_blocks_carry_the_color() -> None:
-    fit, runs = flown(1, 1500, noise=0.05, memory=0.7), 100
-    parts = fit.problem.parts(fit.solution.theta)
-    table = bootstrap(fit.problem, fit.solution, runs=runs, seed=2, noise=BlockNoise.of(parts))
-    colored = colored_covariance(parts)
-    stated, white = (np.sqrt(one.diagonal()) for one in (colored.corrected, colored.white))
-    # Beside chance, blocks lose what spans their ends: a part of about memory over length, here a tenth.
-    np.testing.assert_allclose(table.std, stated, rtol=4.0 / np.sqrt(2.0 * runs) + 0.1)
-    single = bootstrap(fit.problem, fit.solution, runs=runs, seed=2, noise=BlockNoise.of(parts, length=1))
-    np.testing.assert_allclose(single.std, white, rtol=4.0 / np.sqrt(2.0 * runs))
 
 
 def test_records_drawn_anew_agree_where_they_are_alike() -> None:
