@@ -20,7 +20,8 @@ them, and whoever takes one gets a :class:`DeprecationWarning` with the words of
     Log = FlightRecord
 
 The release is the one after the next. A test looks for each replacement on the faces, and fails at that release until
-the line is gone. Each line has its own comment, on a face of which everything goes as well.
+the line is gone. A face of which everything goes says so once, ``lazy(__name__, removed_in="0.3")``: its lines name the
+faces that have the names now.
 
 Values also have places that a higher layer takes: ``record.plot`` belongs to the record and is drawn by the pictures,
 which no value may import. The values say that there is a place (:func:`attached`); ``rotorid/__init__.py``, which sees
@@ -40,16 +41,19 @@ if TYPE_CHECKING:
     Face: TypeAlias = tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]
     Listed: TypeAlias = dict[str, tuple[str, str, str]]
 
+_FACES: dict[str, Listed] = {}
 _PLACES: dict[str, str] = {}
 
 
-def lazy(package: str) -> Face:
+def lazy(package: str, *, removed_in: str = "") -> Face:
     """``__getattr__``, ``__dir__`` and ``__all__`` of a package whose names its ``__init__.pyi`` lists.
 
     Parameters
     ----------
     package
         Its ``__name__``.
+    removed_in
+        The release in which the whole face goes; empty where it stays.
 
     Examples
     --------
@@ -58,7 +62,7 @@ def lazy(package: str) -> Face:
     True
     """
     module = sys.modules[package]
-    names = _listed(module)
+    names = _FACES[package] = _listed(module, removed_in)
 
     def load(name: str) -> Any:
         if name not in names:
@@ -85,11 +89,11 @@ def deprecated(package: str) -> dict[str, str]:
     package
         Its name, as ``rotorid.spectral``.
     """
-    names = _listed(import_module(package))
-    return {name: deprecation for name, (_, _, deprecation) in names.items() if deprecation}
+    import_module(package)
+    return {name: deprecation for name, (_, _, deprecation) in _FACES[package].items() if deprecation}
 
 
-def _listed(module: Any) -> Listed:
+def _listed(module: Any, removed_in: str) -> Listed:
     """Name to its home, its name there and its deprecation, of the lines of the stub.
 
     They read ``from HOME import NAME as NAME``, and below them all ``OLD = NAME``.
@@ -104,6 +108,9 @@ def _listed(module: Any) -> Listed:
         elif words[1:2] == ["="]:
             names[words[0]] = (*names[words[2]][:2], comment)
         comment = line[2:] if line.startswith("# deprecated") else ""
+    if removed_in:
+        moved = f"deprecated, removed in {removed_in}: use "
+        names = {name: (home, there, f"{moved}{home}.{there}") for name, (home, there, _) in names.items()}
     return names
 
 

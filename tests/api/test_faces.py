@@ -18,12 +18,7 @@ from rotorid._faces import deprecated
 
 SOURCE = Path(rotorid.__file__).parent
 STUBS = sorted(SOURCE.rglob("__init__.pyi"))
-DEPRECATED = "rotorid.pipeline"
-"""Its names are those of other packages, and warn."""
-
-PACKAGES = [
-    package for stub in STUBS if (package := ".".join(stub.parent.relative_to(SOURCE.parent).parts)) != DEPRECATED
-]
+PACKAGES = [".".join(stub.parent.relative_to(SOURCE.parent).parts) for stub in STUBS]
 VERBS = (
     *("bode", "bounds", "compare", "delay", "design", "find_excitations", "fit", "frequency_response", "identify"),
     *("inspect", "load", "read", "reduce", "resample", "response", "save", "simulate", "verify"),
@@ -70,9 +65,10 @@ def test_names_of_the_old_package_say_where_they_are() -> None:
     import rotorid.pipeline
     from rotorid.flying import design
 
-    with pytest.warns(DeprecationWarning, match=r"import design from rotorid\.flying"):
+    vars(rotorid.pipeline).pop("design", None)
+    with pytest.warns(DeprecationWarning, match=r"removed in 0\.3: use rotorid\.flying\.design$"):
         assert rotorid.pipeline.design is design
-    assert {*listed(DEPRECATED).values()} < set(PACKAGES)
+    assert rotorid.pipeline.__all__ == []
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -105,7 +101,7 @@ def test_every_package_has_a_face() -> None:
     rooms = {package for package in packages if package.startswith(("rotorid.fitting.", "rotorid.fits."))}
     # What these rooms hold are names of the package; commands, their page, files of plans and the steps of ``identify``
     # are no library.
-    inner = {DEPRECATED, "rotorid.checking", "rotorid.cli", "rotorid.fits", "rotorid.lab", "rotorid.plans"}
+    inner = {"rotorid.checking", "rotorid.cli", "rotorid.fits", "rotorid.lab", "rotorid.plans"}
     assert packages - rooms - set(PACKAGES) <= inner | {f"rotorid.io.{room}" for room in ("betaflight", "ros")}
 
 
