@@ -1,0 +1,116 @@
+"""``make quick`` chooses the tests of a change: by faces, tables and whatever stands between, the nearest first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tests.quick import BUDGET_S, SHORT_S, Tree, durations_of, mirrored, read_tree
+
+FILES = {
+    "src/rotorid/__init__.py": "from rotorid._faces import lazy\n",
+    "src/rotorid/__init__.pyi": "from rotorid.flights import fly as fly\n",
+    "src/rotorid/_faces.py": "",
+    "src/rotorid/flights/__init__.py": "",
+    "src/rotorid/flights/__init__.pyi": "from rotorid.flights.airborne import fly as fly\n",
+    "src/rotorid/flights/airborne.py": "def fly():\n    from rotorid.flights import wind\n",
+    "src/rotorid/flights/wind.py": "import typing\nif TYPE_CHECKING:\n    from rotorid.flights import airborne\n",
+    "src/rotorid/flights/gusts.toml": "",
+    "src/rotorid/cli/__init__.py": "",
+    "src/rotorid/cli/app.py": "def load(name):\n    return f'rotorid.cli.{name}'\n",
+    "src/rotorid/cli/hover.py": "READERS = ('rotorid.flights.wind:speed',)\n",
+    "src/rotorid/cli/land.py": "'''Says nothing of rotorid.flights.wind.'''\n",
+    "tests/conftest.py": "import rotorid.flights.airborne\n",
+    "tests/unit/commands.py": "from rotorid.cli.app import load\n",
+    "tests/unit/test_face.py": "from rotorid import fly\n",
+    "tests/unit/test_chain.py": "import rotorid\nrotorid.flights.fly()\n",
+    "tests/unit/test_command.py": "from tests.unit.commands import load\nload('hover')\n",
+    "tests/unit/test_data.py": "NAME = 'flights/gusts.toml'\n",
+    "tests/unit/test_later.py": "import rotorid.flights.wind\npytestmark = pytest.mark.slow\n",
+    "tests/unit/flights/test_wind_from_north.py": "",
+    "tests/twins/test_wind.py": "import rotorid.flights.wind\n",
+}
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Tree:
+    root = tmp_path_factory.mktemp("repository")
+    for name, text in FILES.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text, encoding="utf-8")
+    return read_tree(root)
+
+
+@pytest.fixture(scope="module")
+def tree() -> Tree:
+    return read_tree()
+
+
+def test_a_name_of_a_face_needs_the_module_that_defines_it(small: Tree) -> None:
+    assert {"rotorid", "rotorid.flights", "rotorid.flights.airborne"} <= small.imports["tests.unit.test_face"]
+    assert "rotorid.flights.airborne" in small.imports["tests.unit.test_chain"]
+
+
+def test_strings_name_modules_and_documentation_does_not(small: Tree) -> None:
+    assert "rotorid.flights.wind" in small.imports["rotorid.cli.hover"]
+    assert "rotorid.flights.wind" not in small.imports["rotorid.cli.land"]
+
+
+def test_imports_of_functions_count_and_those_for_types_do_not(small: Tree) -> None:
+    assert "rotorid.flights.wind" in small.imports["rotorid.flights.airborne"]
+    assert "rotorid.flights.airborne" not in small.imports["rotorid.flights.wind"]
+
+
+def test_a_table_needs_all_its_modules_and_a_test_those_that_it_names(small: Tree) -> None:
+    assert {"rotorid.cli.hover", "rotorid.cli.land"} <= small.imports["rotorid.cli.app"]
+    assert "rotorid.cli.hover" in small.imports["tests.unit.test_command"]
+    assert "rotorid.cli.land" not in small.imports["tests.unit.test_command"]
+
+
+def test_the_nearest_come_first_and_long_and_slow_ones_not_at_all(small: Tree) -> None:
+    chosen = small.choose(["src/rotorid/flights/wind.py"]).chosen
+    assert chosen[0] == "tests/unit/flights/test_wind_from_north.py"
+    assert {"tests/unit/test_command.py", "tests/unit/test_face.py"} <= set(chosen)
+    assert not {"tests/unit/test_later.py", "tests/twins/test_wind.py"} & set(chosen)
+
+
+def test_a_changed_test_is_chosen_wherever_it_is(small: Tree) -> None:
+    assert small.choose(["tests/twins/test_wind.py"]).chosen == ("tests/twins/test_wind.py",)
+
+
+def test_data_belong_to_those_that_name_them(small: Tree) -> None:
+    assert small.choose(["src/rotorid/flights/gusts.toml"]).chosen == ("tests/unit/test_data.py",)
+    assert small.choose(["README.md"]).chosen == ()
+
+
+def test_the_budget_leaves_out_what_is_far(small: Tree) -> None:
+    choice = small.choose(["src/rotorid/flights/wind.py"], budget_s=1.0)
+    assert len(choice.chosen) == 2
+    assert choice.left_out
+    assert not set(choice.chosen) & set(choice.left_out)
+
+
+def test_durations_are_those_of_a_report(tmp_path: Path) -> None:
+    report = tmp_path / "report.xml"
+    case = '<testcase classname="tests.unit.io.test_{}" name="x" time="{}"/>'
+    report.write_text(f"<a>{case.format('csv', 0.9)}{case.format('csv', 0.4)}{case.format('npz', 0.1)}</a>", "utf-8")
+    assert durations_of(report) == {"tests/unit/io/test_csv.py": 1.3}
+
+
+def test_every_module_chooses_a_test(tree: Tree) -> None:
+    source = [file.path for file in tree.files.values() if file.path.startswith("src/")]
+    assert [path for path in source if not tree.choose([path]).chosen] == []
+
+
+def test_a_test_named_after_a_module_is_chosen_for_it_first(tree: Tree) -> None:
+    for test, module in tree.mirrors.items():
+        if module is not None and not tree.files[test].slow:
+            choice = tree.choose([tree.files[module].path])
+            assert tree.files[test].path in choice.chosen + choice.left_out
+            assert mirrored(choice.chosen[0], tree.files) == module
+
+
+def test_what_is_chosen_fits_into_the_budget(tree: Tree) -> None:
+    for path in (file.path for file in tree.files.values() if file.path.startswith("src/")):
+        chosen = tree.choose([path]).chosen
+        assert len(chosen) == 1 or sum(tree.durations_s.get(one, SHORT_S) for one in chosen) <= BUDGET_S, path
