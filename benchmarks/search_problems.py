@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from rotorid.data import FrequencyResponse
 from rotorid.fitting import (
     FrequencyProblem,
     LevenbergMarquardt,
-    Residuals,
     Scale,
     Solution,
     StartBox,
@@ -70,8 +69,8 @@ class Counted(LevenbergMarquardt):
 
     ends: list[Solution] = field(default_factory=list)
 
-    def minimize(self, residuals: Residuals, start: FloatArray, lower: FloatArray, upper: FloatArray) -> Solution:
-        end = LevenbergMarquardt.minimize(self, residuals, start, lower, upper)
+    def minimize(self, *given: Any, **options: Any) -> Solution:
+        end = LevenbergMarquardt.minimize(self, *given, **options)
         self.ends.append(end)
         return end
 

@@ -18,6 +18,7 @@ import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -139,7 +140,7 @@ def one(task: tuple[int, str, bool]) -> Row:
         except UsageError:
             row.refused = "cannot hover with its gains"
             return row
-        axis_first = first.axes[axis]
+        axis_first = first.axes[axis]  # type: ignore[index]
         row.changed = axis_first.proposal.changed
         names = NAMES[craft.autopilot.kind, axis]
         held = {name: after for name, (_, after) in axis_first.parameters.items() if name in names}
@@ -152,7 +153,7 @@ def one(task: tuple[int, str, bool]) -> Row:
             whole=quantities(proposed.whole),
         )
         try:
-            checked = check_tuning({axis: foretold}, again).axes[axis]
+            checked = check_tuning({axis: foretold}, again).axes[axis]  # type: ignore[index]
         except InsufficientDataError as error:
             row.stable = "saturation" not in {one.kind for one in error.findings}
             row.refused = "second flight: " + next((one.kind for one in error.findings), "other")
@@ -163,7 +164,7 @@ def one(task: tuple[int, str, bool]) -> Row:
     return row
 
 
-def judge(row: Row, first: object, second: object) -> None:
+def judge(row: Row, first: Any, second: Any) -> None:
     """Numbers of the second flight: its loops, and what its plant would have allowed."""
     flown = second.proposal.flown
     row.stable = bool(np.median(flown.rate.stable) and np.median(flown.whole.stable))
@@ -271,8 +272,8 @@ def table(rows: list[Row]) -> list[str]:
             f"| {np.median([one.stiffness for one in flown]):.2f} |"
         )
         for name in flown[0].peers:
-            peaks = np.array([one.peers[name][0] for one in flown])
-            finite = peaks[np.isfinite(peaks)]
+            heights = np.array([one.peers[name][0] for one in flown])
+            finite = heights[np.isfinite(heights)]
             told = "/".join(f"{value:.2f}" for value in np.quantile(finite, (0.1, 0.5, 0.9))) if finite.size else "–"
             known = "the plant of the second flight, without noise"
             lines.append(

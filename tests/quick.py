@@ -176,7 +176,9 @@ class Tree:
         for module, named in self.mirrors.items():
             if named in modules and module not in modules:
                 near[module] = (True, 0, self.duration_s(module), module)
-        chosen, left_out, spent_s = [], [], 0.0
+        chosen: list[str] = []
+        left_out: list[str] = []
+        spent_s = 0.0
         for module in sorted(near, key=lambda module: near[module]):
             file, cost_s = self.files[module], self.duration_s(module)
             if file.slow or (module not in modules and file.path.startswith(LONG)):
@@ -230,7 +232,10 @@ def read(path: Path, root: Path) -> File:
     """A Python file below a root."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     nodes = list(_running(tree))
-    bound, names, tables, words = {}, set(), set(), set()
+    bound: dict[str, str | None] = {}
+    names: set[str] = set()
+    tables: set[str] = set()
+    words: set[str] = set()
     for node in nodes:
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
@@ -244,7 +249,7 @@ def read(path: Path, root: Path) -> File:
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             words.add(node.value)
         elif isinstance(node, ast.List | ast.Tuple):
-            values = [one.value if isinstance(one, ast.Constant) else None for one in node.elts]
+            values = [str(one.value) if isinstance(one, ast.Constant) else "" for one in node.elts]
             names |= {f"{name}.__main__" for flag, name in pairwise(values) if flag == "-m"}
         elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "pytestmark":
             words |= {"pytestmark slow"} if "mark.slow" in ast.unparse(node.value) else set()

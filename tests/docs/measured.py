@@ -263,7 +263,7 @@ def main() -> None:
             sys.exit(f"no flight data at {DATA}; set ROTORID_DATA to their folder")
         text = sample.page.read_text(encoding="utf-8")
         made = sample.made()
-        sample.page.write_text(sample.between.sub(lambda _, made=made: made, text), encoding="utf-8")
+        sample.page.write_text(sample.between.sub(lambda _, made=made: made, text), encoding="utf-8")  # type: ignore[misc]
 
 
 if __name__ == "__main__":

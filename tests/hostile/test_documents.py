@@ -86,7 +86,7 @@ def refused(read: Callable[[Path], object], path: Path) -> RotoridError:
 def test_no_toml_raises_anything_but_a_sentence(name: str, tmp_path: Path) -> None:
     for number, content in enumerate(BAD_TOML.values()):
         path = tmp_path / f"{number}.toml"
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())  # type: ignore[attr-defined]
         refused(TOML[name], path)
 
 
@@ -98,7 +98,7 @@ def test_no_json_raises_anything_but_a_sentence(name: str, tmp_path: Path) -> No
         folder.mkdir()
         (folder / "model.toml").write_text("")
         path = folder / "result.json"
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())  # type: ignore[attr-defined]
         refused(JSON[name], path)
 
 

@@ -184,7 +184,7 @@ def with_acceleration(record: FlightRecord, name: str, force: str, angle: str, s
     """A record of the linear S500 with an acceleration along the body: specific force without gravity's share."""
     (topic,) = record.topics
     rows = [topic.row(channel) for channel in (force, angle)]
-    values = np.array([1.0, sign * GRAVITY_M_S2]) @ topic.values[rows]
+    values = np.array([1.0, sign * GRAVITY_M_S2]) @ topic.values[rows]  # type: ignore[index]
     channels = (*topic.channels, Channel(name=name, unit="m/s^2"))
     return replace(record, topics=(replace(topic, values=np.vstack([topic.values, values]), channels=channels),))
 

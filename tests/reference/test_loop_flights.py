@@ -23,6 +23,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.flights.controllers import controllers_of, logged_controller
 from rotorid.io.parameters import parameters_changed
 from rotorid.loops.rate_loops import MODEL_ERROR
+from rotorid.loops.responses import Responses
 from rotorid.models.controller import RateController
 from rotorid.signal.clock import resample
 from rotorid.signal.filters import combined_response
@@ -243,13 +244,13 @@ def px4_attitude(controller: RateController, late_s: float) -> tuple[float, floa
 
 
 @pytest.fixture(scope="module")
-def in_wind(unpacked: Callable[[str], Path]) -> tuple[FlightRecord, rotorid.Responses]:
+def in_wind(unpacked: Callable[[str], Path]) -> tuple[FlightRecord, Responses]:
     record = rotorid.read(unpacked("ardupilot_sitl/x_wind_rollpitch.BIN.xz"))
     return record, rotorid.response([record], inputs="roll_command", outputs="p")
 
 
 def test_a_margin_at_the_edge_of_the_band_is_a_bound_and_a_finding(
-    in_wind: tuple[FlightRecord, rotorid.Responses],
+    in_wind: tuple[FlightRecord, Responses],
 ) -> None:
     loop = in_wind[1].loops["roll"]
     peak = loop.bounds["disturbance_rejection_peak"]
@@ -266,7 +267,7 @@ def test_a_margin_at_the_edge_of_the_band_is_a_bound_and_a_finding(
     )
 
 
-def test_beyond_the_band_model_times_controller_goes_on(in_wind: tuple[FlightRecord, rotorid.Responses]) -> None:
+def test_beyond_the_band_model_times_controller_goes_on(in_wind: tuple[FlightRecord, Responses]) -> None:
     record, result = in_wind
     beyond = result.loops["roll"].beyond
     assert beyond is not None

@@ -97,7 +97,7 @@ def test_gains_of_the_card_are_those_of_its_vehicle_on_both_axes(
 ) -> None:
     found = tune([model(CARD, axis) for axis in AXES], log(CARD), axes=AXES)
     for axis, stem in (("roll", "RLL"), ("pitch", "PIT")):
-        proposed = {name: found.axes[axis].parameters[f"ATC_RAT_{stem}_{name}"][1] for name in "PID"}
+        proposed = {name: found.axes[axis].parameters[f"ATC_RAT_{stem}_{name}"][1] for name in "PID"}  # type: ignore[index]
         assert proposed["P"] == pytest.approx(0.070, rel=0.05)
         assert proposed["I"] == pytest.approx(0.67, rel=0.05)
         assert proposed["D"] == pytest.approx(0.0002, rel=0.1)

@@ -102,7 +102,7 @@ def test_a_proposal_from_a_wrong_model_is_not_acquitted(shared_data: Path) -> No
             "sensitivity_peak": (1.5, 1.39, 1.71),
         },
     }
-    found = check_tuning({axis: foretold(record, axis, whole) for axis, whole in said.items()}, record)
+    found = check_tuning({axis: foretold(record, axis, whole) for axis, whole in said.items()}, record)  # type: ignore[misc]
     assert found.axes["roll"].verdict == "inside_limits"
     assert "Keep these gains" not in found.axes["roll"].advice
     assert found.axes["pitch"].verdict == "as_foretold"

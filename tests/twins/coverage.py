@@ -135,7 +135,7 @@ def judge(case: Case, flight: Twin, truth: Mapping[str, float]) -> list[Judged |
         if case.model == MOTORS:
             model = identify_motors([flight.record], flight.choices)
             assert model.motors is not None
-            found = {**model.motors.derived, **model.parameters}
+            found: dict[str, Any] = {**model.motors.derived, **model.parameters}
             truth = dict(flight.truth)
             if not {"I_xx", "I_yy"} & set(found) and "tau_gyro" in truth:
                 # Where yaw alone is known, the delay is that of yaw.

@@ -55,7 +55,8 @@ def estimated(card: Card) -> list[Estimated]:
         assert model.band_rad_s is not None
         off = (gain.value - known[axis]) / gain.std
         percent = 100.0 * gain.std / abs(gain.value)
-        found.append(Estimated(card, axis, off, percent, *model.provenance.instruments, model.band_rad_s))
+        (instrument,) = model.provenance.instruments
+        found.append(Estimated(card, axis, off, percent, instrument, model.band_rad_s))
     return found
 
 

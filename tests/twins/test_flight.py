@@ -59,10 +59,10 @@ def joint() -> tuple[np.ndarray, dict[str, ComplexArray]]:
     to_commands = np.stack([cross(flights[axis], axis, commands)[1] for axis in AXES])
     to_outputs = np.stack([cross(flights[axis], axis, outputs)[1] for axis in AXES])
     solved = np.linalg.solve(np.moveaxis(to_commands, -1, 0), np.moveaxis(to_outputs, -1, 0))
-    return omega, {name: solved[:, :, row].T for row, name in enumerate(outputs)}
+    return omega, {name: solved[:, :, row].T for row, name in enumerate(outputs)}  # type: ignore[misc]
 
 
-@pytest.mark.parametrize(("axis", "output"), [(axis, name) for axis in AXES for name in RESPONSES[axis]])
+@pytest.mark.parametrize(("axis", "output"), [(axis, name) for axis in AXES for name in RESPONSES[axis]])  # type: ignore[index]
 def test_calm_flight_shows_the_exact_response(
     axis: Axis, output: str, joint: tuple[np.ndarray, dict[str, ComplexArray]]
 ) -> None:

@@ -24,7 +24,8 @@ PEAK = np.abs(np.log(OMEGA / MODE_RAD_S)) < 0.1
 FAR = np.abs(np.log(OMEGA / MODE_RAD_S)) > 0.5
 
 NUMERATOR, DENOMINATOR, _ = signal.cont2discrete(
-    ([MODE_RAD_S**2], [1.0, 2.0 * DAMPING * MODE_RAD_S, MODE_RAD_S**2]), 1.0 / RATE_HZ
+    ([MODE_RAD_S**2], [1.0, 2.0 * DAMPING * MODE_RAD_S, MODE_RAD_S**2]),  # type: ignore[list-item]
+    1.0 / RATE_HZ,  # type: ignore[list-item]
 )
 
 

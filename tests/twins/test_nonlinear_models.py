@@ -60,7 +60,7 @@ def test_drag_comes_back_within_its_spread(kind: str) -> None:
         fit = fit_nonlinear(given)
         assert fit.settled
         distances.append(squared_errors(fit, truth))
-    low, high = stats.chi2.ppf([0.0005, 0.9995], 2 * seeds)
+    low, high = stats.chi2.ppf([0.0005, 0.9995], 2 * seeds)  # type: ignore[misc]
     assert low < sum(distances) < high
 
 
@@ -109,5 +109,5 @@ def test_a_whole_flight_comes_back_within_its_spread() -> None:
         assert fit.settled
         assert fit.solution.outcome is Outcome.CONVERGED
         distances.append(squared_errors(fit, truth))
-    low, high = stats.chi2.ppf([0.0005, 0.9995], len(truth.free) * seeds)
+    low, high = stats.chi2.ppf([0.0005, 0.9995], len(truth.free) * seeds)  # type: ignore[misc]
     assert low < sum(distances) < high

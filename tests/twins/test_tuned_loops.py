@@ -248,7 +248,7 @@ def test_gains_that_count_as_unstable_swing_in_flight(tmp_path: Path) -> None:
         assert found.stable.all() if stable else not found.stable.any()
         names = dict(zip(NAMES["px4"], gains.as_dict().values(), strict=True))
         flown = with_gains(craft, names, source="the test")
-        entry = VehicleEntry(name=craft.name, summary="", source="", make=lambda flown=flown: flown)
+        entry = VehicleEntry(name=craft.name, summary="", source="", make=lambda flown=flown: flown)  # type: ignore[misc]
         run = fly_run(SimulateChoices(vehicle=entry, duration_s=20.0, wind=Wind(turbulence_m_s=0.5), seed=1), 0)
         roll = np.degrees(run.flown.columns["phi"])
         assert (np.std(roll[roll.size // 2 :]) < 3.0) == stable

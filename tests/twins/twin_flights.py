@@ -303,6 +303,6 @@ def identify(twin: Twin, seed: int) -> Result:
     truth = np.array([twin.truth[name] for name in problem.parameters.free])
     return Result(
         names=problem.parameters.free,
-        error={weights: one.theta - truth for weights, one in found.items()},
-        std={weights: bounds(problem, one, weights=weights).random_std for weights, one in found.items()},
+        error={weights: one.theta - truth for weights, one in found.items()},  # type: ignore[misc]
+        std={weights: bounds(problem, one, weights=weights).random_std for weights, one in found.items()},  # type: ignore[misc]
     )

@@ -32,7 +32,7 @@ def rotation(phi: float, theta: float, psi: float) -> FloatArray:
 def test_axes_are_those_of_the_matrix(frame: BodyFrame | WorldFrame) -> None:
     vector = np.array([1.0, 2.0, 3.0])
     turned = [sign * vector[place] for place, sign in signed_axes(frame)]
-    np.testing.assert_array_equal(turned, {**BODY, **WORLD}[frame] @ vector)
+    np.testing.assert_array_equal(turned, {**BODY, **WORLD}[frame] @ vector)  # type: ignore[misc]
 
 
 @pytest.mark.parametrize(("frame", "world"), [("FRD", "NED"), ("FLU", "ENU"), ("FLU", "NWU")])

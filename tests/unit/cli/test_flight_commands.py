@@ -191,7 +191,7 @@ def test_vehicles_are_listed_with_their_sources() -> None:
 def test_the_rig_is_moved_and_its_ratio_found(tmp_path: Path) -> None:
     ran = rotorid("simulate", "rig", "--out", tmp_path, "--json")
     truth = {name: one["value"] for name, one in json.loads(ran.out)["truth"].items()}
-    given = ("--fix", f"L={truth['L']}", "--fix", f"J_x={truth['J_x']}")
+    given: tuple[str, ...] = ("--fix", f"L={truth['L']}", "--fix", f"J_x={truth['J_x']}")
     given = (*given, "--segment", "roll:0:119", "--outputs", "phi", "--windows", "71,60,40")
     given = (*given, "--instrument", "motor_3_excitation,motor_4_excitation")
     given = (*given, "--json", "--out", str(tmp_path / "result"))

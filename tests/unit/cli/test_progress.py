@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+from collections.abc import Iterator
 
 import pytest
 from rich.console import Console
@@ -18,18 +19,18 @@ PIPELINE = logging.getLogger("rotorid.progress")
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """Seconds that the clock shows, which the test turns."""
     now_s = [100.0]
-    monkeypatch.setattr(console.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr(console.time, "monotonic", lambda: now_s[0])  # type: ignore[attr-defined]
     return now_s
 
 
 @pytest.fixture
-def shown(clock: list[float]) -> list[str]:
+def shown(clock: list[float]) -> Iterator[list[str]]:
     """What has been shown of messages of the pipeline."""
     lines: list[str] = []
     handler = console._Status(lambda text, _: lines.append(text))
     PIPELINE.addHandler(handler)
     PIPELINE.setLevel(logging.INFO)
-    yield lines  # type: ignore[misc]
+    yield lines
     PIPELINE.removeHandler(handler)
     PIPELINE.setLevel(logging.NOTSET)
 

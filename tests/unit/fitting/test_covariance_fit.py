@@ -45,7 +45,7 @@ def study(data: FrequencyResponse, seed: int) -> Study:
             limits.append((bounds(problem, plain), bounds(problem, fine, weights="covariance")))
     cifer, covariance = (np.array(column) for column in zip(*errors, strict=True))
     stds = (np.array([one.random_std for one in column]) for column in zip(*limits, strict=True))
-    return Study(cifer, covariance, *stds, np.array([[largest_model_error(one) for one in pair] for pair in limits]))
+    return Study(cifer, covariance, *stds, np.array([[largest_model_error(one) for one in pair] for pair in limits]))  # type: ignore[call-arg]
 
 
 def largest_model_error(limits: Bounds) -> float:

@@ -187,7 +187,7 @@ def test_runs_at_once_take_numbers_of_their_own(tmp_path: Path) -> None:
 
 
 def test_temporary_files_of_the_living_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(folders.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(folders.tempfile, "tempdir", str(tmp_path))  # type: ignore[attr-defined]
     with scratch_folder() as one, scratch_folder() as other:
         assert one != other
         assert one.is_dir()

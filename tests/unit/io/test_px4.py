@@ -29,7 +29,7 @@ def keyed(kind: str, name: str, value: bytes) -> bytes:
 
 def ulog(topics: Mapping[str, Fields], parameters: Mapping[str, float] | None = None, extra: bytes = b"") -> bytes:
     """A ULog with one instance of each topic; stamps are unsigned, all else is float."""
-    parts = [px4.MAGIC + b"\x01" + struct.pack("<Q", 0)]
+    parts = [px4.MAGIC + b"\x01" + struct.pack("<Q", 0)]  # type: ignore[attr-defined]
     parts += [
         message("P", keyed("float", name, struct.pack("<f", value))) for name, value in (parameters or {}).items()
     ]

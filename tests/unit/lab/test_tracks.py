@@ -112,7 +112,7 @@ def test_levels_of_a_channel_are_made_once(tmp_path: Path, monkeypatch: pytest.M
     """However many tracks are shown, and however many ask at once."""
     time_s = np.arange(1000) / RATE_HZ
     tracks = _tracks(tmp_path, time_s, *(time_s * k for k in range(20)))
-    made, extremes_of = [], lab_tracks.extremes_of
+    made, extremes_of = [], lab_tracks.extremes_of  # type: ignore[attr-defined]
     monkeypatch.setattr(lab_tracks, "extremes_of", lambda values: (made.append(1), extremes_of(values))[1])
     with ThreadPoolExecutor(8) as pool:
         for _ in range(2):

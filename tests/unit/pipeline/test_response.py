@@ -168,7 +168,7 @@ def test_a_flight_without_excitation_of_the_axis_is_read_whole_and_it_is_said(pi
     try:
         result = response([pitch], inputs=["roll_command"], outputs=["p"], settings=settings)
     except InsufficientDataError as error:
-        result = refused_response(error, [pitch], inputs=["roll_command"], outputs=["p"], settings=settings)
+        result = refused_response(error, [pitch], inputs=["roll_command"], outputs=["p"], settings=settings)  # type: ignore[assignment]
     assert said(result)["no_excitation"] == "warning"
     assert "whole flight" in next(f.message for f in result.findings if f.kind == "no_excitation")
 

@@ -360,4 +360,4 @@ def test_the_package_page_names_functions_that_exist() -> None:
 
     listed = re.findall(r"^``rotorid\.plot\.(\w+)``", rotorid.plot.__doc__ or "", flags=re.MULTILINE)
     assert len(listed) >= 11
-    assert set(listed) <= set(rotorid.plot.__all__)
+    assert set(listed) <= set(rotorid.plot.__all__)  # type: ignore[attr-defined]

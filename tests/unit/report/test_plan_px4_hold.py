@@ -106,7 +106,7 @@ def test_gusts_do_not_carry_it_out_of_the_room(tmp_path: Path) -> None:
     assert reason == "plan complete"
     held = np.hypot(trace[:, 1], trace[:, 2]).max()
     flown_again = loaded(plan, tmp_path)
-    flown_again.SPEED_GAIN = flown_again.INTEGRAL_GAIN = flown_again.PLACE_GAIN = 0.0
+    flown_again.SPEED_GAIN = flown_again.INTEGRAL_GAIN = flown_again.PLACE_GAIN = 0.0  # type: ignore[attr-defined]
     clock = Time()
     link = Drifting(clock, gusts_m_s=0.3)
     limits = flown_again.arguments(["--hover-thrust", "0.5", "--room-m", "500"])

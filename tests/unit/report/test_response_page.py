@@ -67,7 +67,7 @@ def test_every_number_that_a_loop_can_have_has_its_words() -> None:
     loop = axis_loop()
     attitude = attitude_bandwidth(loop.loop)
     hollow = [dataclasses.replace(part, **blank(part)) for part in (loop.margins, loop.rejection, attitude)]
-    margins, rejection, attitude = hollow
+    margins, rejection, attitude = hollow  # type: ignore[assignment]
     document = dataclasses.replace(loop, margins=margins, rejection=rejection, attitude=attitude)
     assert len(unseen(document)) == len(document.not_seen) == 15
     seen = axis_loop()

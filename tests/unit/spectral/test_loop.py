@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -80,7 +83,7 @@ def test_processing_says_what_was_done_and_the_rest_stays(loop: FrequencyRespons
 
 
 @pytest.mark.parametrize("function", [sensitivity, closed_loop])
-def test_error_goes_through_to_first_order(function, loop: FrequencyResponse) -> None:
+def test_error_goes_through_to_first_order(function: Callable[..., Any], loop: FrequencyResponse) -> None:
     count = 4000
     small = response(LOOP, relative(LOOP, 0.01))
     errors = draws(small.covariance[0, 0], count, seed=0)

@@ -70,7 +70,8 @@ def draw(rng: np.random.Generator) -> ComplexArray:
 def fits() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Errors and random standard deviations, each ``(fits, parameters)``, and sizes of the model error."""
     rng = np.random.default_rng(11)
-    errors, spreads, sizes = [], [], []
+    errors, spreads = [], []
+    sizes: list[FloatArray] = []
     start = [np.array([50.0, -2.0, 0.04, 0.02])]
     for run in range(FITS):
         posed = problem(response(draw(rng)))

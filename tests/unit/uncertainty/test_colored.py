@@ -85,8 +85,8 @@ def at_two_rates(seed: int) -> tuple[list[Part], float]:
         slopes = size * np.repeat((-1.0) ** np.arange(long_s / 2.0), 2 * round(rate_hz))
         unknown = np.zeros((samples, 1, 0))
         parts.append(Part(noise[:, None], slopes[:, None, None], unknown, rate_hz))
-        middle += slopes @ matmul_toeplitz(memory ** np.arange(samples), slopes)
-        information += slopes @ slopes
+        middle += slopes @ matmul_toeplitz(memory ** np.arange(samples), slopes)  # type: ignore[assignment]
+        information += slopes @ slopes  # type: ignore[assignment]
     return parts, middle / information**2
 
 

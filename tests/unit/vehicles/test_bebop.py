@@ -48,7 +48,7 @@ def test_second_order_fits_the_library_with_a_zero() -> None:
     """Two states with any B and C are a gain, a frequency, a damping and a zero: four numbers for the eight printed."""
     model = response_model("response.second_order_zero", bebop.PAIRS)
     system = bebop.second_order()
-    values = {}
+    values: dict[str, float] = {}
     for row, (_, y) in enumerate(bebop.PAIRS):
         block = slice(2 * row, 2 * row + 2)
         A, B, C = system.F[block, block], system.G[block, row], system.H0[row, block]
