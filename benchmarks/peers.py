@@ -15,6 +15,8 @@ from itertools import islice
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
+from tests.twins.everyday_flights import cases
+
 from benchmarks import accuracy, dataflash, frequency_response, genetic, state_space, step_response
 
 RECORD = Path(__file__).with_suffix(".json")
@@ -48,7 +50,7 @@ def of_accuracy() -> Iterator[Measured]:
 
 def of_steps() -> Iterator[Measured]:
     """Shares of flights of which the rise time is told within its planned error."""
-    chosen = islice(step_response.cases(), 0, None, (96 // FLIGHTS) | 1)
+    chosen = islice(cases(), 0, None, (96 // FLIGHTS) | 1)
     shares = step_response.rises_within(list(step_response.compare(chosen)))
     for method, share in zip(("Wiener deconvolution", "rotorid"), shares, strict=True):
         numbers = {"rise_within_percent": share, "flights": FLIGHTS}

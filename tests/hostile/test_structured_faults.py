@@ -12,9 +12,10 @@ from tests.hostile.faults import misread, spoil
 
 import rotorid
 from rotorid.data import FlightRecord
-from rotorid.documents.result import ParameterEstimate, result_document
+from rotorid.documents.result import result_document
 from rotorid.io.ardupilot.dataflash import decode
 from rotorid.io.screening import screened
+from rotorid.results.summary import ParameterEstimate
 
 LOGS = ("ardupilot_sitl/x_calm_roll.BIN", "px4_sitl/roll.ulg", "betaflight/smooth_tune.BBL")
 

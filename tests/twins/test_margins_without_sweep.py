@@ -26,9 +26,10 @@ from tests.twins.everyday_flights import (
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.flights.whole_flights import flown
+from rotorid.loops.rate_loops import NUMBERS
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.controller import RateController
-from rotorid.reviewing.margins import NUMBERS, margins
+from rotorid.reviewing.margins import margins
 from rotorid.reviewing.values import MarginReview, Untold
 from rotorid.signal.filters import butterworth_low_pass
 from rotorid.simulation.hover_flight import OUTPUTS

@@ -12,7 +12,7 @@ from tests.unit.pipeline.response_flight import flight as roll_flight
 from rotorid.documents.result import load, save
 from rotorid.documents.verify import verify_document
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fits.time import soundness
+from rotorid.fits.time import refusals
 from rotorid.flying import fly_log
 from rotorid.flying.flown_models import FlownStretch
 from rotorid.identifying import compare, identify, verify
@@ -94,7 +94,7 @@ def test_own_equations(tmp_path: Path) -> None:
 
 def test_values_that_nothing_bounds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """By the rule of all fits in time."""
-    monkeypatch.setattr(soundness, "grown", lambda parameters, limits: ["k_Dx"])
+    monkeypatch.setattr(refusals, "grown", lambda parameters, limits: ["k_Dx"])
     with pytest.raises(InsufficientDataError, match="nothing bounds k_Dx"):
         identify([large_motion(seed=4)], "drag.linear")
 

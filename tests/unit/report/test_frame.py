@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 from tests.unit.report.sample import identification
 
+from rotorid.data.display import capital
 from rotorid.io.files import write_atomically
 from rotorid.report.files import write_together
-from rotorid.report.frame import capital, typeset, with_files, with_interval
+from rotorid.report.frame import typeset, with_files, with_interval
 from rotorid.report.identification import render_sections
 
 
