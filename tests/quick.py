@@ -7,7 +7,7 @@ face that lists them (``from rotorid import identify`` needs the module of ``ide
 A test file is nearest where it is named after a changed module (``tests/unit/PACKAGE/test_MODULE.py``), then where it
 imports one, then where it imports what imports one, and so on. The nearest run, as far as :data:`BUDGET_S` allows by
 ``tests/durations.json``, and the others are listed. Doctests of changed modules run too. Studies of real flights,
-twins, browsers and pages (:data:`LONG`) are left to ``make test``.
+twins, browsers and the site (:data:`LONG`) are left to ``make test``.
 
 ``python -m tests.quick --renew REPORT`` writes the durations of a report that ``pytest --junitxml REPORT`` wrote.
 """
@@ -27,7 +27,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parents[1]
-LONG = tuple(f"tests/{folder}/" for folder in ("agreement", "browser", "docs", "peers", "reference", "twins"))
+LONG = (
+    *(f"tests/{folder}/" for folder in ("agreement", "browser", "peers", "reference", "twins")),
+    *(f"tests/docs/test_{what}.py" for what in ("package", "site", "tutorials")),
+)
 BUDGET_S = 60.0
 """Of what is chosen, one file after the other: on two cores half of it passes, and ten seconds before the first."""
 SHORT_S = 0.5
@@ -158,7 +161,7 @@ class Tree:
         return set()
 
     def choose(self, changed: Iterable[str], *, budget_s: float = BUDGET_S) -> Choice:
-        """Test files of changed files, nearest first: changed ones always, others as far as the budget allows.
+        """Test files of changed files, nearest first, as far as the budget allows.
 
         Parameters
         ----------
@@ -167,23 +170,19 @@ class Tree:
         budget_s
             How long the chosen files may take, one after the other.
         """
-        modules = {module for path in changed for module in self.changed_with(path)}
-        near = {
-            module: (module not in modules, distance, self.duration_s(module), module)
-            for module, distance in distances(self.importers, modules).items()
-            if self.files[module].is_test
-        }
-        for module, named in self.mirrors.items():
-            if named in modules and module not in modules:
-                near[module] = (True, 0, self.duration_s(module), module)
+        paths = set(changed)
+        modules = {module for path in paths for module in self.changed_with(path)}
+        near = {module: 1 + distance for module, distance in distances(self.importers, modules).items()}
+        near |= {module: 1 for module, named in self.mirrors.items() if named in modules}
+        near |= {module: 0 for module in modules if self.files[module].path in paths}
         chosen: list[str] = []
         left_out: list[str] = []
         spent_s = 0.0
-        for module in sorted(near, key=lambda module: near[module]):
+        for module in sorted(near, key=lambda module: (near[module], self.duration_s(module), module)):
             file, cost_s = self.files[module], self.duration_s(module)
-            if file.slow or (module not in modules and file.path.startswith(LONG)):
+            if not file.is_test or file.slow or (near[module] and file.path.startswith(LONG)):
                 continue
-            if module in modules or not chosen or spent_s + cost_s <= budget_s:
+            if not chosen or spent_s + cost_s <= budget_s:
                 chosen.append(file.path)
                 spent_s += cost_s
             else:
