@@ -20,7 +20,7 @@ from typing import NamedTuple
 from tests.golden.results import DATA
 
 import rotorid
-from rotorid.report.frame import with_error
+from rotorid.data.quantity import with_error
 from rotorid.results.model import IdentifiedModel
 
 ROOT = Path(__file__).resolve().parents[2]

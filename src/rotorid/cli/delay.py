@@ -11,6 +11,7 @@ import typer
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
 from rotorid.cli.options import Logs, Map, Output
+from rotorid.data.quantity import with_interval
 from rotorid.settings.settings import MeasureSettings
 
 if TYPE_CHECKING:
@@ -102,6 +103,6 @@ def _print(document: DelayDocument, folder: Path) -> None:
 
 
 def _cells(estimate: DelayEstimateDocument) -> tuple[str, str, str, str]:
-    ends = estimate.interval_s
-    interval = f"{1e3 * ends[0]:.1f} to {1e3 * ends[1]:.1f}" if ends else ""
-    return f"{1e3 * estimate.delay_s:.1f}", interval, f"{estimate.delay_samples:.2f}", estimate.meaning
+    ends = (None, None) if estimate.interval_s is None else estimate.interval_s
+    delay, interval = with_interval(*(None if one is None else 1e3 * one for one in (estimate.delay_s, *ends)))
+    return delay, interval, f"{estimate.delay_samples:.2f}", estimate.meaning

@@ -14,7 +14,7 @@ from rotorid.cli.command import print_if_asked, target_of, with_command
 from rotorid.cli.console import progress, say, tell
 from rotorid.cli.options import ForPaper, Only, Output
 from rotorid.cli.preferences import results_folder
-from rotorid.data.quantity import TWO_SIDED_95
+from rotorid.data.quantity import TWO_SIDED_95, error_columns
 
 if TYPE_CHECKING:
     from rotorid.flying.demo import Demonstration
@@ -84,11 +84,12 @@ def _print(demo: Demonstration, folder: Path) -> None:
             truth = demo.truth.get(name)
             if parameter.status == "dropped" and not truth:
                 continue
+            value, std = error_columns(parameter.value, parameter.std, digits=5)
             table.add_row(
                 result.name,
                 name,
-                "dropped" if parameter.status == "dropped" else f"{parameter.value:.5g}",
-                "" if parameter.std is None else f"{parameter.std:.2g}",
+                "dropped" if parameter.status == "dropped" else value,
+                std,
                 "" if truth is None else f"{truth:.5g}",
                 parameter.unit,
                 f"{distances[name]:+.1f} σ" if name in distances else "",

@@ -17,6 +17,7 @@ from rotorid.cli.console import print_findings, progress, say, tell
 from rotorid.cli.options import ForPaper, Only, Output, one_of, vehicle_names
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import Like, say_taken
+from rotorid.data.quantity import error_columns
 from rotorid.errors import UsageError
 from rotorid.flying.settings import Air, DesignChoices, PlanChoices, parse_shape, plan_choices
 
@@ -260,8 +261,7 @@ def _print_prediction(prediction: PredictionDocument) -> None:
         table.add_row(
             name,
             f"{one.value:.5g}",
-            f"{one.expected:.5g}",
-            f"{one.std:.2g}",
+            *error_columns(one.expected, one.std, digits=5),
             one.unit,
             "" if one.percent is None else f"{one.percent:.2g}",
             f"{least:.2g}" if math.isfinite(least) else "",

@@ -13,6 +13,7 @@ import typer
 from rotorid.cli.command import carry_out, read_logs, with_command
 from rotorid.cli.console import INKS, default_folder, output_console, print_findings
 from rotorid.cli.options import ForPaper, Logs, Map, Output, models_known, one_of
+from rotorid.data.quantity import error_columns, significant, with_error
 from rotorid.data.trust import BOUNDS_MEANING
 from rotorid.errors import UsageError
 from rotorid.settings.settings import ALL, HOVER, MODEL, IdentifySettings, motor_choices, parse_names
@@ -325,12 +326,9 @@ def _table(document: ResultDocument) -> Table:
         if parameter.status == "dropped":
             continue
         spread = [] if again is None else [f"{again.parameters[name].std:.2g}" if name in again.parameters else ""]
-        table.add_row(name, *_numbers(parameter), *spread, parameter.unit, *_percents(parameter), parameter.status)
+        numbers = error_columns(parameter.value, parameter.std, digits=5)
+        table.add_row(name, *numbers, *spread, parameter.unit, *_percents(parameter), parameter.status)
     return table
-
-
-def _numbers(parameter: ParameterEstimate) -> tuple[str, str]:
-    return f"{parameter.value:.5g}", "" if parameter.std is None else f"{parameter.std:.2g}"
 
 
 def _percents(parameter: ParameterEstimate) -> tuple[str, str]:
@@ -350,7 +348,7 @@ def _motors(document: ResultDocument) -> Iterator[str]:
         "thrust_to_weight": "full thrust over weight",
     }
     told = [
-        f"{words[name]} {one.value:.4g} ± {one.std:.2g}{'' if one.unit == '1' else ' ' + one.unit}"
+        f"{words[name]} {with_error(one.value, one.std)}{'' if one.unit == '1' else ' ' + one.unit}"
         for name, one in document.motors.derived.items()
     ]
     yield ", ".join(told)
@@ -363,7 +361,7 @@ def _derived(document: ResultDocument) -> Iterator[str]:
         return
     for name, one in derived.quantities.items():
         unit = "" if one.unit == "1" else f" {one.unit}"
-        yield f"{name} {one.value:.4g} ± {one.std:.2g}{unit}: {one.words}"
+        yield f"{name} {with_error(one.value, one.std)}{unit}: {one.words}"
     for name, needed in derived.missing.items():
         yield f"{name} would follow with {', '.join(needed)} (--known {needed[0]}=VALUE:STD)"
 
@@ -387,7 +385,7 @@ def _alone(document: ResultDocument) -> Iterator[str]:
     for name in dict.fromkeys(name for one in document.records for name in one.parameters):
         said = [one.parameters[name] for one in document.records if name in one.parameters]
         if len(said) > 1:
-            each = ", ".join(f"{one.value:.3g} ± {one.std:.1g}" for one in said)
+            each = ", ".join(with_error(one.value, one.std, digits=3) for one in said)
             mean, spread = fmean(one.value for one in said), stdev(one.value for one in said)
             yield f"{name} of {len(said)} records alone: mean {mean:.3g}, spread {spread:.2g} ({each})"
 
@@ -405,8 +403,8 @@ def _orders(document: ResultDocument) -> Iterator[str]:
             continue
         yield (
             f"{one.order:5d}{one.parameters:12d}{one.fitted_percent or 0.0:22.1f} %"
-            f"{one.unseen_percent or 0.0:13.1f} ± {one.unseen_std or 0.0:3.1f} %"
-            f"{one.behind_percent or 0.0:9.2f} ± {one.behind_std or 0.0:4.2f}{one.bic or 0.0:10.0f}"
+            f"{with_error(one.unseen_percent, one.unseen_std):>19} %"
+            f"{with_error(one.behind_percent, one.behind_std):>16}{one.bic or 0.0:10.0f}"
         )
     yield order_words(choice)
 
@@ -438,7 +436,8 @@ def _runs(runs: SearchRuns) -> Iterator[str]:
     for words, table in (("alone", runs.alone), ("with local searches", runs.polished)):
         yield f"{runs.runs} runs from other seeds{left}, {words}: mean ± standard deviation (least to largest)"
         for name, one in {"cost": table.cost, **table.parameters}.items():
-            yield f"  {name:<15} {one.mean:.4g} ± {one.std:.2g} ({one.min:.4g} to {one.max:.4g})"
+            ends = f"{significant(one.min, digits=4)} to {significant(one.max, digits=4)}"
+            yield f"  {name:<15} {with_error(one.mean, one.std)} ({ends})"
 
 
 def _verified(document: ResultDocument) -> Iterator[str]:
@@ -449,8 +448,8 @@ def _verified(document: ResultDocument) -> Iterator[str]:
     for record, cost_value in document.verification.frequency.items():
         yield f"unseen {record}: cost {cost_value:.1f}"
     if (crossed := document.cross_validation) is not None and crossed.mean_percent is not None:
-        spread = "" if crossed.spread_percent is None else f" ± {crossed.spread_percent:.1f}"
         ahead = "" if crossed.horizon_s is None else f", {crossed.horizon_s:.2g} s ahead"
-        yield f"cross-validated on unseen records{ahead}: {crossed.mean_percent:.1f}{spread} %"
+        mean = with_error(crossed.mean_percent, crossed.spread_percent, digits=3)
+        yield f"cross-validated on unseen records{ahead}: {mean} %"
         if crossed.best is not None:
             yield f"best record to identify on: {crossed.best.record}, {crossed.best.mean_percent:.1f} % (optimistic)"

@@ -17,6 +17,7 @@ from rotorid.cli.console import as_given, progress, tell
 from rotorid.cli.folders import Found
 from rotorid.cli.options import AgainstPlan, ForPaper, Logs, Map, Only, Output
 from rotorid.data.findings import worst_first
+from rotorid.data.quantity import milliseconds, with_error
 from rotorid.errors import UsageError
 from rotorid.signal.airborne import told_by
 
@@ -257,8 +258,8 @@ def _kinematics(inspection: Inspection) -> Iterator[str]:
     """A line for each sensor; those that could not be checked share one."""
     for row in inspection.kinematics:
         yield (
-            f"  {row.channel:<3} {row.scale:6.3f} ± {row.scale_std:.3f} of what {row.against} gives, "
-            f"{1e3 * row.lag_s:6.1f} ± {1e3 * row.lag_std_s:.1f} ms after it: {row.verdict}"
+            f"  {row.channel:<3} {with_error(row.scale, row.scale_std):>13} of what {row.against} gives, "
+            f"{milliseconds(row.lag_s, row.lag_std_s):>11} ms after it: {row.verdict}"
         )
     checked = [row.channel for row in inspection.kinematics]
     unchecked = [f.where for f in inspection.findings if f.kind == "kinematics_unchecked" and f.where not in checked]
@@ -271,7 +272,7 @@ def _skews(skews: Sequence[ChannelSkew]) -> Iterator[str]:
     pairs = {(row.reference, row.delayed): row for row in (*skews[::-1], *(row for row in skews if row.remedy))}
     rows = sorted(pairs.values(), key=lambda row: (not row.remedy, row.nature, row.start_s))
     for row in rows[:_MOST_SKEWS]:
-        late = f"{1e3 * row.seconds:6.2f} ± {1e3 * row.std_s:.2f} ms after"
+        late = f"{milliseconds(row.seconds, row.std_s):>13} ms after"
         if row.nature == "vehicle":
             yield f"  {row.channel:<3} {late} {row.reference}: vehicle, motors, filters and stamps together"
             continue

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from rotorid import __version__
+from rotorid.data.quantity import with_error
 
 SCHEMA = "rotorid.doctor/1"
 
@@ -308,7 +309,7 @@ def _self_test() -> list[Check]:
     found = json_text.loads(child.stdout.strip().splitlines()[-1])
     wrong = {name: one for name, one in found.items() if not abs(one["off"]) <= _TOO_FAR}
     said = ", ".join(
-        f"{name} {one['value']:.4g} ± {one['std']:.2g} {one['unit']} (true {one['truth']:.4g})"
+        f"{name} {with_error(one['value'], one['std'])} {one['unit']} (true {one['truth']:.4g})"
         for name, one in found.items()
     )
     remedy = "please report it, with this output" if wrong else ""

@@ -11,6 +11,7 @@ import typer
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder, output_console, print_findings
 from rotorid.cli.options import ForPaper, Log, Map, Only, Output, measured, one_of
+from rotorid.data.quantity import with_error
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
@@ -106,7 +107,7 @@ def _print(document: TrackDocument, folder: Path) -> None:
         console.print(sentence, markup=False, soft_wrap=True)
     if document.gain is not None:
         console.print(
-            f"gain at the end over the reference: {document.gain.value:.3f} ± {document.gain.std:.3f}", markup=False
+            f"gain at the end over the reference: {with_error(document.gain.value, document.gain.std)}", markup=False
         )
     print_findings(document.findings)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)

@@ -11,6 +11,7 @@ import typer
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder, output_console, print_findings
 from rotorid.cli.options import ForPaper, Map, Only, Output, one_of
+from rotorid.data.quantity import with_ends
 from rotorid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -335,4 +336,4 @@ def _lines(one: AxisTuneDocument) -> list[str]:
 
 
 def _told(quantity: QuantityDocument) -> str:
-    return f"{quantity.value:.3g} ({quantity.lower:.3g} to {quantity.upper:.3g})"
+    return with_ends(quantity.value, quantity.lower, quantity.upper)

@@ -19,6 +19,7 @@ import numpy as np
 from pydantic import BaseModel, Field
 
 from rotorid.data.base import Immutable
+from rotorid.data.quantity import with_error
 from rotorid.documents.base import Document, checked
 from rotorid.errors import ModelError, RotoridError, UsageError
 from rotorid.flying.designs import computed_for
@@ -764,9 +765,7 @@ def source_lines(own: OwnVehicle) -> list[str]:
     lines = ["Numbers of results, in SI units:"]
     for name, one in own.joined.numbers.items():
         if one.source != "default":
-            std = f" ± {one.std:.2g}" if one.std else ""
-            lines.append(
-                f"  {name} = {one.value:.5g}{std} {'' if one.unit == '1' else one.unit}, {one.source}: {one.of}"
-            )
+            shown = with_error(one.value, one.std, digits=5)
+            lines.append(f"  {name} = {shown} {'' if one.unit == '1' else one.unit}, {one.source}: {one.of}")
     lines.append(f"Taken from {own.like}:")
     return [*lines, *(f"  {words}" for words in own.taken), ""]

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from rotorid.data.findings import Finding, warn
+from rotorid.data.quantity import with_error
 
 if TYPE_CHECKING:
     from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
@@ -47,7 +48,7 @@ def instead_of_default(
     )
     if abs(value - usual) <= _EXCLUDED_SIGMAS * std or value < 0.0:
         return None
-    shown = f"{value:.3g} ± {std:.2g} {unit}" if std else f"{value:.3g} {unit}"
+    shown = f"{with_error(value, std, digits=3)} {unit}"
     away = f"{abs(value - usual) / std:.1f} standard deviations away" if std else "another number"
     message = (
         f"{parameter} is {shown}, by {' and '.join(_words(name, one) for name, one in known.items())}: the default of "
@@ -67,6 +68,4 @@ def _mean(values: Mapping[str, tuple[float, float]]) -> tuple[float, float]:
 
 
 def _words(name: str, one: VehicleNumber) -> str:
-    return (
-        f"{name} = {one.value:.3g}{f' ± {one.std:.2g}' if one.std else ''} {one.unit}{f' ({one.of})' if one.of else ''}"
-    )
+    return f"{name} = {with_error(one.value, one.std, digits=3)} {one.unit}{f' ({one.of})' if one.of else ''}"

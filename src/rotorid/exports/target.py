@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding
+from rotorid.data.quantity import with_error
 from rotorid.errors import ModelError, UsageError
 
 if TYPE_CHECKING:
@@ -207,9 +208,9 @@ def identified_text(value: float, std: float | None) -> str:
     Examples
     --------
     >>> identified_text(0.363352, 0.00412), identified_text(0.05, None)
-    ('0.36335 ± 0.0041', '0.05')
+    ('0.363 ± 0.004', '0.05')
     """
-    return f"{value:.5g} ± {std:.2g}" if std else f"{value:.5g}"
+    return with_error(value, std, digits=5)
 
 
 def difference_text(one: Compared) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.quantity import with_error
 from rotorid.data.response import FrequencyResponse
 from rotorid.data.trust import (
     CERTAIN_SIGN,
@@ -161,7 +162,7 @@ def _on_gain(problem: FrequencyProblem, solution: Solution, limits: Bounds) -> t
         refusal(
             "not_identifiable",
             gain,
-            f"Not even the sign of {gain} will be certain: {value:.2g} ± {std:.1g}.",
+            f"Not even the sign of {gain} will be certain: {with_error(value, std)}.",
             value=value,
             std=std,
         ),

@@ -159,17 +159,6 @@ def text(label: str) -> str:
     return html.escape(label, quote=False)
 
 
-def minus(number: str) -> str:
-    """A number with the minus sign of paper.
-
-    Examples
-    --------
-    >>> minus("-0.5")
-    '−0.5'
-    """
-    return number.replace("-", "−")
-
-
 MEASURED = "#2b7fc0"
 MODEL = "#d55e00"
 INPUT = "#0b8f6d"

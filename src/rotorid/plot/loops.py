@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rotorid.data.quantity import in_decibels, minus, with_error
 from rotorid.errors import UsageError
 from rotorid.plot.curves import (
     SIGMAS,
@@ -30,7 +31,6 @@ from rotorid.plot.figure import (
     Figure,
     Panel,
     Trace,
-    minus,
     numbers,
     stacked,
     text,
@@ -263,7 +263,7 @@ def _phase_margin(view: View, crossing: Crossing, drawn: Curve) -> Trace:
     there = np.interp(math.log(crossing.omega_rad_s), np.log(drawn.omega_rad_s[seen]), drawn.phase_deg[seen])
     # The loop may be a whole turn further down than the −180° that the margin counts from.
     foot = -180.0 + 360.0 * round((float(there) - margin + 180.0) / 360.0)
-    words = f"phase margin {plus_minus(margin, std)}° at {_where(view, crossing)}"
+    words = f"phase margin {with_error(margin, std, digits=3)}° at {_where(view, crossing)}"
     return _mark(view, crossing, words, INPUT, [foot, foot + margin], (SIGMAS * std, SIGMAS * std))
 
 
@@ -304,30 +304,13 @@ def _reach(view: View, crossing: Crossing, middle: float) -> tuple[float, float]
 
 def _level_words(view: View, crossing: Crossing) -> str:
     if view.magnitude == "linear":
-        return plus_minus(crossing.value, crossing.value_std)
-    std_db = 20.0 / math.log(10.0) * crossing.value_std / crossing.value
-    return f"{plus_minus(float(decibels(np.array([crossing.value]))[0]), std_db)} dB"
+        return with_error(crossing.value, crossing.value_std, digits=3)
+    return f"{in_decibels(crossing.value, crossing.value_std, digits=3)} dB"
 
 
 def _where(view: View, crossing: Crossing) -> str:
     ((std, omega),) = view.bands([(crossing.omega_std_rad_s, crossing.omega_rad_s)])
-    return f"{plus_minus(omega, std)} {view.frequency}"
-
-
-def plus_minus(value: float, std: float) -> str:
-    """A number with its standard deviation, as many digits as that one warrants; alone where it has none.
-
-    Examples
-    --------
-    >>> plus_minus(42.123, 3.0), plus_minus(42.123, 0.13), plus_minus(42.123, 0.0)
-    ('42 ± 3', '42.12 ± 0.13', '42.1')
-    """
-    if not std > 0.0:
-        return minus(f"{value:.3g}")
-    leading = math.floor(math.log10(std))
-    # Two digits of a deviation that starts with a one: rounding it to one would change it by half.
-    digits = max(0, -leading + (1 if std / 10.0**leading < 2.0 else 0))
-    return minus(f"{value:.{digits}f} ± {std:.{digits}f}")
+    return f"{with_error(omega, std, digits=3)} {view.frequency}"
 
 
 DAMPING_RATIOS = (0.2, 0.4, 0.6, 0.8)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rotorid.data.quantity import MISSING, milliseconds, minus, significant, unit, with_error
 from rotorid.documents.compare import (
     ComparedManeuverDocument,
     ComparedModelDocument,
@@ -21,10 +22,9 @@ from rotorid.documents.compare import (
 )
 from rotorid.identifying.comparison import ComparedManeuver, Comparison
 from rotorid.io.files import write_atomically
-from rotorid.plot.figure import minus
 from rotorid.plot.time import Curve, Score, predictions, score_dots
 from rotorid.report.files import to_json, write_together
-from rotorid.report.frame import MISSING, Picture, milliseconds, render, significant, unit, with_error
+from rotorid.report.frame import Picture, render
 from rotorid.report.parts import FAR_SIGMAS, Cell, finding_rows
 from rotorid.results.summary import PoleEstimate
 from rotorid.results.verdicts import Verdict, badge
@@ -96,10 +96,10 @@ def _model_row(one: ComparedModelDocument) -> ModelRow:
         order=str(one.order),
         parameters=str(one.free_parameters),
         fit=badge(one.verdict) if one.verdict is not None else None,
-        own=percents(own_percent(one), None),
-        validated=percents(validated.mean_percent, validated.spread_percent) if validated else MISSING,
+        own=significant(own_percent(one)),
+        validated=with_error(validated.mean_percent, validated.spread_percent, digits=3) if validated else MISSING,
         validated_kind=_KINDS[validated.kind] if validated else "",
-        on_logs=percents(logs.mean_percent, logs.spread_percent) if logs else MISSING,
+        on_logs=with_error(logs.mean_percent, logs.spread_percent, digits=3) if logs else MISSING,
         cost=significant(one.cost),
         aic=_criterion(one.aic),
         bic=_criterion(one.bic),
@@ -116,20 +116,6 @@ def own_percent(one: ComparedModelDocument) -> float | None:
     """Mean fit of the outputs on the data that were fitted."""
     fits = list((one.fit_percent or {}).values())
     return sum(fits) / len(fits) if fits else None
-
-
-def percents(mean: float | None, spread: float | None) -> str:
-    """A percentage and its standard deviation, to a tenth.
-
-    Examples
-    --------
-    >>> percents(83.17, 2.85), percents(74.7, None), percents(None, None)
-    ('83.2 ± 2.9', '74.7', '–')
-    """
-    if mean is None:
-        return MISSING
-    text = f"{mean:.1f}" if spread is None else f"{mean:.1f} ± {spread:.1f}"
-    return minus(text)
 
 
 def _criterion(value: float | None) -> str:
@@ -196,7 +182,7 @@ def maneuver_rows(document: CompareDocument) -> tuple[ManeuverRow, ...]:
 def _maneuver_row(one: ComparedManeuverDocument, labels: list[str]) -> ManeuverRow:
     def fit(label: str) -> Cell:
         found = one.models.get(label)
-        return Cell(MISSING) if found is None else Cell(percents(found.mean_percent, None), found.seen)
+        return Cell(MISSING) if found is None else Cell(significant(found.mean_percent), found.seen)
 
     return ManeuverRow(
         record=one.record,
@@ -301,8 +287,9 @@ def comparison_summary(document: CompareDocument) -> tuple[str, ...]:
         won = on_logs[best]
         unseen = "fitted by at least one of the models" if won.seen else "that no model has seen"
         maneuvers = f"{won.maneuvers} maneuver{'' if won.maneuvers == 1 else 's'}"
+        fit = with_error(won.mean_percent, won.spread_percent, digits=3)
         sentences.append(
-            f"On {maneuvers} {unseen}, {best} does best with a fit of {percents(won.mean_percent, won.spread_percent)} "
+            f"On {maneuvers} {unseen}, {best} does best with a fit of {fit} "
             f"%{_runner_up({label: one.mean_percent for label, one in on_logs.items()}, best, won.spread_percent)}."
         )
     means = {
@@ -313,7 +300,7 @@ def comparison_summary(document: CompareDocument) -> tuple[str, ...]:
     if len(means) > 1:
         best = max(means, key=means.__getitem__)
         sentences.append(
-            f"Cross-validated, {best} does best with {percents(means[best], None)} %{_runner_up(means, best)}."
+            f"Cross-validated, {best} does best with {significant(means[best])} %{_runner_up(means, best)}."
         )
     count = len(document.models)
     ranked = sentences or [
@@ -347,7 +334,7 @@ def _runner_up(means: Mapping[str, float], best: str, spread: float | None = Non
         return ""
     second = max(others, key=others.__getitem__)
     close = spread is not None and means[best] - others[second] < spread
-    return f", before {second} with {percents(others[second], None)} %{', within the spread' if close else ''}"
+    return f", before {second} with {significant(others[second])} %{', within the spread' if close else ''}"
 
 
 def _dots(document: CompareDocument) -> Picture | None:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.data.quantity import significant, unit, with_error, with_interval
 from rotorid.plot.motors import thrust_over_inflow
-from rotorid.report.frame import Picture, significant, unit, with_error
+from rotorid.report.frame import Picture
 from rotorid.results.summary import DerivedSummary, ThrustPoint
 
 
@@ -75,7 +76,7 @@ def derived_shown(derived: DerivedSummary | None, *, key: str) -> DerivedShown |
             ThrustRow(
                 advance_ratio=significant(one.advance_ratio),
                 value=with_error(one.c_T, one.std),
-                interval=f"{significant(one.lower)} to {significant(one.upper)}",
+                interval=with_interval(one.c_T, one.lower, one.upper)[1],
                 flown={True: "yes", False: "no", None: "unknown"}[one.flown],
             )
             for one in derived.thrust

@@ -18,6 +18,7 @@ from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.display import listed
 from rotorid.data.findings import worst_first
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, SimulatedFlight
+from rotorid.data.quantity import percent, significant, unit, with_error
 from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
 from rotorid.documents.design import DesignDocument
 from rotorid.errors import UsageError
@@ -38,7 +39,7 @@ from rotorid.plot.design import (
 )
 from rotorid.plot.figure import quantity
 from rotorid.report.flight_card import amplitude_words
-from rotorid.report.frame import Picture, in_all_units, percent, render, significant, unit, with_error
+from rotorid.report.frame import Picture, in_all_units, render
 from rotorid.report.parts import (
     FAR_SIGMAS,
     Cell,

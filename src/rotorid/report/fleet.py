@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from rotorid.data.display import counted, visible
-from rotorid.data.quantity import Quantity
+from rotorid.data.quantity import MISSING, Quantity, minus, significant, unit, with_error, with_interval
 from rotorid.documents.fleet import FleetDocument, PopulationDocument, VehicleVerdictDocument
 from rotorid.fleets.analysis import FleetAnalysis, History, quantity_of
-from rotorid.plot.figure import minus
-from rotorid.report.frame import MISSING, render, significant, unit, with_error
+from rotorid.report.frame import render
 
 _DIGITS = 7
 _MOST_FAILED = 200
@@ -66,6 +65,8 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
         failed=document.failed[:_MOST_FAILED],
         more_failed=max(len(document.failed) - _MOST_FAILED, 0),
         significant=significant,
+        with_error=with_error,
+        with_interval=with_interval,
         percent=_percent,
         checked=_checked,
     )
@@ -105,8 +106,7 @@ def _row(model: str, name: str, one: PopulationDocument) -> PopulationRow:
 def _deviation(one: Any) -> tuple[str, str]:
     if one is None:
         return MISSING, ""
-    high = MISSING if one.upper is None else significant(one.upper, digits=2)
-    return significant(one.value, digits=2), f"{significant(one.lower, digits=2)} to {high}"
+    return with_interval(one.value, one.lower, math.inf if one.upper is None else one.upper)
 
 
 def _for_script(analysis: FleetAnalysis) -> dict[str, Any]:

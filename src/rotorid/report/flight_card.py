@@ -17,13 +17,14 @@ import numpy as np
 from rotorid import __version__
 from rotorid.data.display import capital, listed
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
+from rotorid.data.quantity import MISSING, percent, significant, unit, with_error
 from rotorid.data.trust import DIRECT_COHERENCE
 from rotorid.errors import UsageError
 from rotorid.io.ardupilot.system_id import sid_axes, start_mode, throttle_of
 from rotorid.io.px4.advice import log_profile
 from rotorid.plans.ardupilot import entry_reason, plan_log_bitmask
 from rotorid.plans.facts import Autopilot, FlightFacts, PredictedBound, excited_s, flown_by_hand, throttle_by_hand
-from rotorid.report.frame import MISSING, asset, percent, significant, unit, with_error
+from rotorid.report.frame import asset
 from rotorid.report.parts import FAR_SIGMAS
 from rotorid.typing import FloatArray
 

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
+from rotorid.data.quantity import significant
 from rotorid.documents.flown import FlownDocument, flown_document
 from rotorid.flying.flown_models import FlownModel, FlownStretch
 from rotorid.plot.figure import quantity
 from rotorid.plot.time import flown as drawn
-from rotorid.report.frame import Picture, render, significant
+from rotorid.report.frame import Picture, render
 from rotorid.report.parts import finding_rows
 from rotorid.report.tables import Column, Table
 from rotorid.report.words import prediction_verdict

@@ -1,7 +1,7 @@
 """The frame of every page: one HTML file that holds everything it shows, and asks the network for nothing.
 
 A :class:`Picture` brings a figure in every unit that the buttons of the page offer. Numbers are written with no more
-digits than their standard deviation supports (:func:`with_error`, :func:`significant`).
+digits than their standard deviation supports (:mod:`rotorid.data.quantity`).
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import base64
 import hashlib
 import html
 import json
-import math
 import re
 import shlex
 from collections.abc import Iterable, Mapping
@@ -24,8 +23,9 @@ from urllib.parse import quote
 
 from rotorid import __version__
 from rotorid.data.display import capital
+from rotorid.data.quantity import superscript
 from rotorid.plot.curves import Frequency, Magnitude
-from rotorid.plot.figure import Figure, minus, plotly_script, template
+from rotorid.plot.figure import Figure, plotly_script, template
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -286,110 +286,6 @@ def asset(name: str) -> str:
     return files("rotorid.report").joinpath(name).read_text(encoding="utf-8")
 
 
-MISSING = "–"
-
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_MOST_PERCENT = 1000.0
-_ROUNDING = 1e-12
-_MOST_DECIMALS = 4
-_PLAIN_FROM, _PLAIN_TO = 1e-3, 1e6
-_POWERS = {"^2": "²", "^3": "³", "^-1": "⁻¹", "^-2": "⁻²"}
-
-
-def with_error(value: float | None, std: float | None) -> str:
-    """A value with its standard deviation, both rounded at the digit that the deviation supports.
-
-    The deviation keeps one digit, or two when it begins with 1 or 2. Without a deviation, or with one that is the
-    rounding of a computer alone, four digits are shown.
-
-    Examples
-    --------
-    >>> with_error(1.0, 1e-16)
-    '1'
-    >>> with_error(436.83, 3.14), with_error(-4.312, 0.187), with_error(2.5e-5, 1.2e-6), with_error(9.80665, None)
-    ('437 ± 3', '−4.31 ± 0.19', '(2.50 ± 0.12)·10⁻⁵', '9.807')
-    """
-    if std is None or value is None or not math.isfinite(std) or not math.isfinite(value) or std <= 0.0:
-        return significant(value, digits=4)
-    if std < _ROUNDING * abs(value):
-        return significant(value, digits=4)
-    largest = max(abs(value), std)
-    power = 0 if _PLAIN_FROM <= largest < _PLAIN_TO else math.floor(math.log10(largest))
-    mantissa, deviation = value / 10.0**power, std / 10.0**power
-    decimals = _decimals(deviation)
-    both = f"{_fixed(mantissa, decimals)} ± {_fixed(deviation, decimals)}"
-    return f"({both})·10{str(power).translate(_SUPERSCRIPTS)}" if power else both
-
-
-def in_decibels(factor: float, std: float) -> str:
-    """A factor and its standard deviation in decibels.
-
-    Examples
-    --------
-    >>> in_decibels(2.0, 0.05)
-    '6.02 ± 0.22'
-    """
-    return with_error(20.0 * math.log10(factor), 20.0 / math.log(10.0) * std / factor)
-
-
-def significant(value: float | None, *, digits: int = 3) -> str:
-    """A number with so many significant digits, a dash where there is none.
-
-    Examples
-    --------
-    >>> significant(0.012345), significant(-2.0), significant(None), significant(1.5e-7)
-    ('0.0123', '−2', '–', '1.5·10⁻⁷')
-    """
-    if value is None or not math.isfinite(value):
-        return MISSING
-    text = f"{value:.{digits}g}"
-    if "e" not in text:
-        return minus(text)
-    mantissa, power = text.split("e")
-    return f"{minus(mantissa)}·10{str(int(power)).translate(_SUPERSCRIPTS)}"
-
-
-def milliseconds(seconds: float | None, std_s: float | None = None) -> str:
-    """A time in milliseconds, without the unit.
-
-    Examples
-    --------
-    >>> milliseconds(0.02791, 0.0006), milliseconds(0.0024)
-    ('27.9 ± 0.6', '2.4')
-    """
-    if seconds is None:
-        return MISSING
-    return with_error(1e3 * seconds, None if std_s is None else 1e3 * std_s)
-
-
-def percent(value: float | None) -> str:
-    """A percentage without its sign, two digits; beyond a thousand the number says nothing more.
-
-    Examples
-    --------
-    >>> percent(0.534), percent(158.6), percent(5858.3), percent(None)
-    ('0.53', '159', '> 1000', '–')
-    """
-    if value is None or not math.isfinite(value):
-        return MISSING
-    if value > _MOST_PERCENT:
-        return f"> {_MOST_PERCENT:.0f}"
-    return f"{value:.0f}" if value >= 10.0 else significant(value, digits=2)
-
-
-def unit(text: str) -> str:
-    """A unit on paper.
-
-    Examples
-    --------
-    >>> unit("rad/s^2"), unit("1")
-    ('rad/s²', '')
-    """
-    for written, shown in _POWERS.items():
-        text = text.replace(written, shown)
-    return "" if text == "1" else text
-
-
 _NEGATIVE = re.compile(r"(?P<command>(?<![\w-])--[\w-]{1,60}[ =]-\S+)|(?<![\w.)\]:/=-])-(?=\.?\d)")
 _EXPONENT = re.compile(r"(?<=\d)e([+-]\d+)\b")
 _RAISED = re.compile(r"(?<=[a-z])\^-?[123]\b")
@@ -404,33 +300,5 @@ def typeset(text: str) -> str:
     'bias −0.5 +/- 1·10⁻⁵ m/s² on 2026-11-25; try --declination -3'
     """
     text = _NEGATIVE.sub(lambda found: found["command"] or "−", text)
-    text = _EXPONENT.sub(lambda found: f"·10{str(int(found[1])).translate(_SUPERSCRIPTS)}", text)
-    return _RAISED.sub(lambda found: found[0][1:].translate(_SUPERSCRIPTS), text)
-
-
-def with_interval(value: float | None, lower: float | None, upper: float | None) -> tuple[str, str]:
-    """A number and its interval, rounded as :func:`with_error` does by half of that; without one three digits.
-
-    Examples
-    --------
-    >>> with_interval(27.04, 26.7, 27.4), with_interval(2.0, 2.0, 2.0), with_interval(None, None, None)
-    (('27.0', '26.7 to 27.4'), ('2', ''), ('–', ''))
-    """
-    if value is None or lower is None or upper is None:
-        return significant(value), ""
-    half = max((abs(end - value) for end in (lower, upper) if math.isfinite(end)), default=0.0)
-    if not half > _ROUNDING * abs(value):
-        return significant(value), ""
-    decimals = min(max(_decimals(half), 0), _MOST_DECIMALS)
-    ends = (_fixed(end, decimals) if math.isfinite(end) else "∞" if end > 0.0 else "−∞" for end in (lower, upper))
-    return _fixed(value, decimals), " to ".join(ends)
-
-
-def _decimals(deviation: float) -> int:
-    power = math.floor(math.log10(deviation))
-    digits = 2 if deviation / 10.0**power < 3.0 else 1
-    return digits - 1 - power
-
-
-def _fixed(value: float, decimals: int) -> str:
-    return minus(f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}")
+    text = _EXPONENT.sub(lambda found: f"·10{superscript(str(int(found[1])))}", text)
+    return _RAISED.sub(lambda found: superscript(found[0][1:]), text)

@@ -13,16 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.data.quantity import MISSING, error_columns, milliseconds, minus, percent, significant, unit, with_interval
 from rotorid.data.trust import BOUNDS_MEANING
 from rotorid.documents.base import FindingDocument
 from rotorid.documents.result import ResultDocument
 from rotorid.errors import UsageError
 from rotorid.models.library import SPIN_UP
-from rotorid.plot.figure import minus, quantity
+from rotorid.plot.figure import quantity
 from rotorid.plot.loops import correlation_map
 from rotorid.plot.search import clusters, convergence, run_histogram
 from rotorid.report.derived import DerivedShown, derived_shown
-from rotorid.report.frame import MISSING, Picture, milliseconds, percent, render, significant, unit
+from rotorid.report.frame import Picture, render
 from rotorid.report.motors import MotorsShown, motors_shown
 from rotorid.report.parts import (
     Cell,
@@ -305,15 +306,17 @@ def bootstrap_shown(document: ResultDocument) -> BootstrapShown | None:
 
 def _line(document: ResultDocument, again: BootstrapSummary, name: str, disagrees: bool) -> SpreadLine:
     one, spread = document.parameters[name], again.parameters[name]
+    value, stated = error_columns(one.value, one.std)
+    mean, std = error_columns(spread.mean, spread.std)
     return SpreadLine(
         name=name,
         unit=unit(one.unit),
-        value=significant(one.value, digits=4),
-        stated=significant(one.std, digits=2),
-        mean=significant(spread.mean, digits=4),
-        std=Cell(significant(spread.std, digits=2), disagrees),
+        value=value,
+        stated=stated,
+        mean=mean,
+        std=Cell(std, disagrees),
         relative=percent(spread.relative_percent),
-        interval=f"{significant(spread.low, digits=4)} to {significant(spread.high, digits=4)}",
+        interval=with_interval(spread.mean, spread.low, spread.high)[1],
     )
 
 
@@ -429,7 +432,8 @@ def _run_words(name: str, runs: SearchRuns) -> str:
 
 def _run_rows(runs: SearchRuns) -> tuple[RunRow, ...]:
     def told(one: RunSpread) -> tuple[str, ...]:
-        return tuple(significant(number, digits=4) for number in (one.mean, one.std, one.min, one.max))
+        ends = (significant(number, digits=4) for number in (one.min, one.max))
+        return (*error_columns(one.mean, one.std), *ends)
 
     alone = {"cost": runs.alone.cost, **runs.alone.parameters}
     polished = {"cost": runs.polished.cost, **runs.polished.parameters}

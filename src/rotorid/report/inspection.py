@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rotorid.data.quantity import milliseconds, with_error
 from rotorid.data.record import AXES, FlightRecord
 from rotorid.errors import UsageError
 from rotorid.io.files import write_atomically
@@ -84,6 +85,8 @@ def render_inspection(record: FlightRecord, inspection: Inspection) -> str:
         remarks=finding_rows(inspection.findings),
         log_picture=picture,
         pictures=[picture],
+        with_error=with_error,
+        milliseconds=milliseconds,
     )
 
 

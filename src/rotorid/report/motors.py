@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.data.axes import AXIS_WORDS
+from rotorid.data.quantity import MISSING, milliseconds, significant, unit, with_error
 from rotorid.documents.result import ResultDocument
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION
 from rotorid.plot.figure import quantity
 from rotorid.plot.motors import made_by_motors, rotor_layout, thrust_curve
-from rotorid.report.frame import MISSING, Picture, milliseconds, significant, unit, with_error
+from rotorid.report.frame import Picture
 from rotorid.report.parts import Shown, points_of
 from rotorid.report.words import (
     FULL_OUTPUT,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from rotorid.data.findings import Finding, without_repeated
+from rotorid.data.quantity import MISSING, percent, significant, unit, with_error
 from rotorid.data.record import Maneuver
 from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
 from rotorid.documents.base import FindingDocument, ManeuverDocument
@@ -19,7 +20,7 @@ from rotorid.documents.result import ResultDocument, result_document
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode
 from rotorid.plot.time import timeline
-from rotorid.report.frame import MISSING, Picture, in_all_units, percent, significant, typeset, unit, with_error
+from rotorid.report.frame import Picture, in_all_units, typeset
 from rotorid.report.words import finding_heading, parameter_group, parameter_words
 from rotorid.results.model import FittedData, IdentifiedModel, Segment, Verifications
 from rotorid.results.provenance import LoggedManeuver

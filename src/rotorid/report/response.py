@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from rotorid.data.quantity import MISSING, in_decibels, significant, unit, with_error
 from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument, loops_of
 from rotorid.loops.rate_loops import AxisLoop
 from rotorid.loops.responses import Pair, Responses
@@ -16,17 +17,7 @@ from rotorid.plot.curves import runs
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode, coherence_map, window_contributions
 from rotorid.plot.loops import MINUS_3_DB, Crossing, broken_loop, disturbance_rejection
-from rotorid.report.frame import (
-    MISSING,
-    Picture,
-    in_all_units,
-    in_decibels,
-    over_frequency,
-    render,
-    significant,
-    unit,
-    with_error,
-)
+from rotorid.report.frame import Picture, in_all_units, over_frequency, render
 from rotorid.report.parts import ManeuverRow, finding_rows, maneuver_row, timelines
 from rotorid.report.words import response_summary
 from rotorid.results.verdicts import Verdict

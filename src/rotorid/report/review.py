@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from rotorid.data.quantity import Quantity
+from rotorid.data.quantity import MISSING, Quantity, significant, unit, with_error, with_interval
 from rotorid.data.trust import trusted
 from rotorid.errors import UsageError
 from rotorid.plot.curves import Frequency, Magnitude
@@ -17,17 +17,7 @@ from rotorid.plot.figure import Figure
 from rotorid.plot.frequency import bode
 from rotorid.plot.loops import Crossing, broken_loop
 from rotorid.plot.review import motor_bars, noise_maps, spectra, step_answers
-from rotorid.report.frame import (
-    MISSING,
-    Picture,
-    in_all_units,
-    render,
-    significant,
-    unit,
-    with_error,
-    with_files,
-    with_interval,
-)
+from rotorid.report.frame import Picture, in_all_units, render, with_files
 from rotorid.report.parts import FindingRow, finding_rows
 from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.results.summary import ParameterEstimate

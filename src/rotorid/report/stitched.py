@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from rotorid.data.quantity import MISSING, significant, unit, with_error
 from rotorid.documents.stitched import StitchedDocument, stitched_document
 from rotorid.flying.stitching import SpeedCurve, Stitched, ThroughSpeeds
 from rotorid.io.files import write_atomically
 from rotorid.plot.stitched import OverSpeed, over_speed, speed_grid
 from rotorid.plot.time import Curve, predictions
 from rotorid.report.files import to_json, write_together
-from rotorid.report.frame import MISSING, Picture, render, significant, unit, with_error
+from rotorid.report.frame import Picture, render
 from rotorid.report.parts import finding_rows
 
 JSON, PAGE = "stitched.json", "report.html"

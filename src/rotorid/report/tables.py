@@ -15,9 +15,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+from rotorid.data.quantity import percent, significant, with_error
 from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
 from rotorid.errors import UsageError
-from rotorid.report.frame import percent, significant, with_error
 
 if TYPE_CHECKING:
     from rotorid.documents.compare import CompareDocument, ComparedValueDocument

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.data.quantity import MISSING, significant, unit, with_error
 from rotorid.documents.result import ResultDocument
 from rotorid.plot.figure import quantity
 from rotorid.plot.time import residual_memory, simulated
-from rotorid.report.frame import MISSING, Picture, significant, unit, with_error
+from rotorid.report.frame import Picture
 from rotorid.report.parts import Shown, points_of
 from rotorid.report.words import percent_verdict
 from rotorid.results.summary import CrossValidationSummary, FoldSummary, OrderChoice
@@ -254,8 +255,8 @@ def _orders(document: ResultDocument) -> OrderTable | None:
             order=one.order,
             parameters=one.parameters,
             fitted=plain(one.fitted_percent, 1),
-            unseen=f"{plain(one.unseen_percent, 1)} ± {plain(one.unseen_std, 1)}" if not one.refused else "",
-            behind=f"{plain(one.behind_percent, 2)} ± {plain(one.behind_std, 2)}" if not one.refused else "",
+            unseen="" if one.refused else with_error(one.unseen_percent, one.unseen_std),
+            behind="" if one.refused else with_error(one.behind_percent, one.behind_std),
             aic=plain(one.aic, 0),
             bic=plain(one.bic, 0),
             color=plain(one.color, 2),
@@ -345,9 +346,7 @@ def _cell(fold: FoldSummary, record: str) -> CrossedCell:
 
 
 def _with_spread(mean: float | None, spread: float | None) -> str:
-    if mean is None:
-        return MISSING
-    return f"{mean:.1f} %" if spread is None else f"{mean:.1f} ± {spread:.1f} %"
+    return MISSING if mean is None else f"{with_error(mean, spread, digits=3)} %"
 
 
 def _words(document: CrossValidationSummary) -> str:

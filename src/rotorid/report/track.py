@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from rotorid.data.quantity import significant, with_error
 from rotorid.documents.track import TrackDocument, silent, track_document
 from rotorid.identifying.tracking import FlightTracking
 from rotorid.plot.tracking import followed_gain
-from rotorid.report.frame import Picture, render, significant, with_error
+from rotorid.report.frame import Picture, render
 from rotorid.report.parts import finding_rows
 
 WHY = {"stick": "the stick hardly moved", "air": "the air was rougher than in the reference"}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rotorid.data.display import capital
-from rotorid.data.quantity import Quantity
+from rotorid.data.quantity import MISSING, Quantity, with_ends, with_interval
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.tune import (
     AxisTuneDocument,
@@ -25,7 +25,7 @@ from rotorid.loops.rate_loops import shown_quantities
 from rotorid.plot.tuning import by_hand, rejection, responses, steps
 from rotorid.proposing.check import CheckedAxis, CheckedTuning
 from rotorid.proposing.proposal import AxisTuning, TuningProposal
-from rotorid.report.frame import MISSING, Picture, in_all_units, render, with_interval
+from rotorid.report.frame import Picture, in_all_units, render
 from rotorid.report.parts import finding_rows
 from rotorid.tuning.firmware import parameters_of
 from rotorid.tuning.loops import quantities
@@ -414,8 +414,12 @@ def _cell(quantity: QuantityDocument | None, factor: float) -> tuple[str, str]:
 
 def _told(quantity: QuantityDocument | None, factor: float = 1.0, unit: str = "") -> str:
     """The same in a sentence."""
-    value, interval = _cell(quantity, factor)
-    return f"{value}{unit} ({interval}{unit})" if interval else f"{value}{unit}"
+    if quantity is None:
+        return MISSING
+    value, lower, upper = (
+        None if one is None else factor * one for one in (quantity.value, quantity.lower, quantity.upper)
+    )
+    return with_ends(value, lower, upper, unit)
 
 
 def _pictures(axis: str, one: AxisTuning, scale: float | None) -> Sequence[Picture]:

@@ -10,12 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from rotorid.data.quantity import MISSING, significant
 from rotorid.documents.verify import GuidelineDocument, VerifyDocument, verify_document
 from rotorid.identifying.verification import Verified
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode
 from rotorid.plot.time import ahead, closed_loop, verification
-from rotorid.report.frame import MISSING, Picture, in_all_units, render, significant
+from rotorid.report.frame import Picture, in_all_units, render
 from rotorid.report.parts import ManeuverRow, by_axis, finding_rows, maneuver_row, on_axis, range_rows
 from rotorid.report.words import maneuver_verdict, prediction_verdict, unseen_sentences
 from rotorid.results.model import FrequencyCheck, Verifications

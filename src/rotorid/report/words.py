@@ -17,6 +17,7 @@ import numpy as np
 from rotorid.data.axes import ANGLE_OF, AXIS_WORDS, RATE_OF
 from rotorid.data.display import capital, listed
 from rotorid.data.findings import KINDS
+from rotorid.data.quantity import in_decibels, milliseconds, significant, unit, with_error
 from rotorid.data.record import LOWEST_RATE_HZ
 from rotorid.documents.result import ResultDocument
 from rotorid.fitting.frequency.problem import EXCELLENT_COST
@@ -25,7 +26,7 @@ from rotorid.loops.rate_loops import AxisLoop
 from rotorid.loops.responses import Pair, Responses
 from rotorid.plot.figure import quantity
 from rotorid.plot.loops import s_plane
-from rotorid.report.frame import Picture, in_decibels, milliseconds, significant, unit, with_error
+from rotorid.report.frame import Picture
 from rotorid.results.summary import FitEnd, FitVerdict, ManeuverCheck, MotorPhysics, ParameterEstimate, PoleEstimate
 from rotorid.results.verdicts import Level, Verdict, cost_verdict, fit_verdict, percent_level, refused_verdict
 from rotorid.verification.scores import GOOD_FIT_PERCENT, GOOD_TIC, GUIDELINES, guidelines_met

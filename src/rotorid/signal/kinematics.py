@@ -16,6 +16,7 @@ import numpy as np
 
 from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.quantity import milliseconds, with_error
 from rotorid.data.record import STANDARD_UNITS, Channel, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.signal.skew import CrossSpectrum, Relation, coherent_lines, cross_spectrum, time_skew
@@ -649,8 +650,8 @@ def _finding(check: KinematicCheck) -> Finding:
     return (warn if check.verdict == "inconsistent" else remark)(
         _KINDS[check.verdict],
         check.channel,
-        f"{check.channel} is {check.scale:.3f} ± {check.scale_std:.3f} times what {check.against} {verb}, "
-        f"{1e3 * check.lag_s:.1f} ± {1e3 * check.lag_std_s:.1f} ms after it, with a bias of {check.bias:.3g} "
+        f"{check.channel} is {with_error(check.scale, check.scale_std)} times what {check.against} {verb}, "
+        f"{milliseconds(check.lag_s, check.lag_std_s)} ms after it, with a bias of {check.bias:.3g} "
         f"{STANDARD_UNITS[check.channel]}.{''.join(_remarks(check))}",
         scale=check.scale,
         scale_std=check.scale_std,

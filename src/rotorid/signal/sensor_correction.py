@@ -32,7 +32,7 @@ import numpy as np
 from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, remark
-from rotorid.data.quantity import TWO_SIDED_95
+from rotorid.data.quantity import TWO_SIDED_95, with_error
 from rotorid.data.record import TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.signal.kinematics import (
@@ -231,16 +231,20 @@ def correction_findings(correction: SensorCorrection) -> tuple[Finding, ...]:
 
 def _words(one: SensorTerm) -> str:
     if one.kind == "scale":
-        return f"{one.channel} shows {100.0 * one.value:+.2f} ± {100.0 * one.std:.2f} % too much"
+        return f"{one.channel} shows {_signed(100.0 * one.value, 100.0 * one.std)} % too much"
     if one.kind == "misalignment":
         return (
-            f"{one.toward} leaks into {one.channel} by {math.degrees(one.value):+.2f} ± {math.degrees(one.std):.2f}° "
+            f"{one.toward} leaks into {one.channel} by {_signed(math.degrees(one.value), math.degrees(one.std))}° "
             "of misalignment"
         )
     if one.kind == "bias":
-        return f"{one.channel} has a bias of {one.value:+.3g} ± {one.std:.2g} {one.unit}"
-    where = f"{1e3 * one.value:+.1f} ± {1e3 * one.std:.1f} mm from the center of gravity along {one.toward}"
+        return f"{one.channel} has a bias of {_signed(one.value, one.std)} {one.unit}"
+    where = f"{_signed(1e3 * one.value, 1e3 * one.std)} mm from the center of gravity along {one.toward}"
     return f"the accelerometer lies {where}"
+
+
+def _signed(value: float, std: float) -> str:
+    return f"{'+' if value > 0.0 else ''}{with_error(value, std)}"
 
 
 def _capital(words: str) -> str:

@@ -13,6 +13,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.quantity import milliseconds
 from rotorid.data.record import TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
@@ -267,7 +268,7 @@ def _finding(reference: str, delayed: str, seconds: float, std: float, sample_s:
     return (warn if long else remark)(
         "clock_skew",
         f"{delayed}/{reference}",
-        f"{delayed} comes {1e3 * abs(seconds):.2f} ± {1e3 * std:.2f} ms {'after' if seconds >= 0.0 else 'before'} "
+        f"{delayed} comes {milliseconds(abs(seconds), std)} ms {'after' if seconds >= 0.0 else 'before'} "
         f"{reference}; one sample is {1e3 * sample_s:.2f} ms.",
         skew_s=seconds,
         std_s=std,

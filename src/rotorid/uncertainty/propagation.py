@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
+from rotorid.data.quantity import with_error
 from rotorid.errors import UsageError
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
@@ -121,8 +122,9 @@ class Pole(Immutable):
         if imaginary == 0.0 or not self.value:
             return f"The pole at {place} is known to {np.sqrt(self.covariance[0, 0]):.2g} 1/s."
         return (
-            f"The pole at {place} has a natural frequency of {self.frequency_rad_s:.4g} ± "
-            f"{self.frequency_std_rad_s:.2g} rad/s and a damping ratio of {self.damping:.3g} ± {self.damping_std:.2g}."
+            f"The pole at {place} has a natural frequency of "
+            f"{with_error(self.frequency_rad_s, self.frequency_std_rad_s)} rad/s and a damping ratio of "
+            f"{with_error(self.damping, self.damping_std, digits=3)}."
         )
 
 

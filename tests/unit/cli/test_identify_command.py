@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from tests.unit.cli.commands import ROLL, Ran, rotorid
 
+from rotorid.data.quantity import error_columns, with_error
 from rotorid.documents.result import ResultDocument, result_document
-from rotorid.report.frame import with_error
 from rotorid.results.model import IdentifiedModel
 
 FILES = {"result.json", "responses.npz", "report.html", "model.toml"}
@@ -69,8 +69,8 @@ def test_a_person_sees_parameters_cost_and_where_the_report_is(
     flight: Path, by_api: IdentifiedModel, tmp_path: Path
 ) -> None:
     ran = rotorid("identify", flight, *ROLL, "--out", tmp_path)
-    gain = by_api.parameters["L_roll"].value
-    assert f"{gain:.5g}" in ran.out
+    gain = by_api.parameters["L_roll"]
+    assert " ".join(error_columns(gain.value, gain.std)) in " ".join(ran.out.split())
     assert "cost of p/roll_command" in ran.out
     assert f"report: {tmp_path / 'report.html'}" in ran.out
 

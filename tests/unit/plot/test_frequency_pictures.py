@@ -272,7 +272,7 @@ class TestLoops:
         np.testing.assert_allclose(phase["y"], [-180.0, -90.0 - np.degrees(0.3)], **DIGITS)
         assert phase["error_y"]["array"][-1] == pytest.approx(2.0 * np.degrees(0.05))
         assert phase["error_x"]["array"][-1] == pytest.approx(0.8)
-        assert phase["name"] == "phase margin 73 ± 3° at 10.0 ± 0.4 rad/s"
+        assert phase["name"] == "phase margin 72.8 ± 2.9° at 10.0 ± 0.4 rad/s"
         down, up = gain["error_y"]["arrayminus"][-1], gain["error_y"]["array"][-1]
         assert down == pytest.approx(up)
         assert up == pytest.approx(20.0 * np.log10(1.0 + 0.4 * 0.6 / np.pi))

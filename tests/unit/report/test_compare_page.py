@@ -78,7 +78,7 @@ def test_cross_validated_results_are_ranked(results: list[Path]) -> None:
     ]
     crossed = document.model_copy(update={"models": models})
     ranked, _ = comparison_summary(crossed)
-    assert ranked == "Cross-validated, second does best with 81.4 %, before other with 80.0 %."
+    assert ranked == "Cross-validated, second does best with 81.4 %, before other with 80 %."
     assert [row.validated for row in model_rows(crossed)] == ["72.5 ± 2.9", "81.4 ± 2.9", "80.0 ± 2.9"]
 
 

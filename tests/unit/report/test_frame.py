@@ -8,9 +8,10 @@ import pytest
 from tests.unit.report.sample import identification
 
 from rotorid.data.display import capital
+from rotorid.data.quantity import with_interval
 from rotorid.io.files import write_atomically
 from rotorid.report.files import write_together
-from rotorid.report.frame import typeset, with_files, with_interval
+from rotorid.report.frame import typeset, with_files
 from rotorid.report.identification import render_sections
 
 

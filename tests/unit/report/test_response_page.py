@@ -12,9 +12,9 @@ from tests.unit.report.page_parser import Page
 from tests.unit.report.response_sample import CROSSOVER_RAD_S, DELAY_S, HOLLOW, OMEGA, axis_loop, responses
 from tests.unit.report.sample import HOSTILE
 
+from rotorid.data.quantity import significant, with_error
 from rotorid.data.response import Estimate
 from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument, loops_of, response_document
-from rotorid.report.frame import significant, with_error
 from rotorid.report.response import loop_rows, pair_rows, render_responses, unseen
 from rotorid.report.words import response_summary
 from rotorid.spectral.margins import attitude_bandwidth

@@ -108,10 +108,10 @@ export function words(key) {
 export const counted = (count, one, many = `${one}s`) => `${count} ${count === 1 ? one : many}`;
 
 const halfOf = (one) => (Number.isFinite(one.upper) && Number.isFinite(one.lower) ? (one.upper - one.lower) / 2 : 0);
-/** A number as an interval of this half width tells it: two digits of the width. */
+/** A number as an interval of this half width tells it: one digit of the width, two of one that begins with 1 or 2. */
 export function told(value, half) {
   if (value === null || value === undefined || !half) return number(value);
-  const places = Math.max(1 - Math.floor(Math.log10(half)), 0);
+  const power = Math.floor(Math.log10(half)), places = Math.max((half / 10 ** power < 3 ? 1 : 0) - power, 0);
   return places > 10 ? number(value) : value.toFixed(places).replaceAll("-", "−");
 }
 /** A value with half the width of its interval, as many digits as the width allows. */
