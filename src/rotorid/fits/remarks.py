@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.quantity import milliseconds
 from rotorid.data.record import AXES
 from rotorid.data.trust import (
     CRAMER_RAO_GUIDELINE_PERCENT,
@@ -117,8 +118,8 @@ def _one_lag_and_delay(parameters: ParameterSet, bounds: Bounds, delay: str) -> 
     correlation = float(random[0, 1] / np.sqrt(random[0, 0] * random[1, 1]))
     known = lag_std <= _KNOWN * abs(values[0]) and delay_std <= _KNOWN * abs(values[1])
     apart = known and abs(correlation) <= _LARGEST_CORRELATION
-    each = f"{1e3 * values[0]:.1f} ± {1e3 * lag_std:.1f} ms and {1e3 * values[1]:.1f} ± {1e3 * delay_std:.1f} ms"
-    total = f"{1e3 * together:.1f} ± {1e3 * std:.1f} ms"
+    each = f"{milliseconds(values[0], lag_std)} ms and {milliseconds(values[1], delay_std)} ms"
+    total = f"{milliseconds(together, std)} ms"
     message = (
         f"Motor lag and delay are told apart, as {each} with a correlation of {correlation:.2f}; together they are "
         f"{total}, which is known better than either."

@@ -32,7 +32,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
-from rotorid.data.quantity import TWO_SIDED_95
+from rotorid.data.quantity import with_error
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.differences import homogeneity
 from rotorid.uncertainty.model_error import SMALLEST_MODEL_ERROR
@@ -100,9 +100,7 @@ class Disagreement(Immutable):
 
     def finding(self, unit: str) -> Finding:
         """What a careful engineer would remark."""
-        words = ", ".join(
-            f"{value:.4g} ± {TWO_SIDED_95 * std:.2g} in {name}" for name, (value, std) in self.said.items()
-        )
+        words = ", ".join(f"{with_error(value, std)} in {name}" for name, (value, std) in self.said.items())
         return warn(
             "logs_disagree",
             self.parameter,
@@ -177,8 +175,7 @@ class AmplitudeDependence(Immutable):
     def finding(self, unit: str) -> Finding:
         """What a careful engineer would remark."""
         words = ", ".join(
-            f"{value:.4g} ± {TWO_SIDED_95 * std:.2g} in {name}"
-            + (f" ({swing:.2g} times the swing)" if swing > 1.0 else "")
+            f"{with_error(value, std)} in {name}" + (f" ({swing:.2g} times the swing)" if swing > 1.0 else "")
             for name, (value, std, swing) in self.said.items()
         )
         return warn(

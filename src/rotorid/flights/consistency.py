@@ -16,6 +16,7 @@ import numpy as np
 
 from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.quantity import milliseconds, with_error
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, MOTORS, Channel, FlightRecord, Maneuver, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.flights import Flight
@@ -425,7 +426,7 @@ def known_words(low: float, high: float, seconds: float) -> str:
 
 def _skew_finding(item: ChannelSkew) -> Finding:
     skew = item.skew
-    words = f"{1e3 * abs(skew.seconds):.2f} ± {1e3 * skew.std:.2f} ms {'after' if skew.seconds >= 0.0 else 'before'}"
+    words = f"{milliseconds(abs(skew.seconds), skew.std)} ms {'after' if skew.seconds >= 0.0 else 'before'}"
     low, high = item.known_s
     if item.nature == "vehicle":
         message = (
@@ -554,6 +555,6 @@ def _looks(check: KinematicCheck) -> str:
 
 def _contradiction(check: KinematicCheck) -> str:
     return (
-        f"{check.channel} is {check.scale:.3f} ± {check.scale_std:.3f} times what {check.against} "
+        f"{check.channel} is {with_error(check.scale, check.scale_std)} times what {check.against} "
         f"gives{_looks(check)}: one of the two is in another unit, axis or sign, and no model of it can be right."
     )

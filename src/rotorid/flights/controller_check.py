@@ -27,6 +27,7 @@ import numpy as np
 from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import Immutable, remembered
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.quantity import with_error
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.command_relation import CommandRelation, command_relation
@@ -313,8 +314,8 @@ def _judged(
             continue
         beyond = max(low * (1.0 - SAME_GAIN) - path.slope, path.slope - high * (1.0 + SAME_GAIN))
         if beyond > 0.0:
-            error = max(2.0 * path.std, 0.01)
-            doubts.append((beyond > _SURE * path.std, f"{path.slope:.2f} ± {error:.2f} times their {letter.upper()}"))
+            words = f"{with_error(path.slope, path.std)} times their {letter.upper()}"
+            doubts.append((beyond > _SURE * path.std, words))
     shown = " and ".join(words for _, words in doubts)
     unlike = f"The {found.axis} gains did not make the logged {found.axis} command"
     if any(sure for sure, _ in doubts):

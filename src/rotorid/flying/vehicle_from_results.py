@@ -25,6 +25,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.quantity import with_error
 from rotorid.errors import UsageError
 from rotorid.models.motors import CURVE_TERMS, SCALES, Curve, yaw_range
 from rotorid.models.parameter import no_such
@@ -716,7 +717,7 @@ def _combined(name: str, found: Sequence[VehicleNumber], known: Mapping[str, flo
 
 
 def _words(one: VehicleNumber) -> str:
-    return f"{one.value:.4g}{f' ± {one.std:.2g}' if one.std else ''} {one.unit}"
+    return f"{with_error(one.value, one.std)} {one.unit}"
 
 
 def _turning(rotors: RotorLayout | None, numbers: dict[str, VehicleNumber]) -> tuple[RotorLayout | None, list[Finding]]:

@@ -14,6 +14,7 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.display import html_table, lines_of
 from rotorid.data.findings import Finding, refusal, warn, worst_first
+from rotorid.data.quantity import milliseconds
 from rotorid.data.record import STANDARD_UNITS, FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
@@ -124,8 +125,7 @@ class Delays(Immutable):
         rows = []
         for name, pair in self.pairs.items():
             estimate = pair.recommended
-            std = "" if estimate.std_s is None else f" ± {1e3 * estimate.std_s:.1f}"
-            rows.append((name, f"{1e3 * estimate.delay_s:.1f}{std} ms", estimate.meaning))
+            rows.append((name, f"{milliseconds(estimate.delay_s, estimate.std_s)} ms", estimate.meaning))
         return rows + [(f"{f.severity} {f.kind}", f.where, f.message) for f in self.findings]
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.quantity import Quantity
+from rotorid.data.quantity import Quantity, in_decibels, with_error, with_unit
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.data.trust import RICH_KINDS
@@ -845,6 +845,5 @@ def _said(name: str, bound: Bound) -> str:
 def _shown(name: str, one: Bound | Estimated) -> str:
     """A margin in the unit of paper, ± one standard deviation."""
     _, factor, unit = _WORDS[name]
-    number = factor * one.value if factor else 20.0 * np.log10(one.value)
-    std = one.std * (factor or 20.0 / (np.log(10.0) * one.value))
-    return f"{number:.1f} ± {std:.1f}{'' if unit == '°' else ' '}{unit}"
+    shown = with_error(factor * one.value, factor * one.std) if factor else in_decibels(one.value, one.std)
+    return with_unit(shown, unit)

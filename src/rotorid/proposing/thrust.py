@@ -18,7 +18,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark
-from rotorid.data.quantity import Quantity
+from rotorid.data.quantity import Quantity, with_ends
 from rotorid.data.record import FlightRecord
 from rotorid.results.model import IdentifiedModel, bounds_of
 from rotorid.tuning.loops import over_draws
@@ -248,7 +248,7 @@ def _stays(
         )
     elif best.upper - best.lower > 2.0 * _WIDEST * kind.largest:
         message = (
-            f"{kind.name} stays: the fit asks for {best.value:.2g}, from {best.lower:.2g} to {best.upper:.2g}. "
+            f"{kind.name} stays: the fit asks for {with_ends(best.value, best.lower, best.upper)}. "
             "Fly larger steps of throttle."
         )
     elif np.log(after[1] / after[0]) > _WORTH * np.log(before[1] / before[0]):

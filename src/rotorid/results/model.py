@@ -14,7 +14,7 @@ from rotorid._faces import attached
 from rotorid.data.base import Immutable, optional, read_only
 from rotorid.data.display import cut, html_table, lines_of
 from rotorid.data.findings import Finding, Findings
-from rotorid.data.quantity import TWO_SIDED_95
+from rotorid.data.quantity import TWO_SIDED_95, error_columns, percent
 from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
@@ -473,8 +473,7 @@ class IdentifiedModel(Immutable):
     def _repr_html_(self) -> str:
         columns = ["parameter", "value", "± std", "unit", "CR %", "I %", "status"]
         poles = [
-            (f"{pole.value:.4g}", f"{pole.frequency_rad_s:.4g}", _number(pole.frequency_std_rad_s, 2))
-            for pole in self.poles
+            (f"{pole.value:.4g}", *error_columns(pole.frequency_rad_s, pole.frequency_std_rad_s)) for pole in self.poles
         ]
         said = "".join(f"<p>{html.escape(line)}</p>" for line in self._said())
         table = html_table("Poles", ["pole in 1/s", "rad/s", "± std"], poles)
@@ -488,8 +487,10 @@ class IdentifiedModel(Immutable):
     def _table(self) -> Iterator[tuple[str, ...]]:
         for name, found in self.parameters.items():
             if found.status != "dropped":
-                percents = _number(found.cramer_rao_percent, 2), _number(found.insensitivity_percent, 2)
-                yield name, f"{found.value:.5g}", _number(found.std, 2), found.unit, *percents, found.status
+                value, std = error_columns(found.value, found.std, digits=5)
+                bounds = (found.cramer_rao_percent, found.insensitivity_percent)
+                percents = ("" if one is None else percent(one) for one in bounds)
+                yield name, value, std, found.unit, *percents, found.status
 
     def _rows(self) -> list[tuple[str, ...]]:
         most = 12
@@ -633,7 +634,3 @@ def no_response(structure: LinearStructure | NonlinearStructure) -> FrequencyRes
         outputs=structure.outputs,
         estimate="direct",
     )
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "" if value is None else f"{value:.{digits}g}"

@@ -23,6 +23,7 @@ from typing import TypedDict
 import numpy as np
 
 from rotorid.data.findings import Finding, warn
+from rotorid.data.quantity import with_interval
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.frequency.fit import Minima, minimize_many
 from rotorid.fitting.least_squares import LevenbergMarquardt, Outcome, Residuals, Solution
@@ -374,7 +375,7 @@ def _incomplete(table: SpreadTable) -> tuple[Finding, ...]:
 def _disagrees(table: SpreadTable, std: FloatArray, place: int) -> Finding:
     row = table.rows()[place]
     moved = row.mean - row.estimate
-    ends = f"{row.low:.4g} to {row.high:.4g}"
+    _, ends = with_interval(row.mean, row.low, row.high)
     # A narrower spread may be that of a bound or of too few runs: it is no reason to claim more.
     wider = row.std > std[place]
     advice = f"Take the interval from {ends}." if wider else f"95 % of the runs lie from {ends}."

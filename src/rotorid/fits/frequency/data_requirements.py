@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rotorid.data.findings import Finding, refusal
+from rotorid.data.quantity import with_error
 from rotorid.data.trust import CERTAIN_SIGN, LEAST_WIDTH, SMALL_ERROR
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.frequency.problem import FrequencyProblem
@@ -167,7 +168,7 @@ def require_known_gain(
     value, std = parameters[gain].value, bounds.stds[gain]
     if abs(value) >= CERTAIN_SIGN * std:
         return
-    found = f"{value:.2g} ± {std:.1g} {parameters[gain].unit}"
+    found = f"{with_error(value, std)} {parameters[gain].unit}"
     apart = [replace(one, severity="error") for one in findings if one.kind == "logs_disagree" and one.where == gain]
     if apart:
         raise InsufficientDataError(

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark, warn
+from rotorid.data.quantity import with_error
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fits.bootstrapping import Bootstrap
 from rotorid.fits.frequency.data_requirements import main_pairs, require_known_gain, require_support
@@ -357,7 +358,7 @@ def _unbound(name: str, value: float, std: float) -> Finding:
     return warn(
         "dropped_parameter",
         name,
-        f"{name} was left out: at {value:.2g} ± {std:.1g} nothing bounds it, and other parameters grew against it.",
+        f"{name} was left out: at {with_error(value, std)} nothing bounds it, and other parameters grew against it.",
         value=value,
         std=min(std, NO_BOUND),
     )

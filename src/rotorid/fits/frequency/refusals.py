@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from rotorid.data.findings import Finding, refusal, warn
+from rotorid.data.quantity import with_error
 from rotorid.data.trust import CERTAIN_SIGN
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.frequency.data_requirements import main_pairs
@@ -238,7 +239,7 @@ def _pushed_on_by_speed(fitted: FrequencyFit) -> Iterator[Finding]:
             yield refusal(
                 "impossible_physics",
                 name,
-                f"{name} is {value:.2g} ± {std:.1g} 1/s: no air pushes a hovering vehicle along its own speed. What "
+                f"{name} is {with_error(value, std)} 1/s: no air pushes a hovering vehicle along its own speed. What "
                 "turns with it, or a speed that was not measured, has no place in this model: take a hover model, or "
                 "hold the value with --fix.",
                 value=value,

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rotorid.data.findings import Finding, warn
+from rotorid.data.quantity import with_error
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import (
@@ -88,7 +89,7 @@ def _one(name: str, flights: Sequence[Flight], settings: IdentifySettings) -> tu
     return value, warn(
         "speed_damping_biased",
         name,
-        f"{name} = {value:.3g} ± {std:.2g} 1/s was taken from {output}/{source} between {omega[0]:.2g} and "
+        f"{name} = {with_error(value, std)} 1/s was taken from {output}/{source} between {omega[0]:.2g} and "
         f"{omega[-1]:.3g} rad/s, at a cost of {cost:.0f}, and held. It leaves out {_NEGLECTED[name]}: "
         f"where the command pushes the vehicle sideways, {name} is off several times, too small from slow "
         "responses and too large from fast ones. The joint fit of all responses has no such bias.",

@@ -17,6 +17,7 @@ import numpy as np
 
 from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.findings import Finding, refusal, warn
+from rotorid.data.quantity import with_error
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.bootstrapping import bootstrap
 from rotorid.fits.motors.errors import gusts_between, motor_model_error, with_model_errors
@@ -280,7 +281,7 @@ def _useless(fitted: FittedMotors) -> dict[str, Finding]:
                 found[axis] = warn(
                     "not_identifiable",
                     name,
-                    f"{name} is {value:.3g} ± {std[name]:.2g} {fitted.parameters[name].unit}, no better than nothing: "
+                    f"{name} is {with_error(value, std[name])} {fitted.parameters[name].unit}, no better than nothing: "
                     f"nothing is stated of {AXIS_WORDS[axis]}.",
                     value=value,
                     std=std[name],
@@ -321,7 +322,7 @@ def _require_end(fitted: FittedMotors, choices: MotorChoices) -> None:
         slope = fitted.derived["thrust_slope"]
         if not slope.std <= _LARGEST_STD * slope.value:
             message = (
-                f"The slope of thrust is {slope.value:.3g} ± {slope.std:.2g} {slope.unit}: the flights do not tell "
+                f"The slope of thrust is {with_error(slope.value, slope.std)} {slope.unit}: the flights do not tell "
                 "what a rotor lifts."
             )
             wrong.append(refusal("not_identifiable", "thrust", message, value=slope.value, std=slope.std))

@@ -22,6 +22,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.quantity import with_error
 from rotorid.fits.motors.errors import ACCELEROMETER_BIAS_M_S2
 from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.results.summary import LogThrust, VoltageExponent
@@ -144,7 +145,7 @@ def judge_loads(logs: Sequence[LogThrust], exponent: VoltageExponent | None) -> 
             yield warn(
                 "payload_step",
                 one.record,
-                f"For the same thrust {one.record} carries {abs(ratio - 1.0) * 100.0:.1f} ± {100.0 * std:.1f} % "
+                f"For the same thrust {one.record} carries {with_error(100.0 * abs(ratio - 1.0), 100.0 * std)} % "
                 f"{heavier} mass than {first.record}: the payload changed, or rotors or battery did. What was "
                 "identified from both lies between; identify each by itself with its own --fix m=KILOGRAMS.",
                 mass_ratio=ratio,
@@ -153,7 +154,7 @@ def judge_loads(logs: Sequence[LogThrust], exponent: VoltageExponent | None) -> 
     if exponent is not None:
         apart = abs(exponent.exponent - _SQUARE) > max(_SIGMAS * exponent.std, 0.5)
         message = (
-            f"Thrust follows the voltage by the power {exponent.exponent:.2f} ± {exponent.std:.2f} from "
+            f"Thrust follows the voltage by the power {with_error(exponent.exponent, exponent.std)} from "
             f"{exponent.lowest_v:.3g} to {exponent.highest_v:.3g} V; the model takes the square."
         )
         numbers = {"exponent": exponent.exponent, "std": exponent.std}

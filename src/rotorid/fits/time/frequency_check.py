@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.findings import Finding, refusal, warn
+from rotorid.data.quantity import significant, with_error
 from rotorid.data.trust import CERTAIN_SIGN
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fits.frequency.data_requirements import require_known_gain
@@ -203,7 +204,8 @@ def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
     if abs(here.value) >= CERTAIN_SIGN * std:
         return
     said = (
-        f"{gain} is {here.value:.4g} ± {std:.2g} {here.unit} in time and {there.value:.4g} {here.unit} by the responses"
+        f"{gain} is {with_error(here.value, std)} {here.unit} in time and "
+        f"{significant(there.value, digits=4)} {here.unit} by the responses"
     )
     others = " or ".join(name for name in ("frequency", "output_error") if name != fitted.method)
     raise InsufficientDataError(
@@ -235,9 +237,10 @@ def judge_agreement(fitted: TimeFit, others: Mapping[str, Compared]) -> tuple[Fi
                 warn(
                     "methods_disagree",
                     name,
-                    f"{name} is {value:.4g} ± {std[name]:.2g} {unit} in the time domain and {other.value:.4g} ± "
-                    f"{other.std:.2g} {unit} in the frequency domain, {distance:.1f} standard deviations apart."
-                    f"{held} They weigh what the structure leaves out differently, or feedback biases one of them.",
+                    f"{name} is {with_error(value, std[name])} {unit} in the time domain and "
+                    f"{with_error(other.value, other.std)} {unit} in the frequency domain, {distance:.1f} standard "
+                    f"deviations apart.{held} They weigh what the structure leaves out differently, or feedback biases "
+                    "one of them.",
                     time=value,
                     frequency=other.value,
                     distance_std=distance,

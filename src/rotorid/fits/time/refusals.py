@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 
 from rotorid.data.findings import Finding, refusal
+from rotorid.data.quantity import with_error
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.frequency.fit import FrequencyFit, grown
 from rotorid.fits.frequency.refusals import faster_than_sampled
@@ -143,7 +144,7 @@ def require_bounds(parameters: ParameterSet, bounds: Bounds, couplings: Collecti
         return
     stds = bounds.stds
     found = ", ".join(
-        f"{name} is {parameters[name].value:.2g} ± {stds[name]:.1g} {parameters[name].unit}" for name in loose
+        f"{name} is {with_error(parameters[name].value, stds[name])} {parameters[name].unit}" for name in loose
     )
     raise InsufficientDataError(
         f"nothing bounds {', '.join(loose)}: {found}",

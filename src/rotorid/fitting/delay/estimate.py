@@ -19,7 +19,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.quantity import TWO_SIDED_95
+from rotorid.data.quantity import TWO_SIDED_95, with_ends
 from rotorid.data.record import TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
@@ -297,7 +297,7 @@ def contradicted(
         return ""
     input, output = pair
     came = (
-        f"it comes out as {1e3 * estimate.delay_s:.1f} ms ({1e3 * low_s:.1f} to {1e3 * high_s:.1f}), and {output} "
+        f"it comes out as {with_ends(1e3 * estimate.delay_s, 1e3 * low_s, 1e3 * high_s, 'ms')}, and {output} "
         f"cannot answer before {input} moves"
     )
     if feedback and not joint:
@@ -413,8 +413,8 @@ def disagreement(
         warn(
             "delays_disagree",
             f"{output}/{input}",
-            f"By {_WORDS[first]} the delay is {1e3 * first_s:.1f} ms ({1e3 * a[0]:.1f} to {1e3 * a[1]:.1f}), by "
-            f"{_WORDS[second]} {1e3 * second_s:.1f} ms ({1e3 * b[0]:.1f} to {1e3 * b[1]:.1f}). Feedback of noise "
+            f"By {_WORDS[first]} the delay is {with_ends(1e3 * first_s, 1e3 * a[0], 1e3 * a[1], 'ms')}, by "
+            f"{_WORDS[second]} {with_ends(1e3 * second_s, 1e3 * b[0], 1e3 * b[1], 'ms')}. Feedback of noise "
             "or another band does this, or a lag that is not of this order; the first is recommended.",
             delay_s=first_s,
             other_delay_s=second_s,

@@ -30,7 +30,7 @@ import numpy as np
 from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.quantity import TWO_SIDED_95
+from rotorid.data.quantity import TWO_SIDED_95, with_error
 from rotorid.errors import UsageError
 from rotorid.fitting.motors.fit import MotorFit
 from rotorid.fitting.motors.problem import Axis, Filter
@@ -325,4 +325,4 @@ def _off(share: float) -> str:
 
 def _pair(one: InertiaRegression) -> str:
     (first, second), (near, far) = one.corrected, one.deviations
-    return f"{first:.4g} ± {TWO_SIDED_95 * near:.1g} and {second:.4g} ± {TWO_SIDED_95 * far:.1g} {one.unit}"
+    return f"{with_error(first, near)} and {with_error(second, far)} {one.unit}"
