@@ -92,9 +92,9 @@ def test_the_budget_leaves_out_what_is_far(small: Tree) -> None:
 
 def test_durations_are_those_of_a_report(tmp_path: Path) -> None:
     report = tmp_path / "report.xml"
-    case = '<testcase classname="tests.unit.io.test_{}" name="x" time="{}"/>'
+    case = '<testcase classname="tests.unit.near.test_{}" name="x" time="{}"/>'
     report.write_text(f"<a>{case.format('csv', 0.9)}{case.format('csv', 0.4)}{case.format('npz', 0.1)}</a>", "utf-8")
-    assert durations_of(report) == {"tests/unit/io/test_csv.py": 1.3}
+    assert durations_of(report) == {"tests/unit/near/test_csv.py": 1.3}
 
 
 def test_every_module_chooses_a_test(tree: Tree) -> None:
