@@ -5,9 +5,10 @@ face that lists them (``from rotorid import identify`` needs the module of ``ide
 (``"rotorid.io.px4.log"``), and modules that a table loads by their names (``f"rotorid.cli.{name}"``).
 
 A test file is nearest where it is named after a changed module (``tests/unit/PACKAGE/test_MODULE.py``), then where it
-imports one, then where it imports what imports one, and so on. The nearest run, as far as :data:`BUDGET_S` allows by
-``tests/durations.json``, and the others are listed. Doctests of changed modules run too. Studies of real flights,
-twins, browsers and the site (:data:`LONG`) are left to ``make test``.
+imports one, then where it imports what imports one, and so on; of those that are as near, first what has the same words
+in its name. The nearest run, as far as :data:`BUDGET_S` allows by ``tests/durations.json``, and the others are listed.
+Doctests of changed modules run too. Studies of real flights, twins, browsers and the site (:data:`LONG`) are left to
+``make test``.
 
 ``python -m tests.quick --renew REPORT`` writes the durations of a report that ``pytest --junitxml REPORT`` wrote.
 """
@@ -175,10 +176,12 @@ class Tree:
         near = {module: 1 + distance for module, distance in distances(self.importers, modules).items()}
         near |= {module: 1 for module, named in self.mirrors.items() if named in modules}
         near |= {module: 0 for module in modules if self.files[module].path in paths}
+        words = {word for path in paths for word in _words(path)}
+        alike = {module: len(words & _words(self.files[module].path)) for module in near}
         chosen: list[str] = []
         left_out: list[str] = []
         spent_s = 0.0
-        for module in sorted(near, key=lambda module: (near[module], self.duration_s(module), module)):
+        for module in sorted(near, key=lambda one: (near[one], -alike[one], self.duration_s(one), one)):
             file, cost_s = self.files[module], self.duration_s(module)
             if not file.is_test or file.slow or (near[module] and file.path.startswith(LONG)):
                 continue
@@ -225,6 +228,11 @@ def mirrored(path: str, modules: Iterable[str]) -> str | None:
     package, words = f"rotorid.{(match[1] or '').replace('/', '.')}", match[2].split("_")
     names = (package + "_".join(words[:size]) for size in range(len(words), 0, -1))
     return next((name for name in names if name in modules), None)
+
+
+def _words(path: str) -> set[str]:
+    """Words of a path, without those that all have."""
+    return {*re.split(r"[/_.]", path)} - {"src", "rotorid", "tests", "unit", "test", "py"}
 
 
 def read(path: Path, root: Path) -> File:
