@@ -20,6 +20,13 @@ from rotorid.io.files import sha256_of
 WORK = "tests.fleet_logs:answer"
 
 
+def read_table(path: Path) -> list[Row]:
+    """Rows of a table that :func:`rotorid.fleets.table.write_table` wrote."""
+    from pyarrow import parquet
+
+    return [Row(**one) for one in parquet.read_table(path).to_pylist()]
+
+
 def write_logs(folder: Path, count: int, words: str = "value", *, first: int = 1) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"log-{number:04d}.ulg" for number in range(first, first + count)]

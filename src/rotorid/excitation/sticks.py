@@ -19,9 +19,7 @@ _MOVE = (0.3, 1.0)
 _FINE_HZ = 500.0
 
 
-def everyday_stick(
-    *, level: float, duration_s: float, sample_rate_hz: float, rng: np.random.Generator, phase_s: float = 0.0
-) -> FloatArray:
+def everyday_stick(*, level: float, duration_s: float, sample_rate_hz: float, rng: np.random.Generator) -> FloatArray:
     """A stick as a pilot moves it who is not asked for anything.
 
     Noise of 0.1 to 3 Hz, falling by 12 dB an octave beyond, comes in bursts of 2 to 8 s with rests between them. On
@@ -39,8 +37,6 @@ def everyday_stick(
         Rate at which it is given back, that of the autopilot.
     rng
         Of bursts and moves.
-    phase_s
-        When within its turn the radio sends.
 
     Returns
     -------
@@ -69,7 +65,7 @@ def everyday_stick(
     smooth = level * ends * np.clip(moved, -1.0, 1.0)
     clock_s = np.arange(round(duration_s * sample_rate_hz)) / sample_rate_hz
     # A thousandth of a turn early, so that a value is there at the tick at which it is sent.
-    sent_s = (np.floor((clock_s - phase_s) * RADIO_HZ + 1e-3)) / RADIO_HZ + phase_s
+    sent_s = (np.floor(clock_s * RADIO_HZ + 1e-3)) / RADIO_HZ
     sent = np.round(np.interp(sent_s, time_s, smooth) * STEPS_OF_STICK) / STEPS_OF_STICK
     sent[-max(int(sample_rate_hz / RADIO_HZ), 1) :] = 0.0
     return np.asarray(np.clip(sent, -level, level))

@@ -5,8 +5,14 @@ from rotorid.fitting.black_box.fit import fit_black_box_pairs as fit_black_box_p
 
 # deprecated, removed in 0.3
 from rotorid.fitting.black_box.fit import information_criteria as information_criteria
+
+# deprecated, removed in 0.3
 from rotorid.fitting.black_box.polynomial import PolynomialModel as PolynomialModel
+
+# deprecated, removed in 0.3
 from rotorid.fitting.black_box.polynomial import PolynomialOrders as PolynomialOrders
+
+# deprecated, removed in 0.3
 from rotorid.fitting.black_box.polynomial import fit_arx as fit_arx
 
 # deprecated, removed in 0.3

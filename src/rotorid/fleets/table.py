@@ -358,20 +358,6 @@ def write_table(path: Path, values: Sequence[Row] | Sequence[Failed], kind: type
         ) from error
 
 
-def read_table(path: Path) -> list[Row]:
-    """Rows of a table that :func:`write_table` wrote.
-
-    Raises
-    ------
-    UsageError
-        The file is of another schema.
-    """
-    require_table(path)
-    from pyarrow import parquet
-
-    return [Row(**one) for one in parquet.read_table(path).to_pylist()]
-
-
 def require_table(path: Path) -> None:
     """Refuse a table of another schema.
 

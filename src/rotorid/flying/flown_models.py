@@ -22,7 +22,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -73,8 +73,6 @@ _YAW_LAG_S = 0.2
 
 _START_ROUNDS = 3
 """Estimates of the noise while a start is sought: it only weighs the outputs against each other."""
-
-Flown: TypeAlias = str | IdentifiedModel
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -39,7 +39,6 @@ SYSTEM_ID_DELAY_S = 1.0
 CONSTANT_CYCLES = 2.0
 """Periods at the lowest frequency before the chirp begins, fixed in the firmware."""
 
-_RECOVERY = 3
 """From an input angle (1 to 3) to the same without feedforward (4 to 6)."""
 
 _AGREEMENT = 0.01
@@ -127,7 +126,7 @@ class SystemId:
         return flown
 
 
-def system_id(planned: PlannedInput, *, recovery: bool = False) -> SystemId:
+def system_id(planned: PlannedInput) -> SystemId:
     """Settings with which SYSTEMID mode flies a planned chirp.
 
     Parameters
@@ -136,8 +135,6 @@ def system_id(planned: PlannedInput, *, recovery: bool = False) -> SystemId:
         A logarithmic sweep whose part of constant frequency lasts two periods of its lowest frequency, as the firmware
         has it. ``fade_in_s``, ``fade_out_s`` and ``trim_s`` are taken from its settings; without a ``trim_s`` the zeros
         at its ends are counted.
-    recovery
-        Whether angles enter without the feedforward of the attitude controller (``SID_AXIS`` 4 and 5 for 1 and 2).
 
     Raises
     ------
@@ -157,7 +154,7 @@ def system_id(planned: PlannedInput, *, recovery: bool = False) -> SystemId:
     {'SID_AXIS': 10, 'SID_MAGNITUDE': 0.1, 'SID_F_START_HZ': 0.2, 'SID_F_STOP_HZ': 20.0, 'SID_T_FADE_IN': 5.0,
     'SID_T_REC': 60.0, 'SID_T_FADE_OUT': 2.0}
     """
-    axis = _axis_number(planned, recovery=recovery)
+    axis = _axis_number(planned)
     if planned.shape != "logarithmic_sweep" or planned.band_rad_s is None:
         raise UsageError(
             f"a {in_words(planned.shape)} on {planned.axis} for ArduPilot's SYSTEMID mode",
@@ -182,7 +179,7 @@ def system_id(planned: PlannedInput, *, recovery: bool = False) -> SystemId:
     return settings
 
 
-def _axis_number(planned: PlannedInput, *, recovery: bool) -> int:
+def _axis_number(planned: PlannedInput) -> int:
     number_of = SID_AXIS.get((planned.entry, planned.axis))
     if number_of is None:
         places = ", ".join(f"{in_words(entry)} of {axis}" for entry, axis in SID_AXIS)
@@ -191,7 +188,7 @@ def _axis_number(planned: PlannedInput, *, recovery: bool) -> int:
             needed=f"one of {places}",
             remedy="plan another entry",
         )
-    return number_of + _RECOVERY if recovery and planned.entry == "attitude_setpoint" else number_of
+    return number_of
 
 
 def _require_ranges(settings: SystemId) -> None:
@@ -246,9 +243,7 @@ ATTITUDE_RATE_HZ = 50.0
 """Rate at which the script sends attitudes."""
 
 
-def ardupilot_files(
-    plan: FlightPlan, facts: FlightFacts, *, recovery: bool = False, mode_switch: int | None = None
-) -> dict[str, str]:
+def ardupilot_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
     """Files for ArduPilot: parameters for each run, parameters for afterwards, and a script where one helps.
 
     - A plan of logarithmic sweeps gives one ``.param`` file for each, to be flown one by one, and a Lua script that
@@ -271,11 +266,6 @@ def ardupilot_files(
         What is to be flown.
     facts
         Its limits.
-    recovery
-        Whether angles enter SYSTEMID mode without feedforward.
-    mode_switch
-        Position of the flight-mode switch, 1 to 6, that is given to SYSTEMID mode; when it is not given the files leave
-        the switch alone, and the pilot assigns the mode.
 
     Returns
     -------
@@ -287,8 +277,6 @@ def ardupilot_files(
     UsageError
         ArduPilot cannot fly one of the inputs.
     """
-    if mode_switch is not None and mode_switch not in range(1, 7):
-        raise UsageError(f"position {mode_switch} of the flight-mode switch", needed="1 to 6")
     by_hand = flown_by_hand(plan, "ArduPilot")
     sweeps = [planned for planned in plan.inputs if planned not in by_hand]
     if not sweeps:
@@ -298,7 +286,7 @@ def ardupilot_files(
             remedy="fly them by hand with the flight card, or plan another entry",
         )
     if all(planned.shape == "logarithmic_sweep" for planned in sweeps):
-        return _chirp_files(plan, sweeps, facts, recovery=recovery, mode_switch=mode_switch)
+        return _chirp_files(plan, sweeps, facts)
     return _attitude_files(plan, facts)
 
 
@@ -370,14 +358,10 @@ def _lean_limit(firmware: str) -> str:
     return "ANGLE_MAX" if version < (4, 7) else "ATC_ANGLE_MAX"
 
 
-def _chirp_files(
-    plan: FlightPlan, sweeps: Sequence[PlannedInput], facts: FlightFacts, *, recovery: bool, mode_switch: int | None
-) -> dict[str, str]:
-    runs = [(planned, system_id(planned, recovery=recovery)) for planned in sweeps]
+def _chirp_files(plan: FlightPlan, sweeps: Sequence[PlannedInput], facts: FlightFacts) -> dict[str, str]:
+    runs = [(planned, system_id(planned)) for planned in sweeps]
     _require_one_by_one(sweeps)
     shared = {"LOG_BITMASK": plan_log_bitmask(plan)}
-    if mode_switch is not None:
-        shared[f"FLTMODE{mode_switch}"] = SYSTEM_ID_MODE
     # One script hovers in one mode: all axes of a plan are of the attitude, rates or the mixer.
     (start,) = {start_mode(settings.axis) for _, settings in runs}
     words = {
@@ -398,7 +382,6 @@ def _chirp_files(
             of=len(runs),
             planned=planned,
             settings=settings,
-            mode_switch=mode_switch,
             fast_imu=bool(shared["LOG_BITMASK"] >> FAST_IMU_BIT & 1),
             lean_limit=_lean_limit(facts.firmware),
             lines=_lines(settings.parameters | shared),

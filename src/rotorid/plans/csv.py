@@ -20,19 +20,16 @@ from rotorid.typing import FloatArray
 FILE = "plan.csv"
 
 
-def plan_csv(plan: FlightPlan, *, sample_rate_hz: float | None = None) -> dict[str, str]:
+def plan_csv(plan: FlightPlan) -> dict[str, str]:
     """A CSV file with a column of time and one for each place where test inputs are added.
 
     Inputs that enter at the same place add up; everything is zero in between. The table spans the whole plan, with the
-    last rest.
+    last rest, at the fastest rate of the inputs.
 
     Parameters
     ----------
     plan
         What is to be flown.
-    sample_rate_hz
-        Rate of the rows; the fastest rate of the inputs when it is not given. Rows between samples of an input are
-        interpolated linearly, so a rate below that of an input loses its corners.
 
     Returns
     -------
@@ -52,7 +49,7 @@ def plan_csv(plan: FlightPlan, *, sample_rate_hz: float | None = None) -> dict[s
     1,-0.1
     1.5,0
     """
-    time_s, columns = table(plan, sample_rate_hz=sample_rate_hz)
+    time_s, columns = table(plan)
     units = {column_name(planned): planned.unit for planned in plan.inputs}
     header = ",".join(["time [s]", *(f"{name} [{units[name]}]" for name in columns)])
     row = ",".join(["%.10g", *["%.7g"] * len(columns)])

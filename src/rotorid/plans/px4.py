@@ -28,6 +28,10 @@ _INTEGER, _REAL = 6, 9
 _LEAST_SAMPLES = 10.0
 """Set-points in a period of the highest frequency that are sent at least."""
 
+_SEND_RATE_HZ = 100.0
+"""A message takes some 50 bytes: this rate passes through USB, Wi-Fi and a companion's port, and not through a
+telemetry radio."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _Parameter:
@@ -58,7 +62,7 @@ def _parameters(firmware: str) -> tuple[_Parameter, ...]:
     return (profile, *_PARAMETERS)
 
 
-def px4_files(plan: FlightPlan, facts: FlightFacts, *, send_rate_hz: float = 100.0) -> dict[str, str]:
+def px4_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
     """Files for PX4: the script, the table it reads, and parameters as QGroundControl loads them.
 
     The script arms nothing. It streams level set-points until the pilot switches to Offboard, adds the plan to what
@@ -73,9 +77,6 @@ def px4_files(plan: FlightPlan, facts: FlightFacts, *, send_rate_hz: float = 100
         set-points.
     facts
         Its limits.
-    send_rate_hz
-        Rate of the messages. One takes some 50 bytes: 100 Hz pass through USB, Wi-Fi and a companion's port, and not
-        through a telemetry radio.
 
     Returns
     -------
@@ -85,11 +86,11 @@ def px4_files(plan: FlightPlan, facts: FlightFacts, *, send_rate_hz: float = 100
     Raises
     ------
     UsageError
-        MAVLink cannot carry one of the inputs, or the rate is below ten messages for a period of the highest frequency.
+        MAVLink cannot carry one of the inputs, or a period of the highest frequency has fewer than ten messages.
     """
     places = {column_name(planned): planned for planned in plan.inputs}
     kind = _kind(places)
-    _require_rate(plan, send_rate_hz)
+    _require_rate(plan)
     words = {"plan": one_line(plan.name), "vehicle": one_line(facts.vehicle)}
     columns = {name: f"{name} [{planned.unit}]" for name, planned in places.items()}
     return {
@@ -101,7 +102,7 @@ def px4_files(plan: FlightPlan, facts: FlightFacts, *, send_rate_hz: float = 100
             table=FILE,
             columns={planned.axis: columns[name] for name, planned in places.items()},
             largest={planned.axis: number_above(1.01 * _largest(plan, name)) for name, planned in places.items()},
-            rate=number(send_rate_hz),
+            rate=number(_SEND_RATE_HZ),
             facts=facts,
             hold=HOLD,
             gravity=STANDARD_GRAVITY_M_S2,
@@ -142,11 +143,11 @@ def _kind(places: Mapping[str, PlannedInput]) -> str:
     return next(iter(kinds), "attitude_setpoint")
 
 
-def _require_rate(plan: FlightPlan, send_rate_hz: float) -> None:
+def _require_rate(plan: FlightPlan) -> None:
     highest = max((planned.band_rad_s[1] for planned in plan.inputs if planned.band_rad_s), default=0.0)
-    if send_rate_hz < _LEAST_SAMPLES * highest / (2.0 * math.pi):
+    if _LEAST_SAMPLES * highest / (2.0 * math.pi) > _SEND_RATE_HZ:
         raise UsageError(
-            f"{send_rate_hz:g} messages a second for test inputs up to {round(highest, 1):g} rad/s",
+            f"{_SEND_RATE_HZ:g} messages a second for test inputs up to {round(highest, 1):g} rad/s",
             needed=f"at least {_LEAST_SAMPLES * highest / (2.0 * math.pi):.0f} a second: ten for a period",
             remedy="raise the rate or lower the highest frequency",
         )

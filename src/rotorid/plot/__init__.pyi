@@ -8,7 +8,11 @@ from rotorid.plot.figure import MODEL as MODEL
 from rotorid.plot.figure import SECONDARY as SECONDARY
 from rotorid.plot.figure import SERIES as SERIES
 from rotorid.plot.figure import Figure as Figure
+
+# deprecated, removed in 0.3
 from rotorid.plot.frequency import Density as Density
+
+# deprecated, removed in 0.3
 from rotorid.plot.frequency import Named as Named
 from rotorid.plot.frequency import bode as bode
 from rotorid.plot.frequency import coherence_map as coherence_map

@@ -94,7 +94,6 @@ def provenance(
     records: Sequence[FlightRecord],
     settings: Choices,
     *,
-    command: Sequence[str] = (),
     flights: Sequence[tuple[FlightRecord, Maneuver]] = (),
     response: FrequencyResponse | None = None,
     sources: Mapping[str, str] | None = None,
@@ -107,8 +106,6 @@ def provenance(
         All logs that were read.
     settings
         Choices of the run.
-    command
-        Words of the command line.
     flights
         The stretches used: a log and an interval of it.
     response
@@ -118,7 +115,6 @@ def provenance(
     """
     names = _names(records)
     return Provenance(
-        command=tuple(command),
         inputs=hashes(records),
         settings=settings.as_json(),
         seed=settings.seed,

@@ -282,23 +282,13 @@ _CONTROLLERS_OWN = {"PX4": "vehicle_angular_velocity.xyz[0]", "ArduPilot": "RATE
 """Autopilot to the source of the rate that its controller sees."""
 
 
-def controller_filters(record: FlightRecord, *, sensor_rate_hz: float | None = None) -> tuple[KnownFilter, ...]:
+def controller_filters(record: FlightRecord) -> tuple[KnownFilter, ...]:
     """Linear filters between the motion and the rate controller of the autopilot, as far as the log says.
 
     The rate passes them, the attitude does not: it comes from the unfiltered sensor.
-
-    Parameters
-    ----------
-    record, sensor_rate_hz
-        As for :func:`known_filters`.
-
-    Raises
-    ------
-    UsageError
-        ``sensor_rate_hz`` is not positive.
     """
     own = [source for name, source in _CONTROLLERS_OWN.items() if record.source.format.startswith(name)]
-    return known_filters(record, own[0], sensor_rate_hz=sensor_rate_hz) if own else ()
+    return known_filters(record, own[0]) if own else ()
 
 
 def filter_findings(record: FlightRecord, source: str, *, sensor_rate_hz: float | None = None) -> tuple[Finding, ...]:

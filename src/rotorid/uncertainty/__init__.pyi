@@ -16,5 +16,7 @@ from rotorid.uncertainty.propagation import pole_confidence as pole_confidence
 from rotorid.uncertainty.propagation import response_confidence as response_confidence
 from rotorid.uncertainty.resampling import SpreadRow as SpreadRow
 from rotorid.uncertainty.resampling import SpreadTable as SpreadTable
+
+# deprecated, removed in 0.3: use rotorid.uncertainty.bootstrap
 from rotorid.uncertainty.resampling import resample_records as resample_records
 from rotorid.uncertainty.resampling import spread_of as spread_of

@@ -94,13 +94,8 @@ _MIX = np.array(
 """Motors rear right, front right, rear left, front left by roll, pitch, yaw, thrust."""
 
 
-def betaflight_autopilot(settings: Mapping[str, float] = SETTINGS) -> Autopilot:
-    """The cascade that Betaflight flies with these settings.
-
-    Parameters
-    ----------
-    settings
-        By the names of :data:`SETTINGS`, every one of them. They go to the log as they are.
+def betaflight_autopilot() -> Autopilot:
+    """The cascade that Betaflight flies with :data:`SETTINGS`, which go to the log as they are.
 
     Examples
     --------
@@ -109,20 +104,20 @@ def betaflight_autopilot(settings: Mapping[str, float] = SETTINGS) -> Autopilot:
     """
 
     def each(letter: str, scale: float) -> Three:
-        roll, pitch, yaw = (scale * settings[f"{axis}PID_{letter}"] for axis in ("roll", "pitch", "yaw"))
+        roll, pitch, yaw = (scale * SETTINGS[f"{axis}PID_{letter}"] for axis in ("roll", "pitch", "yaw"))
         return roll, pitch, yaw
 
     roll, pitch, yaw = each("I", PER_I)
-    angle = settings["levelPID_P"] / 10.0
+    angle = SETTINGS["levelPID_P"] / 10.0
     return Autopilot(
         kind="betaflight",
-        rate_hz=1e6 / (settings["looptime"] * settings["pid_process_denom"]),
+        rate_hz=1e6 / (SETTINGS["looptime"] * SETTINGS["pid_process_denom"]),
         rates=RateLoop(
             proportional=each("P", PER_P),
             integral=(roll, pitch, YAW_I * yaw),
             derivative=each("D", PER_D),
             integral_limit=(0.4, 0.4, 0.4),
-            derivative_cutoff_hz=(settings["dterm_lpf1_static_hz"],) * 3,
+            derivative_cutoff_hz=(SETTINGS["dterm_lpf1_static_hz"],) * 3,
         ),
         angle_1_s=(angle, angle, 2.0),
         guidance=Guidance(
@@ -133,11 +128,11 @@ def betaflight_autopilot(settings: Mapping[str, float] = SETTINGS) -> Autopilot:
             heading_follows=True,
         ),
         rate_limit_rad_s=(math.radians(670.0),) * 3,
-        gyro_cutoff_hz=settings["gyro_lpf1_static_hz"],
+        gyro_cutoff_hz=SETTINGS["gyro_lpf1_static_hz"],
         # The header has hundredths.
-        accelerometer_cutoff_hz=settings["acc_lpf_hz"] / 100.0,
+        accelerometer_cutoff_hz=SETTINGS["acc_lpf_hz"] / 100.0,
         mixer=_MIX,
-        parameters=settings,
+        parameters=SETTINGS,
     )
 
 

@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
+from tests.fleet_logs import read_table
 from tests.unit.cli.commands import rotorid
 
 from rotorid import Wind, simulate, write_log
-from rotorid.fleets.table import read_table
 from rotorid.flying.examples import EXAMPLES
 
 pytest.importorskip("pyarrow")

@@ -7,11 +7,11 @@ import shutil
 from pathlib import Path
 
 import pytest
-from tests.fleet_logs import WORK, row_of, write_logs
+from tests.fleet_logs import WORK, read_table, row_of, write_logs
 
 from rotorid.errors import ModelError, UsageError
 from rotorid.fleets import Fleet, FleetSettings, Limits, LogAnswer, Processes, fleet
-from rotorid.fleets.table import FAILED, JOURNAL, TABLE, Row, read_table, write_table
+from rotorid.fleets.table import FAILED, JOURNAL, TABLE, Row, write_table
 
 pytest.importorskip("pyarrow")
 SETTINGS = FleetSettings(models=("rate.roll",))

@@ -38,7 +38,7 @@ def test_findings_come_worst_first_and_each_once() -> None:
 
 def test_logs_of_one_name_keep_their_own_hashes() -> None:
     records = [log("flight.csv", "a"), log("other.csv", "b"), log("flight.csv", "c"), log("flight.csv", "a")]
-    found = provenance(records, IdentifySettings(), command=["rotorid"])
+    found = provenance(records, IdentifySettings())
     assert found.inputs == {"flight.csv": "a", "other.csv": "b", "flight.csv (2)": "c"}
 
 

@@ -90,12 +90,6 @@ def test_the_file_makes_the_samples_of_the_plan(planned: PlannedInput, entry: in
     assert np.abs(flown - planned.values).max() <= allowed
 
 
-def test_recovery_takes_the_feedforward_out_of_angles() -> None:
-    tilt = chirp("roll", entry="attitude_setpoint", amplitude=0.1)
-    assert [system_id(tilt).axis, system_id(tilt, recovery=True).axis] == [1, 4]
-    assert system_id(chirp("roll"), recovery=True).axis == 10
-
-
 @pytest.mark.parametrize("trim_s", [0.0, 2.5])
 def test_zeros_around_a_chirp_are_found_or_taken_from_its_settings(trim_s: float) -> None:
     fades = {"fade_in_s": 5.0, "fade_out_s": 2.0}
@@ -145,16 +139,15 @@ def test_a_plan_that_was_stored_is_flown_as_well(tmp_path: Path) -> None:
 
 
 def test_every_run_has_its_file_and_all_log_every_loop(tmp_path: Path) -> None:
-    files = ardupilot_files(four_chirps(), facts(), mode_switch=6)
+    files = ardupilot_files(four_chirps(), facts())
     runs = sorted(name for name in files if name[10].isdigit())
     assert runs == [f"ardupilot-{n}-{axis}.param" for n, axis in enumerate(("roll", "pitch", "yaw", "thrust"), start=1)]
     for name in runs:
         loaded = parameters(files[name], tmp_path)
         assert int(loaded["LOG_BITMASK"]) & 0b11 == 0b11
-        assert loaded["FLTMODE6"] == 25.0
     after = parameters(files["ardupilot-after.param"], tmp_path)
     assert after["SID_AXIS"] == 0.0
-    assert not any("FLTMODE6," in text for text in ardupilot_files(four_chirps(), facts()).values())
+    assert not any("FLTMODE6," in text for text in files.values())
 
 
 def test_the_masks_are_the_default_and_named_bits() -> None:
@@ -191,11 +184,6 @@ def test_no_name_can_add_a_parameter(tmp_path: Path) -> None:
 def test_what_it_cannot_fly_is_refused(inputs: tuple[PlannedInput, ...], words: str) -> None:
     with pytest.raises(UsageError, match=words):
         ardupilot_files(FlightPlan(name="no", inputs=inputs), facts())
-
-
-def test_a_switch_position_must_exist() -> None:
-    with pytest.raises(UsageError, match="1 to 6"):
-        ardupilot_files(four_chirps(), facts(), mode_switch=7)
 
 
 # The Lua script that flies all chirps.

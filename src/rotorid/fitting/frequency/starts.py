@@ -39,8 +39,8 @@ _STEPS = 8
 _TRANSFER_RANK = 1e-12
 
 
-def fraction_starts(problem: FrequencyProblem, thetas: FloatArray, *, count: int = 2) -> tuple[FloatArray, ...]:
-    """The best parameters met on the way of Sanathanan and Koerner from each of ``thetas``.
+def fraction_starts(problem: FrequencyProblem, thetas: FloatArray) -> tuple[FloatArray, ...]:
+    """The two best parameters met on the way of Sanathanan and Koerner from each of ``thetas``.
 
     Parameters
     ----------
@@ -49,8 +49,6 @@ def fraction_starts(problem: FrequencyProblem, thetas: FloatArray, *, count: int
     thetas
         Where to begin, shape ``(b, p)``. Delays stay as they are; give a grid of them, no coarser than half a radian at
         the highest frequency.
-    count
-        How many to give back, from different places on that grid.
 
     Returns
     -------
@@ -70,7 +68,7 @@ def fraction_starts(problem: FrequencyProblem, thetas: FloatArray, *, count: int
         found = problem.many_costs(now)
         better = found < cost
         best, cost = np.where(better[:, None], now, best), np.where(better, found, cost)
-    order = np.argsort(cost, kind="stable")[:count]
+    order = np.argsort(cost, kind="stable")[:2]
     return tuple(best[slot] for slot in order if np.isfinite(cost[slot]))
 
 
