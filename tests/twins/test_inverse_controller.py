@@ -15,9 +15,9 @@ from rotorid.fits.time.fit import TimeMethod
 from rotorid.flights.flights import Flight
 from rotorid.flights.measure import measure
 from rotorid.identifying.identification import identify
+from rotorid.models.families import named_model
 from rotorid.models.library import rate_model
 from rotorid.models.structure import LinearStructure
-from rotorid.settings.resolve import named_model
 from rotorid.settings.settings import IdentifySettings, parse_segment
 from rotorid.typing import FloatArray
 

@@ -19,6 +19,7 @@ from rotorid.flights.given_controllers import GivenController
 from rotorid.flights.measure import Measured
 from rotorid.flights.segments import source_of
 from rotorid.io.documents import MOST_JSON_BYTES, DocumentError, parse_json, read_text
+from rotorid.models.families import family_of
 from rotorid.models.nonlinear import NonlinearStructure, linear_of
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
@@ -26,7 +27,6 @@ from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import structure_from_toml
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.provenance import LoggedManeuver, Provenance
-from rotorid.settings.settings import MODEL as MOTORS
 from rotorid.typing import Axis
 
 RESULT, RESULTS, MODEL = "result.json", "results.json", "model.toml"
@@ -160,9 +160,9 @@ def read_candidate(result: Path) -> Candidate:
     nonlinear = read if isinstance(read, NonlinearStructure) else None
     structure = linear_of(read) if isinstance(read, NonlinearStructure) else read
     document = result if result.suffix == ".json" else folder / RESULT
-    if structure.name == MOTORS and not document.exists():
+    if family_of(structure).needs_result and not document.exists():
         raise UsageError(
-            f"{result} is the {MODEL} of {MOTORS} alone, which does not say how motors are had from a log",
+            f"{result} is the {MODEL} of {structure.name} alone, which does not say how motors are had from a log",
             needed=f"its {RESULT} beside it",
             remedy="give the folder that identify wrote",
         )
@@ -194,7 +194,7 @@ def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> C
         band_rad_s=(min(low for low, _ in bands), max(high for _, high in bands)) if bands else None,
         sources=sources,
         provenance=_provenance(table),
-        motors=known_motors(table) if structure.name == MOTORS else None,
+        motors=known_motors(table) if family_of(structure).needs_result else None,
     )
 
 

@@ -16,7 +16,7 @@ from rotorid.cli.options import ForPaper, Logs, Map, Output, models_known, one_o
 from rotorid.data.quantity import error_columns, significant, with_error
 from rotorid.data.trust import BOUNDS_MEANING
 from rotorid.errors import UsageError
-from rotorid.settings.settings import ALL, HOVER, MODEL, IdentifySettings, motor_choices, parse_names
+from rotorid.settings.settings import ALL, IdentifySettings, asks_all, parse_names
 from rotorid.units import require_units
 
 if TYPE_CHECKING:
@@ -86,15 +86,18 @@ def identify_command(
     """Identify a model from flight logs: responses, bounds, verification, report."""
     from rotorid.documents.result import refused_document, result_document
     from rotorid.identifying.cross_validation import cross_validated, parse_kind
+    from rotorid.identifying.families import require_choices
     from rotorid.identifying.identification import identify, refused
+    from rotorid.models.families import order_is_open
     from rotorid.models.nonlinear import NonlinearStructure
+    from rotorid.models.structure import LinearStructure
     from rotorid.report.files import write_results
     from rotorid.report.publication import of_model
-    from rotorid.settings.resolve import AUTO, nonlinear_of
+    from rotorid.settings.resolve import asked_model, read_model, require_known
 
     kind = parse_kind(cross_validate)
     models = [name for text in model for name in parse_names(text)]
-    if len(models) > 1 or models == [ALL]:
+    if len(models) > 1 or asks_all(models):
         if kind or inputs or decoupled:
             raise UsageError(
                 "--cross-validate, --inputs or --decoupled came with several models",
@@ -103,22 +106,20 @@ def identify_command(
         _identify_several(logs, models, verify=verify or (), settings=settings, map=map, output=output, paper=paper)
         return
     (model_name,) = models
-    if kind and model_name.startswith(AUTO):
+    if kind and order_is_open(model_name):
         raise UsageError(
             f"--cross-validate came with {model_name}, which cross-validates orders by itself",
             needed="black_box:N with the order that was found, to cross-validate that",
         )
-    nonlinear = nonlinear_of(model_name)
-    if nonlinear is not None:
-        _require_nonlinear(nonlinear, settings, kind=cross_validate, inputs=inputs, decoupled=decoupled)
-    motors = motor_choices(
-        model_name, settings, beside={"--cross-validate": cross_validate, "--inputs": inputs, "--decoupled": decoupled}
-    )
-    if nonlinear is not None or motors is not None:
-        _require_units([nonlinear or model_name], settings)
-    wanted: str | LinearStructure | NonlinearStructure = nonlinear or (
-        model_name if motors else _wanted(model_name, settings, inputs=inputs, decoupled=decoupled)
-    )
+    options = {"--cross-validate": cross_validate, "--inputs": inputs, "--decoupled": decoupled}
+    require_choices(model_name, settings, options=options)
+    wanted = read_model(model_name)
+    if not isinstance(wanted, NonlinearStructure):
+        drivers = parse_names(inputs) if inputs else ()
+        wanted = asked_model(model_name, inputs=drivers, outputs=settings.outputs, decoupled=decoupled)
+    _require_units([wanted], settings)
+    if isinstance(wanted, LinearStructure):
+        require_known(wanted, settings)
     name = wanted if isinstance(wanted, str) else wanted.name
 
     def compute(records: Sequence[FlightRecord]) -> IdentifiedModel:
@@ -146,26 +147,6 @@ def identify_command(
     )
 
 
-def _require_nonlinear(
-    structure: NonlinearStructure,
-    settings: IdentifySettings,
-    *,
-    kind: str | None,
-    inputs: str | None,
-    decoupled: bool,
-) -> None:
-    """Refuse options that a nonlinear model does not have, before any log is read for it."""
-    from rotorid.identifying.nonlinear import require_choices
-
-    beside = {"--cross-validate": kind, "--inputs": inputs, "--decoupled": decoupled}
-    if wrong := [name for name, given in beside.items() if given]:
-        raise UsageError(
-            f"{' and '.join(wrong)} came with {structure.name}, which is nonlinear",
-            needed="its own channels; --verify judges it on further logs, and each log is fitted alone besides",
-        )
-    require_choices(structure, settings)
-
-
 def _identify_several(
     logs: Sequence[Path],
     models: Sequence[str],
@@ -180,11 +161,12 @@ def _identify_several(
     from rotorid.documents.results import RESULTS, ResultsDocument, refused_results, results_document
     from rotorid.identifying.identify_many import identify_several, none_stands, own_choices, require_known_by_any
     from rotorid.report.several import write_several
-    from rotorid.settings.resolve import require_known
+    from rotorid.settings.resolve import asked_model, require_known
 
-    asked: str | list[LinearStructure | str] = ALL if models == [ALL] else [_named(name, settings) for name in models]
-    _require_units(() if isinstance(asked, str) else asked, settings)
-    if not isinstance(asked, str):
+    asked: str | list[LinearStructure | str] = ALL
+    if not asks_all(models):
+        asked = [asked_model(name, outputs=settings.outputs) for name in models]
+        _require_units(asked, settings)
         for structure in asked:
             if not isinstance(structure, str):
                 require_known(structure, own_choices(structure, settings))
@@ -226,43 +208,16 @@ def _identify_several(
     )
 
 
-def _named(name: str, settings: IdentifySettings) -> LinearStructure | str:
-    """One of several models."""
-    from rotorid.settings.resolve import finds_its_channels, resolve_model
-
-    if name == MODEL or finds_its_channels(name):
-        return name
-    return resolve_model(name, outputs=settings.outputs)
-
-
 def _require_units(models: Iterable[str | LinearStructure | NonlinearStructure], settings: IdentifySettings) -> None:
     """Refuse values to hold in units of something else; of models that wait for the logs, as far as these are known."""
-    from rotorid.models.motors import motor_parameters
-    from rotorid.models.physical import PHYSICAL_UNITS
+    from rotorid.models.families import family_of
 
     units: dict[str, str] = {}
     for model in models:
-        if isinstance(model, str):
-            units |= PHYSICAL_UNITS if model == HOVER else {}
-            of_motors = motor_parameters(known={"kappa": 1.0}) if model == MODEL else ()
-            units |= {one.name: one.unit for one in of_motors}
-        else:
-            units |= {one.name: one.unit for one in model.parameters}
+        units |= (
+            family_of(model).units() if isinstance(model, str) else {one.name: one.unit for one in model.parameters}
+        )
     require_units(settings.fix, units, option="--fix")
-
-
-def _wanted(model: str, settings: IdentifySettings, *, inputs: str | None, decoupled: bool) -> str | LinearStructure:
-    """The structure, or the name of one that takes its channels from the logs."""
-    from rotorid.settings.resolve import finds_its_channels, require_known, resolve_model
-
-    drivers = parse_names(inputs) if inputs else ()
-    if finds_its_channels(model, drivers):
-        _require_units([model], settings)
-        return model
-    structure = resolve_model(model, inputs=drivers, outputs=settings.outputs, decoupled=decoupled)
-    _require_units([structure], settings)
-    require_known(structure, settings)
-    return structure
 
 
 def print_result(document: ResultDocument, folder: Path) -> None:

@@ -4,31 +4,19 @@ from __future__ import annotations
 
 import json as json_text
 import sys
-from itertools import takewhile
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
 from rotorid.cli.options import Json, models_known, one_of
-from rotorid.settings.settings import MODEL, parse_names
+from rotorid.settings.settings import parse_names
 
 if TYPE_CHECKING:
+    from rotorid.models.families import Family
     from rotorid.models.nonlinear import NonlinearStructure
     from rotorid.models.structure import LinearStructure
 
 SCHEMA = "rotorid.models/1"
-
-TRANSFER = "transfer:m/n"
-_ABOUT_TRANSFER = "Any transfer function, m zeros over n poles, between channels named with --inputs and --outputs."
-_ABOUT_MOTORS = "Inertia, thrust, motor lag and torque of the vehicle from its motor outputs, gyros and accelerometer."
-BLACK_BOX = "black_box:N"
-_ABOUT_BLACK_BOX = "Any state space of N states, between channels named with --inputs and --outputs; +delay for delays."
-_ABOUT_RESPONSE = {
-    "response.first_order": "Gain and time constant from each set-point to what it is of, as an autopilot flies it.",
-    "response.second_order": "Gain, frequency and damping from each set-point to what it is of.",
-    "response.second_order_zero": "The same with a zero.",
-}
-_ABOUT_RATE = "Rate of one axis after its command: gain, damping, motor lag, delay. From some 3 to 8 rad/s up."
 
 
 class _Listed(NamedTuple):
@@ -52,12 +40,6 @@ class _Listed(NamedTuple):
 _WIDEST = 100
 """Characters beyond which the list counts channels instead of naming them."""
 
-_RESPONSES = _Listed(
-    "response.*",
-    "From each set-point to what it is of: first_order, second_order or second_order_zero, with _delay or without.",
-)
-"""How the list names six models in one line; they have the channels of the log."""
-
 
 def models_command(
     name: Annotated[
@@ -76,12 +58,14 @@ def models_command(
     json: Json = False,
 ) -> None:
     """List the models of the library, or print one to begin a model of your own with."""
+    from rotorid.models.families import FAMILIES
+
     if name is None:
-        models = _library()
         if json:
-            _write({"schema": SCHEMA, "models": [model.as_json() for model in models]})
+            models = [model.as_json() for family in FAMILIES for model in _listed(family)]
+            _write({"schema": SCHEMA, "models": models})
         else:
-            _print_list(models)
+            _print_list()
         return
     text, about, structure = _text(name, *(parse_names(text) if text else () for text in (inputs, outputs)))
     if json:
@@ -90,44 +74,13 @@ def models_command(
         sys.stdout.write(text)
 
 
-def _library() -> list[_Listed]:
-    from rotorid.models.library import (
-        RATE_AXES,
-        RESPONSE_MODELS,
-        library_model,
-        library_text,
-        model_names,
-        nonlinear_library_text,
-        nonlinear_model,
-        nonlinear_model_names,
-        rate_model,
-    )
+def _listed(family: Family) -> list[_Listed]:
+    """A line for each model of a family, or one where its names hold numbers."""
+    from rotorid.models.families import Channels
 
-    return [
-        *(_Listed(name, _ABOUT_RATE, rate_model(name)) for name in RATE_AXES),
-        *(_Listed(name, _first_sentence(library_text(name)), library_model(name)) for name in model_names()),
-        *(_Listed(name, _about_response(name)) for name in RESPONSE_MODELS),
-        _Listed(MODEL, _ABOUT_MOTORS),
-        *(
-            _Listed(name, _first_sentence(nonlinear_library_text(name)), nonlinear_model(name))
-            for name in nonlinear_model_names()
-        ),
-        _Listed(TRANSFER, _ABOUT_TRANSFER),
-        _Listed(BLACK_BOX, _ABOUT_BLACK_BOX),
-    ]
-
-
-def _about_response(name: str) -> str:
-    """What a response model is; it has the channels of the log, or those that are named."""
-    plain = name.removesuffix("_delay")
-    return _ABOUT_RESPONSE[plain] if plain == name else f"As {plain}, with a delay of each."
-
-
-def _first_sentence(text: str) -> str:
-    """The first sentence of the comment with which a model begins."""
-    comment = takewhile(lambda line: line.startswith("#"), text.splitlines())
-    sentence, dot, _ = " ".join(line.removeprefix("#").strip() for line in comment).partition(". ")
-    return sentence + dot.strip()
+    names = family.names() or (() if family.channels == "own" else (family.name,))
+    make = family.make if family.channels == "own" else None
+    return [_Listed(name, family.about(name), make(name, Channels()) if make else None) for name in names]
 
 
 def _text(
@@ -135,56 +88,41 @@ def _text(
 ) -> tuple[str, str, LinearStructure | NonlinearStructure]:
     """A model as TOML text, what it is, and its structure."""
     from rotorid.errors import UsageError
-    from rotorid.models.library import (
-        RATE_AXES,
-        RESPONSE_MODELS,
-        library_text,
-        model_names,
-        nonlinear_library_text,
-        nonlinear_model,
-        nonlinear_model_names,
-    )
-    from rotorid.models.toml import from_toml, to_toml
-    from rotorid.settings.resolve import named_model
+    from rotorid.models.families import Channels, family_of, named_model, without_channels
+    from rotorid.models.toml import to_toml
 
-    if name == MODEL:
+    family = family_of(name)
+    if family.make is None:
         raise UsageError(
-            f"{MODEL} came, which is no linear structure and has no text",
-            remedy=f"rotorid identify LOG --model {MODEL} writes the linear model about hover that follows from it",
+            f"{name} came, which is no linear structure and has no text",
+            remedy=f"rotorid identify LOG --model {name} writes the linear model about hover that follows from it",
         )
-    named = name.startswith(("transfer:", "black_box:", "response."))
-    if (inputs or outputs) and not named:
+    if (inputs or outputs) and family.channels == "own":
         raise UsageError(
             f"--inputs and --outputs came with {name}",
-            needed=f"them with response.*, {TRANSFER} or {BLACK_BOX} alone",
+            needed=f"them with {without_channels()} alone",
             remedy="the channels of other models stand in their text",
         )
-    if name in model_names():
-        text = library_text(name)
-        return text, _first_sentence(text), from_toml(text, where=f"the model {name}")
-    if name in nonlinear_model_names():
-        text = nonlinear_library_text(name)
-        return text, _first_sentence(text), nonlinear_model(name)
+    if family.text is not None and name in family.names():
+        return family.text(name), family.about(name), family.make(name, Channels())
     structure = named_model(name, inputs=inputs, outputs=outputs)
-    about = _ABOUT_RATE if name in RATE_AXES else _ABOUT_TRANSFER
-    if name in RESPONSE_MODELS:
-        about = _about_response(name)
-    elif not name.startswith("transfer:") and named:
-        about = _ABOUT_BLACK_BOX
+    about = family.about(name)
     return f"# {about}\n\n{to_toml(structure, structure.parameters, {})}", about, structure
 
 
-def _print_list(models: list[_Listed]) -> None:
+def _print_list() -> None:
     from rich.table import Table
 
     from rotorid.cli.console import output_console
+    from rotorid.models.families import FAMILIES
 
     table = Table(box=None, pad_edge=False)
     for column in ("model", "inputs -> outputs"):
         table.add_column(column, overflow="fold")
     table.add_column("parameters", justify="right")
     table.add_column("what it is", overflow="fold")
-    for model in [*(model for model in models if not model.name.startswith("response.")), _RESPONSES]:
+    together = [_Listed(family.name, family.together) for family in FAMILIES if family.together]
+    for model in [*(model for family in FAMILIES if not family.together for model in _listed(family)), *together]:
         structure = model.structure
         channels = "" if structure is None else f"{' '.join(structure.inputs)} -> {' '.join(structure.outputs)}"
         if structure is not None and len(channels) > _WIDEST:

@@ -81,10 +81,10 @@ def vehicle_names() -> Iterable[str]:
 
 def models_known() -> Iterable[str]:
     """Models of the library that need no more than their name."""
-    from rotorid.models.library import RATE_AXES, RESPONSE_MODELS, model_names, nonlinear_model_names
-    from rotorid.settings.settings import ALL, HOVER, MODEL
+    from rotorid.models.families import known_names
+    from rotorid.settings.settings import ALL
 
-    return dict.fromkeys((*model_names(), *RATE_AXES, *nonlinear_model_names(), MODEL, HOVER, *RESPONSE_MODELS, ALL))
+    return (*known_names(), ALL)
 
 
 Logs: TypeAlias = Annotated[

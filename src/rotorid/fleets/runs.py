@@ -306,12 +306,11 @@ def _claim(folder: Path) -> int | None:
 
 def _require_models(models: Iterable[str]) -> None:
     """Refuse a model that is not known, before any log is read."""
-    from rotorid.settings.resolve import finds_its_channels, nonlinear_of, resolve_model
-    from rotorid.settings.settings import HOVER, MODEL
+    from rotorid.settings.resolve import asked_model, read_model
 
     for name in models:
-        if name not in (MODEL, HOVER) and nonlinear_of(name) is None and not finds_its_channels(name):
-            resolve_model(name)
+        if isinstance(read := read_model(name), str):
+            asked_model(read)
 
 
 def fleet(

@@ -23,9 +23,9 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.flights.flights import Flight, overlap
 from rotorid.flights.instruments import is_injection, while_flying
+from rotorid.models.families import family_of
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.results.model import Segment
-from rotorid.settings.resolve import black_box_order
 from rotorid.settings.settings import IdentifySettings
 from rotorid.signal.airborne import Airborne, airborne_by_thrust
 from rotorid.signal.clock import Conditioned, missing_channel, resample, source_topic
@@ -447,7 +447,7 @@ def time_records(
         require_channels(record, channels)
     even = [Flight(evenly_stamped(record, maneuver, channels), maneuver) for record, maneuver in flights]
     parts = [_cut([item], channels, settings) for item in even]
-    if black_box_order(structure) is not None and not _of_one_rate([one for part in parts for one in part.segments]):
+    if family_of(structure).opaque and not _of_one_rate([one for part in parts for one in part.segments]):
         parts = [_cut(even, channels, settings)]
     segments = tuple(segment for part in parts for segment in part.segments)
     data = _data(structure, segments)

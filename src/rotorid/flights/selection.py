@@ -29,7 +29,7 @@ from rotorid.flights.instruments import (
 )
 from rotorid.flights.supports import nothing_excites, ordinary_flights
 from rotorid.io.advice import flying_advice
-from rotorid.models.library import RATE_AXES
+from rotorid.models.families import is_rate_model
 from rotorid.models.structure import LinearStructure
 from rotorid.settings.settings import IdentifySettings, MeasureSettings
 from rotorid.signal.airborne import airborne_by_thrust
@@ -317,9 +317,7 @@ def select_records(
         for record in records:
             require_duration(record)
     if commands:
-        selected = select_maneuvers(
-            records, axes, settings, otherwise=by_stick if structure.name in RATE_AXES else None
-        )
+        selected = select_maneuvers(records, axes, settings, otherwise=by_stick if is_rate_model(structure) else None)
         return TimeSelection(selected, () if settings.segments else _fitted_by_stick(selected.fitted))
     if not in_time:
         return TimeSelection(select_maneuvers(records, axes, settings, otherwise=whole_flights))

@@ -9,7 +9,7 @@ fits, only ``identify`` shows.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
@@ -20,11 +20,12 @@ from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
 from rotorid.flights.flights import Flight
-from rotorid.flights.instruments import axis_of, find_instrument, is_free, own_instrument
+from rotorid.flights.instruments import find_instrument, is_free, own_instrument
 from rotorid.flights.oscillations import limits_shown, motors_limited, reviewed_oscillations
 from rotorid.io.advice import flying_advice, logging_advice
-from rotorid.models.library import RATE_AXES
-from rotorid.settings.settings import MODEL, IdentifySettings
+from rotorid.models.families import FAMILIES, RATE_AXIS, Needs, family_of, rate_model_of
+from rotorid.models.library import RATE_AXES, library_model
+from rotorid.settings.settings import IdentifySettings
 from rotorid.signal.airborne import airborne
 from rotorid.signal.excitations import (
     candidate_excitations,
@@ -37,15 +38,6 @@ from rotorid.typing import Axis
 
 SHORTEST_ORDINARY_S = 20.0
 """Less of ordinary flying holds too few movements of a stick to average over."""
-
-AXIS_OF: Mapping[str, Axis] = {name: axis_of(model.input) for name, model in RATE_AXES.items()}
-"""Axis of each rate model."""
-
-COUPLED: Mapping[str, tuple[Axis, ...]] = {
-    "hover.longitudinal": ("pitch", "thrust"),
-    "hover.lateral": ("roll", "yaw"),
-}
-"""Axes that have to be excited for each model of several axes."""
 
 END_FIRST = "end the oscillation first"
 """What to do about a flight that shows the limits of its motors."""
@@ -124,9 +116,13 @@ def supports(record: FlightRecord) -> dict[str, Support]:
     record
         The log.
     """
-    rates = {model: rate_support(record, model) for model in RATE_AXES}
-    coupled = {model: _coupled_support(record, model) for model in COUPLED}
-    return {**rates, **coupled, MODEL: _motor_support(record), **_rig_supports(record)}
+    found = {
+        model: _LOOKS[family.needs](record, model)
+        for family in sorted(FAMILIES, key=lambda one: not one.in_all)
+        if family.needs is not None
+        for model in family.axes
+    }
+    return {model: support for model, support in found.items() if support is not None}
 
 
 def supported_models(records: Sequence[FlightRecord], settings: IdentifySettings | None = None) -> tuple[str, ...]:
@@ -145,10 +141,14 @@ def supported_models(records: Sequence[FlightRecord], settings: IdentifySettings
     given = {segment.axis for segment in settings.segments} if settings else set()
     each = [supports(record) for record in records]
     possible = {name for found in each for name, support in found.items() if support.possible}
-    possible |= {name for name, axis in AXIS_OF.items() if axis in given}
-    excited = given | {axis for axis in AXIS_OF.values() if any(_usable_excitations(one, axis) for one in records)}
-    possible |= {name for name, axes in COUPLED.items() if excited.issuperset(axes)}
-    return tuple(name for name in (*RATE_AXES, *COUPLED, MODEL) if name in possible)
+    excited = given | {axis for axis in RATE_AXIS.values() if any(_usable_excitations(one, axis) for one in records)}
+    return tuple(
+        name
+        for family in FAMILIES
+        if family.in_all
+        for name, axes in family.axes.items()
+        if name in possible or (axes and (given if family.of_rates else excited).issuperset(axes))
+    )
 
 
 def unsupported(records: Sequence[FlightRecord], model: str) -> InsufficientDataError | None:
@@ -159,7 +159,7 @@ def unsupported(records: Sequence[FlightRecord], model: str) -> InsufficientData
     records
         The logs.
     model
-        One of :data:`rotorid.models.library.RATE_AXES`.
+        One of :data:`rotorid.models.families.RATE_AXIS`.
     """
     each = [(record, rate_support(record, model)) for record in records]
     if any(support.possible for _, support in each):
@@ -214,7 +214,7 @@ _CLOSER = ("other_vehicle", "missing_channel", "rate_too_low", "never_airborne",
 def _where(record: FlightRecord, model: str, lacks: str) -> str:
     """The channels or the axis that a refusal is about."""
     missing = [name for name in _channels(model) if name not in record.channel_names]
-    return missing[0] if lacks == "missing_channel" else AXIS_OF[model]
+    return missing[0] if lacks == "missing_channel" else RATE_AXIS[model]
 
 
 def _channels(model: str) -> tuple[str, str]:
@@ -230,9 +230,9 @@ def rate_support(record: FlightRecord, model: str) -> Support:
     record
         The log.
     model
-        One of :data:`rotorid.models.library.RATE_AXES`.
+        One of :data:`rotorid.models.families.RATE_AXIS`.
     """
-    axis = AXIS_OF[model]
+    axis = RATE_AXIS[model]
     rates = {channel: record.rate_hz(channel) for channel in _channels(model)}
     rich, ordinary = rich_excitations(record, axis), ordinary_flights(record, axis)
     likely = () if rich or ordinary else candidate_excitations(record, axis)
@@ -268,7 +268,7 @@ def ordinary_flights(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     tuple of Maneuver
         Of 20 s and more each, in order of time; empty where the log cannot tell of this axis.
     """
-    model = next(name for name, own in AXIS_OF.items() if own == axis)
+    model = rate_model_of(axis)
     if min(record.rate_hz(name) for name in _channels(model)) < LOWEST_RATE_HZ:
         return ()
     return tuple(part for part in _long_flights(record, axis) if _by_stick(Flight(record, part), axis))
@@ -472,7 +472,7 @@ def _excitation_words(rich: Sequence[Maneuver], ordinary: Sequence[Maneuver]) ->
 
 def _coupled_support(record: FlightRecord, model: str) -> Support:
     """Whether a log supports a model of several axes: each of them has to be excited."""
-    axes = COUPLED[model]
+    axes = family_of(model).axes[model]
     found = {axis: rich_excitations(record, axis) for axis in axes}
     needs = tuple(
         Need(
@@ -492,7 +492,7 @@ def _coupled_support(record: FlightRecord, model: str) -> Support:
     return Support(possible=True, because=because, needs=needs, by="excitation")
 
 
-def _motor_support(record: FlightRecord) -> Support:
+def _motor_support(record: FlightRecord, model: str) -> Support:  # noqa: ARG001 - as all that look
     """Whether a log may support the physics of the motors: their outputs are there, and have room."""
     there = "motor_1" in record.channel_names
     needs = (Need(need="outputs of all motors", there=there, found="logged" if there else "not logged"),)
@@ -504,21 +504,12 @@ def _motor_support(record: FlightRecord) -> Support:
     return Support(possible=True, because=because, needs=needs, by="motors")
 
 
-_RIG_MODELS: Mapping[str, tuple[tuple[str, ...], tuple[Axis, ...], tuple[str, ...]]] = {
-    "rig.roll": (("motor_3", "motor_4"), ("roll",), ("phi", "p")),
-    "rig.attitude": (tuple(f"motor_{n}" for n in range(1, 5)), ("roll", "pitch"), ("phi", "theta", "psi")),
-}
-"""Inputs of each model of a vehicle on a pivot, the axes that have to be swept, and outputs of which one is enough."""
-
-
-def _rig_supports(record: FlightRecord) -> dict[str, Support]:
-    """Whether a record with test inputs of single motors supports the models of a vehicle on a pivot; else nothing."""
+def _rig_support(record: FlightRecord, model: str) -> Support | None:
+    """Whether a record supports a model of a vehicle on a pivot; ``None`` without test inputs of single motors."""
     if not motor_excitations(record):
-        return {}
-    return {name: _rig_support(record, *needed) for name, needed in _RIG_MODELS.items()}
-
-
-def _rig_support(record: FlightRecord, motors: Sequence[str], axes: Sequence[Axis], outputs: Sequence[str]) -> Support:
+        return None
+    family = family_of(model)
+    motors, axes, outputs = library_model(model).inputs, family.axes[model], family.outputs[model]
     flights = [Flight(record, m) for axis in axes for m in rich_excitations(record, axis)]
     missing = [name for name in motors if name not in record.channel_names]
     instruments = [name for motor in motors if (name := own_instrument(flights, motor))] if flights else []
@@ -560,3 +551,12 @@ def _rig_support(record: FlightRecord, motors: Sequence[str], axes: Sequence[Axi
         needs=needs,
         by="excitation",
     )
+
+
+_LOOKS: Mapping[Needs, Callable[[FlightRecord, str], Support | None]] = {
+    "axis": rate_support,
+    "axes": _coupled_support,
+    "motors": _motor_support,
+    "single motors": _rig_support,
+}
+"""Whether a log has what a family needs; no answer where nobody would ask it of such a log."""

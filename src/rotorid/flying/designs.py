@@ -27,7 +27,7 @@ from rotorid.flying.settings import DOUBLET_S, DesignChoices, PlanChoices
 from rotorid.flying.simulation import truth_of
 from rotorid.identifying.scope import INERTIAL
 from rotorid.io.registry import format_of, log_rate_hz
-from rotorid.models.library import RESPONSE_MODELS
+from rotorid.models.families import family_of, named_model
 from rotorid.models.structure import LinearStructure
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.amplitude import (
@@ -52,7 +52,6 @@ from rotorid.planning.responses import (
     setpoint_of,
     with_known,
 )
-from rotorid.settings.resolve import named_model
 from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.simulation.shaping import shaped_plan
 from rotorid.typing import Axis
@@ -791,7 +790,7 @@ def _wanted(choices: DesignChoices, model: LinearStructure) -> dict[str, float]:
 def _model(choices: DesignChoices, name: str) -> LinearStructure:
     if choices.prior is not None and name == choices.prior.structure.name:
         return choices.prior.structure
-    if name in RESPONSE_MODELS:
+    if family_of(name).of_plans:
         return named_model(name, inputs=choices.inputs, outputs=choices.outputs, logged=_setpoint_channels(choices))
     return named_model(name)
 

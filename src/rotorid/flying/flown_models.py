@@ -44,6 +44,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.segments import holds, time_records
 from rotorid.flights.selection import require_inside, require_reached
 from rotorid.models.equations import structure_from_equations
+from rotorid.models.families import family_of
 from rotorid.models.nonlinear import AXES as FLIGHT_AXES
 from rotorid.models.nonlinear import NonlinearStructure, flight_structure, linear_of
 from rotorid.models.parameter import Parameter, ParameterSet
@@ -51,7 +52,6 @@ from rotorid.models.structure import LinearStructure, connected
 from rotorid.planning.responses import SETPOINTS, setpoint_of
 from rotorid.results.model import IdentifiedModel, Records, Refused, bounds_of, parameter_estimates
 from rotorid.results.provenance import Provenance, provenance
-from rotorid.settings.resolve import answers_setpoints
 from rotorid.settings.settings import FlySettings, IdentifySettings, as_records, as_settings
 from rotorid.simulation.nonlinear import Scheme, simulate_nonlinear
 from rotorid.typing import FloatArray
@@ -655,7 +655,7 @@ def one_model(
     names = ", ".join(one.name for one in models)
     if len(drags) != 1 or not {"k_Dx", "k_Dy"} <= set(drags[0].parameters):
         raise UsageError(f"{names} came together", needed=needed)
-    if not all(answers_setpoints(one.structure) for one in answers):
+    if not all(family_of(one.structure).answers_setpoints for one in answers):
         raise UsageError(f"{names} came together", needed=needed, remedy="fly other models one by one")
     axes: dict[str, LinearStructure] = {}
     sources: list[tuple[IdentifiedModel, dict[str, str]]] = []

@@ -487,7 +487,7 @@ def plan_choices(
     >>> plan_choices(VEHICLES["x500"], inputs=["q_setpoint"]).entry
     'rate_setpoint'
     """
-    from rotorid.models.library import RESPONSE_MODELS
+    from rotorid.models.families import family_of
     from rotorid.planning.responses import SETPOINTS
 
     if wrong := [name for name in inputs if name not in SETPOINTS]:
@@ -497,7 +497,7 @@ def plan_choices(
     interface = vehicle.interface
     if interface is not None:
         given.setdefault("band_rad_s", interface.band_rad_s)
-    elif inputs or any(name in RESPONSE_MODELS for name in models):
+    elif inputs or any(family_of(name).of_plans for name in models):
         entries = list(dict.fromkeys(one.entry for one in answers)) or ["attitude_setpoint"]
         if len(entries) > 1:
             raise UsageError(
@@ -506,7 +506,7 @@ def plan_choices(
         given.setdefault("entry", entries[0])
     usual = tuple(interface.entries) if interface is not None else ("roll",)
     given.setdefault("axes", tuple(dict.fromkeys(one.axis for one in answers)) or usual)
-    if interface is not None or any(name in RESPONSE_MODELS for name in models):
+    if interface is not None or any(family_of(name).of_plans for name in models):
         given["together"] = True
     return PlanChoices(interface=interface, **given)  # type: ignore[arg-type]
 
@@ -670,8 +670,7 @@ class DesignChoices(Immutable):
     @property
     def model_names(self) -> tuple[str, ...]:
         """The models in force."""
-        from rotorid.models.library import RATE_AXES
-        from rotorid.settings.resolve import named_model
+        from rotorid.models.families import RATE_AXIS
 
         if self.models:
             return self.models
@@ -679,9 +678,7 @@ class DesignChoices(Immutable):
             return (self.prior.structure.name,)
         if self.entry.interface is not None:
             return (BEHIND_SETPOINTS,)
-        return tuple(
-            name for name in RATE_AXES if named_model(name).inputs[0].removesuffix("_command") in self.plan.axes
-        )
+        return tuple(name for name, axis in RATE_AXIS.items() if axis in self.plan.axes)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,7 @@ from rotorid.data.record import AXES
 from rotorid.errors import UsageError
 from rotorid.flights.controllers import controllers_of_result
 from rotorid.flying.vehicle_from_results import MOTION, UNITS, JoinedVehicle, VehicleNumber, joined_vehicle, require
+from rotorid.models.families import family_of
 from rotorid.models.rotors import RotorLayout, named_by
 from rotorid.results.model import IdentifiedModel
 from rotorid.signal.motors import Linearization
@@ -182,9 +183,10 @@ def _answering(joined: JoinedVehicle, like: Aircraft) -> dict[str, VehicleNumber
     """
     body = require(joined, target="simulation")
     usual = hover_derivatives_of(body, _autopilot(joined, body, like)[0])
+    rates = [one for one in joined.models if family_of(one.structure).of_rates]
     found: dict[str, VehicleNumber] = {}
     for moment, control in _ANSWERS.values():
-        own = next((one for one in joined.models if one.name.startswith("rate.") and control in one.parameters), None)
+        own = next((one for one in rates if control in one.parameters), None)
         number = joined.numbers[moment]
         if own is None or number.source != "default" or not own.parameters[control].value > 0.0:
             continue

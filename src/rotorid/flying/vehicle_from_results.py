@@ -27,6 +27,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import with_error
 from rotorid.errors import UsageError
+from rotorid.models.families import family_of
 from rotorid.models.motors import CURVE_TERMS, SCALES, Curve, yaw_range
 from rotorid.models.parameter import no_such
 from rotorid.models.rotors import RotorLayout
@@ -478,8 +479,9 @@ def _joined_numbers(
     numbers = _thrust(ordered, parts, known)
     for name in dict.fromkeys(key for part in parts for key in part if key not in _TERMS):
         numbers[name] = _combined(name, [part[name] for part in parts if name in part], known)
-    airframes = [model for model in models if model.motors is None and not model.name.startswith("rate.")]
-    rates = [model for model in models if model.motors is None and model.name.startswith("rate.")]
+    linear = [(model, family_of(model.structure).of_rates) for model in models if model.motors is None]
+    airframes = [model for model, of_rates in linear if not of_rates]
+    rates = [model for model, of_rates in linear if of_rates]
     hover: Estimates = {}
     for model in airframes:
         for name, one in _of_airframe(model).items():

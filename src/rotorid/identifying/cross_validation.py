@@ -27,7 +27,8 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import is_command
 from rotorid.flights.segments import require_channels, time_records
 from rotorid.flights.selection import each_once, require_inside, require_reached, select_records
-from rotorid.identifying.identification import identify, logged_by_all
+from rotorid.identifying.families import logged_by_all
+from rotorid.identifying.identification import identify
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import BestFold, CrossValidationSummary, FoldParameter, FoldSummary, SignalScore, finite

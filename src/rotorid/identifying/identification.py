@@ -6,36 +6,29 @@ import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, TypeVar
 
 from rotorid.data.findings import refusal, worst_first
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError
 from rotorid.flights.command_noise import command_densities
 from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.controllers import controllers_of
 from rotorid.flights.same_vehicle import require_one_vehicle
 from rotorid.identifying.derivation import derivation, derivation_findings
-from rotorid.identifying.hover_physics import hover_of_vehicle
-from rotorid.identifying.methods import Fitted, Frequency, InTime, Method, Prepared
+from rotorid.identifying.families import logged_by_all, method_of
+from rotorid.identifying.methods import Fitted, Method, Prepared
 from rotorid.identifying.motors import Motors
-from rotorid.identifying.nonlinear import Nonlinear
-from rotorid.models.derived import require_useful
-from rotorid.models.nonlinear import NonlinearStructure
-from rotorid.models.structure import LinearStructure
+from rotorid.models.families import family_of
 from rotorid.results.model import IdentifiedModel, Records, Refused, parameter_estimates, pole_estimates
 from rotorid.results.provenance import Choices, provenance
 from rotorid.results.summary import ControllerSettings, ParameterEstimate, UnseenCombination
-from rotorid.settings.resolve import Model, answers_setpoints, nonlinear_of, resolve_model
+from rotorid.settings.resolve import Model, read_model, resolve_model
 from rotorid.settings.settings import (
-    HOVER,
-    MODEL,
     IdentifySettings,
     MotorChoices,
     as_records,
     as_settings,
-    motor_choices,
 )
 
 DataT = TypeVar("DataT", bound=Prepared)
@@ -201,42 +194,6 @@ def identify_motors(records: Records, choices: MotorChoices | None = None, *, ve
     return identify_by(method, as_records(records), verify=as_records(verify))
 
 
-def method_of(model: Model, records: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
-    """How a model is fitted: as the settings say, else as its kind asks for.
-
-    Parameters
-    ----------
-    model, settings
-        As for :func:`identify`.
-    records
-        Logs in which a response model finds its channels.
-    """
-    choices = motor_choices(str(model) if isinstance(model, str | Path) else model.name, settings)
-    if choices is not None:
-        return Motors(choices)
-    if (equations := nonlinear_of(model)) is not None:
-        return Nonlinear(model=equations, settings=settings)
-    if str(model) == HOVER:
-        structure = hover_of_vehicle(records, settings)
-    else:
-        structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
-    require_useful(structure.parameters.names, settings.known, model=structure.name)
-    name = settings.method
-    if name == "auto":
-        name = "output_error" if answers_setpoints(structure) else "frequency"
-    if name == "frequency":
-        return Frequency(model=structure, settings=settings)
-    if name == "accelerations":  # of motors alone, which came before
-        raise UsageError(f"--method accelerations came with {structure.name}", needed=f"it with {MODEL} alone")
-    return InTime(model=structure, settings=settings, kind=name)
-
-
-def logged_by_all(records: Sequence[FlightRecord]) -> tuple[str, ...]:
-    """Channels that every record holds."""
-    names = [record.channel_names for record in records]
-    return tuple(name for name in (names[0] if names else ()) if all(name in others for others in names))
-
-
 def refused(
     error: InsufficientDataError,
     records: Sequence[FlightRecord],
@@ -245,11 +202,11 @@ def refused(
     settings: IdentifySettings,
 ) -> Refused:
     """What to say of data that cannot support a model."""
-    structure: LinearStructure | NonlinearStructure | None = nonlinear_of(model)
-    # Motors are no linear structure, and their channels stand in the log.
-    if structure is None and model != MODEL:
+    read = read_model(model)
+    structure = None if isinstance(read, str) else read
+    if isinstance(read, str) and family_of(read).make is not None:
         with contextlib.suppress(InsufficientDataError):
-            structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
+            structure = resolve_model(read, outputs=settings.outputs, logged=logged_by_all(records))
     name = structure.name if structure is not None else str(model)
     reasons = error.findings or (refusal("not_identifiable", name, str(error)),)
     return Refused(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +14,15 @@ from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.instruments import axes_of
 from rotorid.flights.supports import supported_models, supports
+from rotorid.identifying.families import own_settings
 from rotorid.identifying.identification import identify, refused
 from rotorid.models.derived import useful_known
 from rotorid.models.parameter import no_such
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import IdentifiedModel, Records, Refused
 from rotorid.results.provenance import Provenance, provenance
-from rotorid.settings.resolve import finds_its_channels, resolve_model
-from rotorid.settings.settings import ALL, ALSO_OF_MOTORS, MODEL, OF_MOTORS, IdentifySettings, as_records, as_settings
+from rotorid.settings.resolve import asked_model
+from rotorid.settings.settings import ALL, IdentifySettings, as_records, as_settings, asks_all
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -118,7 +119,7 @@ def identify_several(
     """
     logs, unseen = as_records(records), as_records(verify)
     chosen = as_settings(IdentifySettings, settings, options)
-    wanted = supported_models(logs, chosen) if isinstance(models, str) and models == ALL else _each(models)
+    wanted = supported_models(logs, chosen) if asks_all(models) else _each(models)
     require_known_by_any(wanted, chosen)
     answers: dict[str, IdentifiedModel | Refused] = {}
     for number, model in enumerate(wanted):
@@ -134,18 +135,9 @@ def identify_several(
 
 def _settings_of(model: str | Path | LinearStructure, settings: IdentifySettings) -> IdentifySettings:
     """The choices that a model has."""
-    usual = IdentifySettings()
-    if model == MODEL:
-        kept = {*OF_MOTORS, *ALSO_OF_MOTORS}
-        if settings.method != "accelerations":
-            kept -= {"outputs"} if settings.method == "prediction_error" else {"outputs", "method"}
-        others = [item.name for item in fields(settings) if item.name not in kept]
-        return replace(settings, **{name: getattr(usual, name) for name in others})
-    if not isinstance(model, LinearStructure):
-        if finds_its_channels(str(model)):
-            return settings
-        model = resolve_model(model)
-    return own_choices(model, replace(settings, **{name: getattr(usual, name) for name in OF_MOTORS}))
+    own = own_settings(model if isinstance(model, LinearStructure) else str(model), settings)
+    asked = asked_model(model)
+    return own if isinstance(asked, str) else own_choices(asked, own)
 
 
 def own_choices(structure: LinearStructure, settings: IdentifySettings) -> IdentifySettings:
@@ -192,11 +184,7 @@ def require_known_by_any(models: Sequence[str | Path | LinearStructure], setting
     ModelError
         The nearest name is suggested.
     """
-    structures = [
-        model if isinstance(model, LinearStructure) else resolve_model(model)
-        for model in models
-        if model != MODEL and (isinstance(model, LinearStructure) or not finds_its_channels(str(model)))
-    ]
+    structures = [asked for model in models if not isinstance(asked := asked_model(model), str)]
     if len(structures) < len(models):
         # What the others take is known when their logs are read.
         return

@@ -59,7 +59,7 @@ from rotorid.flights.sensors import corrected_record, sensor_correction, with_se
 from rotorid.flights.supports import supporting_logs
 from rotorid.identifying.delay_budget import delay_budget
 from rotorid.identifying.scope import require_common_axes, scoped, trimmed, with_channels_of
-from rotorid.models.library import RATE_AXES
+from rotorid.models.families import family_of, is_rate_model, order_is_open
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
@@ -80,7 +80,6 @@ from rotorid.results.summary import (
     ReductionStep,
     finite,
 )
-from rotorid.settings.resolve import AUTO, answers_setpoints, black_box_order
 from rotorid.settings.settings import IdentifySettings
 from rotorid.signal.sensor_correction import SensorCorrection
 from rotorid.uncertainty.cramer_rao import Bounds
@@ -252,7 +251,7 @@ def choose(
         A choice is wrong.
     """
     ruled_out: tuple[Finding, ...] = ()
-    if model.name in RATE_AXES and not settings.segments:
+    if is_rate_model(model) and not settings.segments:
         records, ruled_out = supporting_logs(records, model.name)
     records, left = with_channels_of(model, records, joined=not in_time)
     require_common_axes(model, records)
@@ -470,7 +469,7 @@ class InTime(_Linear[TimeDomainData]):
             needed = "another method: regression has one minimum and needs no search"
             refuse_search(self.settings, "equation error", needed)
         model = self.model
-        own = answers_setpoints(model) and not self.settings.outputs
+        own = family_of(model).answers_setpoints and not self.settings.outputs
         settings = replace(self.settings, outputs=model.outputs) if own else self.settings
         structure, selection, findings = choose(
             model, records, self.settings, in_time=True, outputs=model.outputs if own else ()
@@ -491,7 +490,7 @@ class InTime(_Linear[TimeDomainData]):
         sensor_errors(agreement, structure.outputs)
         quality = data_quality(selection.fitted, data.segments, structure.inputs, agreement)
         orders = None
-        if structure.name == AUTO:
+        if order_is_open(structure.name):
             structure, orders = chosen_order(structure, data, settings)
         return TimeDomainData(structure, selection, data, side, settings, (*findings, *remarks, *quality), orders)
 
@@ -506,7 +505,7 @@ class InTime(_Linear[TimeDomainData]):
         require_sound_in_time(fitted, side, data.records)
         widened = with_model_error(fitted, side, data.structure, data.records) if side else fitted
         require_one_gain(widened, side)
-        if black_box_order(data.structure) is None:
+        if not family_of(data.structure).opaque:
             couplings = [one.name for one in data.structure.parameters if is_coupling(one)]
             require_bounds(widened.parameters, widened.bounds, couplings)
         again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
@@ -527,7 +526,6 @@ class InTime(_Linear[TimeDomainData]):
         parameters, bounds = structure.parameters, fitted.bounds
         seen = np.ones((len(structure.outputs), len(structure.inputs)), dtype=np.bool_)
         filters = filter_delays(side.measured, data.flights) if side.measured else {}
-        black_box = black_box_order(data.structure) is not None
         return Described(
             fit=Fit(
                 method=self.kind,
@@ -551,7 +549,7 @@ class InTime(_Linear[TimeDomainData]):
                 orders=data.orders,
             ),
             data=self._data(data, fitted),
-            combinations=() if black_box else unseen_combinations(fitted.parameters, bounds),
+            combinations=() if family_of(data.structure).opaque else unseen_combinations(fitted.parameters, bounds),
             poles=pole_confidence(structure, parameters, bounds),
             delays=delay_budget(structure, parameters, bounds, seen, filters),
             covered=covered_by(data.flights),
@@ -597,7 +595,7 @@ class InTime(_Linear[TimeDomainData]):
 
 def _has_values(structure: LinearStructure) -> bool:
     """Whether a structure has values to start from; a black box has none at first."""
-    return black_box_order(structure) is None or any(structure.parameters.values.values())
+    return not family_of(structure).opaque or any(structure.parameters.values.values())
 
 
 def _feedback(fitted: TimeFit, records: TimeRecords) -> tuple[Finding, ...]:

@@ -26,7 +26,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
-from rotorid.errors import InsufficientDataError, RotoridError, UsageError
+from rotorid.errors import InsufficientDataError, RotoridError
 from rotorid.fits.remarks import judge_combinations, judge_parameters
 from rotorid.fits.scatter import Alone, Disagreement, disagreements, widened
 from rotorid.fits.searching import Searched, judge_minima, search_summary, searched, searched_minima
@@ -46,7 +46,7 @@ from rotorid.models.structure import LinearStructure
 from rotorid.results.model import FittedData, SimulatedRecord, Verifications, bounds_of, no_response
 from rotorid.results.summary import Checks, Derived, Fit, FitEnd
 from rotorid.settings.resolve import chosen_parameters
-from rotorid.settings.settings import IdentifySettings, options_given, options_of
+from rotorid.settings.settings import IdentifySettings
 from rotorid.simulation.nonlinear import Scheme
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
 from rotorid.uncertainty.identifiability import unseen_combinations
@@ -54,38 +54,20 @@ from rotorid.uncertainty.propagation import pole_confidence
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
-CHOICES = (
-    *("fix", "ties", "free", "constants", "outputs", "segments", "shifts", "hold", "pieces_s"),
-    *("starts", "search", "evaluations", "runs", "seed", "method"),
-)
-"""Choices of :class:`rotorid.settings.settings.IdentifySettings` that a nonlinear structure has."""
-
-
 _ABOUT_AS_MUCH = 3.0
 """How many times less than in the record that shows it best a parameter may show in one that is held against it."""
 
 
-def require_choices(structure: NonlinearStructure, settings: IdentifySettings) -> ParameterSet:
-    """The parameters of a structure as the user wants them; refuses choices that it does not have.
+def asked_parameters(structure: NonlinearStructure, settings: IdentifySettings) -> ParameterSet:
+    """The parameters of a structure as the user wants them.
 
     Raises
     ------
     UsageError
-        A choice belongs to another method, or nothing is left free.
+        Nothing is left free.
     ModelError
         A parameter, a constant or an output is unknown.
     """
-    if settings.method not in ("auto", "output_error"):
-        raise UsageError(
-            f"--method {settings.method} came with {structure.name}, which is nonlinear and has no such choice",
-            needed="--method output_error, as by itself",
-        )
-    if wrong := [option for name, option in options_given(settings).items() if name not in CHOICES]:
-        raise UsageError(
-            f"{', '.join(wrong)} came with {structure.name}, which is nonlinear and has no such choice",
-            needed=", ".join(options_of(IdentifySettings, CHOICES)),
-            remedy="leave it out, or choose a linear model",
-        )
     if settings.outputs:
         structure.select(settings.outputs)
     return chosen_parameters(structure.with_constants(settings.constants), settings)
@@ -194,7 +176,7 @@ class Nonlinear:
 
     def prepare(self, records: Sequence[FlightRecord]) -> NonlinearData:
         """Take the flights as they stand in the logs, and hold what nothing in them moves."""
-        parameters = require_choices(self.model, self.settings)
+        parameters = asked_parameters(self.model, self.settings)
         model = self.model.with_constants(self.settings.constants)
         flights = whole_flights(records, self.settings.segments)
         outputs, left = _outputs(model, records, self.settings.outputs)

@@ -24,8 +24,9 @@ from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.flights import Flight, longest_flight
 from rotorid.flights.instruments import find_instrument
-from rotorid.flights.supports import AXIS_OF, unsupported
+from rotorid.flights.supports import unsupported
 from rotorid.identifying.identification import identify
+from rotorid.models.families import RATE_AXIS
 from rotorid.models.parameter import no_such
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.provenance import Provenance, provenance, require_one_autopilot
@@ -183,10 +184,10 @@ def track(
     """
     (log,) = as_records(record)
     name = model if isinstance(model, str) else model.name
-    if name not in AXIS_OF:
-        raise no_such("model that can be followed", name, tuple(AXIS_OF))
+    axis = RATE_AXIS.get(name)
+    if axis is None:
+        raise no_such("model that can be followed", name, tuple(RATE_AXIS))
     choices = TrackChoices(first_s=first_s, step_share=step_share, thrust_exponent=thrust_exponent)
-    axis = AXIS_OF[name]
     beside = require_one_autopilot([model], [log]) if isinstance(model, IdentifiedModel) else ()
     if not isinstance(model, IdentifiedModel) and (error := unsupported([log], name)):
         raise error

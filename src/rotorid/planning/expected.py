@@ -27,12 +27,12 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.frequency.fit import refine, weights_of
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem, usable_points
 from rotorid.fitting.frequency.screening import (
-    SPEED_MODES,
     above_speed_modes,
     without_structural_zeros,
     without_unseen_couplings,
 )
 from rotorid.fitting.least_squares import Solution
+from rotorid.models.families import lacks_speed_modes
 from rotorid.planning.loop import LoopModel
 from rotorid.reduction.guided import Reduced, fit_and_drop, mean_cost
 from rotorid.signal.excitations import find_excitations
@@ -483,7 +483,7 @@ def expected_fit(problem: FrequencyProblem, choices: FitChoices) -> ExpectedFit:
         return found, mean_cost(found.problem, found.solution)
 
     reduced, cost = tried(problem)
-    if cost > ACCEPTABLE_COST and problem.structure.name in SPEED_MODES and choices.band_rad_s is None:
+    if cost > ACCEPTABLE_COST and lacks_speed_modes(problem.structure) and choices.band_rad_s is None:
         reduced = above_speed_modes(problem, tried) or reduced
     weights = weights_of(problem, choices.weights)
     return ExpectedFit(

@@ -14,6 +14,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.flights.supports import unsupported
 from rotorid.identifying.identification import identify
 from rotorid.loops.plants import MeasuredPlant, drawn_plant, plant_of_result
+from rotorid.models.families import rate_model_of
 from rotorid.results.model import IdentifiedModel
 from rotorid.settings.settings import IdentifySettings, Setting
 from rotorid.signal.filters import KnownFilter, combined_response
@@ -30,7 +31,7 @@ _WITHOUT_SPEED_RAD_S = (3.0, 300.0)
 
 def rate_model(axis: Axis, given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> IdentifiedModel:
     """The rate model of an axis: one that came, else one of the logs."""
-    name = f"rate.{axis}"
+    name = rate_model_of(axis)
     own = next((one for one in given if one.name == name), None)
     if own is not None:
         return own

@@ -24,11 +24,12 @@ from rotorid.flights.oscillations import (
     oscillation_findings,
     reviewed_oscillations,
 )
-from rotorid.flights.supports import AXIS_OF, END_FIRST, foreign_vehicle, rate_support, supports
+from rotorid.flights.supports import END_FIRST, foreign_vehicle, rate_support, supports
 from rotorid.flights.whole_flights import Flown, flown
 from rotorid.flying.next_steps import KnownOfLog, LoopChannels, next_steps
 from rotorid.identifying.identify_many import identify_several
 from rotorid.io.advice import flying_advice, logging_advice
+from rotorid.models.families import RATE_AXIS
 from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.reviewing.flight import flight, logging, vehicle
 from rotorid.reviewing.inspection import foreseen
@@ -232,7 +233,7 @@ def _models(record: FlightRecord) -> tuple[dict[str, IdentifiedModel | Refused],
     if record.status.foreign:
         return {}, [Untold(what="models", why=f"{capital(foreign_vehicle(record))}; all models are of multirotors.")]
     several = identify_several(record)
-    lacking = {name: rate_support(record, name) for name in AXIS_OF if name not in several}
+    lacking = {name: rate_support(record, name) for name in RATE_AXIS if name not in several}
     unsupported = [
         Untold(what=f"models.{name}", why=f"{capital(support.because)}.", remedy=support.remedy)
         for name, support in lacking.items()
@@ -284,7 +285,7 @@ def next_commands(record: FlightRecord, seen: Review) -> tuple[str, ...]:
             loop=None
             if loop is None
             else LoopChannels(reference=loop.reference, answer=loop.answer, direct=loop.instrument == "direct"),
-            wanted_axes=tuple(axis for name, axis in AXIS_OF.items() if name not in identified) if wanted else (),
+            wanted_axes=tuple(axis for name, axis in RATE_AXIS.items() if name not in identified) if wanted else (),
         )
     return tuple(next_steps(known))
 
@@ -298,7 +299,7 @@ def untold_by(error: InsufficientDataError, what: str) -> Untold:
 def _refusals(refused: dict[str, Refused], record: FlightRecord) -> Iterator[Untold]:
     for name, answer in refused.items():
         reasons = [finding.message for finding in answer.findings if finding.severity == "error"]
-        axis = AXIS_OF.get(name)
+        axis = RATE_AXIS.get(name)
         short = {finding.kind for finding in answer.findings} & {"no_excitation", "low_coherence"}
         remedy = flying_advice(record, axis) if axis and short else ""
         yield Untold(what=f"models.{name}", why=reasons[0] if reasons else "The data cannot support it.", remedy=remedy)

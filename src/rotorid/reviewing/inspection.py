@@ -18,10 +18,11 @@ from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Topic
 from rotorid.errors import InsufficientDataError, RotoridError
 from rotorid.flights.consistency import ChannelSkew, check_consistency, stretches
 from rotorid.flights.controller_check import controller_findings
-from rotorid.flights.supports import AXIS_OF, Support, ordinary_flights, segment_of, supports
+from rotorid.flights.supports import Support, ordinary_flights, segment_of, supports
 from rotorid.flying.next_steps import KnownOfLog, next_steps
+from rotorid.models.families import RATE_AXIS, family_of, rate_model_of
 from rotorid.results.provenance import LoggedManeuver, logged
-from rotorid.settings.settings import MODEL, IdentifySettings, MotorChoices
+from rotorid.settings.settings import IdentifySettings
 from rotorid.signal.airborne import Airborne, airborne, told_by
 from rotorid.signal.battery import battery_voltages
 from rotorid.signal.excitations import (
@@ -273,10 +274,10 @@ def _next_commands(record: FlightRecord, inspection: Inspection) -> tuple[str, .
     """What the log supports, else a candidate that identify would take, and the review of what was flown."""
     flown = ("excitation", "ordinary flight")
     models = tuple(name for name, support in inspection.supports.items() if support.possible and support.by in flown)
-    open_axes = [axis for axis in AXES if f"rate.{_MODEL_OF.get(axis, axis)}" not in models]
+    open_axes = [axis for axis in AXES if rate_model_of(axis) not in models]
     segment = next(
         (
-            (f"rate.{_MODEL_OF.get(candidate.axis, candidate.axis)}", candidate.segment)
+            (rate_model_of(candidate.axis), candidate.segment)
             for candidate in inspection.candidates
             if candidate.axis in open_axes and _would_identify(inspection, candidate)
         ),
@@ -286,12 +287,9 @@ def _next_commands(record: FlightRecord, inspection: Inspection) -> tuple[str, .
     return tuple(next_steps(known))
 
 
-_MODEL_OF = {"thrust": "vertical"}
-
-
 def _would_identify(inspection: Inspection, candidate: CandidateManeuver) -> bool:
     """Whether all that the model of a candidate needs is there, but for the excitation that the candidate may be."""
-    support = inspection.supports.get(f"rate.{_MODEL_OF.get(candidate.axis, candidate.axis)}")
+    support = inspection.supports.get(rate_model_of(candidate.axis))
     return support is not None and all(need.there for need in support.needs if not need.need.startswith("a sweep"))
 
 
@@ -314,11 +312,11 @@ def foreseen(record: FlightRecord, model: str, support: Support) -> Support:
     support
         What :func:`rotorid.flights.supports.supports` answers for it.
     """
-    if not support.possible or (support.by == "excitation" and model in AXIS_OF) or model.startswith("rig."):
+    if not support.possible or (support.by == "excitation" and family_of(model).needs != "axes"):
         return support
     if support.by == "ordinary flight":
-        flown_s = sum(part.duration_s for part in ordinary_flights(record, AXIS_OF[model]))
-        if flown_s * record.rate_hz(f"{AXIS_OF[model]}_command") > _MOST_SAMPLES:
+        flown_s = sum(part.duration_s for part in ordinary_flights(record, RATE_AXIS[model]))
+        if flown_s * record.rate_hz(f"{RATE_AXIS[model]}_command") > _MOST_SAMPLES:
             return support
     try:
         _prepare(record, model)
@@ -332,12 +330,7 @@ def foreseen(record: FlightRecord, model: str, support: Support) -> Support:
 
 def _prepare(record: FlightRecord, model: str) -> None:
     """Do what ``identify`` does before it fits a model."""
-    if model == MODEL:
-        from rotorid.flights.motor_data import motor_data
-
-        motor_data([record], MotorChoices())
-        return
-    from rotorid.identifying.identification import method_of
+    from rotorid.identifying.families import method_of
 
     method_of(model, [record], IdentifySettings()).prepare([record])
 

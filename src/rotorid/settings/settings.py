@@ -16,6 +16,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.trust import least_coherence
 from rotorid.errors import UsageError
 from rotorid.io.documents import read_text
+from rotorid.models.families import MOTORS
 from rotorid.units import read_measure, read_measures, require_units, writable
 
 if TYPE_CHECKING:
@@ -1163,8 +1164,11 @@ class IdentifySettings(MeasureSettings):
 ALL = "all"
 """In place of the names of models: every one of the library that the logs may support."""
 
-MODEL = "physical.motors"
-"""Name of the model, which is no linear structure."""
+
+def asks_all(models: object) -> bool:
+    """Whether :data:`ALL` stands in place of names, alone or as the only one."""
+    return models in (ALL, [ALL])
+
 
 MotorMethod: TypeAlias = Literal["prediction_error", "accelerations"]
 
@@ -1234,7 +1238,9 @@ class MotorChoices:
     def __post_init__(self) -> None:
         require_search(self.search, self.evaluations, "default", self.runs)
         if self.method not in get_args(MotorMethod):
-            raise UsageError(f"the method {self.method!r} came with {MODEL}", needed=" or ".join(get_args(MotorMethod)))
+            raise UsageError(
+                f"the method {self.method!r} came with {MOTORS.name}", needed=" or ".join(get_args(MotorMethod))
+            )
         if self.method == "accelerations" and self.bootstrap is not None:
             raise UsageError(
                 "--bootstrap came with --method accelerations, which has none",
@@ -1242,7 +1248,7 @@ class MotorChoices:
             )
         if self.outputs and (self.method != "accelerations" or not set(self.outputs) <= set(FROM_ANGLES)):
             raise UsageError(
-                f"--outputs {','.join(self.outputs)} came with {MODEL}",
+                f"--outputs {','.join(self.outputs)} came with {MOTORS.name}",
                 needed=f"--method accelerations and {','.join(FROM_ANGLES)}, or some of them, to be differentiated",
                 remedy="leave --outputs out for gyros and accelerometer",
             )
@@ -1279,61 +1285,20 @@ class MotorChoices:
         return choices | {name: value for name, value in asked.items() if value is not None}
 
 
-HOVER = "physical.hover"
-"""Name of the model of hover in physical parameters, which takes its rotors as ``physical.motors`` does."""
-
-OF_HOVER = ("layout", "arm_m", "rotor_diameter_m")
-
-OF_MOTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
-ALSO_OF_MOTORS = ("fix", "segments", "seed", "method", "outputs", "bootstrap", "search", "evaluations", "runs")
-"""Choices that ``physical.motors`` alone has, and those that it shares with other models."""
-
-
-def motor_choices(
-    model: str, settings: IdentifySettings, *, beside: Mapping[str, object] | None = None
-) -> MotorChoices | None:
-    """What was chosen for ``physical.motors``; ``None`` for another model.
-
-    Parameters
-    ----------
-    model
-        Name of the model.
-    settings
-        Choices of the run.
-    beside
-        Options beside the settings that ``physical.motors`` does not have either, such as ``--inputs``.
+def motor_choices(settings: IdentifySettings) -> MotorChoices:
+    """What of the choices of a run is about ``physical.motors``.
 
     Raises
     ------
     UsageError
-        An option was given that the model does not have.
+        A choice is impossible.
     """
-    given = options_given(settings)
-    if model != MODEL:
-        allowed = OF_HOVER if model == HOVER else ()
-        if wrong := [option for name, option in given.items() if name in OF_MOTORS and name not in allowed]:
-            raise UsageError(
-                f"{', '.join(wrong)} came with {model}",
-                needed=f"them with {MODEL} alone, and all but --curve with {HOVER}",
-            )
-        if settings.method == "accelerations":
-            raise UsageError(f"--method accelerations came with {model}", needed=f"it with {MODEL} alone")
-        return None
-    if settings.method not in ("auto", *get_args(MotorMethod)):
-        raise UsageError(
-            f"--method {settings.method} came with {MODEL}", needed=f"one of auto, {', '.join(get_args(MotorMethod))}"
-        )
-    wrong = [option for name, option in given.items() if name not in (*OF_MOTORS, *ALSO_OF_MOTORS)]
-    wrong += [option for option, value in (beside or {}).items() if value]
-    if wrong:
-        had = options_of(IdentifySettings, (*OF_MOTORS, *ALSO_OF_MOTORS))
-        raise UsageError(
-            f"{', '.join(wrong)} came with {MODEL}, which has no such choice",
-            needed=f"{', '.join(had)}, --verify",
-            remedy="leave it out, or choose another model",
-        )
     return MotorChoices(
         known=settings.fix,
+        layout=settings.layout,
+        arm_m=settings.arm_m,
+        curve=settings.curve,
+        rotor_diameter_m=settings.rotor_diameter_m,
         segments=settings.segments,
         seed=settings.seed,
         bootstrap=settings.bootstrap,
@@ -1342,7 +1307,6 @@ def motor_choices(
         runs=settings.runs,
         method="accelerations" if settings.method == "accelerations" else "prediction_error",
         outputs=settings.outputs,
-        **{name: getattr(settings, name) for name in OF_MOTORS},
     )
 
 

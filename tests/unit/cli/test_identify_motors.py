@@ -10,8 +10,6 @@ import pytest
 from tests.unit.cli.commands import Ran, rotorid
 from tests.unit.pipeline.motor_logs import flight
 
-from rotorid.settings import settings as motor_choices
-
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -67,11 +65,6 @@ def test_its_options_are_refused_by_other_models(log: Path) -> None:
     ran = rotorid("identify", log, "--model", "rate.roll", "--arm", "0.2")
     assert ran.code == 2
     assert "--arm came with rate.roll; needed: them with physical.motors alone" in " ".join(ran.err.split())
-
-
-def test_command_line_and_pipeline_mean_the_same_model() -> None:
-    """The name stands in both, so that the command line starts without the pipeline."""
-    assert motor_choices.MODEL == motor_choices.MODEL
 
 
 @pytest.mark.parametrize("name", ["", "result.json", "model.toml"])

@@ -14,12 +14,13 @@ from rotorid.documents.base import to_json
 from rotorid.documents.result import ResultDocument
 from rotorid.errors import UsageError
 from rotorid.identifying.derivation import derivation, derivation_findings
+from rotorid.identifying.families import require_choices
 from rotorid.models.library import library_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.report.identification import render_sections
 from rotorid.report.tables import as_csv, as_latex, result_tables
 from rotorid.results.summary import DerivedSummary, Range
-from rotorid.settings.settings import IdentifySettings, motor_choices, parse_known
+from rotorid.settings.settings import IdentifySettings, parse_known
 from rotorid.uncertainty.cramer_rao import Bounds
 
 HEAVE = {"Z_thrust": -33.8, "Z_w": -0.59, "tau_thrust": 0.03, "T_motor": 0.024}
@@ -150,4 +151,4 @@ def test_what_is_no_known_quantity_is_refused(text: str) -> None:
 
 def test_motors_take_no_known_quantity() -> None:
     with pytest.raises(UsageError, match=r"known came with physical\.motors"):
-        motor_choices("physical.motors", IdentifySettings(known={"I_zz": (0.006, 0.0)}))
+        require_choices("physical.motors", IdentifySettings(known={"I_zz": (0.006, 0.0)}))

@@ -9,9 +9,10 @@ import pytest
 from tests.unit.pipeline.motor_logs import ARM_M, flight
 
 from rotorid.errors import UsageError
+from rotorid.identifying.families import require_choices
 from rotorid.identifying.identification import identify, identify_motors
 from rotorid.io.registry import read
-from rotorid.settings.settings import IdentifySettings, MotorChoices, motor_choices
+from rotorid.settings.settings import IdentifySettings, MotorChoices
 from rotorid.vehicles.motor_flight import TRUTH
 
 CHOICES = MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M, method="accelerations")
@@ -52,7 +53,7 @@ def test_values_come_back_with_what_the_search_reached_alone(tmp_path: Path) -> 
 )
 def test_what_does_not_go_together_is_refused(options: dict[str, object], came: str) -> None:
     with pytest.raises(UsageError, match=came):
-        motor_choices("physical.motors", IdentifySettings(**options))  # type: ignore[arg-type]
+        require_choices("physical.motors", IdentifySettings(**options))  # type: ignore[arg-type]
 
 
 def test_the_method_is_of_motors_alone() -> None:

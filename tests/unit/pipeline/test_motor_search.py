@@ -43,7 +43,7 @@ def test_the_problem_of_a_search_is_coarse_and_slow() -> None:
 
 
 def test_motors_take_the_options_of_a_search() -> None:
-    chosen = motor_choices("physical.motors", IdentifySettings(search="genetic:15x50", evaluations=50))
+    chosen = motor_choices(IdentifySettings(search="genetic:15x50", evaluations=50))
     assert chosen is not None
     assert (chosen.search, chosen.evaluations) == ("genetic:15x50", 50)
     with pytest.raises(UsageError, match="there is no search"):

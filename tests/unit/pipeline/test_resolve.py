@@ -7,17 +7,10 @@ from pathlib import Path
 import pytest
 
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.models.families import black_box_order, family_of, named_model, waits_for_logs
 from rotorid.models.library import RATE_AXES, rate_model
 from rotorid.models.toml import from_toml, to_toml
-from rotorid.settings.resolve import (
-    answers_setpoints,
-    black_box_order,
-    chosen_parameters,
-    finds_its_channels,
-    named_model,
-    require_known,
-    resolve_model,
-)
+from rotorid.settings.resolve import chosen_parameters, require_known, resolve_model
 from rotorid.settings.settings import IdentifySettings
 
 
@@ -136,9 +129,9 @@ def test_a_response_model_finds_its_pairs_in_the_log_or_takes_those_that_are_nam
     assert named_model("response.second_order", outputs=["theta"], logged=logged).inputs == ("theta_setpoint",)
     named = named_model("response.first_order", inputs=["r_setpoint"], outputs=["r"])
     assert named.inputs == ("r_setpoint",)
-    assert answers_setpoints(named)
-    assert finds_its_channels("response.first_order")
-    assert not finds_its_channels("response.first_order", ["r_setpoint"])
+    assert family_of(named).answers_setpoints
+    assert waits_for_logs("response.first_order")
+    assert not waits_for_logs("response.first_order", ["r_setpoint"])
 
 
 def test_a_log_without_set_points_cannot_support_a_response_model() -> None:

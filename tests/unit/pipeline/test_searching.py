@@ -31,13 +31,13 @@ from rotorid.fitting.time.output_error import TimeProblem
 from rotorid.flights.flights import Flight
 from rotorid.flights.segments import TimeRecords, time_records
 from rotorid.identifying.identification import identify
+from rotorid.models.families import named_model
 from rotorid.models.library import response_model
 from rotorid.models.toml import from_toml
 from rotorid.reduction.guided import Reduced, fit_and_drop
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import SearchSummary
 from rotorid.search.result import Basin
-from rotorid.settings.resolve import named_model
 from rotorid.settings.settings import EVALUATIONS, IdentifySettings, parse_segment
 from rotorid.uncertainty.cramer_rao import Bounds
 

@@ -21,12 +21,12 @@ from rotorid.flights.segments import TimeRecords, evenly_stamped, time_records
 from rotorid.identifying.identification import identify, method_of
 from rotorid.identifying.methods import InTime
 from rotorid.models.equations import structure_from_equations
+from rotorid.models.families import named_model
 from rotorid.models.library import rate_model, response_model
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import IdentifiedModel, Segment
 from rotorid.results.summary import Compared
-from rotorid.settings.resolve import named_model
 from rotorid.settings.settings import IdentifySettings
 from rotorid.simulation.linear import simulate_linear
 

@@ -16,8 +16,8 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.segments import TimeRecords, time_records
 from rotorid.flights.selection import select_records
 from rotorid.identifying.identification import identify
+from rotorid.models.families import named_model
 from rotorid.models.library import response_model
-from rotorid.settings.resolve import named_model
 from rotorid.settings.settings import IdentifySettings, parse_segment
 from rotorid.typing import FloatArray
 

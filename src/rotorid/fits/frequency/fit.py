@@ -35,7 +35,7 @@ from rotorid.fitting.frequency.screening import (
 )
 from rotorid.fitting.least_squares import Solution
 from rotorid.flights.measure import Measured, feedback_bias
-from rotorid.models.library import RATE_AXES
+from rotorid.models.families import is_rate_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
@@ -158,7 +158,7 @@ def pose(structure: LinearStructure, measured: Measured, settings: IdentifySetti
         measured,
         used,
         least_coherence=limit,
-        rate_model=structure.name in RATE_AXES,
+        rate_model=is_rate_model(structure),
         chosen=settings.band_rad_s is not None,
     )
     problem = FrequencyProblem(

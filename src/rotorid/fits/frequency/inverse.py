@@ -19,7 +19,7 @@ from rotorid.flights.controllers import LoggedController
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import open_loop
 from rotorid.flights.measure import Measured, logged_controllers
-from rotorid.models.library import RATE_AXES
+from rotorid.models.families import is_rate_model
 from rotorid.models.structure import LinearStructure
 from rotorid.settings.settings import IdentifySettings, MeasureSettings
 from rotorid.typing import BoolArray, FloatArray
@@ -243,7 +243,7 @@ def _require_rest(
     rest = np.zeros_like(used)
     rest[trap.output, trap.input] = used[trap.output, trap.input]
     limit = settings.least_coherence(joint=data.estimate == "joint")
-    rate_model = problem.structure.name in RATE_AXES
+    rate_model = is_rate_model(problem.structure)
     try:
         require_support(measured, rest, least_coherence=limit, rate_model=rate_model)
     except InsufficientDataError as error:

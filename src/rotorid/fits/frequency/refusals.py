@@ -28,11 +28,11 @@ from rotorid.fitting.frequency.problem import (
     pair_names,
 )
 from rotorid.fitting.frequency.screening import (
-    SPEED_MODES,
     above_speed_modes,
 )
 from rotorid.fitting.least_squares import Outcome
 from rotorid.flights.measure import Measured
+from rotorid.models.families import family_of, lacks_speed_modes
 from rotorid.models.state_space import StateSpace
 from rotorid.settings.settings import IdentifySettings
 from rotorid.uncertainty.model_error import LARGEST_MODEL_ERROR
@@ -67,7 +67,7 @@ def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifyS
     fitted, reasons = _with_reasons(problem, measured, settings)
     if not reasons:
         return fitted
-    if problem.structure.name in SPEED_MODES and settings.band_rad_s is None:
+    if lacks_speed_modes(problem.structure) and settings.band_rad_s is None:
 
         def tried(part: FrequencyProblem) -> tuple[FrequencyFit, float]:
             found, against = _with_reasons(part, measured, settings)
@@ -230,7 +230,7 @@ def _endless_spin_up(fitted: FrequencyFit) -> Iterator[Finding]:
 
 def _pushed_on_by_speed(fitted: FrequencyFit) -> Iterator[Finding]:
     """Air slows a hovering vehicle: a force along its speed is what another axis did to this one."""
-    if not fitted.problem.structure.name.startswith(("axis.", "hover.")):
+    if not family_of(fitted.problem.structure).slowed_by_air:
         return
     deviations = dict(zip(fitted.bounds.names, fitted.bounds.std.tolist(), strict=True))
     for name in FIRST_RESPONSES:

@@ -37,10 +37,11 @@ from rotorid.fitting.time.output_error import (
 )
 from rotorid.flights.instruments import is_command
 from rotorid.flights.segments import TimeRecords
+from rotorid.models.families import black_box_order, family_of
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import SimulatedRecord
-from rotorid.settings.resolve import black_box_order, chosen_parameters
+from rotorid.settings.resolve import chosen_parameters
 from rotorid.settings.settings import IdentifySettings
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
@@ -338,7 +339,7 @@ def _by_equations(
     frequency: FrequencyFit | None,
 ) -> _Ended:
     """Equation error, over the band of the responses where there are any; the records are simulated to show it."""
-    if black_box_order(structure) is not None:
+    if family_of(structure).opaque:
         raise UsageError(
             f"the method equation_error came with {structure.name}",
             needed="output_error or prediction_error for a black box, whose states nothing measures",
@@ -410,7 +411,7 @@ def _black_box(
 
 def unknowns_of(structure: LinearStructure) -> tuple[InitialCondition, ...]:
     """What is estimated beside the parameters: for commands also their trim, which a vehicle integrates."""
-    if all(is_command(name) for name in structure.inputs) and black_box_order(structure) is None:
+    if all(is_command(name) for name in structure.inputs) and not family_of(structure).opaque:
         return ("initial_state", "output_shift", "state_bias")
     return ("initial_state", "output_shift")
 

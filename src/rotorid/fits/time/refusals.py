@@ -18,8 +18,8 @@ from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, pair_names
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.flights.instruments import is_command
 from rotorid.flights.segments import TimeRecords
+from rotorid.models.families import family_of
 from rotorid.models.parameter import ParameterSet
-from rotorid.settings.resolve import black_box_order
 from rotorid.uncertainty.cramer_rao import Bounds
 
 LEAST_EXPLAINED_PERCENT = 100.0 * (1.0 - math.sqrt(0.5))
@@ -51,15 +51,15 @@ def require_sound_in_time(fitted: TimeFit, frequency: FrequencyFit | None, recor
         One of these.
     """
     name, reasons = fitted.problem.structure.name, []
-    black_box = black_box_order(fitted.problem.structure) is not None
+    opaque = family_of(fitted.problem.structure).opaque
     if fitted.method == "output_error":
         reasons += unexplained(fitted.fit_percent)
-    if not black_box:
+    if not opaque:
         reasons += out_of_iterations(name, fitted.solution)
         system = fitted.structure.matrices(fitted.parameters.values)
         reasons += faster_than_sampled(name, system, min(one.sample_rate_hz for one in records.data))
     of_vehicles = all(is_command(name) for name in fitted.problem.structure.inputs)
-    if frequency is not None and not black_box and of_vehicles:
+    if frequency is not None and not opaque and of_vehicles:
         reasons += _missed_responses(fitted, frequency, records)
     if reasons:
         too_large = all(reason.kind == "impossible_physics" for reason in reasons)

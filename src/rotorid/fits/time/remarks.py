@@ -12,8 +12,8 @@ from rotorid.fits.time.fit import TimeFit, growth
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.flights.segments import TimeRecords
 from rotorid.models.expression import Expression
+from rotorid.models.families import family_of
 from rotorid.models.parameter import ParameterSet
-from rotorid.settings.resolve import black_box_order
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.verification.scores import GOOD_FIT_PERCENT
 
@@ -26,7 +26,7 @@ _SETTLED = 1e-6
 
 def judge_time_fit(fitted: TimeFit, records: TimeRecords, fit_percent: Mapping[str, float]) -> tuple[Finding, ...]:
     """Remarks on the fit, its residuals and its parameters; those of a black box mean nothing one by one."""
-    black_box = black_box_order(fitted.problem.structure) is not None
+    opaque = family_of(fitted.problem.structure).opaque
     return (
         *fitted.findings,
         *_pieces(fitted),
@@ -35,7 +35,7 @@ def judge_time_fit(fitted: TimeFit, records: TimeRecords, fit_percent: Mapping[s
         *judge_solver(
             fitted.problem.structure.name, fitted.solution, fitted.parameters, fitted.problem.structure.input_delays
         ),
-        *(() if black_box else judge_parameters(fitted.parameters, fitted.bounds)),
+        *(() if opaque else judge_parameters(fitted.parameters, fitted.bounds)),
     )
 
 

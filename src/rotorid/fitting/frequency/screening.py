@@ -178,9 +178,6 @@ def _equations(structure: LinearStructure, values: Mapping[str, float], directio
     return np.asarray((stands[:, None, :] & shows[None]).any(axis=2) | own)
 
 
-SPEED_MODES = ("rate.roll", "rate.pitch")
-"""Rate models of axes that the speed of the vehicle turns too, by M_u and L_v; yaw and climb have no such modes."""
-
 LOWEST_TOP_RAD_S = 8.0
 """A rate model is not identified from data that end below: there the speed modes of the airframe rule."""
 

@@ -1,0 +1,250 @@
+"""How the models of a family are fitted, which choices they take, and what is said of the others.
+
+:mod:`rotorid.models.families` knows the models; here each family has its method. Most are linear structures, fitted to
+responses or in time (:data:`LINEAR`); a row of :data:`FITTINGS` is a family that is fitted in another way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, NamedTuple, TypeAlias, get_args
+
+from rotorid.data.record import FlightRecord
+from rotorid.errors import UsageError
+from rotorid.identifying.hover_physics import hover_of_vehicle
+from rotorid.identifying.methods import Frequency, InTime, Method
+from rotorid.identifying.motors import Motors
+from rotorid.identifying.nonlinear import Nonlinear, asked_parameters
+from rotorid.models.derived import require_useful
+from rotorid.models.families import HOVER, LARGE_MOTION, MOTORS, family_of
+from rotorid.models.nonlinear import NonlinearStructure
+from rotorid.models.structure import LinearStructure
+from rotorid.settings.resolve import Model, read_model, resolve_model
+from rotorid.settings.settings import (
+    IdentifySettings,
+    MethodChoice,
+    MotorMethod,
+    motor_choices,
+    options_given,
+    options_of,
+)
+
+Read: TypeAlias = str | LinearStructure | NonlinearStructure
+"""A model whose file was read: a structure, or a name of the library."""
+
+
+class _Refusal(NamedTuple):
+    """What is said of a choice that a family does not have, with ``{wrong}``, ``{name}`` and ``{had}``."""
+
+    came: str
+    needed: str
+    remedy: str = ""
+
+    def error(self, **words: str) -> UsageError:
+        came, needed, remedy = (text.format(**words) for text in self)
+        return UsageError(came, needed=needed, remedy=remedy)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitting:
+    """How the models of a family are fitted.
+
+    Parameters
+    ----------
+    method
+        The method for a model, with the logs in which it finds its channels, and the choices of the run.
+    choices
+        Fields of :class:`rotorid.settings.settings.IdentifySettings` that its models have.
+    methods
+        Words of ``--method`` that they take.
+    only_with
+        Choices that one word of ``--method`` alone has.
+    no_choice, no_method, no_option
+        What is said of other fields, of other words, and of options that are no fields, such as ``--inputs``, where the
+        family takes none.
+    check
+        What else refuses choices before any log is read.
+    """
+
+    method: Callable[[Read, Sequence[FlightRecord], IdentifySettings], Method[Any, Any]]
+    choices: Sequence[str]
+    methods: Sequence[str]
+    no_choice: _Refusal
+    no_method: _Refusal
+    no_option: _Refusal | None = None
+    only_with: Mapping[str, str] = field(default_factory=dict)
+    check: Callable[[Read, IdentifySettings], object] = lambda _, __: None
+
+
+def logged_by_all(records: Sequence[FlightRecord]) -> tuple[str, ...]:
+    """Channels that every record holds."""
+    names = [record.channel_names for record in records]
+    return tuple(name for name in (names[0] if names else ()) if all(name in others for others in names))
+
+
+def _linear(model: Read, records: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
+    structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
+    return _of_structure(structure, settings)
+
+
+def _hover(_: Read, records: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
+    return _of_structure(hover_of_vehicle(records, settings), settings)
+
+
+def _of_structure(structure: LinearStructure, settings: IdentifySettings) -> Method[Any, Any]:
+    """As the settings say, else responses to set-points in time and all others in frequency."""
+    require_useful(structure.parameters.names, settings.known, model=structure.name)
+    name = settings.method
+    if name == "auto":
+        name = "output_error" if family_of(structure).answers_setpoints else "frequency"
+    if name == "frequency":
+        return Frequency(model=structure, settings=settings)
+    assert name != "accelerations"
+    return InTime(model=structure, settings=settings, kind=name)
+
+
+def _nonlinear(model: Read, _: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
+    assert isinstance(model, NonlinearStructure)
+    return Nonlinear(model=model, settings=settings)
+
+
+def _require_parameters(model: Read, settings: IdentifySettings) -> None:
+    assert isinstance(model, NonlinearStructure)
+    asked_parameters(model, settings)
+
+
+_OF_ROTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
+"""Choices of models in physical parameters."""
+
+_ALL = tuple(item.name for item in fields(IdentifySettings))
+
+LINEAR = Fitting(
+    method=_linear,
+    choices=tuple(name for name in _ALL if name not in _OF_ROTORS),
+    methods=tuple(word for word in get_args(MethodChoice) if word != "accelerations"),
+    no_choice=_Refusal(
+        "{wrong} came with {name}", f"them with {MOTORS.name} alone, and all but --curve with {HOVER.name}"
+    ),
+    no_method=_Refusal("--method {wrong} came with {name}", f"it with {MOTORS.name} alone"),
+)
+
+FITTINGS: Mapping[str, Fitting] = {
+    HOVER.name: replace(LINEAR, method=_hover, choices=tuple(name for name in _ALL if name != "curve")),
+    MOTORS.name: Fitting(
+        method=lambda _, __, settings: Motors(motor_choices(settings)),
+        choices=(
+            *_OF_ROTORS,
+            *("fix", "segments", "seed", "method", "outputs", "bootstrap", "search", "evaluations", "runs"),
+        ),
+        methods=("auto", *get_args(MotorMethod)),
+        only_with={"outputs": "accelerations"},
+        no_choice=_Refusal(
+            "{wrong} came with {name}, which has no such choice",
+            "{had}, --verify",
+            "leave it out, or choose another model",
+        ),
+        no_method=_Refusal("--method {wrong} came with {name}", f"one of auto, {', '.join(get_args(MotorMethod))}"),
+        no_option=_Refusal(
+            "{wrong} came with {name}, which has no such choice",
+            "{had}, --verify",
+            "leave it out, or choose another model",
+        ),
+        check=lambda _, settings: motor_choices(settings),
+    ),
+    LARGE_MOTION.name: Fitting(
+        method=_nonlinear,
+        choices=(
+            *("fix", "ties", "free", "constants", "outputs", "segments", "shifts", "hold", "pieces_s"),
+            *("starts", "search", "evaluations", "runs", "seed", "method"),
+        ),
+        methods=("auto", "output_error"),
+        no_choice=_Refusal(
+            "{wrong} came with {name}, which is nonlinear and has no such choice",
+            "{had}",
+            "leave it out, or choose a linear model",
+        ),
+        no_method=_Refusal(
+            "--method {wrong} came with {name}, which is nonlinear and has no such choice",
+            "--method output_error, as by itself",
+        ),
+        no_option=_Refusal(
+            "{wrong} came with {name}, which is nonlinear",
+            "its own channels; --verify judges it on further logs, and each log is fitted alone besides",
+        ),
+        check=_require_parameters,
+    ),
+}
+"""Family to how it is fitted, where that is not :data:`LINEAR`."""
+
+
+def fitting_of(model: Read) -> Fitting:
+    """How a model is fitted."""
+    family = family_of(model)
+    # A structure has its channels and its rotors; only a name waits for those of the logs.
+    if isinstance(model, LinearStructure) and family.make is not None:
+        return LINEAR
+    return FITTINGS.get(family.name, LINEAR)
+
+
+def method_of(model: Model, records: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
+    """How a model is fitted: as the settings say, else as its family is.
+
+    Parameters
+    ----------
+    model, settings
+        As for :func:`rotorid.identify`.
+    records
+        Logs in which a response model finds its channels.
+
+    Raises
+    ------
+    UsageError, ModelError
+        A choice or the model is wrong.
+    InsufficientDataError
+        The logs hold nothing that such a model is about.
+    """
+    require_choices(model, settings)
+    read = read_model(model)
+    return fitting_of(read).method(read, records, settings)
+
+
+def require_choices(model: Model, settings: IdentifySettings, *, options: Mapping[str, object] | None = None) -> None:
+    """Refuse choices that a model does not have, before any log is read for it.
+
+    Parameters
+    ----------
+    model, settings
+        As for :func:`rotorid.identify`.
+    options
+        Options that are no fields of the settings, such as ``--inputs``, with what was given.
+
+    Raises
+    ------
+    UsageError
+        A choice belongs to another family, or is impossible.
+    ModelError
+        A name is unknown.
+    """
+    read = read_model(model)
+    fitting = fitting_of(read)
+    named = read if isinstance(read, NonlinearStructure) else model
+    words = {"name": named if isinstance(named, str) else getattr(named, "name", str(named))}
+    words["had"] = ", ".join(options_of(IdentifySettings, fitting.choices))
+    given = [option for option, value in (options or {}).items() if value]
+    if fitting.no_option is not None and given:
+        raise fitting.no_option.error(wrong=" and ".join(given), **words)
+    if settings.method not in fitting.methods:
+        raise fitting.no_method.error(wrong=settings.method, **words)
+    if wrong := [option for name, option in options_given(settings).items() if name not in fitting.choices]:
+        raise fitting.no_choice.error(wrong=", ".join(wrong), **words)
+    fitting.check(read, settings)
+
+
+def own_settings(model: Read, settings: IdentifySettings) -> IdentifySettings:
+    """The settings without choices that a model does not have."""
+    fitting, usual = fitting_of(model), IdentifySettings()
+    foreign = {name for name in _ALL if name not in fitting.choices}
+    foreign |= {name for name, method in fitting.only_with.items() if settings.method != method}
+    foreign |= {"method"} if settings.method not in fitting.methods else set()
+    return replace(settings, **{name: getattr(usual, name) for name in foreign})
