@@ -13,7 +13,7 @@ import pytest
 from tests.reference.simulators import ARDUPILOT_DAMPING_1_S, ARDUPILOT_DELAY_S, PX4, PX4_DELAYS_S
 
 import rotorid
-from rotorid.checking.unseen import check_sweeps
+from rotorid.checking.sweeps import check_sweeps
 from rotorid.data.record import Channel, FlightRecord
 from rotorid.documents.result import ResultDocument, result_document
 from rotorid.errors import InsufficientDataError

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from rotorid.checking.flown_motors import KnownMotors, known_motors
+from rotorid.checking.motors import MotorPredictor, identified_motors, known_motors
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
-from rotorid.fits.frequency.fit import FrequencyFit
 from rotorid.flights.given_controllers import GivenController
 from rotorid.flights.measure import Measured
 from rotorid.flights.segments import source_of
@@ -53,6 +52,9 @@ class Candidate(Immutable):
         Controllers that a person gave, to fly the model in closed loop; they go before the gains in a log.
     provenance
         Which data it was fitted to, or ``None`` when that is not known.
+    usual
+        Motion of each output in the maneuvers that were fitted, see
+        :func:`rotorid.checking.maneuvers.excited_outputs`; empty when that is not known.
     motors
         The vehicle, of a result of ``physical.motors``; the structure is then its motion around hover.
     nonlinear
@@ -65,7 +67,8 @@ class Candidate(Immutable):
     sources: Mapping[str, str] | None = None
     controllers: Mapping[Axis, GivenController] = field(default_factory=dict)
     provenance: Provenance | None = None
-    motors: KnownMotors | None = None
+    usual: Mapping[str, float] = field(default_factory=dict)
+    motors: MotorPredictor | None = None
     nonlinear: NonlinearStructure | None = None
 
     @property
@@ -80,16 +83,6 @@ class Candidate(Immutable):
         return replace(whole, H0=whole.H0[rows], H1=whole.H1[rows], output_delays_s=whole.output_delays_s[rows])
 
 
-def candidate_of(fitted: FrequencyFit, measured: Measured) -> Candidate:
-    """A model that has just been fitted."""
-    return Candidate(
-        structure=fitted.structure,
-        parameters=fitted.structure.parameters,
-        band_rad_s=fitted.band_rad_s,
-        sources=output_sources(measured),
-    )
-
-
 def candidate_model(model: IdentifiedModel) -> Candidate:
     """An identified model, to be judged on further logs."""
     return Candidate(
@@ -101,14 +94,6 @@ def candidate_model(model: IdentifiedModel) -> Candidate:
         motors=identified_motors(model),
         nonlinear=model.nonlinear,
     )
-
-
-def identified_motors(model: IdentifiedModel) -> KnownMotors | None:
-    """The vehicle of an identified model; ``None`` for one that is not of ``physical.motors``."""
-    if model.motors is None:
-        return None
-    parameters = {name: asdict(one) for name, one in model.parameters.items()}
-    return known_motors({"parameters": parameters, "motors": asdict(model.motors)})
 
 
 def output_sources(measured: Measured) -> dict[str, str]:

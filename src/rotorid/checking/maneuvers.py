@@ -26,12 +26,12 @@ from rotorid.flights.measure import Measured, default_band
 from rotorid.flights.segments import cut, source_of
 from rotorid.models.state_space import StateSpace
 from rotorid.results.model import Segment
-from rotorid.settings.settings import MeasureSettings
+from rotorid.settings.settings import VerifySettings
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.filters import KnownFilter
 from rotorid.typing import Axis, FloatArray
 from rotorid.verification.closed_loop import ClosedLoop, closed_loop, scored
-from rotorid.verification.sampled import Filter, LowPass, band_pass
+from rotorid.verification.sampled import Filter, band_pass
 from rotorid.verification.scores import GOOD_FIT_PERCENT, GOOD_TIC
 from rotorid.verification.time_domain import matched, verify_in_time
 from rotorid.verification.verification import (
@@ -264,10 +264,9 @@ _SHORTEST_S = 1.0
 def predict_maneuvers(
     candidate: Candidate,
     short: Sequence[Flight],
-    settings: MeasureSettings,
+    settings: VerifySettings,
     *,
     outputs: tuple[str, ...],
-    vibration_filter: LowPass = "auto",
 ) -> tuple[tuple[Verification, ...], tuple[Finding, ...]]:
     """Predict short maneuvers of one log, and remark on how that went.
 
@@ -281,8 +280,6 @@ def predict_maneuvers(
         Choices of the run.
     outputs
         Outputs of the model that the log has.
-    vibration_filter
-        See :func:`rotorid.verification.time_domain.verify_in_time`.
 
     Raises
     ------
@@ -290,7 +287,7 @@ def predict_maneuvers(
         Nothing of a second is left without a gap, or a channel is missing.
     """
     inputs = candidate.structure.inputs
-    record = short[0][0]
+    record = short[0].record
     controllers = Controllers(record=record, given=candidate.controllers)
     segments, findings = cut(
         short,
@@ -321,7 +318,7 @@ def predict_maneuvers(
             record=segment.record,
             maneuver=segment.maneuver,
             around=around,
-            vibration_filter=vibration_filter,
+            vibration_filter=settings.vibration_filter,
         )
         read = [RATE_OF[axis] for axis in looped_axes(inputs, outputs)]
         flown, why_not = fly_maneuver(
@@ -360,8 +357,9 @@ def _active(segment: Segment) -> tuple[float, float]:
 def _around(segment: Segment, short: Sequence[Flight]) -> TimeHistory:
     """A maneuver with the quiet time around it: as far as the maneuvers before and after it have died out."""
     maneuver, history = segment.maneuver, segment.history
-    before = [m.stop_s + _SETTLED_S for _, m in short if m.stop_s <= maneuver.start_s]
-    after = [m.start_s for _, m in short if m.start_s >= maneuver.stop_s]
+    others = [flight.maneuver for flight in short]
+    before = [other.stop_s + _SETTLED_S for other in others if other.stop_s <= maneuver.start_s]
+    after = [other.start_s for other in others if other.start_s >= maneuver.stop_s]
     start_s = min(max([history.start_s, *before]), maneuver.start_s - REST_S)
     stop_s = max(min([float(history.time_s[-1]), *after]), maneuver.stop_s + REST_S)
     return _within(history, start_s, stop_s) or history
@@ -521,9 +519,7 @@ def usual_motion(measured: Measured, band_rad_s: tuple[float, float]) -> dict[st
     return largest
 
 
-def excited_outputs(
-    checks: Sequence[Verification], candidate: Candidate, usual: Mapping[str, float]
-) -> tuple[Verification, ...]:
+def excited_outputs(checks: Sequence[Verification], candidate: Candidate) -> tuple[Verification, ...]:
     """Verifications with the outputs that their maneuver excites as ``moved``; only these are scored.
 
     An output tells where it moves clearly more than before the maneuver, see
@@ -536,12 +532,10 @@ def excited_outputs(
     checks
         Maneuvers of one log, measured and predicted.
     candidate
-        The model.
-    usual
-        Output to its largest standard deviation where the model was fitted, see :func:`usual_motion`; that in the other
-        maneuvers counts too.
+        The model, with the usual motion of its outputs, see :func:`usual_motion`; that in the other maneuvers counts
+        too.
     """
-    largest = dict(usual)
+    largest = dict(candidate.usual)
     for check in checks:
         for name, values in zip(check.output_names, check.measured, strict=True):
             largest[name] = max(largest.get(name, 0.0), float(values.std()))

@@ -61,9 +61,9 @@ class Selection:
     fitted: tuple[Flight, ...]
     unseen: tuple[Flight, ...]
 
-    def fits(self, record: FlightRecord, maneuver: Maneuver) -> bool:
-        """Whether any part of a maneuver is fitted, also when its log was read again."""
-        return any(Flight(record, maneuver).overlaps(flight) for flight in self.fitted)
+    def fits(self, flight: Flight) -> bool:
+        """Whether any part of a flight is fitted, also when its log was read again."""
+        return any(flight.overlaps(one) for one in self.fitted)
 
 
 def select_maneuvers(

@@ -19,29 +19,21 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from rotorid.checking.candidate import identified_motors
-from rotorid.checking.flown_motors import predicted, predicted_by
-from rotorid.checking.flown_nonlinear import flown_records, logged_outputs, output_scores, whole_flights
-from rotorid.data.axes import RATES
+from rotorid.checking.candidate import candidate_model
+from rotorid.checking.predictions import Simulation, between, output_scores
+from rotorid.checking.predictors import predictor_of
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.fits.motors.fitted import levers_of
-from rotorid.fits.motors.motion import Motion
-from rotorid.fits.time.fit import growth, piece_s, posed_in_pieces
-from rotorid.fitting.motors.problem import MotorProblem
-from rotorid.fitting.time.nonlinear import NonlinearProblem, fit_nonlinear
 from rotorid.flights.flights import Flight
-from rotorid.flights.segments import holds, time_records
 from rotorid.flights.selection import require_inside, require_reached
 from rotorid.models.equations import structure_from_equations
 from rotorid.models.families import family_of
@@ -52,8 +44,7 @@ from rotorid.models.structure import LinearStructure, connected
 from rotorid.planning.responses import SETPOINTS, setpoint_of
 from rotorid.results.model import IdentifiedModel, Records, Refused, bounds_of, parameter_estimates
 from rotorid.results.provenance import Provenance, provenance
-from rotorid.settings.settings import FlySettings, IdentifySettings, as_records, as_settings
-from rotorid.simulation.nonlinear import Scheme, simulate_nonlinear
+from rotorid.settings.settings import FlySettings, as_records, as_settings
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.verification.verification import Scores
@@ -63,16 +54,12 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 _DRAWS = 60
 _BAND = (2.5, 97.5)
 
-_MOTORS_PIECE_S = 2.0
-"""Length of the pieces in which rates by motors are integrated, unless the user chose one."""
-
 _PLAN_RATE_HZ = 100.0
 
 _YAW_LAG_S = 0.2
 """Lag of the yaw rate where no result says how it answers."""
 
-_START_ROUNDS = 3
-"""Estimates of the noise while a start is sought: it only weighs the outputs against each other."""
+Flown: TypeAlias = str | IdentifiedModel
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -199,7 +186,8 @@ def fly_log(
     """
     settings, logs = as_settings(FlySettings, settings, options), as_records(records)
     model, joined = one_model(models)
-    fly = _chosen(model)
+    predictor = predictor_of(candidate_model(model))
+    values, draws = predictor.parameters.values, _drawn_values(model, predictor.parameters, seed=settings.seed)
     stretches: list[FlownStretch] = []
     findings = [*(finding for record in logs for finding in record.findings), *joined]
     flights: list[Flight] = []
@@ -209,10 +197,11 @@ def fly_log(
         _PROGRESS.info(f"flying {model.name} through {name}")
         try:
             require_reached(record, settings.segments)
-            found, told = fly(model, record, settings)
+            simulations, told = predictor.simulations(record, settings)
         except InsufficientDataError as error:
             findings += [*error.findings, warn("not_verified", name, f"{name} was not flown: {error}")]
             continue
+        found = [_stretch(one, values, draws) for one in simulations]
         stretches += found
         findings += told
         flights += [Flight(record, one.maneuver) for one in found]
@@ -287,28 +276,23 @@ def fly_plan(
             needed="a plan of an input that the model has",
         )
     outputs = model.nonlinear.outputs if model.nonlinear is not None else model.structure.outputs
-
-    def simulated(values: Mapping[str, float]) -> FloatArray:
-        return _moved_by(model, values).simulate(inputs, sample_rate_hz=_PLAN_RATE_HZ, hold="zero")
-
-    rows, lower, upper = _with_band(model, simulated, seed=settings.seed)
-    stretch = FlownStretch(
+    simulation = Simulation(
         record=plan.name,
         maneuver=Maneuver(axis=plan.axes[0], kind="other", start_s=0.0, stop_s=float(time_s[-1]), origin="given"),
         time_s=time_s,
         inputs=inputs,
-        measured=np.full(rows.shape, np.nan),
-        simulated=rows,
-        lower=lower,
-        upper=upper,
+        measured=np.full((len(outputs), count), np.nan),
         input_names=model.structure.inputs,
         output_names=outputs,
+        outputs_at=lambda values: _moved_by(model, values).simulate(inputs, sample_rate_hz=_PLAN_RATE_HZ, hold="zero"),
         held=True,
     )
+    parameters = predictor_of(candidate_model(model)).parameters
+    draws = _drawn_values(model, parameters, seed=settings.seed)
     lost = [remark("unused_choice", what, f"The plan moves {what}, which the model does not have.") for what in left]
     return FlownModel(
         model=model,
-        stretches=(stretch,),
+        stretches=(_stretch(simulation, parameters.values, draws),),
         findings=worst_first([*joined, *lost]),
         provenance=provenance((), settings),
     )
@@ -316,256 +300,44 @@ def fly_plan(
 
 def flies_plans(model: IdentifiedModel) -> bool:
     """Whether a model can fly a plan by itself: its inputs are set-points, so that its own loops are in it."""
-    return model.motors is None and set(model.structure.inputs) <= set(SETPOINTS)
+    return set(model.structure.inputs) <= set(SETPOINTS)
 
 
-def _chosen(model: IdentifiedModel) -> Callable[..., tuple[list[FlownStretch], list[Finding]]]:
-    """How a kind of model flies."""
-    if model.motors is not None:
-        return _fly_motors
-    return _fly_nonlinear if model.nonlinear is not None else _fly_linear
+def _stretch(simulation: Simulation, values: Mapping[str, float], draws: Sequence[Mapping[str, float]]) -> FlownStretch:
+    """A simulation at the identified values, with its band over vehicles drawn from the covariance."""
+    measured = simulation.measured
+    rows = simulation.outputs_at(values)
+    lower, upper = _band(rows, list(_others(simulation, draws)))
+    return FlownStretch(
+        record=simulation.record,
+        maneuver=between(simulation.maneuver, simulation.time_s),
+        time_s=simulation.time_s,
+        inputs=simulation.inputs,
+        measured=measured,
+        simulated=rows,
+        lower=lower,
+        upper=upper,
+        input_names=simulation.input_names,
+        output_names=simulation.output_names,
+        starts=simulation.starts,
+        scores={
+            name: output_scores(one, other)
+            for name, one, other in zip(simulation.output_names, measured, rows, strict=True)
+            if np.isfinite(one).all() and np.ptp(one) > 0.0
+        },
+        held=simulation.held,
+    )
 
 
-def _fly_nonlinear(
-    model: IdentifiedModel, record: FlightRecord, settings: FlySettings
-) -> tuple[list[FlownStretch], list[Finding]]:
-    equations = model.nonlinear
-    assert equations is not None
-    outputs = logged_outputs(equations, [record])
-    if not outputs:
-        raise InsufficientDataError(
-            f"it holds none of {', '.join(equations.outputs)}", needed="an output of the model to begin at"
-        )
-    seen = equations.select(outputs)
-    flights = whole_flights([record], settings.segments)
-    records = flown_records(seen, flights, IdentifySettings(hold=settings.hold))
-    scheme = Scheme(hold=records.hold)
-    stretches = []
-    for segment, data in zip(records.segments, records.data, strict=True):
-        pieces = [data] if settings.pieces_s is None else list(data.pieces(settings.pieces_s))
-        problem = NonlinearProblem(
-            structure=seen, parameters=_held(equations.parameters), records=tuple(pieces), scheme=scheme
-        )
-        starts = fit_nonlinear(problem, rounds=_START_ROUNDS).estimate.starts
-        whole = np.zeros((len(pieces), len(equations.states)))
-        for number, piece in enumerate(pieces):
-            first = dict(zip(seen.outputs, piece.outputs[:, 0].tolist(), strict=True))
-            first |= dict(zip(seen.inputs, piece.inputs[:, 0].tolist(), strict=True))
-            whole[number] = _measured_start(equations, first)
-            for state, value in zip(seen.states, starts[number], strict=True):
-                whole[number, equations.states.index(state)] = value
-
-        def simulated(values: Mapping[str, float], pieces: list[Any] = pieces, whole: FloatArray = whole) -> FloatArray:
-            rows = [
-                simulate_nonlinear(
-                    equations,
-                    values,
-                    piece.inputs,
-                    sample_rate_hz=piece.sample_rate_hz,
-                    x0=start,
-                    before=piece.before,
-                    scheme=scheme,
-                )
-                for piece, start in zip(pieces, whole, strict=True)
-            ]
-            return np.hstack(rows)
-
-        rows, lower, upper = _with_band(model, simulated, seed=settings.seed)
-        measured = np.full(rows.shape, np.nan)
-        for name, values in zip(seen.outputs, data.outputs, strict=True):
-            measured[equations.outputs.index(name)] = values
-        stretches.append(
-            FlownStretch(
-                record=segment.record,
-                maneuver=_interval(segment.maneuver, segment.history.time_s),
-                time_s=segment.history.time_s,
-                inputs=data.inputs,
-                measured=measured,
-                simulated=rows,
-                lower=lower,
-                upper=upper,
-                input_names=equations.inputs,
-                output_names=equations.outputs,
-                starts=_starts(pieces),
-                scores=_scored(equations.outputs, measured, rows),
-                held=records.hold == "zero",
-            )
-        )
-    told = [finding for finding in records.findings if "needed_hz" not in finding.numbers]
-    return stretches, [*told, *_missing(equations.outputs, outputs, record)]
-
-
-def _measured_start(equations: NonlinearStructure, first: Mapping[str, float]) -> FloatArray:
-    """What a first sample says of the states; zero where an output that says it was not measured."""
-    known = {**equations.constants, **first}
-    told = {state: one for state, one in equations.starts.items() if one.names <= set(known)}
-    return np.array([told[state].evaluate(known) if state in told else 0.0 for state in equations.states])
-
-
-def _fly_linear(
-    model: IdentifiedModel, record: FlightRecord, settings: FlySettings
-) -> tuple[list[FlownStretch], list[Finding]]:
-    whole = model.structure
-    inputs = [name for name in whole.inputs if holds(record, name)]
-    outputs = [name for name in whole.outputs if holds(record, name)]
-    if not inputs or not outputs:
-        lacking = whole.inputs if not inputs else whole.outputs
-        raise InsufficientDataError(f"it holds none of {', '.join(lacking)}", needed="an input and an output")
-    structure = connected(whole.select(inputs=inputs, outputs=outputs))
-    flights = whole_flights([record], settings.segments)
-    records = time_records(structure, flights, IdentifySettings(hold=settings.hold), every_input=False)
-    parameters = structure.parameters
-    length_s = settings.pieces_s or piece_s(structure, parameters, records.data)
-    stretches = []
-    for segment, data in zip(records.segments, records.data, strict=True):
-        problem = posed_in_pieces(structure, parameters, records._replace(data=(data,)), length_s)
-
-        def simulated(values: Mapping[str, float], problem: Any = problem) -> FloatArray:
-            moved = parameters.with_values({name: values[name] for name in parameters.free})
-            return np.hstack([one.predicted for one in problem.predicted(moved.pack())])
-
-        rows, lower, upper = _with_band(model, simulated, seed=settings.seed)
-        stretches.append(
-            FlownStretch(
-                record=segment.record,
-                maneuver=_interval(segment.maneuver, segment.history.time_s),
-                time_s=segment.history.time_s,
-                inputs=data.inputs,
-                measured=data.outputs,
-                simulated=rows,
-                lower=lower,
-                upper=upper,
-                input_names=structure.inputs,
-                output_names=structure.outputs,
-                starts=_starts(problem.records),
-                scores=_scored(structure.outputs, data.outputs, rows),
-                held=records.hold == "zero",
-            )
-        )
-    findings = [*records.findings, *_missing(whole.outputs, structure.outputs, record)]
-    rate = growth(structure, parameters)
-    if length_s is not None and settings.pieces_s is None:
-        message = (
-            f"The fastest mode of {whole.name} grows e-fold in {1.0 / rate:.2g} s, and over a whole flight any error "
-            f"would explode: the simulation begins anew every {length_s:.2g} s."
-        )
-        findings.append(remark("flown_in_pieces", whole.name, message, length_s=length_s, growth_1_s=rate))
-    return stretches, findings
-
-
-def _fly_motors(
-    model: IdentifiedModel, record: FlightRecord, settings: FlySettings
-) -> tuple[list[FlownStretch], list[Finding]]:
-    """Rates as integrals of the angular accelerations that the motors make, each piece at its measured mean."""
-    known = identified_motors(model)
-    assert known is not None
-    found = predicted_by(known, record, settings.segments)
-    length_s = settings.pieces_s or _MOTORS_PIECE_S
-    axes = tuple(axis for axis in RATES if all(f"{axis}_dot" in one.rows for one in found.moved))
-    if not axes:
-        raise InsufficientDataError("no rate of it was identified", needed="motion in roll, pitch or yaw")
-    forces = () if "az" in known.axes else ("weight",)
-
-    def motions_at(values: Mapping[str, float]) -> Sequence[Motion]:
-        parameters = ParameterSet(
-            tuple(replace(one, value=values.get(one.name, one.value)) for one in known.parameters)
-        )
-        problem = MotorProblem(
-            records=found.data.records,
-            levers=levers_of(found.data),
-            parameters=parameters,
-            axes=(*forces, *known.axes),
-        )
-        moved, _ = predicted(problem, np.zeros(0), found.data)
-        return moved
-
-    drawn = [motions_at(values) for values in _drawn_values(model, seed=settings.seed)]
-    stretches = []
-    for place, motion in enumerate(found.moved):
-        rows = _integrated(motion, motion, axes, length_s)
-        others = [_integrated(motion, one[place], axes, length_s) for one in drawn if len(one) == len(found.moved)]
-        lower, upper = _band(rows, others)
-        measured = _measured_rates(motion, axes)
-        time_s = motion.flight.record.time_s[motion.kept]
-        stretches.append(
-            FlownStretch(
-                record=motion.flight.record.name,
-                maneuver=_interval(motion.flight.maneuver, time_s),
-                time_s=time_s,
-                inputs=motion.flight.record.outputs[:, motion.kept],
-                measured=measured,
-                simulated=rows,
-                lower=lower,
-                upper=upper,
-                input_names=tuple(f"motor_{number + 1}" for number in range(motion.flight.record.outputs.shape[0])),
-                output_names=axes,
-                starts=_edges(time_s, length_s)[:-1],
-                scores=_scored(axes, measured, rows),
-                held=True,
-            )
-        )
-    message = f"Motors say accelerations: rates are their integrals, begun anew every {length_s:.2g} s."
-    return stretches, [*found.findings, remark("flown_in_pieces", model.name, message, length_s=length_s)]
-
-
-def _measured_rates(motion: Motion, axes: Sequence[str]) -> FloatArray:
-    """Rates of a stretch, shape ``(axes, n)``."""
-    return np.stack([motion.flight.record.rates["pqr".index(axis)][motion.kept] for axis in axes])
-
-
-def _edges(time_s: FloatArray, length_s: float) -> tuple[int, ...]:
-    """Samples at which pieces of about one length begin, and the end."""
-    count = max(1, round((float(time_s[-1]) - float(time_s[0])) / length_s))
-    return tuple(int(edge) for edge in np.linspace(0, time_s.size, count + 1).round())
-
-
-def _integrated(measured: Motion, modeled: Motion, axes: Sequence[str], length_s: float) -> FloatArray:
-    """Rates of a stretch from modeled accelerations, each piece about its measured mean."""
-    record = measured.flight.record
-    rates = _measured_rates(measured, axes)
-    step_s = 1.0 / record.sample_rate_hz
-    edges = _edges(record.time_s[measured.kept], length_s)
-    found = np.zeros(rates.shape)
-    for row, axis in enumerate(axes):
-        _, acceleration = modeled.rows[f"{axis}_dot"]
-        for first, last in pairwise(edges):
-            part = acceleration[first:last]
-            moved = np.concatenate([[0.0], np.cumsum(0.5 * step_s * (part[1:] + part[:-1]))])
-            found[row, first:last] = moved + float(np.mean(rates[row, first:last] - moved))
-    return found
-
-
-def _held(parameters: ParameterSet) -> ParameterSet:
-    """All parameters held at their values."""
-    values = parameters.values
-    return ParameterSet(tuple(replace(one, value=values[one.name], status="fixed", tied=None) for one in parameters))
-
-
-def _interval(maneuver: Maneuver, time_s: FloatArray) -> Maneuver:
-    return replace(maneuver, start_s=float(time_s[0]), stop_s=float(time_s[-1]))
-
-
-def _starts(pieces: Sequence[Any]) -> tuple[int, ...]:
-    """First sample of each piece."""
-    return tuple(int(place) for place in np.cumsum([0, *(piece.samples for piece in pieces[:-1])]))
-
-
-def _scored(names: Sequence[str], measured: FloatArray, simulated: FloatArray) -> dict[str, Scores]:
-    """Scores of the outputs that were measured and moved."""
-    return {
-        name: output_scores(one, other)
-        for name, one, other in zip(names, measured, simulated, strict=True)
-        if np.isfinite(one).all() and np.ptp(one) > 0.0
-    }
-
-
-def _missing(outputs: Sequence[str], logged: Sequence[str], record: FlightRecord) -> list[Finding]:
-    name = record.source.name
-    return [
-        remark("missing_channel", one, f"{one} is not in {name}, and has no measurement beside it.")
-        for one in outputs
-        if one not in logged
-    ]
+def _others(simulation: Simulation, draws: Sequence[Mapping[str, float]]) -> Iterator[FloatArray]:
+    """What other vehicles do, as far as they can be simulated."""
+    for values in draws:
+        try:
+            rows = simulation.outputs_at(values)
+        except ModelError:
+            continue
+        if np.isfinite(rows).all():
+            yield rows
 
 
 def _moved_by(model: IdentifiedModel, values: Mapping[str, float]) -> IdentifiedModel:
@@ -579,48 +351,21 @@ def _moved_by(model: IdentifiedModel, values: Mapping[str, float]) -> Identified
     return replace(model, structure=replace(model.structure, parameters=moved))
 
 
-def _parameters(model: IdentifiedModel) -> ParameterSet:
-    return model.nonlinear.parameters if model.nonlinear is not None else model.structure.parameters
-
-
-def _drawn_values(model: IdentifiedModel, *, seed: int) -> list[dict[str, float]]:
+def _drawn_values(model: IdentifiedModel, parameters: ParameterSet, *, seed: int) -> list[dict[str, float]]:
     """Values of all parameters, drawn from the covariance and inside their bounds."""
-    parameters = _parameters(model)
-    if model.motors is not None:
-        names: tuple[str, ...] = model.bounds.names
-        center = np.array([model.parameters[name].value for name in names])
-        limits = np.full((2, len(names)), np.inf) * np.array([[-1.0], [1.0]])
-        fixed = {name: one.value for name, one in model.parameters.items()}
-    else:
-        names = tuple(name for name in parameters.free if name in model.bounds.names)
-        center = np.array([parameters.values[name] for name in names])
-        limits = np.array([[parameters[name].lower, parameters[name].upper] for name in names]).reshape(-1, 2).T
-        fixed = parameters.values
+    values = parameters.values
+    names = tuple(name for name in parameters.names if name in model.bounds.names)
     if not names:
         return []
+    center = np.array([values[name] for name in names])
+    limits = np.array([[parameters[name].lower, parameters[name].upper] for name in names]).T
     rng = np.random.default_rng(seed)
-    values, vectors = np.linalg.eigh(bounds_of(model.bounds, names).covariance)
+    variances, vectors = np.linalg.eigh(bounds_of(model.bounds, names).covariance)
     # Rounding may leave a variance below zero.
-    spread = vectors * np.sqrt(np.maximum(values, 0.0))
+    spread = vectors * np.sqrt(np.maximum(variances, 0.0))
     drawn = center + rng.standard_normal((_DRAWS, len(names))) @ spread.T
     drawn = np.clip(drawn, limits[0], limits[1])
-    return [{**fixed, **dict(zip(names, one.tolist(), strict=True))} for one in drawn]
-
-
-def _with_band(
-    model: IdentifiedModel, simulate: Callable[[Mapping[str, float]], FloatArray], *, seed: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A simulation at the identified values, and its band over vehicles drawn from the covariance."""
-    rows = simulate(_parameters(model).values)
-    others = []
-    for values in _drawn_values(model, seed=seed):
-        try:
-            one = simulate(values)
-        except ModelError:
-            continue
-        if np.isfinite(one).all():
-            others.append(one)
-    return (rows, *_band(rows, others))
+    return [{**values, **dict(zip(names, one.tolist(), strict=True))} for one in drawn]
 
 
 def _band(rows: FloatArray, others: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:

@@ -10,37 +10,29 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from rotorid.checking.candidate import identified_motors
-from rotorid.checking.flown_motors import motor_scores, predicted_by
-from rotorid.checking.flown_nonlinear import verified_through, whole_flights
-from rotorid.checking.unseen import fitted_logs, has_seen
+from rotorid.checking.candidate import candidate_model
+from rotorid.checking.predictions import Trial, fitted_logs, has_seen
+from rotorid.checking.predictors import predictor_of
+from rotorid.checking.scores import common_band, common_horizon_s
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
-from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.flights.flights import Flight
-from rotorid.flights.instruments import axes_of, is_command
 from rotorid.flights.selection import (
     each_once,
     require_inside,
-    require_reached,
-    select_records,
-    wholly_flown,
 )
-from rotorid.identifying.cross_validation import common_horizon_s, fitted_band, score_flights
 from rotorid.results.model import IdentifiedModel, Records
 from rotorid.results.provenance import Provenance
 from rotorid.settings.settings import IdentifySettings, as_records, as_settings
-from rotorid.signal.excitations import find_excitations
-from rotorid.verification.fixed_parameters import FixedParameterScores, OutputScore, fit_percent
-from rotorid.verification.verification import Verification
+from rotorid.verification.fixed_parameters import FixedParameterScores, fit_percent
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -67,16 +59,13 @@ class Entry(Immutable):
     scored: bool = True
 
     def has_seen(self, record: FlightRecord, maneuver: Maneuver) -> bool:
-        """Whether any part of a maneuver was fitted, see :func:`rotorid.checking.unseen.has_seen`."""
+        """Whether any part of a maneuver was fitted, see :func:`rotorid.checking.predictions.has_seen`."""
         return has_seen(self.model.provenance, record, maneuver)
 
     @cached_property
     def fitted_logs(self) -> frozenset[str]:
         """Hashes of the logs that it was fitted to."""
         return fitted_logs(self.model.provenance)
-
-
-_REST_S = 1.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -157,194 +146,88 @@ def score_on_logs(
         No given segment lies inside a log.
     """
     require_inside(records, settings.segments)
-    findings: list[Finding] = []
-    flights: dict[str, list[Flight]] = {}
-    for entry in entries:
-        flights[entry.label] = []
-        for record in () if _has_own_scores(entry) else records:
-            try:
-                flights[entry.label] += _maneuvers(entry, record, settings)
-            except InsufficientDataError as error:
-                findings.append(_not_scored(entry, record, error))
-    band_rad_s = fitted_band([entry.model for entry in entries])
-    of_motors, not_scored = _scores_of_motors(entries, records, settings)
-    of_flights, not_flown = _scores_of_flights(entries, records, settings)
-    findings += [*not_scored, *not_flown]
-    found, failed = _scores(entries, flights, settings, None, band_rad_s)
+    trials, findings = _trials(entries, records, settings)
+    band_rad_s = common_band([entry.model for entry in entries])
+    found, failed = _scores(entries, trials, None, band_rad_s)
     horizon_s = common_horizon_s([one for each in found for group in each.scores.values() for one in group])
     if horizon_s is not None:
-        found, failed = _scores(entries, flights, settings, horizon_s, band_rad_s)
-    found = _together(found, [*of_motors, *of_flights])
+        found, failed = _scores(entries, trials, horizon_s, band_rad_s)
     return OnLogs(maneuvers=tuple(found), band_rad_s=band_rad_s, findings=(*findings, *failed))
 
 
-def _has_own_scores(entry: Entry) -> bool:
-    """Whether a model is scored in its own way: motors by accelerations, large motion over whole flights."""
-    return entry.model.motors is not None or entry.model.nonlinear is not None
-
-
-def _scores_of_flights(
-    entries: Sequence[Entry], records: Sequence[FlightRecord], settings: IdentifySettings
-) -> tuple[list[ComparedManeuver], list[Finding]]:
-    """Nonlinear models: whole flights, or given intervals, simulated from their start on."""
-    found: dict[tuple[str, float], ComparedManeuver] = {}
-    findings: list[Finding] = []
-    for entry in entries:
-        equations = entry.model.nonlinear
-        for record in records if equations is not None else ():
-            _PROGRESS.info(f"{entry.label} on {record.source.name}")
-            try:
-                assert equations is not None
-                require_reached(record, settings.segments)
-                flights = whole_flights([record], settings.segments)
-                checks, _ = verified_through(equations, equations.parameters, flights)
-            except InsufficientDataError as error:
-                findings.append(_not_scored(entry, record, error))
-                continue
-            for one in checks:
-                here = found.setdefault(
-                    (record.source.sha256, round(one.maneuver.start_s, 3)),
-                    ComparedManeuver(
-                        record=record.source.name,
-                        maneuver=one.maneuver,
-                        scores={},
-                        seen=tuple(other.label for other in entries if other.has_seen(record, one.maneuver)),
-                    ),
-                )
-                place = record.source.sha256, round(one.maneuver.start_s, 3)
-                found[place] = replace(here, scores={**here.scores, entry.label: (_flight_scores(one),)})
-    return list(found.values()), findings
-
-
-def _flight_scores(check: Verification) -> FixedParameterScores:
-    """A simulated flight as a comparison has it."""
-    return FixedParameterScores(
-        record=check.record,
-        horizon_s=math.inf,
-        scores={
-            name: OutputScore(nrmse_fit_percent=one.nrmse_fit_percent, tic=one.tic, rms=one.rms)
-            for name, one in check.scores.items()
-        },
-        time_s=check.time_s - check.time_s[0],
-        measured=check.measured,
-        predicted=check.predicted,
-    )
-
-
-def _scores_of_motors(
-    entries: Sequence[Entry], records: Sequence[FlightRecord], settings: IdentifySettings
-) -> tuple[list[ComparedManeuver], list[Finding]]:
-    """Results of ``physical.motors``: accelerations from the motors of each log, which no other model predicts."""
-    found: dict[tuple[str, float], ComparedManeuver] = {}
-    findings: list[Finding] = []
-    for entry in entries:
-        known = identified_motors(entry.model)
-        for record in records if known is not None else ():
-            _PROGRESS.info(f"{entry.label} on {record.source.name}")
-            try:
-                require_reached(record, settings.segments)
-                moved = predicted_by(known, record, settings.segments).moved if known else ()
-            except InsufficientDataError as error:
-                findings.append(_not_scored(entry, record, error))
-                continue
-            for one in moved:
-                maneuver = replace(one.flight.maneuver, start_s=one.flight.record.start_s)
-                place = record.source.sha256, round(maneuver.start_s, 3)
-                here = found.setdefault(
-                    place,
-                    ComparedManeuver(
-                        record=record.source.name,
-                        maneuver=maneuver,
-                        scores={},
-                        seen=tuple(other.label for other in entries if other.has_seen(record, maneuver)),
-                    ),
-                )
-                found[place] = replace(here, scores={**here.scores, entry.label: (motor_scores(one),)})
-    return list(found.values()), findings
-
-
 _SAME_INTERVAL_S = 0.1
+"""Whole flights whose ends lie closer than this are one; maneuvers of models about trim are found alike by all."""
 
 
-def _together(others: Sequence[ComparedManeuver], more: Sequence[ComparedManeuver]) -> list[ComparedManeuver]:
-    """Maneuvers of all models, in the order of the flight; one interval that several models were scored on is one."""
-    found = [*others]
-    for one in more:
-        for place, other in enumerate(found):
-            apart_s = [one.maneuver.start_s - other.maneuver.start_s, one.maneuver.stop_s - other.maneuver.stop_s]
-            if one.record == other.record and max(map(abs, apart_s)) < _SAME_INTERVAL_S:
-                found[place] = replace(other, scores={**other.scores, **one.scores})
-                break
-        else:
-            found.append(one)
-    return sorted(found, key=lambda one: (one.record, one.maneuver.start_s)) if more else found
+class _Trial(NamedTuple):
+    """A flight on which a model is to be scored, and how far its ends may lie from those that others are scored on."""
+
+    entry: Entry
+    trial: Trial
+    slack_s: float
+
+    def is_of(self, flight: Flight) -> bool:
+        """Whether it is the same interval of the same log."""
+        own, other = self.trial.flight, flight
+        apart_s = (own.maneuver.start_s - other.maneuver.start_s, own.maneuver.stop_s - other.maneuver.stop_s)
+        return own.record.source == other.record.source and max(map(abs, apart_s)) <= self.slack_s
 
 
-def _maneuvers(entry: Entry, record: FlightRecord, settings: IdentifySettings) -> list[Flight]:
-    if not entry.scored:
-        raise InsufficientDataError("no model.toml stands beside its result.json")
-    structure = entry.model.structure
-    axes = axes_of(structure.inputs, structure.outputs)
-    commands = all(is_command(name) for name in structure.inputs)
-    own = tuple(one for one in settings.segments if one.axis in axes or not commands)
-    if settings.segments and not own:
-        raise InsufficientDataError(f"no given segment is of {' or '.join(axes)}")
-    require_reached(record, own)
-    if own or not commands:
-        return list(select_records(structure, [record], replace(settings, segments=own)).selection.fitted)
-    found = wholly_flown([Flight(record, m) for axis in axes for m in find_excitations(record, axis)])
-    if not found:
-        raise InsufficientDataError(f"it holds no excitation of {' or '.join(axes)}")
-    return _with_rest(record, found)
-
-
-def _with_rest(record: FlightRecord, flights: Sequence[Flight]) -> list[Flight]:
-    """Short maneuvers with the time around them, up to half way to their neighbors: what follows one answers to it."""
-    ordered = sorted({(m.start_s, m.stop_s): m for _, m in flights}.values(), key=lambda m: m.start_s)
-    wider = []
-    for number, m in enumerate(ordered):
-        before_s = (ordered[number - 1].stop_s + m.start_s) / 2.0 if number else record.start_s
-        after_s = (m.stop_s + ordered[number + 1].start_s) / 2.0 if number + 1 < len(ordered) else record.stop_s
-        around = (max(m.start_s - _REST_S, before_s), min(m.stop_s + _REST_S, after_s))
-        start_s, stop_s = (m.start_s, m.stop_s) if m.kind in RICH_KINDS else around
-        wider.append(Flight(record, replace(m, start_s=min(m.start_s, start_s), stop_s=max(m.stop_s, stop_s))))
-    return wider
+def _trials(
+    entries: Sequence[Entry], records: Sequence[FlightRecord], settings: IdentifySettings
+) -> tuple[list[_Trial], list[Finding]]:
+    """Flights on which each model can be scored, those of models about trim first."""
+    found: list[_Trial] = []
+    findings: list[Finding] = []
+    predictors = [(entry, predictor_of(candidate_model(entry.model))) for entry in entries]
+    for entry, predictor in sorted(predictors, key=lambda pair: not pair[1].about_trim):
+        slack_s = 0.0 if predictor.about_trim else _SAME_INTERVAL_S
+        for record in records:
+            _PROGRESS.info(f"{entry.label} on {record.source.name}")
+            try:
+                if predictor.about_trim and not entry.scored:
+                    raise InsufficientDataError("no model.toml stands beside its result.json")
+                found += [_Trial(entry, trial, slack_s) for trial in predictor.trials(record, settings)]
+            except InsufficientDataError as error:
+                findings.append(_not_scored(entry, record, error))
+    return found, findings
 
 
 def _scores(
     entries: Sequence[Entry],
-    flights: Mapping[str, Sequence[Flight]],
-    settings: IdentifySettings,
+    trials: Sequence[_Trial],
     horizon_s: float | None,
     band_rad_s: tuple[float, float] | None,
 ) -> tuple[list[ComparedManeuver], list[Finding]]:
-    by_label = {entry.label: entry for entry in entries}
-    places: dict[tuple[str, float, float], Flight] = {}
-    scores: dict[tuple[str, float, float], dict[str, tuple[FixedParameterScores, ...]]] = {}
+    """Maneuvers with the scores of all models."""
+    flights: list[Flight] = []
+    scores: list[dict[str, tuple[FixedParameterScores, ...]]] = []
     findings = []
-    for label, items in flights.items():
-        structure = by_label[label].model.structure
-        for record, maneuver in items:
-            _PROGRESS.info(f"{label} on {record.source.name}")
-            place = (record.source.sha256, maneuver.start_s, maneuver.stop_s)
-            try:
-                group = score_flights(
-                    structure, [Flight(record, maneuver)], settings, horizon_s=horizon_s, band_rad_s=band_rad_s
-                )
-            except (InsufficientDataError, ModelError) as error:
-                findings.append(_not_scored(by_label[label], record, error))
-                continue
-            places.setdefault(place, Flight(record, maneuver))
-            scores.setdefault(place, {})[label] = group
-    return [
+    for one in trials:
+        flight, label = one.trial.flight, one.entry.label
+        _PROGRESS.info(f"{label} on {flight.record.source.name}")
+        try:
+            group = one.trial.score(horizon_s, band_rad_s)
+        except (InsufficientDataError, ModelError) as error:
+            findings.append(_not_scored(one.entry, flight.record, error))
+            continue
+        place = next((place for place, other in enumerate(flights) if one.is_of(other)), len(flights))
+        if place == len(flights):
+            flights.append(flight)
+            scores.append({})
+        scores[place][label] = group
+    found = [
         ComparedManeuver(
-            record=record.source.name,
-            maneuver=maneuver,
-            scores=scores[place],
-            seen=tuple(entry.label for entry in entries if entry.has_seen(record, maneuver)),
+            record=flight.record.source.name,
+            maneuver=flight.maneuver,
+            scores=here,
+            seen=tuple(entry.label for entry in entries if entry.has_seen(flight.record, flight.maneuver)),
         )
-        for place, (record, maneuver) in places.items()
-    ], findings
+        for flight, here in zip(flights, scores, strict=True)
+    ]
+    if any(one.slack_s for one in trials):
+        found.sort(key=lambda one: (one.record, one.maneuver.start_s))
+    return found, findings
 
 
 def common_outputs(entries: Sequence[Entry], maneuvers: Sequence[ComparedManeuver]) -> tuple[str, ...]:

@@ -8,24 +8,21 @@ parameters held (:func:`score_flights`), by the same data and the same rules for
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, count
 from pathlib import Path
 from typing import get_args
 
-from rotorid.checking.unseen import nothing_left
+from rotorid.checking.scores import common_band, common_horizon_s, score_flights
+from rotorid.checking.sweeps import nothing_left
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fits.time.fit import unknowns_of
 from rotorid.fits.time.remarks import nothing_unseen
-from rotorid.fitting.time.output_error import TimeData
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import is_command
-from rotorid.flights.segments import require_channels, time_records
 from rotorid.flights.selection import each_once, require_inside, require_reached, select_records
 from rotorid.identifying.families import logged_by_all
 from rotorid.identifying.identification import identify
@@ -41,129 +38,9 @@ from rotorid.verification.fixed_parameters import (
     Fold,
     Kind,
     fit_percent,
-    score_frozen,
 )
-from rotorid.verification.sampled import band_pass
 
 _PROGRESS = logging.getLogger("rotorid.progress")
-
-
-def score_flights(
-    structure: LinearStructure,
-    flights: Sequence[Flight],
-    settings: IdentifySettings,
-    *,
-    horizon_s: float | None = None,
-    band_rad_s: tuple[float, float] | None = None,
-) -> tuple[FixedParameterScores, ...]:
-    """Scores of a model on each maneuver, with its outputs that the logs hold.
-
-    Without a band nothing is filtered, and noise counts as error for every model alike. With a band inputs and outputs
-    pass the same zero-phase filter first, as in a verification: a model of frequency responses is judged where it was
-    identified, and what it leaves out below its band, such as speed modes, is no fault of it.
-
-    With a band and a finite horizon a filter without phase goes before the prediction: at every sample it has mixed in
-    what comes after, over about one period of the edges of the band. Such a prediction is no longer made of the past
-    alone. Its scores compare models, and are higher than those of a prediction in flight.
-
-    Parameters
-    ----------
-    structure
-        The model; its parameters have their values.
-    flights
-        Maneuvers.
-    settings
-        Whose hold and shifts count.
-    horizon_s
-        How far ahead to predict, infinite for a simulation; by default what the poles of the model ask for.
-    band_rad_s
-        What to look at; everything by default.
-
-    Raises
-    ------
-    InsufficientDataError
-        A log lacks an input or all outputs, is too short, or moves no input.
-    """
-    there = held_outputs(structure, flights)
-    kept = structure if there == structure.outputs else structure.select(outputs=there)
-    records = time_records(kept, flights, settings, every_input=False)
-    # A record in which nothing moves says nothing of the model, and would be scored on its noise.
-    moved = [one for one in zip(records.segments, records.data, strict=True) if one[1].inputs.any()]
-    scores = (
-        score_frozen(
-            kept,
-            kept.parameters.values,
-            data if band_rad_s is None else _within(band_rad_s, data),
-            horizon_s=horizon_s,
-            # A filtered command no longer stands still between its samples.
-            hold=records.hold if band_rad_s is None else "first",
-            unknowns=unknowns_of(kept),
-        )
-        for _, data in moved
-    )
-    return tuple(
-        replace(one, record=segment.record, time_s=one.time_s + segment.history.start_s)
-        for one, (segment, _) in zip(scores, moved, strict=True)
-    )
-
-
-def _within(band_rad_s: tuple[float, float], data: TimeData) -> TimeData:
-    """A record within a band: the model is linear, so filtered inputs drive it to filtered outputs."""
-    filtered = band_pass(band_rad_s, data.sample_rate_hz, data.duration_s)
-    inputs = filtered(data.inputs)
-    return replace(data, inputs=inputs, outputs=filtered(data.outputs), before=inputs[:, 0])
-
-
-def fitted_band(models: Sequence[IdentifiedModel]) -> tuple[float, float] | None:
-    """The band that all models of frequency responses were fitted in; ``None`` without such, or without a common one.
-
-    Examples
-    --------
-    >>> fitted_band(()) is None
-    True
-    """
-    bands = [model.band_rad_s for model in models if model.fit.method == "frequency"]
-    low = max((band[0] for band in bands if band), default=0.0)
-    high = min((band[1] for band in bands if band), default=0.0)
-    return (low, high) if 0.0 < low < high else None
-
-
-def held_outputs(structure: LinearStructure, flights: Sequence[Flight]) -> tuple[str, ...]:
-    """Outputs of a model that all logs hold.
-
-    Raises
-    ------
-    InsufficientDataError
-        An input is missing, or there is no output.
-    """
-    for record, _ in flights:
-        require_channels(record, structure.inputs)
-    there = tuple(name for name in structure.outputs if _holds(name, flights))
-    if not there:
-        for record, _ in flights:
-            require_channels(record, structure.outputs)
-    return there
-
-
-def _holds(name: str, flights: Sequence[Flight]) -> bool:
-    try:
-        for record, _ in flights:
-            require_channels(record, [name])
-    except InsufficientDataError:
-        return False
-    return True
-
-
-def common_horizon_s(scores: Sequence[FixedParameterScores]) -> float | None:
-    """The horizon over which all can be judged, where they were judged over different ones; ``None`` where they agree.
-
-    Examples
-    --------
-    >>> common_horizon_s(()) is None
-    True
-    """
-    horizons_s = {one.horizon_s for one in scores}
-    return min(horizons_s, default=math.inf) if len(horizons_s) > 1 else None
 
 
 Identify = Callable[[Sequence[FlightRecord], IdentifySettings], IdentifiedModel]
@@ -259,7 +136,7 @@ def cross_validate(
         groups, names=[group.name for group in groups], kind=kind, fit=fit, score=score, progress=say
     )
     horizon_s = common_horizon_s([one for fold in found.folds for scores in fold.scores for one in scores])
-    band_rad_s = fitted_band([fold.model for fold in found.folds if fold.model])
+    band_rad_s = common_band([fold.model for fold in found.folds if fold.model])
     if horizon_s is not None or band_rad_s is not None:
         # Known only when all models are: what they have in common.
         def alike(model: IdentifiedModel, group: _Group) -> tuple[FixedParameterScores, ...]:

@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from rotorid.checking.candidate import output_sources
+from rotorid.checking.candidate import Candidate, output_sources
 from rotorid.checking.checks import checks_of
-from rotorid.checking.unseen import verify_fitted, verify_fitted_in_time
+from rotorid.checking.linear import LinearPredictor, candidate_of
+from rotorid.checking.responses import FittedResponses
+from rotorid.checking.sweeps import hold_out
 from rotorid.data.findings import Finding, remark
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
@@ -44,7 +46,7 @@ from rotorid.fits.time.frequency_check import (
 )
 from rotorid.fits.time.orders import chosen_order
 from rotorid.fits.time.refusals import require_bounds, require_sound_in_time
-from rotorid.fits.time.remarks import judge_time_fit
+from rotorid.fits.time.remarks import judge_time_fit, nothing_unseen
 from rotorid.fits.time.summary import equation_fits, information, record_fits, residuals
 from rotorid.fitting.frequency.screening import is_coupling
 from rotorid.fitting.least_squares import Solution
@@ -80,7 +82,7 @@ from rotorid.results.summary import (
     ReductionStep,
     finite,
 )
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.settings import IdentifySettings, MeasureSettings, VerifySettings
 from rotorid.signal.sensor_correction import SensorCorrection
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
@@ -349,7 +351,13 @@ class Frequency(_Linear[ResponseData]):
         """Predict unseen maneuvers; where there are none, hold one out of a second fit."""
         if data.sensors is not None:
             records = [corrected_record(record, data.sensors) for record in records]
-        return verify_fitted(fitted, data.measured, data.selection, records, data.settings)
+        predictor = LinearPredictor(candidate_of(fitted, data.measured))
+        found = predictor.predict(records, judging(data.settings), data.selection).found
+        if found.maneuvers or found.sweeps or records:
+            return found
+        held = hold_out(fitted.problem.structure, data.flights, data.settings)
+        sweeps = (held,) if held.response is not None else ()
+        return Verifications(frequency=held.costs, findings=(*held.findings, *found.findings), sweeps=sweeps)
 
     def describe(self, data: ResponseData, fitted: FrequencyFit) -> Described:
         """Costs, responses and delays."""
@@ -386,6 +394,12 @@ class Frequency(_Linear[ResponseData]):
         """On data, fit and parameters."""
         again = fitted.bootstrap.findings if fitted.bootstrap else ()
         return (*fitted.findings, *judge_combinations(told.combinations), *again)
+
+
+def judging(settings: IdentifySettings) -> VerifySettings:
+    """Choices of a run for what it judges unseen flights by; intervals were given of the fitted logs."""
+    shared = {one.name: getattr(settings, one.name) for one in fields(MeasureSettings)}
+    return VerifySettings(**{**shared, "segments": ()})
 
 
 def _refuse_choices_of_time(settings: IdentifySettings) -> None:
@@ -512,11 +526,19 @@ class InTime(_Linear[TimeDomainData]):
         return replace(widened, bootstrap=again)
 
     def verify(self, data: TimeDomainData, fitted: TimeFit, records: Sequence[FlightRecord]) -> Verifications:
-        """Simulate what was not fitted."""
-        band_rad_s = data.frequency.fitted.band_rad_s if data.frequency.fitted else None
-        return verify_fitted_in_time(
-            fitted, data.records, data.selection, records, data.settings, band_rad_s=band_rad_s
+        """Predict unseen maneuvers as those of the frequency domain are, or simulate responses to set-points."""
+        if not data.selection.unseen and not records:
+            return Verifications(findings=(nothing_unseen([one.record for one in data.records.segments]),))
+        structure = fitted.structure
+        if not all(is_command(name) for name in structure.inputs):
+            return FittedResponses(fitted, data.records, data.settings).predict(records, data.selection)
+        candidate = Candidate(
+            structure=structure,
+            parameters=structure.parameters,
+            band_rad_s=data.frequency.fitted.band_rad_s if data.frequency.fitted else None,
+            sources=data.sources,
         )
+        return LinearPredictor(candidate).predict(records, judging(data.settings), data.selection).found
 
     def describe(self, data: TimeDomainData, fitted: TimeFit) -> Described:
         """Fits of the records, their residuals, and the frequency domain beside."""

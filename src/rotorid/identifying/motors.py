@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.checking.flown_motors import predicted, verification_of
-from rotorid.checking.unseen import verify_apart
+from rotorid.checking.motors import MotorPredictor
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError
 from rotorid.fits.motors.fit import fit_motor_data
-from rotorid.fits.motors.fitted import FittedMotors, levers_of
+from rotorid.fits.motors.fitted import FittedMotors
 from rotorid.fits.motors.motion import Motion, fit_percents, scores, simulated_record
 from rotorid.fits.motors.remarks import judge_motors
 from rotorid.fits.remarks import judge_combinations
 from rotorid.fits.searching import judge_minima, search_summary, searched_minima
-from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.flights.flights import Flight
 from rotorid.flights.motor_data import MotorData, motor_data
+from rotorid.flights.selection import Selection
 from rotorid.identifying.methods import Described
 from rotorid.models.motors import CURVE_TERMS, DELAYS, scale_of
 from rotorid.results.model import FittedData, Verifications, no_response
@@ -34,10 +32,9 @@ from rotorid.results.summary import (
     RecordFit,
     Straightening,
 )
-from rotorid.settings.settings import MotorChoices
+from rotorid.settings.settings import MotorChoices, VerifySettings
 from rotorid.signal.motors import Linearization, linearization_of, logged_outputs, or_none
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
-from rotorid.verification.verification import Verification
 
 
 @dataclass(frozen=True)
@@ -62,24 +59,16 @@ class Motors:
 
     def verify(self, data: MotorData, fitted: FittedMotors, records: Sequence[FlightRecord]) -> Verifications:
         """Predict the accelerations of further logs by the identified values; what cannot be judged is told."""
-
-        def judge(record: FlightRecord) -> tuple[Sequence[Verification], Sequence[Finding]]:
-            unseen = motor_data([record], replace(self.settings, segments=()), reference_v=data.reference_v)
-            if not _alike(unseen, data):
-                raise InsufficientDataError(
-                    "it is of another layout of rotors, or tells the motors in another way",
-                    needed="a log as the fitted",
-                )
-            problem = MotorProblem(
-                records=unseen.records,
-                levers=levers_of(unseen),
-                parameters=fitted.fit.problem.parameters,
-                axes=fitted.fit.problem.axes,
-            )
-            moved, remarks = predicted(problem, fitted.fit.solution.theta, unseen)
-            return [verification_of(motion, fitted.structure.inputs) for motion in moved], remarks
-
-        return verify_apart(records, judge, fitted=data.flights)
+        problem = fitted.fit.problem
+        predictor = MotorPredictor(
+            parameters=problem.parameters.unpack(fitted.fit.solution.theta),
+            layout=data.layout,
+            kind=data.kind,
+            axes=problem.axes,
+            reference_v=data.reference_v,
+            choices=self.settings,
+        )
+        return predictor.predict(records, VerifySettings(), Selection(fitted=data.flights, unseen=())).found
 
     def checks(self, fitted: FittedMotors, found: Verifications) -> Checks:  # noqa: ARG002 - as all methods
         """Scores of the excited axes of each stretch."""
@@ -137,11 +126,6 @@ def _expected(found: Combination, fitted: FittedMotors) -> bool:
     names = set(found.vector)
     curve = fitted.curve == "polynomial" and names <= set(CURVE_TERMS["polynomial"])
     return curve or names <= {*DELAYS}
-
-
-def _alike(data: MotorData, other: MotorData) -> bool:
-    same = data.layout.rotors == other.layout.rotors and np.allclose(data.layout.positions, other.layout.positions)
-    return same and np.array_equal(data.layout.spins, other.layout.spins) and data.kind == other.kind
 
 
 def _record_fit(moved: Motion) -> RecordFit:

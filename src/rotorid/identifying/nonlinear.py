@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.checking.checks import checks_of
-from rotorid.checking.flown_nonlinear import flown_records, logged_outputs, verified_through, whole_flights
-from rotorid.checking.unseen import verify_apart
+from rotorid.checking.nonlinear import NonlinearPredictor, flown_records, logged_outputs
+from rotorid.checking.predictions import whole_flights
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import FlightRecord
@@ -39,6 +39,7 @@ from rotorid.fitting.time.output_error import TimeData, log_likelihood
 from rotorid.flights.coverage import covered_by
 from rotorid.flights.flights import Flight
 from rotorid.flights.segments import TimeRecords, source_of
+from rotorid.flights.selection import Selection
 from rotorid.identifying.methods import Described
 from rotorid.models.nonlinear import NonlinearStructure, linear_of
 from rotorid.models.parameter import ParameterSet
@@ -46,7 +47,7 @@ from rotorid.models.structure import LinearStructure
 from rotorid.results.model import FittedData, SimulatedRecord, Verifications, bounds_of, no_response
 from rotorid.results.summary import Checks, Derived, Fit, FitEnd
 from rotorid.settings.resolve import chosen_parameters
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.settings import IdentifySettings, VerifySettings
 from rotorid.simulation.nonlinear import Scheme
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
 from rotorid.uncertainty.identifiability import unseen_combinations
@@ -255,11 +256,8 @@ class Nonlinear:
         if not records:
             names = list(dict.fromkeys(one.record for one in data.records.segments))
             return Verifications(findings=(nothing_unseen(names),))
-        return verify_apart(
-            records,
-            lambda record: verified_through(fitted.model, fitted.model.parameters, whole_flights([record], ())),
-            fitted=data.flights,
-        )
+        selection = Selection(fitted=data.flights, unseen=())
+        return NonlinearPredictor(fitted.model).predict(records, VerifySettings(), selection).found
 
     def checks(self, fitted: FittedNonlinear, found: Verifications) -> Checks:  # noqa: ARG002 - as all methods
         """Scores of the flights."""

@@ -9,19 +9,16 @@ from typing import Any, TypeAlias
 
 from rotorid.checking.candidate import Candidate, candidate_model, read_candidate
 from rotorid.checking.checks import maneuver_check
-from rotorid.checking.flown_motors import KnownMotors, predicted_by, verification_of
-from rotorid.checking.flown_nonlinear import verified_through, whole_flights
-from rotorid.checking.unseen import UnseenLog, check_logs, has_seen, seen_data, unseen_logs
+from rotorid.checking.predictions import has_seen, seen_data
+from rotorid.checking.predictors import predictor_of
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, refusal, warn, worst_first
+from rotorid.data.findings import Finding, refusal, worst_first
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError
 from rotorid.flights.coverage import covered_by, trim_of
 from rotorid.flights.flights import Flight
-from rotorid.flights.instruments import axes_of
 from rotorid.flights.segments import cut
-from rotorid.flights.selection import each_once, require_inside, require_reached
-from rotorid.models.nonlinear import NonlinearStructure
+from rotorid.flights.selection import each_once, require_inside
 from rotorid.results.model import IdentifiedModel, Records, Refused, Verifications
 from rotorid.results.provenance import Provenance, provenance
 from rotorid.results.summary import ManeuverCheck, Range, Trim
@@ -103,28 +100,31 @@ def verify(
     candidate = chosen(model, settings)
     each_once(records)
     require_inside(records, settings.segments)
-    if candidate.motors is not None:
-        return _verify_motors(candidate, candidate.motors, records, settings)
-    if candidate.nonlinear is not None:
-        return _verify_nonlinear(candidate, candidate.nonlinear, records, settings)
-    axes = axes_of(candidate.structure.inputs, candidate.structure.outputs)
-    logs = unseen_logs(candidate, records, axes, segments=settings.segments)
-    checked = check_logs(candidate, logs, settings, vibration_filter=settings.vibration_filter)
-    findings = (*(f for record in records for f in record.findings), *_seen(candidate, logs), *checked.findings)
-    if not checked.maneuvers and not checked.sweeps:
-        causes = "; ".join(f.message.rstrip(".") for f in checked.findings if f.kind == "not_verified")
+    predictor = predictor_of(candidate)
+    predicted = predictor.predict(records, settings)
+    found, flights = predicted.found, predicted.flights
+    findings = (
+        *(finding for record in records for finding in record.findings),
+        *_seen(candidate, flights),
+        *predicted.refusals,
+        *found.findings,
+    )
+    if not found.maneuvers and not found.sweeps:
+        causes = "; ".join(one.message.rstrip(".") for one in found.findings if one.kind == "not_verified")
         raise InsufficientDataError(
             causes or "no log can judge the model",
-            needed=f"a sweep or a doublet of {' or '.join(axes)} with all channels of the model",
+            needed=predictor.needed,
             remedy="see what rotorid inspect finds, or name an interval with --segment",
             findings=findings,
         )
-    flights = [item for log in logs for item in (*log.short, *log.sweeps)]
-    states = candidate.structure.states
+    states = candidate.structure.states if predictor.about_trim else ()
+    trims = [_trim(check, flights) if predictor.about_trim else None for check in found.maneuvers]
     return Verified(
         candidate=candidate,
-        found=checked,
-        maneuvers=tuple(maneuver_check(check, states, _trim(check, flights)) for check in checked.maneuvers),
+        found=found,
+        maneuvers=tuple(
+            maneuver_check(check, states, trim) for check, trim in zip(found.maneuvers, trims, strict=True)
+        ),
         covered=covered_by(flights),
         scale=settings.scale,
         findings=worst_first(findings),
@@ -132,103 +132,10 @@ def verify(
     )
 
 
-def _verify_motors(
-    candidate: Candidate, known: KnownMotors, records: Sequence[FlightRecord], settings: VerifySettings
-) -> Verified:
-    """Judge a vehicle of ``physical.motors``: accelerations from motors, see :mod:`.checking.flown_motors`."""
-    _refuse_of_responses(candidate, settings)
-    checks: list[Verification] = []
-    findings = [finding for record in records for finding in record.findings]
-    flights: list[Flight] = []
-    for record in records:
-        try:
-            require_reached(record, settings.segments)
-            found = predicted_by(known, record, settings.segments)
-        except InsufficientDataError as error:
-            name = record.source.name
-            findings += [*error.findings, warn("not_verified", name, f"{name} was not judged: {error}")]
-            continue
-        findings += found.findings
-        seen = [Flight(record, replace(one.flight.maneuver)) for one in found.moved]
-        if candidate.provenance is not None:
-            findings += [seen_data(*item) for item in seen if has_seen(candidate.provenance, *item)]
-        flights += seen
-        checks += [verification_of(one, candidate.structure.inputs) for one in found.moved]
-    if not checks:
-        causes = "; ".join(one.message.rstrip(".") for one in findings if one.kind == "not_verified")
-        raise InsufficientDataError(
-            causes or "no log can judge the model",
-            needed="motors, gyros and accelerometer of the vehicle, and motion on an axis that was identified",
-            remedy="see what rotorid inspect finds, or name an interval with --segment",
-            findings=findings,
-        )
-    return Verified(
-        candidate=candidate,
-        found=Verifications(maneuvers=tuple(checks)),
-        maneuvers=tuple(maneuver_check(check, ()) for check in checks),
-        covered=covered_by(flights),
-        scale=settings.scale,
-        findings=worst_first(findings),
-        provenance=provenance(records, settings, flights=flights),
-    )
-
-
-def _verify_nonlinear(
-    candidate: Candidate, equations: NonlinearStructure, records: Sequence[FlightRecord], settings: VerifySettings
-) -> Verified:
-    """Judge a nonlinear model: whole flights, or given intervals of them, simulated from their start on."""
-    _refuse_of_responses(candidate, settings)
-    checks: list[Verification] = []
-    findings = [finding for record in records for finding in record.findings]
-    judged: list[Flight] = []
-    for record in records:
-        try:
-            require_reached(record, settings.segments)
-            flights = whole_flights([record], settings.segments)
-            found, told = verified_through(equations, equations.parameters, flights)
-        except InsufficientDataError as error:
-            name = record.source.name
-            findings += [*error.findings, warn("not_verified", name, f"{name} was not judged: {error}")]
-            continue
-        if candidate.provenance is not None:
-            findings += [seen_data(*item) for item in flights if has_seen(candidate.provenance, *item)]
-        judged += flights
-        checks += found
-        findings += told
-    if not checks:
-        causes = "; ".join(one.message.rstrip(".") for one in findings if one.kind == "not_verified")
-        raise InsufficientDataError(
-            causes or "no log can judge the model",
-            needed=f"a flight with {' or '.join(equations.outputs)}",
-            remedy="see what rotorid inspect finds, or name an interval with --segment",
-            findings=findings,
-        )
-    return Verified(
-        candidate=candidate,
-        found=Verifications(maneuvers=tuple(checks)),
-        maneuvers=tuple(maneuver_check(check, ()) for check in checks),
-        covered=covered_by(judged),
-        scale=settings.scale,
-        findings=worst_first(findings),
-        provenance=provenance(records, settings, flights=judged),
-    )
-
-
-def _refuse_of_responses(candidate: Candidate, settings: VerifySettings) -> None:
-    """Refuse options of models that are judged by responses and short maneuvers."""
-    given = {"--band": settings.band_rad_s, "--instrument": settings.instruments, "--controller": settings.controllers}
-    if wrong := [name for name, value in given.items() if value]:
-        raise UsageError(
-            f"{', '.join(wrong)} came with a result of {candidate.structure.name}",
-            needed="logs, and --segment where excitations are not found",
-        )
-
-
-def _seen(candidate: Candidate, logs: Sequence[UnseenLog]) -> list[Finding]:
+def _seen(candidate: Candidate, flights: Sequence[Flight]) -> list[Finding]:
     """Maneuvers that the model was fitted to."""
     known = candidate.provenance
-    flights = [item for log in logs for item in (*log.short, *log.sweeps)]
-    return [] if known is None else [seen_data(*item) for item in flights if has_seen(known, *item)]
+    return [] if known is None else [seen_data(one) for one in flights if has_seen(known, one.record, one.maneuver)]
 
 
 def chosen(model: Judged, settings: VerifySettings) -> Candidate:
@@ -245,16 +152,14 @@ def chosen(model: Judged, settings: VerifySettings) -> Candidate:
 
 def _trim(check: Verification, flights: Sequence[Flight]) -> Trim | None:
     """Trim before a maneuver, of what its log holds of speeds and angles."""
-    for record, maneuver in flights:
-        if (
-            record.source.name != check.record
-            or maneuver.start_s > check.time_s[-1]
-            or maneuver.stop_s < check.time_s[0]
-        ):
+    for flight in flights:
+        record, maneuver = flight.record, flight.maneuver
+        same = record.source.name == check.record
+        if not same or maneuver.start_s > check.time_s[-1] or maneuver.stop_s < check.time_s[0]:
             continue
         channels = [name for name in _SPEEDS_AND_ANGLES if name in record.channel_names]
         try:
-            segments, _ = cut([Flight(record, maneuver)], channels=channels, rest_s=_QUIET_S) if channels else ((), ())
+            segments, _ = cut([flight], channels=channels, rest_s=_QUIET_S) if channels else ((), ())
             return trim_of(segments[0].history, until_s=maneuver.start_s) if segments else None
         except InsufficientDataError:
             return None

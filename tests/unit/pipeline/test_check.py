@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from tests.unit.cli.commands import fly_roll_sweeps
 
-from rotorid.checking.unseen import check_sweeps, hold_out, verify_fitted
+from rotorid.checking.linear import LinearPredictor, candidate_of
+from rotorid.checking.sweeps import check_sweeps, hold_out
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
 from rotorid.documents.result import ResultDocument, result_document
@@ -21,6 +22,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.measure import Measured, measure
 from rotorid.flights.selection import Selection, select_maneuvers
 from rotorid.identifying.identification import identify
+from rotorid.identifying.methods import judging
 from rotorid.io.registry import read
 from rotorid.models.library import rate_model
 from rotorid.models.structure import LinearStructure
@@ -98,7 +100,8 @@ def judged(fit: Fit, flown: Flight, *, band: tuple[float, float] | None = None) 
 
 
 def checked(fit: Fit, *verify: FlightRecord) -> Verifications:
-    return verify_fitted(fit.fitted, fit.measured, fit.selection, verify, fit.settings)
+    predictor = LinearPredictor(candidate_of(fit.fitted, fit.measured))
+    return predictor.predict(verify, judging(fit.settings), fit.selection).found
 
 
 def of_kind(kind: str, findings: tuple[Finding, ...]) -> dict[str, str]:
@@ -207,7 +210,7 @@ def test_the_second_fit_of_a_hold_out_begins_from_nothing(first: Fit, monkeypatc
         posed.append(problem)
         return fit_and_drop(problem)
 
-    monkeypatch.setattr("rotorid.checking.unseen.fit_and_drop", seen)
+    monkeypatch.setattr("rotorid.checking.sweeps.fit_and_drop", seen)
     structure = rate_model("rate.roll")
     hold_out(structure, [*first.selection.fitted, first.second], first.settings)
     (problem,) = posed

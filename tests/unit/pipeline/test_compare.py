@@ -10,11 +10,12 @@ from pathlib import Path
 import pytest
 from tests.unit.pipeline.response_twins import flight, written
 
+from rotorid.checking.linear import with_rest
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.documents.compare import CompareDocument, compare_document, read_results
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.flights import Flight
-from rotorid.identifying.comparison import Comparison, _with_rest, compare, refused_comparison
+from rotorid.identifying.comparison import Comparison, compare, refused_comparison
 from rotorid.report.files import to_json
 from rotorid.settings.settings import IdentifySettings
 
@@ -247,6 +248,7 @@ def test_short_maneuvers_take_the_time_around_them_along() -> None:
     record = flight(1)
     short = [Maneuver(axis="roll", kind="doublet", start_s=start, stop_s=start + 1.0) for start in (0.5, 2.5, 8.0)]
     sweep = Maneuver(axis="roll", kind="sweep", start_s=10.0, stop_s=14.0)
-    wider = [(m.start_s, m.stop_s) for _, m in _with_rest(record, [Flight(record, m) for m in (*short, sweep)])]
+    flights = with_rest(record, [Flight(record, m) for m in (*short, sweep)])
+    wider = [(flight.maneuver.start_s, flight.maneuver.stop_s) for flight in flights]
     # To the beginning of the log, half way to a neighbor, or 1.5 s.
     assert wider == [(0.0, 2.0), (2.0, 5.0), (6.5, 9.5), (10.0, 14.0)]

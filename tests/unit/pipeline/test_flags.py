@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorid.checking.unseen import fitted_logs, has_seen
+from rotorid.checking.predictions import fitted_logs, has_seen
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Intervals, Maneuver, Source, Status, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.flights import Flight

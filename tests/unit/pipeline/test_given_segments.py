@@ -12,7 +12,7 @@ from tests.unit.pipeline.large_motion import large_motion
 from tests.unit.pipeline.response_flight import flight
 
 import rotorid
-from rotorid.checking.flown_nonlinear import whole_flights
+from rotorid.checking.predictions import whole_flights
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.motor_data import motor_data

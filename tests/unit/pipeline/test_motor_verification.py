@@ -61,7 +61,7 @@ def test_what_cannot_judge_a_fit_is_said_and_refuses_nothing(log: FlightRecord, 
     found = identify_motors([log], CHOICES, verify=[log, speeds, nothing, unseen(log)])
     said = {(finding.where, finding.kind): finding.message for finding in found.findings}
     assert ("flight.csv", "seen_data") in said
-    assert "another layout of rotors, or tells the motors in another way" in said["speeds.csv", "not_verified"]
+    assert "tells motors as speed" in said["speeds.csv", "not_verified"]
     assert ("other.csv", "not_verified") in said
     assert {one.record for one in found.verifications.maneuvers} == {"other.csv"}
 

@@ -162,9 +162,9 @@ def test_logs_of_one_name_get_names_of_their_own() -> None:
 def test_what_is_fitted_is_known_again_in_another_copy_of_the_log() -> None:
     selection = select_maneuvers([record(SWEEP, BINARY)], ["roll"], IdentifySettings(segments=(SWEEP,)))
     again = record(SWEEP, BINARY)
-    assert selection.fits(again, SWEEP)
-    assert not selection.fits(again, BINARY)
-    assert not selection.fits(record(SWEEP, name="other.csv"), SWEEP)
+    assert selection.fits(Flight(again, SWEEP))
+    assert not selection.fits(Flight(again, BINARY))
+    assert not selection.fits(Flight(record(SWEEP, name="other.csv"), SWEEP))
 
 
 def test_the_injection_is_the_instrument_before_any_set_point() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rotorid.checking.candidate import Candidate
@@ -42,7 +44,7 @@ def doublet(axis: Axis, *, moves: tuple[float, float], moved: tuple[str, ...] = 
 
 
 def judged_on(*checks: Verification, usual: dict[str, float] | None = None) -> list[tuple[str, ...]]:
-    return [check.moved for check in excited_outputs(checks, candidate(), usual or {})]
+    return [check.moved for check in excited_outputs(checks, replace(candidate(), usual=usual or {}))]
 
 
 def test_an_output_that_the_maneuver_did_not_move_is_not_judged() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.unit.pipeline.response_flight import flight
 
-from rotorid.checking.unseen import estimated_shifts
+from rotorid.checking.responses import estimated_shifts
 from rotorid.data.record import FlightRecord
 from rotorid.documents.result import result_document
 from rotorid.errors import ModelError

@@ -1,0 +1,316 @@
+"""The physics of motors on logs that it was not identified on.
+
+Its inputs are motors, which are made ready from each log as for the fit: outputs, speeds or demands as fast as
+the log tells them, thrust at the voltage of the result, filters that the log knows. The accelerations that follow are
+compared with the measured ones, up to 5 Hz, on the axes that the result identified. Nothing is adjusted but where an
+accelerometer has its zero. Rates are integrals of these accelerations, begun anew every two seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
+from typing import Any, ClassVar
+
+import numpy as np
+
+from rotorid.checking.predictions import (
+    NOTHING_FITTED,
+    Predictions,
+    Simulation,
+    Trial,
+    fixed_score,
+    plain_scores,
+    predict_each,
+    refuse_choices_of_responses,
+)
+from rotorid.data.axes import RATES
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.fits.motors.fitted import levers_of
+from rotorid.fits.motors.motion import Motion, motions, scores, simulated_record
+from rotorid.fitting.motors.excitation import excitations
+from rotorid.fitting.motors.problem import MotorProblem
+from rotorid.flights.flights import Flight
+from rotorid.flights.motor_data import MotorData, motor_data
+from rotorid.flights.selection import Selection, require_reached
+from rotorid.models.families import MOTORS
+from rotorid.models.parameter import Parameter, ParameterSet
+from rotorid.models.rotors import RotorLayout, layout_of
+from rotorid.results.model import IdentifiedModel, Verifications
+from rotorid.settings.settings import FlySettings, IdentifySettings, MotorChoices, VerifySettings
+from rotorid.typing import FloatArray
+from rotorid.verification.fixed_parameters import FixedParameterScores
+from rotorid.verification.scores import GOOD_TIC
+from rotorid.verification.verification import Verification
+
+_AXES = ("az", "p", "q", "r")
+
+_PIECE_S = 2.0
+"""Length of the pieces in which rates are integrated, unless the user chose one."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotorPredictor(Immutable):
+    """What is known of motors and rotors, as far as predicting a flight needs it.
+
+    Parameters
+    ----------
+    parameters
+        Their values count.
+    layout
+        The rotors.
+    kind
+        What the motors are known by: ``output``, ``thrust_demand`` or ``speed``.
+    axes
+        Equations that were identified.
+    reference_v
+        Voltage at which thrust is told; ``None`` where it is no matter.
+    choices
+        How logs are read.
+    """
+
+    about_trim: ClassVar[bool] = False
+    needed: ClassVar[str] = "motors, gyros and accelerometer of the vehicle, and motion on an axis that was identified"
+
+    parameters: ParameterSet
+    layout: RotorLayout
+    kind: str
+    axes: tuple[str, ...]
+    reference_v: float | None = None
+    choices: MotorChoices = field(default_factory=MotorChoices)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the motors."""
+        return tuple(f"motor_{number + 1}" for number in range(self.layout.rotors))
+
+    def predict(
+        self, records: Sequence[FlightRecord], settings: VerifySettings, fitted: Selection = NOTHING_FITTED
+    ) -> Predictions:
+        """Accelerations of each log, see :class:`rotorid.checking.predictions.Predictor`."""
+        refuse_choices_of_responses(MOTORS.name, settings)
+
+        def predict(record: FlightRecord) -> Predictions:
+            data = self.data(record, settings.segments)
+            moved = self.motions(data, self.parameters)
+            return Predictions(
+                found=Verifications(
+                    maneuvers=tuple(_verification(motion, self.inputs) for motion in moved if motion.counted),
+                    findings=(*data.findings, *(finding for motion in moved for finding in _remarks(motion))),
+                ),
+                flights=tuple(Flight(record, motion.flight.maneuver) for motion in moved if motion.counted),
+            )
+
+        return predict_each(records, settings, fitted, predict)
+
+    def trials(self, record: FlightRecord, settings: IdentifySettings) -> list[Trial]:
+        """Stretches that move an axis; their scores know neither horizon nor band."""
+        require_reached(record, settings.segments)
+        moved = self.motions(self.data(record, settings.segments), self.parameters)
+        return [
+            Trial(
+                Flight(record, replace(motion.flight.maneuver, start_s=motion.flight.record.start_s)),
+                fixed_score(_compared(motion)),
+            )
+            for motion in moved
+            if motion.counted
+        ]
+
+    def simulations(self, record: FlightRecord, settings: FlySettings) -> tuple[list[Simulation], list[Finding]]:
+        """Rates as integrals of the angular accelerations that the motors make, each piece at its measured mean."""
+        data = self.data(record, settings.segments)
+        moved = self.motions(data, self.parameters)
+        length_s = settings.pieces_s or _PIECE_S
+        axes = tuple(axis for axis in RATES if all(f"{axis}_dot" in one.rows for one in moved if one.counted))
+        if not axes:
+            raise InsufficientDataError("no rate of it was identified", needed="motion in roll, pitch or yaw")
+        stretches = []
+        for motion in moved:
+            if not motion.counted:
+                continue
+            record_of, time_s = motion.flight.record, motion.flight.record.time_s[motion.kept]
+
+            def rates_at(values: Mapping[str, float], motion: Motion = motion) -> FloatArray:
+                own = {name: values[name] for name in self.parameters.names if name in values}
+                (modeled,) = self.motions(data._replace(stretches=(motion.flight,)), self.parameters.with_values(own))
+                return _integrated(motion, modeled, axes, length_s)
+
+            stretches.append(
+                Simulation(
+                    record=record_of.name,
+                    maneuver=motion.flight.maneuver,
+                    time_s=time_s,
+                    inputs=record_of.outputs[:, motion.kept],
+                    measured=_measured_rates(motion, axes),
+                    input_names=self.inputs,
+                    output_names=axes,
+                    outputs_at=rates_at,
+                    starts=_edges(time_s, length_s)[:-1],
+                    held=True,
+                )
+            )
+        message = f"Motors say accelerations: rates are their integrals, begun anew every {length_s:.2g} s."
+        remarks = [finding for motion in moved for finding in _remarks(motion)]
+        return stretches, [*data.findings, *remarks, remark("flown_in_pieces", MOTORS.name, message, length_s=length_s)]
+
+    def data(self, record: FlightRecord, segments: Sequence[Maneuver]) -> MotorData:
+        """A log as for a fit.
+
+        Raises
+        ------
+        InsufficientDataError
+            It tells no motors or no motion, is of another vehicle, or tells the motors in another way.
+        """
+        try:
+            of_log = layout_of(record)
+        except (InsufficientDataError, UsageError, ModelError):
+            of_log = None
+        if of_log is not None and not np.array_equal(of_log.spins, self.layout.spins):
+            raise InsufficientDataError(
+                f"{record.source.name} is of {of_log.name}, and the result of {self.layout.name}",
+                needed="a log of the vehicle that was identified",
+            )
+        choices = replace(self.choices, segments=tuple(segments))
+        try:
+            data = motor_data([record], choices, reference_v=self.reference_v, layout=self.layout)
+        except UsageError as error:
+            raise InsufficientDataError(error.came, needed=error.needed, remedy=error.remedy) from error
+        if data.kind != self.kind:
+            raise InsufficientDataError(
+                f"{record.source.name} tells motors as {data.kind.replace('_', ' ')}",
+                needed=f"a log that tells them as {self.kind.replace('_', ' ')}, as those of the result did",
+            )
+        return data
+
+    def motions(self, data: MotorData, parameters: ParameterSet) -> tuple[Motion, ...]:
+        """Stretches of a log as measured and as the motors make them, at some values of the parameters."""
+        problem = MotorProblem(records=data.records, levers=levers_of(data), parameters=parameters, axes=self.axes)
+        return motions(problem, parameters.pack(), data.stretches, excitations(data.records, problem.levers))
+
+
+def known_motors(table: Mapping[str, Any]) -> MotorPredictor:
+    """From a result as ``result.json`` holds it.
+
+    Parameters
+    ----------
+    table
+        With its ``parameters`` and its ``motors``.
+
+    Raises
+    ------
+    UsageError
+        Something of it is missing or is no number.
+    """
+    try:
+        motors = table["motors"]
+        rotors = np.array(motors["rotors"], dtype=np.float64)
+        counted = {axis for one in motors["excitation"] for axis in one["counted"]}
+        parameters = [
+            Parameter(name=name, value=float(one["value"]), unit=str(one["unit"]), status="fixed")
+            for name, one in table["parameters"].items()
+            if one["status"] != "dropped"
+        ]
+        return MotorPredictor(
+            parameters=ParameterSet(parameters),
+            layout=RotorLayout(
+                name=str(motors["layout"]),
+                positions=rotors,
+                spins=np.array(motors["spins"], dtype=np.float64),
+                arm_known=motors["arm_m"] is not None,
+            ),
+            kind=str(motors["outputs"]),
+            axes=(*(() if "az" in counted else ("weight",)), *(axis for axis in _AXES if axis in counted)),
+            reference_v=motors.get("reference_v"),
+        )
+    except (LookupError, TypeError, ValueError, ModelError) as error:
+        raise UsageError(
+            f"the result of motors does not hold together: {error}", needed="result.json as identify wrote it"
+        ) from error
+
+
+def identified_motors(model: IdentifiedModel) -> MotorPredictor | None:
+    """The vehicle of an identified model; ``None`` for one that is not of ``physical.motors``."""
+    if model.motors is None:
+        return None
+    parameters = {name: asdict(one) for name, one in model.parameters.items()}
+    return known_motors({"parameters": parameters, "motors": asdict(model.motors)})
+
+
+def _remarks(motion: Motion) -> list[Finding]:
+    """What to say of a stretch: that it moves no axis of the model, or that it is poorly predicted."""
+    where = f"{motion.flight.record.name} at {motion.flight.record.start_s:.1f} s"
+    if not motion.counted:
+        message = f"{where} moves no axis that was identified, and tells nothing of the model."
+        return [warn("not_verified", where, message)]
+    return [
+        warn(
+            "poor_verification",
+            f"{where}: {name}",
+            f"{name} of {where} is predicted with a Theil coefficient of {score.tic:.2f}.",
+            tic=score.tic,
+            nrmse_fit_percent=score.nrmse_fit_percent,
+        )
+        for name, score in scores(motion).items()
+        if score.tic > GOOD_TIC
+    ]
+
+
+def _verification(moved: Motion, motors: Sequence[str]) -> Verification:
+    """An unseen stretch, of which counts what was excited."""
+    shown, record = simulated_record(moved, tuple(moved.rows)), moved.flight.record
+    return Verification(
+        record=shown.record,
+        maneuver=replace(shown.maneuver, start_s=record.start_s, stop_s=float(record.time_s[-1])),
+        time_s=shown.time_s,
+        inputs=shown.inputs,
+        measured=shown.measured,
+        predicted=shown.simulated,
+        input_names=tuple(motors),
+        output_names=tuple(moved.rows),
+        scores=scores(moved),
+        moved=moved.counted,
+    )
+
+
+def _compared(moved: Motion) -> FixedParameterScores:
+    """The same for a comparison: the excited channels alone, about their means."""
+    rows = [moved.rows[name] for name in moved.counted]
+    return FixedParameterScores(
+        record=moved.flight.record.name,
+        horizon_s=float("inf"),
+        scores=plain_scores(scores(moved)),
+        time_s=moved.flight.record.time_s[moved.kept] - moved.flight.record.start_s,
+        measured=np.stack([measured - measured.mean() for measured, _ in rows]),
+        predicted=np.stack([modeled - modeled.mean() for _, modeled in rows]),
+    )
+
+
+def _measured_rates(motion: Motion, axes: Sequence[str]) -> FloatArray:
+    """Rates of a stretch, shape ``(axes, n)``."""
+    return np.stack([motion.flight.record.rates[RATES.index(axis)][motion.kept] for axis in axes])
+
+
+def _edges(time_s: FloatArray, length_s: float) -> tuple[int, ...]:
+    """Samples at which pieces of about one length begin, and the end."""
+    count = max(1, round((float(time_s[-1]) - float(time_s[0])) / length_s))
+    return tuple(int(edge) for edge in np.linspace(0, time_s.size, count + 1).round())
+
+
+def _integrated(measured: Motion, modeled: Motion, axes: Sequence[str], length_s: float) -> FloatArray:
+    """Rates of a stretch from modeled accelerations, each piece about its measured mean."""
+    record = measured.flight.record
+    rates = _measured_rates(measured, axes)
+    step_s = 1.0 / record.sample_rate_hz
+    edges = _edges(record.time_s[measured.kept], length_s)
+    found = np.zeros(rates.shape)
+    for row, axis in enumerate(axes):
+        _, acceleration = modeled.rows[f"{axis}_dot"]
+        for first, last in pairwise(edges):
+            part = acceleration[first:last]
+            moved = np.concatenate([[0.0], np.cumsum(0.5 * step_s * (part[1:] + part[:-1]))])
+            found[row, first:last] = moved + float(np.mean(rates[row, first:last] - moved))
+    return found

@@ -1,0 +1,251 @@
+"""A nonlinear model on logs: whole flights from their first sample on, with nothing but the start estimated.
+
+A model of large motion counts from no trim. Its inputs and outputs are taken as they stand in the log, over the longest
+flight of each log or over intervals that were given, and it is simulated through them: what it misses adds up, which is
+the test. Where the states begin is estimated from the record itself, since no model can know it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from rotorid.checking.predictions import (
+    NOTHING_FITTED,
+    Predictions,
+    Simulation,
+    Trial,
+    between,
+    fixed_score,
+    missing_outputs,
+    output_scores,
+    piece_starts,
+    plain_scores,
+    predict_each,
+    refuse_choices_of_responses,
+    whole_flights,
+)
+from rotorid.data.findings import Finding, remark
+from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.errors import InsufficientDataError
+from rotorid.fitting.time.nonlinear import NonlinearProblem, fit_nonlinear
+from rotorid.fitting.time.output_error import TimeData
+from rotorid.flights.flights import Flight
+from rotorid.flights.segments import TimeRecords, absolute_records, holds
+from rotorid.flights.selection import Selection, require_reached
+from rotorid.models.nonlinear import NonlinearStructure
+from rotorid.models.parameter import ParameterSet
+from rotorid.results.model import Segment, Verifications
+from rotorid.settings.settings import FlySettings, IdentifySettings, VerifySettings
+from rotorid.simulation.nonlinear import Scheme, simulate_nonlinear
+from rotorid.typing import FloatArray
+from rotorid.verification.fixed_parameters import FixedParameterScores
+from rotorid.verification.verification import Verification
+
+_START_ROUNDS = 3
+"""Estimates of the noise while a start is sought: it only weighs the outputs against each other."""
+
+
+@dataclass(frozen=True)
+class NonlinearPredictor:
+    """A nonlinear model with its values."""
+
+    about_trim: ClassVar[bool] = False
+
+    equations: NonlinearStructure
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Its values."""
+        return self.equations.parameters
+
+    @property
+    def needed(self) -> str:
+        """The flights that can judge it."""
+        return f"a flight with {' or '.join(self.equations.outputs)}"
+
+    def predict(
+        self, records: Sequence[FlightRecord], settings: VerifySettings, fitted: Selection = NOTHING_FITTED
+    ) -> Predictions:
+        """Flights simulated from their start on, see :class:`rotorid.checking.predictions.Predictor`."""
+        refuse_choices_of_responses(self.equations.name, settings)
+        return predict_each(records, settings, fitted, lambda record: self._simulated(record, settings.segments))
+
+    def trials(self, record: FlightRecord, settings: IdentifySettings) -> list[Trial]:
+        """Flights of a log; their scores know neither horizon nor band."""
+        require_reached(record, settings.segments)
+        return [
+            Trial(Flight(record, one.maneuver), fixed_score(_compared(one)))
+            for one in self._simulated(record, settings.segments).found.maneuvers
+        ]
+
+    def simulations(self, record: FlightRecord, settings: FlySettings) -> tuple[list[Simulation], list[Finding]]:
+        """Whole flights, or pieces of them, with all outputs of the model."""
+        equations = self.equations
+        outputs = logged_outputs(equations, [record])
+        if not outputs:
+            raise InsufficientDataError(
+                f"it holds none of {', '.join(equations.outputs)}", needed="an output of the model to begin at"
+            )
+        seen = equations.select(outputs)
+        flights = whole_flights([record], settings.segments)
+        records = flown_records(seen, flights, IdentifySettings(hold=settings.hold))
+        found = [
+            self._simulation(segment, data, seen, Scheme(hold=records.hold), settings.pieces_s)
+            for segment, data in zip(records.segments, records.data, strict=True)
+        ]
+        return found, [*_remarks(records), *missing_outputs(equations.outputs, outputs, record)]
+
+    def _simulated(self, record: FlightRecord, segments: Sequence[Maneuver]) -> Predictions:
+        flights, whole = whole_flights([record], segments), self.equations
+        outputs = logged_outputs(whole, [record])
+        if not outputs:
+            raise InsufficientDataError(
+                f"{record.source.name} holds none of {', '.join(whole.outputs)}",
+                needed="a log with an output of the model",
+            )
+        seen = whole.select(outputs)
+        records = flown_records(seen, flights)
+        problem = _held_problem(seen, whole.parameters, records.data, Scheme(hold=records.hold))
+        fit = fit_nonlinear(problem, rounds=_START_ROUNDS)
+        pairs = zip(records.segments, fit.problem.predicted(fit.solution.theta), strict=True)
+        left = [name for name in whole.outputs if name not in outputs]
+        return Predictions(
+            found=Verifications(
+                maneuvers=tuple(_verification(segment, one.record, one.predicted, seen) for segment, one in pairs),
+                findings=(
+                    *_remarks(records),
+                    *(
+                        remark("missing_channel", name, f"{name} is not in the logs, and was not judged.")
+                        for name in left
+                    ),
+                ),
+            ),
+            flights=flights,
+        )
+
+    def _simulation(
+        self, segment: Segment, data: TimeData, seen: NonlinearStructure, scheme: Scheme, pieces_s: float | None
+    ) -> Simulation:
+        equations = self.equations
+        pieces = [data] if pieces_s is None else list(data.pieces(pieces_s))
+        starts = self._starts(pieces, seen, scheme)
+
+        def outputs_at(values: Mapping[str, float]) -> FloatArray:
+            rows = [
+                simulate_nonlinear(
+                    equations,
+                    values,
+                    piece.inputs,
+                    sample_rate_hz=piece.sample_rate_hz,
+                    x0=start,
+                    before=piece.before,
+                    scheme=scheme,
+                )
+                for piece, start in zip(pieces, starts, strict=True)
+            ]
+            return np.hstack(rows)
+
+        measured = np.full((len(equations.outputs), data.samples), np.nan)
+        for name, values in zip(seen.outputs, data.outputs, strict=True):
+            measured[equations.outputs.index(name)] = values
+        return Simulation(
+            record=segment.record,
+            maneuver=segment.maneuver,
+            time_s=segment.history.time_s,
+            inputs=data.inputs,
+            measured=measured,
+            input_names=equations.inputs,
+            output_names=equations.outputs,
+            outputs_at=outputs_at,
+            starts=piece_starts(pieces),
+            held=scheme.hold == "zero",
+        )
+
+    def _starts(self, pieces: Sequence[TimeData], seen: NonlinearStructure, scheme: Scheme) -> FloatArray:
+        """Where each piece begins, shape ``(pieces, x)``: as fits what was measured, else as its first sample says."""
+        equations = self.equations
+        problem = _held_problem(seen, equations.parameters, pieces, scheme)
+        found = fit_nonlinear(problem, rounds=_START_ROUNDS).estimate.starts
+        whole = np.zeros((len(pieces), len(equations.states)))
+        for number, piece in enumerate(pieces):
+            first = dict(zip(seen.outputs, piece.outputs[:, 0].tolist(), strict=True))
+            first |= dict(zip(seen.inputs, piece.inputs[:, 0].tolist(), strict=True))
+            whole[number] = _measured_start(equations, first)
+            for state, value in zip(seen.states, found[number], strict=True):
+                whole[number, equations.states.index(state)] = value
+        return whole
+
+
+def logged_outputs(structure: NonlinearStructure, records: Sequence[FlightRecord]) -> tuple[str, ...]:
+    """Outputs that every log holds, or what they can be reconstructed from."""
+    return tuple(name for name in structure.outputs if all(holds(record, name) for record in records))
+
+
+def flown_records(
+    structure: NonlinearStructure, flights: Sequence[Flight], settings: IdentifySettings | None = None
+) -> TimeRecords:
+    """Flights as inputs and outputs of a model, as they stand in their logs."""
+    return absolute_records(
+        flights, inputs=structure.inputs, outputs=structure.outputs, settings=settings or IdentifySettings()
+    )
+
+
+def _remarks(records: TimeRecords) -> list[Finding]:
+    """Remarks on the way from the logs: neither motor lag nor delay of a small multirotor is asked of a flight."""
+    return [finding for finding in records.findings if "needed_hz" not in finding.numbers]
+
+
+def _held_problem(
+    structure: NonlinearStructure, parameters: ParameterSet, data: Sequence[TimeData], scheme: Scheme
+) -> NonlinearProblem:
+    """The start of each record, with every parameter held at its value, that of its tie where it has one."""
+    values = parameters.values
+    held = [replace(one, value=values[one.name], status="fixed", tied=None) for one in parameters]
+    return NonlinearProblem(structure=structure, parameters=ParameterSet(held), records=tuple(data), scheme=scheme)
+
+
+def _measured_start(equations: NonlinearStructure, first: Mapping[str, float]) -> FloatArray:
+    """What a first sample says of the states; zero where an output that says it was not measured."""
+    known = {**equations.constants, **first}
+    told = {state: one for state, one in equations.starts.items() if one.names <= set(known)}
+    return np.array([told[state].evaluate(known) if state in told else 0.0 for state in equations.states])
+
+
+def _verification(
+    segment: Segment, data: TimeData, predicted: FloatArray, structure: NonlinearStructure
+) -> Verification:
+    time_s = segment.history.time_s
+    driven = [name for name, row in zip(structure.inputs, data.inputs, strict=True) if np.ptp(row) > 0.0]
+    moved, seen = structure.reached(driven), zip(structure.outputs, structure.output_equations, strict=True)
+    return Verification(
+        record=segment.record,
+        maneuver=between(segment.maneuver, time_s),
+        time_s=time_s,
+        inputs=data.inputs,
+        measured=data.outputs,
+        predicted=predicted,
+        input_names=structure.inputs,
+        output_names=structure.outputs,
+        scores={
+            name: output_scores(measured, simulated)
+            for name, measured, simulated in zip(structure.outputs, data.outputs, predicted, strict=True)
+        },
+        moved=tuple(name for name, one in seen if one.names & (moved | set(driven)) or not driven),
+    )
+
+
+def _compared(check: Verification) -> FixedParameterScores:
+    """A simulated flight as a comparison has it."""
+    return FixedParameterScores(
+        record=check.record,
+        horizon_s=math.inf,
+        scores=plain_scores(check.scores),
+        time_s=check.time_s - check.time_s[0],
+        measured=check.measured,
+        predicted=check.predicted,
+    )
