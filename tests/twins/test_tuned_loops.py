@@ -133,7 +133,7 @@ def test_the_second_flight_is_what_was_foretold(tmp_path: Path) -> None:
     missed = check_tuning({"roll": replace(promised, rate=higher)}, found.records[1], found.models[1:])
     assert missed.axes["roll"].verdict == "inside_limits"
     said = missed.axes["roll"].sentence
-    assert "(crossover of the rate loop, phase margin of the rate loop, sensitivity peak of the rate loop)" in said
+    assert "(crossover of the rate loop, phase margin of the rate loop, peak sensitivity M_s of the rate loop)" in said
     write_tuning_check(tmp_path / "check", again, title="checked")
     written = json.loads((tmp_path / "check" / "check.json").read_text())
     assert written["schema"] == "rotorid.tune_check/1"

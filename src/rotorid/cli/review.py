@@ -119,8 +119,8 @@ def _write_figures(folder: Path, seen: Sequence[Review], kind: PrintedAs) -> Non
 def _print(seen: Review, file: Path, map: Path | None = None) -> None:
     """One screen: what flew, a line for each card, warnings, what cannot be told, what comes next."""
     from rotorid.report.review import headline
+    from rotorid.report.unavailable import gathered
     from rotorid.reviewing.cards import cards
-    from rotorid.reviewing.words import gathered
 
     console = output_console()
 

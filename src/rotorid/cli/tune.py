@@ -11,13 +11,12 @@ import typer
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder, output_console, print_findings
 from rotorid.cli.options import ForPaper, Map, Only, Output, one_of
-from rotorid.data.quantity import with_ends
+from rotorid.data.quantities import QUANTITIES
 from rotorid.errors import UsageError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from rotorid.documents.review import QuantityDocument
     from rotorid.documents.tune import AxisTuneDocument, TuneDocument
     from rotorid.documents.tune_check import TuneCheckDocument
     from rotorid.proposing.proposal import TuneSettings, TuningProposal
@@ -270,9 +269,9 @@ def _print_check(document: TuneCheckDocument, folder: Path) -> None:
         for name in ("figure", "foretold", "measured", "by", ""):
             table.add_column(name, justify="right" if name in ("foretold", "measured") else "left")
         for row in one.figures:
-            words = f"{_WORDS.get(row.name, row.name)}, {'rate loop' if row.loop == 'rate' else 'with the angle loop'}"
-            result = compared_words(row)
-            measured = (_told(row.foretold), _told(row.measured), METHODS[row.method])
+            words = f"{_head(row.name)}, {'rate loop' if row.loop == 'rate' else 'with the angle loop'}"
+            figure, result = QUANTITIES[row.name], compared_words(row)
+            measured = (figure.with_ends(row.foretold), figure.with_ends(row.measured), METHODS[row.method])
             table.add_row(words, *measured, "" if result == "as foretold" else result)
         console.print(table)
         console.print(f"{one.sentence} {one.advice}", highlight=False, markup=False)
@@ -289,25 +288,25 @@ def _path_table(axis: str, one: AxisTuneDocument) -> Table:
     names = list(one.path[0].gains)
     table = Table(title=f"path of {axis}", title_justify="left", box=None, pad_edge=False)
     table.add_column("flight")
-    for name in (*names, *_PATH_WORDS.values(), "attitude error"):
+    for name in (*names, *map(_head, _PATH), "attitude error"):
         table.add_column(name, justify="right")
     for step in one.path:
         table.add_row(
             step_name(step),
             *(f"{step.gains[name]:.4g}" for name in names),
-            *(_told(step.whole[name]) if name in step.whole else "" for name in _PATH_WORDS),
+            *(QUANTITIES[name].with_ends(step.whole[name]) if name in step.whole else "" for name in _PATH),
             f"{100.0 * step.attitude_ratio.value:.0f} %",
         )
     return table
 
 
-_PATH_WORDS = {"sensitivity_peak": "M_s", "crossover_rad_s": "rad/s", "phase_margin_deg": "PM deg"}
+_PATH = ("sensitivity_peak", "crossover_rad_s", "phase_margin_deg")
+_COMPARED = ("sensitivity_peak", "phase_margin_deg", "crossover_rad_s")
 
-_WORDS = {
-    "sensitivity_peak": "M_s",
-    "phase_margin_deg": "phase margin in deg",
-    "crossover_rad_s": "crossover in rad/s",
-}
+
+def _head(name: str) -> str:
+    row = QUANTITIES[name]
+    return f"{row.before} in {row.unit}" if row.unit else row.before
 
 
 def _lines(one: AxisTuneDocument) -> list[str]:
@@ -321,9 +320,9 @@ def _lines(one: AxisTuneDocument) -> list[str]:
         ("with the angle loop", one.flown_whole, one.proposed_whole),
     ):
         told = [
-            f"{word} {_told(before[name]) if name in before else 'unknown'}"
-            + (f" -> {_told(after[name])}" if one.changed else "")
-            for name, word in _WORDS.items()
+            f"{_head(name)} {QUANTITIES[name].with_ends(before[name]) if name in before else 'unknown'}"
+            + (f" -> {QUANTITIES[name].with_ends(after[name])}" if one.changed else "")
+            for name in _COMPARED
             if name in after
         ]
         lines.append(f"{loop}: {', '.join(told)}")
@@ -333,7 +332,3 @@ def _lines(one: AxisTuneDocument) -> list[str]:
             f"the command: {100.0 * one.noise_ratio:.0f} % of what it was"
         )
     return lines
-
-
-def _told(quantity: QuantityDocument) -> str:
-    return with_ends(quantity.value, quantity.lower, quantity.upper)

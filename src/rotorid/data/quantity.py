@@ -164,6 +164,22 @@ def with_half(value: float, lower: float, upper: float, unit: str = "") -> str:
     return with_unit(with_error(value, half), unit)
 
 
+def rounded_ends(value: float, lower: float, upper: float) -> tuple[float, float]:
+    """The ends of an interval as they are printed, so that a limit and the page never contradict each other.
+
+    Examples
+    --------
+    >>> rounded_ends(31.0, 24.8, 37.2), rounded_ends(2.0, 2.0, 2.0)
+    ((25.0, 37.0), (2.0, 2.0))
+    """
+    half = _larger_half(value, lower, upper)
+    if not half > _ROUNDING * abs(value):
+        return lower, upper
+    decimals = min(_decimals(half), _MOST_DECIMALS)
+    ends = (round(end, decimals) if math.isfinite(end) else end for end in (lower, upper))
+    return next(ends), next(ends)
+
+
 def with_unit(number: str, unit: str) -> str:
     """A number with its unit on paper: a degree follows at once, everything else behind a gap.
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field, SerializerFunctionWrapHandler, create_model, model_serializer
 
+from rotorid.data.quantities import Part, figures_of
 from rotorid.documents.base import Document, FindingDocument
 from rotorid.documents.result import ResultDocument, refused_document, result_document
 from rotorid.results.model import IdentifiedModel
@@ -38,34 +39,40 @@ class _Told(Document):
         return {name: value for name, value in written.items() if value is not None}
 
 
-class LoopReviewDocument(_Told):
-    """A closed loop as it was flown."""
-
+class _Loop(_Told):
     reference: str
     answer: str
     estimate: Literal["direct", "joint"]
     instrument: str
     band_rad_s: tuple[float, float]
-    bandwidth_3db_rad_s: QuantityDocument | None = None
-    bandwidth_90deg_rad_s: QuantityDocument | None = None
-    delay_s: QuantityDocument | None = None
-    peak_db: QuantityDocument | None = None
-    rise_time_s: QuantityDocument | None = None
-    overshoot_percent: QuantityDocument | None = None
-    settling_time_s: QuantityDocument | None = None
+
+
+class _Margin(_Told):
+    instrument: str
+
+
+if TYPE_CHECKING:
+    _LoopFigures = _Loop
+    _MarginFigures = _Margin
+else:
+
+    def _with_figures(base: type[Document], part: Part) -> type[Document]:
+        """A document with a field for each figure of a part of the review."""
+        fields = dict.fromkeys(figures_of(part), (QuantityDocument | None, None))
+        return create_model(f"{base.__name__}Figures", __base__=base, __module__=__name__, **fields)
+
+    _LoopFigures, _MarginFigures = _with_figures(_Loop, "loops"), _with_figures(_Margin, "margins")
+
+
+class LoopReviewDocument(_LoopFigures):
+    """A closed loop as it was flown."""
+
     by_size: dict[str, dict[str, QuantityDocument]] = Field(default_factory=dict)
 
 
-class MarginReviewDocument(_Told):
+class MarginReviewDocument(_MarginFigures):
     """The broken rate loop of an axis as it was flown."""
 
-    instrument: str
-    crossover_rad_s: QuantityDocument | None = None
-    gain_margin_db: QuantityDocument | None = None
-    phase_margin_deg: QuantityDocument | None = None
-    delay_margin_s: QuantityDocument | None = None
-    sensitivity_peak: QuantityDocument | None = None
-    disturbance_rejection_rad_s: QuantityDocument | None = None
     by_model: list[str] = Field(default_factory=list)
     ends: dict[str, dict[str, QuantityDocument]] = Field(default_factory=dict)
     throttle: float | None = None

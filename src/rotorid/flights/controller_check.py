@@ -53,6 +53,9 @@ _LEAST_SHARE = 1.0 / 3.0
 _SURE = 2.0
 """Standard deviations by which a path has to lie beyond that, before gains are said not to have flown."""
 
+_LEAST_STD = 0.005
+"""No gain is known better from a flight, whatever its noise says."""
+
 _HIGHEST_RAD_S = 200.0
 """Faster motion shows by how much of a step a set-point is late, more than which gains flew."""
 
@@ -314,7 +317,7 @@ def _judged(
             continue
         beyond = max(low * (1.0 - SAME_GAIN) - path.slope, path.slope - high * (1.0 + SAME_GAIN))
         if beyond > 0.0:
-            words = f"{with_error(path.slope, path.std)} times their {letter.upper()}"
+            words = f"{with_error(path.slope, max(path.std, _LEAST_STD))} times their {letter.upper()}"
             doubts.append((beyond > _SURE * path.std, words))
     shown = " and ".join(words for _, words in doubts)
     unlike = f"The {found.axis} gains did not make the logged {found.axis} command"

@@ -24,7 +24,8 @@ import numpy as np
 from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.quantity import Quantity, in_decibels, with_error, with_unit
+from rotorid.data.quantities import QUANTITIES
+from rotorid.data.quantity import Quantity, with_unit
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.data.trust import RICH_KINDS
@@ -799,24 +800,21 @@ def _attitude(axis: Axis, measured: Measured, records: Sequence[TimeHistory]) ->
     return attitude_bandwidth(with_model_error(answer, MODEL_ERROR))
 
 
-_WORDS = {
-    "disturbance_rejection_peak": ("sensitivity peak", 0.0, "dB"),
-    "phase_margin_rad": ("phase margin", 180.0 / np.pi, "°"),
-    "gain_margin_up": ("gain margin", 0.0, "dB"),
-}
+_BOUNDED = ("disturbance_rejection_peak", "phase_margin_rad", "gain_margin_up")
+"""What an end of the band bounds, as far as it is remarked on."""
 
 _BY_MODEL = "a model of the vehicle times the controller in the log gives beyond it"
 
 
 def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
     """The remark that margins of an axis lie beyond the band, with what is known of them."""
-    bounds = {name: bound for name, bound in loop.bounds.items() if name in _WORDS}
+    bounds = {name: bound for name, bound in loop.bounds.items() if name in _BOUNDED}
     if not bounds:
         return ()
     told = [_said(name, bound) for name, bound in bounds.items()]
     end = next(iter(bounds.values())).omega_rad_s
     known = loop.beyond.numbers if loop.beyond else {}
-    further = [f"{_WORDS[name][0]} {_shown(name, known[name])}" for name in bounds if name in known]
+    further = [f"{QUANTITIES[name].words} {_shown(name, known[name])}" for name in bounds if name in known]
     go_on = f" {_capital(_BY_MODEL)} {' and '.join(further)}; that was not measured." if further else ""
     make = remark if set(bounds) == {"gain_margin_up"} else warn
     numbers = {name: bound.value for name, bound in bounds.items()}
@@ -839,11 +837,10 @@ def _capital(words: str) -> str:
 
 def _said(name: str, bound: Bound) -> str:
     sign, still = ("at least", "rising") if bound.at_least else ("at most", "falling")
-    return f"its {_WORDS[name][0]} is {sign} {_shown(name, bound)}, still {still} there"
+    return f"its {QUANTITIES[name].words} is {sign} {_shown(name, bound)}, still {still} there"
 
 
 def _shown(name: str, one: Bound | Estimated) -> str:
     """A margin in the unit of paper, ± one standard deviation."""
-    _, factor, unit = _WORDS[name]
-    shown = with_error(factor * one.value, factor * one.std) if factor else in_decibels(one.value, one.std)
-    return with_unit(shown, unit)
+    row = QUANTITIES[name]
+    return with_unit(row.with_error(one.value, one.std), row.unit)

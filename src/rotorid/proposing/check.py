@@ -19,6 +19,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn, worst_first
+from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
@@ -30,11 +31,7 @@ from rotorid.settings.settings import as_records
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
-COMPARED = {
-    "crossover_rad_s": "crossover",
-    "phase_margin_deg": "phase margin",
-    "sensitivity_peak": "sensitivity peak",
-}
+COMPARED = ("crossover_rad_s", "phase_margin_deg", "sensitivity_peak")
 """Figures that are foretold; a gain margin lies outside the band in half of the flights and is not."""
 
 WIDEST: Mapping[str, float] = {"crossover_rad_s": 0.1, "sensitivity_peak": 0.12}
@@ -261,7 +258,7 @@ def _checked(axis: Axis, before: Foretold, now: AxisTuning, injected: Mapping[st
         for name, measured in injected.items()
         if name in before.whole
     ]
-    figures.sort(key=lambda one: (list(_LOOP).index(one.loop), list(COMPARED).index(one.name)))
+    figures.sort(key=lambda one: (list(_LOOP).index(one.loop), COMPARED.index(one.name)))
     logged = {name: value for name, (value, _) in now.parameters.items()}
     gains = _which(before, logged)
     unstable = not contradicted and not bool(np.median(judged.rate.stable * judged.whole.stable))
@@ -396,13 +393,13 @@ def _words(
 
 
 def _named(figures: Sequence[ComparedFigure]) -> str:
-    return ", ".join(f"{COMPARED[one.name]} of {_LOOP[one.loop]}" for one in figures)
+    return ", ".join(f"{QUANTITIES[one.name].words} of {_LOOP[one.loop]}" for one in figures)
 
 
 def _undecided(figures: Sequence[ComparedFigure]) -> str:
     """Figures of the whole loop that decide nothing, or are not there."""
     decided = {one.name for one in figures if one.loop == "whole" and one.decided}
-    return " or the ".join(words for name, words in COMPARED.items() if name not in decided)
+    return " or the ".join(QUANTITIES[name].words for name in COMPARED if name not in decided)
 
 
 def _further(axis: Axis, sweep: str, now: AxisTuning) -> str:

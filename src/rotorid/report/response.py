@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from rotorid.data.quantity import MISSING, in_decibels, significant, unit, with_error
+from rotorid.data.display import capital
+from rotorid.data.quantities import QUANTITIES
+from rotorid.data.quantity import MISSING, significant, unit
 from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument, loops_of
 from rotorid.loops.rate_loops import AxisLoop
 from rotorid.loops.responses import Pair, Responses
@@ -26,27 +28,25 @@ from rotorid.spectral.loops import sensitivity
 from rotorid.spectral.margins import Bound
 from rotorid.typing import FloatArray
 
-_DEGREES = 180.0 / math.pi
-
-_LOOP_NUMBERS: Mapping[str, tuple[str, str, float]] = {
-    "crossover_rad_s": ("Crossover", "rad/s", 1.0),
-    "phase_margin_rad": ("Phase margin", "°", _DEGREES),
-    "delay_margin_s": ("Delay margin", "ms", 1e3),
-    "gain_margin_up": ("Gain margin upward", "dB", 0.0),
-    "gain_margin_down": ("Gain margin downward", "dB", 0.0),
-    "modulus_margin": ("Modulus margin", "", 1.0),
-    "modulus_omega_rad_s": ("Modulus margin at", "rad/s", 1.0),
-    "disturbance_rejection_bandwidth_rad_s": ("Disturbance-rejection bandwidth", "rad/s", 1.0),
-    "disturbance_rejection_peak": ("Disturbance-rejection peak", "dB", 0.0),
-    "disturbance_rejection_peak_omega_rad_s": ("Disturbance-rejection peak at", "rad/s", 1.0),
-    "attitude_bandwidth_rad_s": ("Attitude bandwidth", "rad/s", 1.0),
-    "attitude_phase_bandwidth_rad_s": ("Attitude phase bandwidth", "rad/s", 1.0),
-    "attitude_gain_bandwidth_rad_s": ("Attitude gain bandwidth", "rad/s", 1.0),
-    "attitude_omega_180_rad_s": ("Attitude lag of 180° at", "rad/s", 1.0),
-    "attitude_phase_delay_s": ("Attitude phase delay", "ms", 1e3),
-    "attitude_fitted_phase_delay_s": ("Fitted attitude phase delay", "ms", 1e3),
-}
-"""Words, unit and factor of what a loop shows, in the order of the table; a factor of zero asks for decibels."""
+_LOOP_NUMBERS = (
+    "crossover_rad_s",
+    "phase_margin_rad",
+    "delay_margin_s",
+    "gain_margin_up",
+    "gain_margin_down",
+    "modulus_margin",
+    "modulus_omega_rad_s",
+    "disturbance_rejection_bandwidth_rad_s",
+    "disturbance_rejection_peak",
+    "disturbance_rejection_peak_omega_rad_s",
+    "attitude_bandwidth_rad_s",
+    "attitude_phase_bandwidth_rad_s",
+    "attitude_gain_bandwidth_rad_s",
+    "attitude_omega_180_rad_s",
+    "attitude_phase_delay_s",
+    "attitude_fitted_phase_delay_s",
+)
+"""What a loop shows, in the order of the table."""
 
 _LARGEST = {
     "modulus_omega_rad_s": "modulus_margin",
@@ -125,44 +125,33 @@ class Unseen:
 
 def loop_rows(loop: AxisLoop | LoopDocument) -> tuple[LoopRow, ...]:
     """What was seen of a loop, with standard deviations; then what the end of the band and a model say beyond it."""
-    seen = tuple(
-        LoopRow(words=words, value=_value(loop.numbers[name], factor), unit=of)
-        for name, (words, of, factor) in _LOOP_NUMBERS.items()
-        if name in loop.numbers
-    )
-    bounds = tuple(
-        LoopRow(
-            words=words,
-            value=f"{'≥' if (bound := loop.bounds[name]).at_least else '≤'} {_value(bound, factor)}",
-            unit=f"{of} (at {significant(bound.omega_rad_s)} rad/s, the end of the band; {_going(bound)})".lstrip(),
-        )
-        for name, (words, of, factor) in _LOOP_NUMBERS.items()
-        if name in loop.bounds
-    )
     further = loop.beyond.numbers if loop.beyond else {}
     return (
-        *seen,
-        *bounds,
+        *(_row(name, loop.numbers[name]) for name in _LOOP_NUMBERS if name in loop.numbers),
+        *(_bound_row(name, loop.bounds[name]) for name in _LOOP_NUMBERS if name in loop.bounds),
         *(
-            LoopRow(
-                words=f"{words}, by model",
-                value=_value(further[name], factor),
-                unit=f"{of} (not measured: model times controller)".lstrip(),
-            )
-            for name, (words, of, factor) in _LOOP_NUMBERS.items()
+            _row(name, further[name], ", by model", "(not measured: model times controller)")
+            for name in _LOOP_NUMBERS
             if name in further
         ),
     )
 
 
+def _row(name: str, number: Estimated | EstimatedDocument, source: str = "", note: str = "") -> LoopRow:
+    row = QUANTITIES[name]
+    shown = row.with_error(number.value, number.std)
+    return LoopRow(words=f"{capital(row.words)}{source}", value=shown, unit=f"{row.unit} {note}".strip())
+
+
+def _bound_row(name: str, bound: Bound | BoundDocument) -> LoopRow:
+    row = QUANTITIES[name]
+    where = f"(at {significant(bound.omega_rad_s)} rad/s, the end of the band; {_going(bound)})"
+    value = f"{'≥' if bound.at_least else '≤'} {row.with_error(bound.value, bound.std)}"
+    return LoopRow(words=capital(row.words), value=value, unit=f"{row.unit} {where}".lstrip())
+
+
 def _going(bound: Bound | BoundDocument) -> str:
     return "still rising" if bound.at_least else "still falling"
-
-
-def _value(number: Estimated | EstimatedDocument | Bound, factor: float) -> str:
-    if factor:
-        return with_error(factor * number.value, factor * number.std)
-    return in_decibels(number.value, number.std)
 
 
 def unseen(loop: AxisLoop | LoopDocument) -> tuple[Unseen, ...]:
@@ -171,7 +160,7 @@ def unseen(loop: AxisLoop | LoopDocument) -> tuple[Unseen, ...]:
     for name in _LOOP_NUMBERS:
         if name in loop.not_seen and not {name, _LARGEST.get(name)} & set(loop.bounds):
             # A peak and the place of it are missed together, or bounded together.
-            words = _LOOP_NUMBERS[name][0].removesuffix(" at").lower()
+            words = QUANTITIES[name].words.removesuffix(" at")
             reasons.setdefault(loop.not_seen[name], []).append(words)
     return tuple(
         Unseen(words=", ".join(dict.fromkeys(words)).capitalize(), reason=reason.removeprefix("not seen: "))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from rotorid.data.quantities import QUANTITIES, FigureOfMerit, Part, figures_of
 from rotorid.data.quantity import MISSING, Quantity, significant, unit, with_error, with_interval
 from rotorid.data.trust import trusted
 from rotorid.errors import UsageError
@@ -19,11 +19,13 @@ from rotorid.plot.loops import Crossing, broken_loop
 from rotorid.plot.review import motor_bars, noise_maps, spectra, step_answers
 from rotorid.report.frame import Picture, in_all_units, render, with_files
 from rotorid.report.parts import FindingRow, finding_rows
+from rotorid.report.unavailable import gathered
 from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.results.summary import ParameterEstimate
 from rotorid.results.verdicts import LEVEL_OF, Verdict, badge
 from rotorid.results.verdicts import verdict as fit_verdict_of
 from rotorid.reviewing.cards import Card, cards, without_sweep
+from rotorid.reviewing.loops import LOOPS
 from rotorid.reviewing.values import (
     LoopReview,
     MarginReview,
@@ -32,70 +34,14 @@ from rotorid.reviewing.values import (
     StepCurve,
     Untold,
 )
-from rotorid.reviewing.words import gathered
 from rotorid.signal.airborne import told_by
 from rotorid.spectral.derived import read_points
 from rotorid.typing import BoolArray
 
-LOOP_WORDS = {
-    "p": "roll rate",
-    "q": "pitch rate",
-    "r": "yaw rate",
-    "phi": "roll angle",
-    "theta": "pitch angle",
-    "psi": "heading",
-    "u": "forward speed",
-    "v": "sideward speed",
-    "w": "climb rate",
-}
-_LOOP_ROWS = {
-    "rise_time_s": ("rise time, 10 to 90 %", "ms", 1e3),
-    "delay_s": ("until half of the step", "ms", 1e3),
-    "overshoot_percent": ("overshoot", "%", 1.0),
-    "settling_time_s": ("settled within 5 % after", "ms", 1e3),
-    "bandwidth_3db_rad_s": ("bandwidth at −3 dB", "rad/s", 1.0),
-    "bandwidth_90deg_rad_s": ("bandwidth at −90°", "rad/s", 1.0),
-    "peak_db": ("resonance peak", "dB", 1.0),
-}
-_MARGIN_ROWS = {
-    "phase_margin_deg": ("phase margin", "°", 1.0),
-    "crossover_rad_s": ("at a crossover of", "rad/s", 1.0),
-    "gain_margin_db": ("gain margin", "dB", 1.0),
-    "delay_margin_s": ("delay margin", "ms", 1e3),
-    "sensitivity_peak": ("largest sensitivity M_s", "", 1.0),
-    "disturbance_rejection_rad_s": ("rejects disturbances up to", "rad/s", 1.0),
-}
-
-
+LOOP_WORDS: Mapping[str, str] = {loop.name: loop.words for loop in LOOPS}
 _STAGES = {"before": "before the filters", "after": "after the filters"}
 _FAST, _SLOW = ("p", "q", "r"), ("phi", "theta", "psi", "u", "v", "w")
 _MOST_PEAKS = 6
-_OF_ONE_MOTOR = re.compile(r"motor_\d{1,2}_")
-_NOISE_SHARE = re.compile(r"(roll|pitch|yaw)_([pd])_noise_share(_above_100hz)?")
-_NUMBER_WORDS = {
-    "vibration_m_s2": ("vibration", "m/s²", 1.0),
-    "clipping_share": ("accelerometer at its limits", "%", 100.0),
-    "filter_delay_configured_s": ("delay of the gyro filters as configured", "ms", 1e3),
-    "filter_delay_measured_s": ("delay of the gyro filters as measured", "ms", 1e3),
-    "saturated_high_share": ("time with a motor at full output", "%", 100.0),
-    "saturated_low_share": ("time with a motor at its lowest", "%", 100.0),
-    **{
-        f"saturated_by_{axis}_share": (f"time with a motor at a limit while {axis} asked for most", "%", 100.0)
-        for axis in ("roll", "pitch", "yaw", "thrust")
-    },
-    "center_of_gravity_forward": ("center of gravity ahead of the middle, over the longest arm", "", 1.0),
-    "center_of_gravity_right": ("center of gravity right of the middle, over the longest arm", "", 1.0),
-    "imbalance": ("imbalance of the motors in steady flight", "%", 100.0),
-    "headroom": ("output left above steady flight", "%", 100.0),
-    "output_delay_s": ("from motor output to gyro", "ms", 1e3),
-    "start_v": ("battery at the start", "V", 1.0),
-    "stop_v": ("battery at the end", "V", 1.0),
-    "lowest_v": ("lowest voltage", "V", 1.0),
-    "resistance_ohm": ("internal resistance", "mΩ", 1e3),
-    "sag_v": ("sag under load", "V", 1.0),
-    "speed_m_s": ("wind", "m/s", 1.0),
-    "direction_deg": ("wind from", "°", 1.0),
-}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -208,7 +154,7 @@ def _section(review: Review, anchor: str) -> Section:
         cards=tuple((card, Verdict(LEVEL_OF[card.color], card.word)) for card in cards(review)),
         headline=headline(review),
         steps=tuple(_steps(review, anchor)),
-        loops=_rows(_LOOP_ROWS, [loop.numbers for loop in review.loops.values()]),
+        loops=_rows("loops", [loop.numbers for loop in review.loops.values()]),
         loop_names=names,
         bodes=tuple(_bode(loop, f"{anchor}-bode-{name}") for name, loop in review.loops.items()),
         margins=_margin_rows(list(review.margins.values())),
@@ -240,24 +186,21 @@ def headline(review: Review) -> str:
     return f"{what or 'Unknown vehicle'} · {count}, {total_s:.0f} s in the air ({spans}, {told_by(air.seen_in)})"
 
 
-def _rows(
-    words: Mapping[str, tuple[str, str, float]], columns: Sequence[Mapping[str, Quantity]]
-) -> tuple[NumberRow, ...]:
-    """A row for each quantity that any column holds."""
-    rows = []
-    for name, (told, shown, factor) in words.items():
-        if any(name in column for column in columns):
-            label = f"{told} [{shown}]" if shown else told
-            rows.append(NumberRow(words=label, cells=tuple(_cell(column.get(name), factor) for column in columns)))
-    return tuple(rows)
+def _rows(part: Part, columns: Sequence[Mapping[str, Quantity]]) -> tuple[NumberRow, ...]:
+    """A row for each figure of a part that any column holds."""
+    return tuple(
+        NumberRow(words=row.label, cells=tuple(_cells(row, column.get(name)) for column in columns))
+        for name, row in figures_of(part).items()
+        if any(name in column for column in columns)
+    )
 
 
 def _margin_rows(margins: Sequence[MarginReview | None]) -> tuple[NumberRow, ...]:
     """Margins of axes or flights; what lies beyond the band of an axis is marked as a model's."""
     rows = []
     columns = [{} if margin is None else margin.numbers for margin in margins]
-    names = [name for name in _MARGIN_ROWS if any(name in column for column in columns)]
-    for name, row in zip(names, _rows(_MARGIN_ROWS, columns), strict=True):
+    names = [name for name in figures_of("margins") if any(name in column for column in columns)]
+    for name, row in zip(names, _rows("margins", columns), strict=True):
         cells = tuple(
             (*cell, "by model") if margin is not None and name in margin.by_model else cell
             for margin, cell in zip(margins, row.cells, strict=True)
@@ -266,31 +209,14 @@ def _margin_rows(margins: Sequence[MarginReview | None]) -> tuple[NumberRow, ...
     return tuple(rows)
 
 
-def _cell(quantity: Quantity | None, factor: float) -> tuple[str, str]:
-    """A number and its interval, in the unit of paper."""
-    if quantity is None:
-        return MISSING, ""
-    return with_interval(factor * quantity.value, factor * quantity.lower, factor * quantity.upper)
+def _cells(row: FigureOfMerit, quantity: Quantity | None) -> tuple[str, str]:
+    return (MISSING, "") if quantity is None else row.cells(quantity)
 
 
 def _single(numbers: Mapping[str, Quantity]) -> tuple[NumberRow, ...]:
     """Numbers one below the other; those of each motor alone stand in the files."""
-    rows = []
-    for name, quantity in numbers.items():
-        if _OF_ONE_MOTOR.match(name):
-            continue
-        told, shown, factor = _NUMBER_WORDS.get(name, (_plain(name), unit(quantity.unit), 1.0))
-        if noise := _NOISE_SHARE.fullmatch(name):
-            axis, term, above = noise.groups()
-            told, shown, factor = f"noise through {term.upper()} of {axis}, of the motor range", "%", 100.0
-            told += ", above 100 Hz alone" if above else ""
-        label = f"{told} [{shown}]" if shown else told
-        rows.append(NumberRow(words=label, cells=(_cell(quantity, factor),)))
-    return tuple(rows)
-
-
-def _plain(name: str) -> str:
-    return name.replace("_", " ")
+    rows = ((QUANTITIES[name], quantity) for name, quantity in numbers.items() if name in QUANTITIES)
+    return tuple(NumberRow(words=row.label, cells=(row.cells(quantity),)) for row, quantity in rows)
 
 
 def _steps(review: Review, anchor: str) -> list[Picture]:
@@ -371,9 +297,10 @@ def _broken_loop(
         label["text"] = f"{margin.axis.capitalize()}: {label['text'][:1].lower()}{label['text'][1:]}"
     if marked:
         factor = 1.0 if frequency == "rad/s" else 0.5 / np.pi
+        crossover = margin.numbers["crossover_rad_s"]
         (degrees, reach), (at, along) = (
-            _cell(margin.numbers["phase_margin_deg"], 1.0),
-            _cell(margin.numbers["crossover_rad_s"], factor),
+            QUANTITIES["phase_margin_deg"].cells(margin.numbers["phase_margin_deg"]),
+            with_interval(*(factor * end for end in (crossover.value, crossover.lower, crossover.upper))),
         )
         words = f"phase margin {degrees}°{f' ({reach})' if reach else ''} at {at} {frequency}"
         words += f" ({along})" if along else ""
@@ -435,12 +362,10 @@ def _motors(review: Review, anchor: str) -> tuple[Picture, ...]:
 
 
 def _power(review: Review) -> tuple[NumberRow, ...]:
-    rows = list(_single(review.flight.battery))
-    if review.flight.hover_throttle is not None:
-        rows.append(NumberRow(words="throttle in hover [%]", cells=(_cell(review.flight.hover_throttle, 100.0),)))
-    if review.flight.thrust_to_weight is not None:
-        rows.append(NumberRow(words="full thrust over weight", cells=(_cell(review.flight.thrust_to_weight, 1.0),)))
-    return (*rows, *_single(review.flight.wind))
+    flight = review.flight
+    of_flight = {"hover_throttle": flight.hover_throttle, "thrust_to_weight": flight.thrust_to_weight}
+    known = {name: quantity for name, quantity in of_flight.items() if quantity is not None}
+    return (*_single(flight.battery), *_single(known), *_single(flight.wind))
 
 
 def _model(name: str, model: IdentifiedModel | Refused) -> ModelRow:
@@ -468,7 +393,7 @@ def _compared(reviews: Sequence[Review]) -> tuple[NumberRow, ...]:
     ]
     for name, words in LOOP_WORDS.items():
         columns = [review.loops[name].numbers if name in review.loops else {} for review in reviews]
-        rows += [NumberRow(words=f"{words}: {row.words}", cells=row.cells) for row in _rows(_LOOP_ROWS, columns)]
+        rows += [NumberRow(words=f"{words}: {row.words}", cells=row.cells) for row in _rows("loops", columns)]
     for axis in ("roll", "pitch", "yaw"):
         same = _margin_rows([review.margins.get(axis) for review in reviews])
         rows += [NumberRow(words=f"{axis} loop: {row.words}", cells=row.cells) for row in same]

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from rotorid.data.display import capital
-from rotorid.data.quantity import MISSING, Quantity, with_ends, with_interval
+from rotorid.data.quantities import QUANTITIES
+from rotorid.data.quantity import MISSING, Quantity, with_ends
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.tune import (
     AxisTuneDocument,
@@ -31,24 +32,17 @@ from rotorid.tuning.firmware import parameters_of
 from rotorid.tuning.loops import quantities
 from rotorid.typing import ComplexArray, FloatArray
 
-_WORDS: Mapping[str, tuple[str, str, float]] = {
-    "crossover_rad_s": ("Crossover", "rad/s", 1.0),
-    "phase_margin_deg": ("Phase margin", "°", 1.0),
-    "gain_margin_db": ("Gain margin", "dB", 1.0),
-    "delay_margin_s": ("Delay margin", "ms", 1e3),
-    "sensitivity_peak": ("Sensitivity peak M_s", "", 1.0),
-    "rejection_bandwidth_rad_s": ("Disturbance rejection bandwidth", "rad/s", 1.0),
-    "rejection_peak_db": ("Disturbance rejection peak", "dB", 1.0),
-}
-_OF_ATTITUDE: Mapping[str, tuple[str, str, float]] = {
-    "attitude_bandwidth_rad_s": ("Attitude bandwidth", "rad/s", 1.0),
-    "phase_delay_s": ("Phase delay of the attitude", "ms", 1e3),
-}
-PATH_MARGINS: Mapping[str, tuple[str, str]] = {
-    "sensitivity_peak": ("M_s", ""),
-    "crossover_rad_s": ("Crossover", "rad/s"),
-    "phase_margin_deg": ("Phase margin", "°"),
-}
+_OF_LOOPS = (
+    "crossover_rad_s",
+    "phase_margin_deg",
+    "gain_margin_db",
+    "delay_margin_s",
+    "sensitivity_peak",
+    "rejection_bandwidth_rad_s",
+    "rejection_peak_db",
+)
+_OF_ATTITUDE = ("attitude_bandwidth_rad_s", "phase_delay_s")
+PATH_MARGINS = ("sensitivity_peak", "crossover_rad_s", "phase_margin_deg")
 _NOTHING = (MISSING, "")
 _SENSITIVITY = "Sensitivity to disturbances"
 _DRAWS_ON_PAGE = 12
@@ -138,7 +132,7 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
         files=list(proposal.files.items()),
         rollback=list(proposal.rollback_files.items()),
         thrust=_thrust(document),
-        path_margins=list(PATH_MARGINS.values()),
+        path_margins=[(capital(QUANTITIES[name].before), QUANTITIES[name].unit) for name in PATH_MARGINS],
         remarks=finding_rows(document.findings),
         pictures=[picture for one in axes for picture in (*one.pictures, one.by_hand)],
         further_script="tune.js",
@@ -198,8 +192,8 @@ def render_check(found: CheckedTuning, *, title: str) -> str:
             rows=tuple(
                 ComparedRow(
                     name=f"{_named(row.name)}, {'rate loop' if row.loop == 'rate' else 'with the angle loop'}",
-                    foretold=_cell(row.foretold, _WORDS[row.name][2]),
-                    measured=_cell(row.measured, _WORDS[row.name][2]),
+                    foretold=_cell(row.name, row.foretold),
+                    measured=_cell(row.name, row.measured),
                     method=METHODS[row.method],
                     verdict=compared_words(row),
                 )
@@ -221,8 +215,7 @@ def render_check(found: CheckedTuning, *, title: str) -> str:
 
 
 def _named(name: str) -> str:
-    words, unit, _ = {**_WORDS, **_OF_ATTITUDE}[name]
-    return f"{words} [{unit}]" if unit else words
+    return capital(QUANTITIES[name].label)
 
 
 def _check_pictures(axis: str, one: CheckedAxis) -> list[Picture]:
@@ -372,21 +365,21 @@ def _axis(axis: str, document: AxisTuneDocument, one: AxisTuning, scale: float |
         ),
         margins=(
             *(
-                MarginRow(name=_named(name), cells=tuple(_cell(loop.get(name), factor) for loop in loops))
-                for name, (_, _, factor) in _WORDS.items()
+                MarginRow(name=_named(name), cells=tuple(_cell(name, loop.get(name)) for loop in loops))
+                for name in _OF_LOOPS
             ),
             *(
                 MarginRow(
-                    name=_named(name), cells=(_NOTHING, _NOTHING, *(_cell(loop.get(name), factor) for loop in whole))
+                    name=_named(name), cells=(_NOTHING, _NOTHING, *(_cell(name, loop.get(name)) for loop in whole))
                 )
-                for name, (_, _, factor) in _OF_ATTITUDE.items()
+                for name in _OF_ATTITUDE
             ),
         ),
         path=tuple(
             PathRow(
                 name=step_name(step),
                 gains=tuple(f"{value:.4g}" for value in step.gains.values()),
-                margins=tuple(_cell(step.whole.get(name), _WORDS[name][2]) for name in PATH_MARGINS),
+                margins=tuple(_cell(name, step.whole.get(name)) for name in PATH_MARGINS),
                 attitude=f"{100.0 * step.attitude_ratio.value:.0f} %",
             )
             for step in document.path
@@ -405,21 +398,16 @@ def _axis(axis: str, document: AxisTuneDocument, one: AxisTuning, scale: float |
     )
 
 
-def _cell(quantity: QuantityDocument | None, factor: float) -> tuple[str, str]:
-    """A number and its interval in the unit of paper."""
+def _cell(name: str, quantity: QuantityDocument | None) -> tuple[str, str]:
+    """A figure and its interval in the unit of paper."""
     if quantity is None or quantity.lower is None or quantity.upper is None:
         return _NOTHING
-    return with_interval(factor * quantity.value, factor * quantity.lower, factor * quantity.upper)
+    return QUANTITIES[name].cells(quantity)
 
 
-def _told(quantity: QuantityDocument | None, factor: float = 1.0, unit: str = "") -> str:
-    """The same in a sentence."""
-    if quantity is None:
-        return MISSING
-    value, lower, upper = (
-        None if one is None else factor * one for one in (quantity.value, quantity.lower, quantity.upper)
-    )
-    return with_ends(value, lower, upper, unit)
+def _told(peak: QuantityDocument | None) -> str:
+    """A peak in a sentence."""
+    return MISSING if peak is None else with_ends(peak.value, peak.lower, peak.upper)
 
 
 def _pictures(axis: str, one: AxisTuning, scale: float | None) -> Sequence[Picture]:

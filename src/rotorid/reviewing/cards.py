@@ -15,13 +15,13 @@ from typing import Literal, NamedTuple, TypeAlias
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.display import capital, listed
+from rotorid.data.quantities import QUANTITIES, FigureOfMerit
 from rotorid.data.quantity import Quantity
 from rotorid.data.trust import RICH_KINDS
 from rotorid.flights.oscillations import describe, gain_words, motors_limited
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import Color
 from rotorid.results.verdicts import verdict
-from rotorid.reviewing.motors import MUCH_AT_FULL, WORTH_SAYING
 from rotorid.reviewing.values import Review
 
 State: TypeAlias = Literal["good", "look", "part", "cannot"]
@@ -37,44 +37,8 @@ STATES: Mapping[State, tuple[str, Color]] = MappingProxyType(
 )
 """Word and color of a state, on every page and line: what is unknown is gray."""
 
-LEAST_PHASE_MARGIN_DEG, LARGEST_SENSITIVITY = 40.0, 2.0
-"""Below the one or above the other a rate loop rings, and has little left for a heavier day or a weaker battery."""
-
-# Habits of the field, not laws. A card asks for a look where the whole 95 % interval of a number lies beyond the limit,
-# and is good where every interval keeps to it; for what lies in between there is not enough data.
-
-LARGEST_OVERSHOOT_PERCENT = 25.0
-"""A rate loop that overshoots its set-point by more needs a look."""
-
-SLOW_RISE_S = 0.25
-"""A rate loop that takes longer from 0.1 to 0.9 of its set-point is slow."""
-
-LARGEST_IMBALANCE = WORTH_SAYING
-"""Off the mean of all motors in steady flight; a pattern is named from the same on."""
-
-LARGEST_SATURATION = MUCH_AT_FULL
-"""Share of the flight with a motor at full output, where nothing is left for control; warned of from the same on."""
-
 _SELDOM = 5e-4
 """Share of the flight at a limit below which nothing is said of it."""
-
-LEAST_HEADROOM = 0.15
-"""Share of the range that the hardest working motor has left in hover."""
-
-LARGEST_VIBRATION_M_S2 = 30.0
-"""More, rms above 10 Hz, disturbs the estimate of height and position."""
-
-LARGEST_CLIPPING = 1e-3
-"""Share of samples at the end of the accelerometer's range; noise is remarked on from the same on."""
-
-LARGEST_NOISE_SHARE = 0.02
-"""Share of the motors' range that noise takes through D: it moves nothing, and heats motors."""
-
-LARGEST_SAG = 0.15
-"""Share of the voltage at the start that falls off at the mean current."""
-
-LEAST_THRUST_TO_WEIGHT = 1.5
-"""Full thrust over weight below which it is called little."""
 
 _MOVE_MORE = "move the {axis} stick for 30 s: quick pairs to both sides of 5 to 10 degrees, one every second"
 
@@ -141,20 +105,18 @@ def _not_measured(missing: Sequence[str]) -> str:
 
 
 class _Judged(NamedTuple):
-    """A number of an axis that a card judges by, with the limit that it should keep to."""
+    """A number of an axis that a card judges by, with its row; ``per`` is what its limit is a share of."""
 
     axis: str
     name: str
+    figure: FigureOfMerit
     quantity: Quantity
-    good_above: float = math.nan
-    good_below: float = math.nan
+    per: float = 1.0
 
     @property
     def verdict(self) -> State:
-        """Good or not over the whole 95 % interval; else it cannot be told."""
-        if self.sure_end > 1.0:
-            return "look"
-        return "good" if self.bad_end <= 1.0 else "cannot"
+        """Good or not over the whole 95 % interval; else there is not enough data."""
+        return self.figure.judged(self.quantity, self.per)
 
     @property
     def sure_end(self) -> float:
@@ -167,9 +129,45 @@ class _Judged(NamedTuple):
         return self._over_limit(self.quantity.lower, self.quantity.upper)
 
     def _over_limit(self, of_high: float, of_low: float) -> float:
-        if math.isnan(self.good_above):
-            return of_low / self.good_below
-        return self.good_above / of_high if of_high > 0.0 else math.inf
+        limit = self.per * self.figure.limit
+        if math.isnan(self.figure.good_above):
+            return of_low / limit
+        return limit / of_high if of_high > 0.0 else math.inf
+
+    @property
+    def shown(self) -> str:
+        """The number with its axis, in one line."""
+        return f"{self.axis} {self.figure.before} {self.figure.shown(self.quantity)}"
+
+    @property
+    def trouble(self) -> str:
+        """What it means beyond its limit."""
+        return self._filled(self.figure.trouble)
+
+    def unsure(self, remedy: str = "") -> str:
+        """Why it gives no verdict, and what would."""
+        whether, limit = self._filled(self.figure.whether), self.figure.limit_text(self.per)
+        sentence = f"Not enough data to say whether {whether}: the limit of {limit} lies within the interval."
+        remedy = remedy or self.figure.surer
+        return f"{sentence} To measure it: {_lower_first(remedy)}" if remedy else sentence
+
+    def _filled(self, words: str) -> str:
+        return words.format(axis=self.axis, Axis=self.axis.capitalize(), value=self.figure.shown(self.quantity))
+
+
+def _judged(card: str, numbers: Mapping[str, Quantity], axis: str = "") -> list[_Judged]:
+    """The numbers that a card judges by, in the order of their table; without an axis, their names begin with it."""
+    return [
+        _Judged(
+            axis=axis or name.partition("_")[0],
+            name=name,
+            figure=row,
+            quantity=numbers[name],
+            per=numbers[row.per].value if row.per else 1.0,
+        )
+        for name, row in QUANTITIES.items()
+        if row.card == card and {name, row.per or name} <= numbers.keys()
+    ]
 
 
 def _tracking(review: Review) -> Card:
@@ -178,49 +176,42 @@ def _tracking(review: Review) -> Card:
     if swinging:
         sentence = f"{capital(listed(swinging))} {'oscillates' if len(swinging) == 1 else 'oscillate'}: end that first."
         return Card(key="tracking", title=title, state="cannot", number="", sentence=sentence)
-    numbers = {name: loops[name].numbers if name in loops else {} for name in ("p", "q")}
-    rises = [
-        _Judged(_RATES[name], "rises in", one["rise_time_s"], good_below=SLOW_RISE_S)
-        for name, one in numbers.items()
-        if "rise_time_s" in one
+    judged = [
+        one for name in ("p", "q") if name in loops for one in _judged("tracking", loops[name].numbers, _RATES[name])
     ]
-    overshoots = [
-        _Judged(_RATES[name], "overshoots by", one["overshoot_percent"], good_below=LARGEST_OVERSHOOT_PERCENT)
-        for name, one in numbers.items()
-        if "overshoot_percent" in one
-    ]
+    rises = [one for one in judged if one.name == "rise_time_s"]
+    overshoots = [one for one in judged if one.name == "overshoot_percent"]
     if not rises:
         sentence = "This log does not show how quickly roll and pitch follow their set-points."
         return Card(key="tracking", title=title, state="cannot", number="", sentence=sentence)
-    bad, unsure = _sorted([*overshoots, *rises])
+    bad, unsure = _sorted(judged)
     if bad:
         # What bounces is said before what is slow.
-        worst = next((one for one in bad if one in overshoots), bad[0])
-        sentence = (
-            f"{worst.axis.capitalize()} bounces after quick moves. Usually too much P or I, too little D, or a filter "
-            "that is too slow."
-            if worst in overshoots
-            else f"{worst.axis.capitalize()} follows slowly; more P would make it follow quicker."
-        )
-        return Card(key="tracking", title=title, state="look", number=_number(worst), sentence=sentence)
+        worst = next((one for one in bad if one not in rises), bad[0])
+        return Card(key="tracking", title=title, state="look", number=worst.shown, sentence=worst.trouble)
     if unsure:
         worst = unsure[0]
-        limit = f"{LARGEST_OVERSHOOT_PERCENT:.0f} %" if worst in overshoots else f"{1e3 * SLOW_RISE_S:.0f} ms"
-        sentence = _unsure(f"{worst.axis} follows well", limit, "fly longer with the sticks moving")
-        return Card(key="tracking", title=title, state="cannot", number=_number(worst), sentence=sentence)
+        return Card(key="tracking", title=title, state="cannot", number=worst.shown, sentence=worst.unsure())
     most = max(overshoots, key=lambda one: one.quantity.upper, default=None)
     by = f", with at most {most.quantity.upper:.0f} % overshoot" if most is not None else ""
     axes = [one.axis for one in rises]
     who = f"{capital(listed(axes))} {'follow their set-points' if len(axes) > 1 else 'follows its set-point'}"
     missing = [axis for axis in ("roll", "pitch") if axis not in axes]
-    missing += [f"overshoot of {axis}" for axis in axes if axis not in {one.axis for one in overshoots}]
+    missing += _lacking("tracking", axes, judged)
     return Card(
         key="tracking",
         title=title,
         state=_good(missing),
-        number=_number(max(rises, key=lambda one: one.quantity.value)),
+        number=max(rises, key=lambda one: one.quantity.value).shown,
         sentence=f"{who}{by}.{_not_measured(missing)}",
     )
+
+
+def _lacking(card: str, axes: Sequence[str], judged: Sequence[_Judged]) -> list[str]:
+    """Numbers of a card that some axes lack, in words."""
+    known = {(one.axis, one.name) for one in judged}
+    rows = {name: row for name, row in QUANTITIES.items() if row.card == card}
+    return [f"{row.words} of {axis}" for axis in axes for name, row in rows.items() if (axis, name) not in known]
 
 
 def _sorted(judged: Sequence[_Judged]) -> tuple[list[_Judged], list[_Judged]]:
@@ -230,52 +221,25 @@ def _sorted(judged: Sequence[_Judged]) -> tuple[list[_Judged], list[_Judged]]:
     return bad, unsure
 
 
-def _unsure(what: str, limit: str, remedy: str) -> str:
-    """Why a number gives no verdict, and what would."""
-    sentence = f"Not enough data to say whether {what}: the limit of {limit} lies within the interval."
-    return f"{sentence} To measure it: {_lower_first(remedy)}" if remedy else sentence
-
-
-_SHOWN: Mapping[str, tuple[str, float]] = {
-    "rises in": (" ms", 1e3),
-    "overshoots by": (" %", 1.0),
-    "phase margin": ("°", 1.0),
-    "M_s": ("", 1.0),
-}
-"""Unit and factor in which a judged number is shown."""
-
-
 def _margin_number(review: Review, one: _Judged) -> str:
     """A margin, with the end of a D that moves in flight for which it was computed."""
     margin = review.margins[one.axis]  # type: ignore[index]
     known = margin.numbers.get("crossover_rad_s")
     each = {name: end.get("crossover_rad_s") for name, end in margin.ends.items()}
     same = [name for name, end in each.items() if known and end and math.isclose(end.value, known.value)]
-    return f"{_number(one)}{f' with {same[0]}' if len(same) == 1 else ''}"
-
-
-def _number(one: _Judged) -> str:
-    return f"{one.axis} {one.name} {_told(one.quantity, *_SHOWN[one.name])}"
+    return f"{one.shown}{f' with {same[0]}' if len(same) == 1 else ''}"
 
 
 def _margins(review: Review) -> Card:
     title = "How close is it to shaking?"
     if review.oscillations:
         return _shaking(review)
-    peaks = [
-        _Judged(axis, "M_s", one.numbers["sensitivity_peak"], good_below=LARGEST_SENSITIVITY)
-        for axis, one in review.margins.items()
-        if "sensitivity_peak" in one.numbers
-    ]
-    phases = [
-        _Judged(axis, "phase margin", one.numbers["phase_margin_deg"], good_above=LEAST_PHASE_MARGIN_DEG)
-        for axis, one in review.margins.items()
-        if "phase_margin_deg" in one.numbers
-    ]
+    judged = [one for axis, margin in review.margins.items() for one in _judged("margins", margin.numbers, axis)]
+    phases = [one for one in judged if one.name == "phase_margin_deg"]
     # Number and sentence are of one loop: of those that are surely bad the worst, then of those that may be.
-    bad, unsure = _sorted([*phases, *peaks])
+    bad, unsure = _sorted(judged)
     if bad:
-        number, sentence = _margin_number(review, bad[0]), _too_close(bad[0])
+        number, sentence = _margin_number(review, bad[0]), bad[0].trouble
         return Card(key="margins", title=title, state="look", number=number, sentence=sentence)
     # Gusts show numbers of an axis whose stick rests, and are no test of its loop.
     excited = [one for one in phases if not review.margins[one.axis].stick_idle]  # type: ignore[index]
@@ -288,20 +252,19 @@ def _margins(review: Review) -> Card:
     if unsure := [one for one in unsure if one.axis in {known.axis for known in excited}]:
         worst = unsure[0]
         remedy = _remedy(review, f"margins.{worst.axis}.") or _MOVE_MORE.format(axis=worst.axis)
-        limit = f"{LEAST_PHASE_MARGIN_DEG:.0f}°" if worst in phases else f"{LARGEST_SENSITIVITY:g}"
-        sentence = _unsure(f"the {worst.axis} loop keeps a safe distance from instability", limit, remedy)
-        return Card(key="margins", title=title, state="cannot", number=_margin_number(review, worst), sentence=sentence)
+        number, sentence = _margin_number(review, worst), worst.unsure(remedy)
+        return Card(key="margins", title=title, state="cannot", number=number, sentence=sentence)
     names = [one.axis for one in excited]
     which = "loops keep" if len(names) > 1 else "loop keeps"
     others = [axis for axis in RATE_OF if axis not in names]
     resting = {axis for axis, one in review.margins.items() if one.stick_idle}
     missing = [f"{axis} (its stick hardly moved)" if axis in resting else axis for axis in others]
-    missing += [f"M_s of {axis}" for axis in names if axis not in {one.axis for one in peaks}]
+    missing += (unknown := _lacking("margins", names, judged))
     missing += [f"oscillation of {axis}" for axis in names if axis not in review.calm]
     sentence = (
         f"The {listed(names)} {which} a safe distance from instability."
-        if not any(one.startswith("M_s") for one in missing)
-        else f"The {listed(names)} {which} a phase margin of more than {LEAST_PHASE_MARGIN_DEG:.0f}°."
+        if not unknown
+        else f"The {listed(names)} {which} a phase margin of more than {phases[0].figure.limit_text()}."
     )
     least = max(excited, key=lambda one: one.bad_end)
     return Card(
@@ -338,53 +301,32 @@ def _calm(review: Review, among: Sequence[str] = ("roll", "pitch")) -> str:
     return f"{capital(listed(axes))} {'does' if len(axes) == 1 else 'do'} not oscillate. "
 
 
-def _too_close(worst: _Judged) -> str:
-    if worst.name == "M_s":
-        times = f"{_told(worst.quantity)} times as large"
-        return f"The {worst.axis} loop makes some disturbances {times}: less gain, or less delay."
-    return f"The {worst.axis} loop has little room: it rings, and a stronger filter or more gain would make it shake."
-
-
 def _noise(review: Review) -> Card:
     title, noise = "Does it vibrate?", review.noise
     vibration, clipping = noise.numbers.get("vibration_m_s2"), noise.numbers.get("clipping_share")
-    number = "" if vibration is None else _told(vibration, " m/s²")
+    number = "" if vibration is None else QUANTITIES["vibration_m_s2"].shown(vibration)
     if review.oscillations:
         axes = [one.axis for one in review.oscillations]
         sentence = f"{capital(listed(axes))} {'oscillates' if len(axes) == 1 else 'oscillate'}: end that first."
         return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
-    shares = {name: one for name, one in noise.numbers.items() if name.endswith("_d_noise_share")}
-    loud = max(shares, key=lambda one: shares[one].value, default=None)
+    judged = _judged("noise", noise.numbers)
+    shares = [one for one in judged if one.name.endswith("_d_noise_share")]
+    loud = max(shares, key=lambda one: one.quantity.value, default=None)
     if not number and loud is not None:
-        number = f"{_told(shares[loud], ' %', 100.0)} of the motor range"
+        number = f"{loud.figure.shown(loud.quantity)} of the motor range"
     # What share of this flight clipped was counted, and is no estimate.
-    if clipping is not None and clipping.value > LARGEST_CLIPPING:
-        sentence = "The accelerometer hits its limits: mount it softer, or find what shakes."
+    if clipping is not None and clipping.value > QUANTITIES["clipping_share"].limit:
+        sentence = QUANTITIES["clipping_share"].trouble
         return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
-    shaken = None if vibration is None else _Judged("", "vibration", vibration, good_below=LARGEST_VIBRATION_M_S2)
-    passed = [
-        _Judged(name.partition("_")[0], name, one, good_below=LARGEST_NOISE_SHARE) for name, one in shares.items()
-    ]
-    bad, unsure = _sorted([*([shaken] if shaken else ()), *passed])
-    if shaken is not None and shaken in bad:
-        sentence = (
-            "Vibration is high enough to disturb height and position: balance propellers, look at mount and arms."
-        )
-        return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
+    shaken = next((one for one in judged if one.name == "vibration_m_s2"), None)
+    bad, unsure = _sorted([one for one in judged if one.name != "clipping_share"])
     if bad:
-        share = f"{_told(bad[0].quantity, ' %', 100.0)} of their range"
-        sentence = f"Noise passes through D of {bad[0].axis} into the motors ({share}): motors may run hot."
-        return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
+        worst = shaken if shaken in bad else bad[0]
+        return Card(key="noise", title=title, state="look", number=number, sentence=worst.trouble)
     strongest = max(noise.peaks, key=lambda one: one.height_db, default=None)
     where = "" if strongest is None else f" The strongest line is at {strongest.frequency_hz.value:.0f} Hz."
-    if unsure and unsure[0] is shaken:
-        sentence = _unsure("it vibrates little", f"{LARGEST_VIBRATION_M_S2:.0f} m/s²", "fly longer")
-        return Card(key="noise", title=title, state="cannot", number=number, sentence=f"{sentence}{where}")
     if unsure:
-        share = f"{_told(unsure[0].quantity, ' %', 100.0)} of the motor range"
-        what = f"little noise passes through D of {unsure[0].axis} ({share})"
-        sentence = _unsure(what, f"{100.0 * LARGEST_NOISE_SHARE:.0f} %", "fly longer")
-        return Card(key="noise", title=title, state="cannot", number=number, sentence=f"{sentence}{where}")
+        return Card(key="noise", title=title, state="cannot", number=number, sentence=f"{unsure[0].unsure()}{where}")
     # A controller whose P was measured and that has no D passes no noise through it.
     axes = [axis for axis in ("roll", "pitch") if any(f"{axis}_{term}_noise_share" in noise.numbers for term in "pd")]
     if shaken is None and not axes:
@@ -416,8 +358,10 @@ def _motors(review: Review) -> Card:
     # What share of this flight stood at a limit was counted, and is no estimate.
     full = "" if high is None else f"{100.0 * high.value:.1f} %"
     number = f"{full} at full output" if high is not None and high.value > _SELDOM else ""
-    if imbalance is not None:
-        number = f"{_told(imbalance, ' %', 100.0)} imbalance"
+    judged = {one.name: one for one in _judged("motors", numbers)}
+    uneven, left = judged.get("imbalance"), judged.get("headroom")
+    if uneven is not None:
+        number = f"{uneven.figure.shown(uneven.quantity)} imbalance"
     if motors.events:
         sentence = (
             f"{len(motors.events)} times a motor slowed down while its output rose: look for a desync of its ESC."
@@ -429,18 +373,18 @@ def _motors(review: Review) -> Card:
         most = max(one.at_limit_percent or 0.0 for one in review.oscillations)
         sentence = f"{axes} {'oscillates' if len(review.oscillations) == 1 else 'oscillate'}: end that first."
         return Card(key="motors", title=title, state="look", number=f"{most:.0f} % at a limit", sentence=sentence)
-    uneven = None if imbalance is None else _Judged("", "imbalance", imbalance, good_below=LARGEST_IMBALANCE)
-    left = None if headroom is None else _Judged("", "headroom", headroom, good_above=LEAST_HEADROOM)
     if uneven is not None and uneven.verdict == "look":
         why = f": {motors.pattern}" if motors.pattern else ""
         sentence = f"The motors do not share the work evenly in steady flight{why}."
         return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
-    if high is not None and high.value > LARGEST_SATURATION:
+    if high is not None and high.value > QUANTITIES["saturated_high_share"].limit:
         sentence = f"A motor stood at full output for {full} of the flight: nothing is left for control then."
         return Card(key="motors", title=title, state="look", number=f"{full} at full output", sentence=sentence)
-    if left is not None and left.verdict == "look":
-        sentence = "There is little thrust left above hover: lighter, or stronger."
-        return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
+    # Shares at a limit were counted, and are no estimates.
+    estimated = [one for one in judged.values() if not one.name.startswith("saturated")]
+    bad, _ = _sorted(estimated)
+    if bad:
+        return Card(key="motors", title=title, state="look", number=number, sentence=bad[0].trouble)
     limits = _at_limits(numbers)
     if uneven is None or left is None:
         why = next((one.why for one in review.cannot_tell if one.what == "motors.imbalance"), "")
@@ -449,19 +393,13 @@ def _motors(review: Review) -> Card:
         if remedy:
             sentence += f" To measure it: {_lower_first(remedy)}"
         return Card(key="motors", title=title, state="cannot", number=number, sentence=sentence)
-    hover = "hover for 20 s without touching the sticks"
-    if uneven.verdict == "cannot":
-        sentence = _unsure("they share the work evenly", f"{100.0 * LARGEST_IMBALANCE:.0f} %", hover)
-        return Card(
-            key="motors", title=title, state="cannot", number=number, sentence=f"{sentence}{limits and ' '}{limits}"
-        )
-    room = f"{_told(left.quantity, ' %', 100.0)} of their range is left above it"
-    if left.verdict == "cannot":
-        sentence = _unsure(f"enough thrust is left above hover ({room})", f"{100.0 * LEAST_HEADROOM:.0f} %", hover)
+    unsure = next((one for one in estimated if one.verdict == "cannot"), None)
+    if unsure is not None:
+        sentence = f"{unsure.unsure()}{limits and ' '}{limits}"
         return Card(key="motors", title=title, state="cannot", number=number, sentence=sentence)
     missing = [] if high is not None else ["share of the flight at full output"]
     step = " No motor lost step." if checked else ""
-    sentence = f"Balanced, with {_told(left.quantity, ' %', 100.0)} headroom in hover.{step}{limits and ' '}{limits}"
+    sentence = f"Balanced, with {left.figure.shown(left.quantity)} headroom in hover.{step}{limits and ' '}{limits}"
     return Card(
         key="motors",
         title=title,
@@ -485,7 +423,7 @@ def _at_limits(numbers: Mapping[str, Quantity]) -> str:
 def _power(review: Review) -> Card:
     title = "Power and thrust"
     battery, throttle, ratio = review.flight.battery, review.flight.hover_throttle, review.flight.thrust_to_weight
-    number = "" if throttle is None else f"hovers at {_told(throttle, ' %', 100.0)} throttle"
+    number = "" if throttle is None else f"hovers at {QUANTITIES['hover_throttle'].shown(throttle)} throttle"
     if not number and not battery:
         logged = _POWER & review.logging.rates_hz.keys()
         sentence = (
@@ -497,27 +435,23 @@ def _power(review: Review) -> Card:
     sentences: list[str] = []
     verdicts: set[State] = set()
     sagged = False
+
+    def judge(found: Sequence[_Judged]) -> None:
+        verdicts.update(one.verdict for one in found)
+        sentences.extend(
+            one.trouble if one.verdict == "look" else one.unsure() for one in found if one.verdict != "good"
+        )
+
     if ratio is not None:
-        sentences.append(f"Full thrust is {_told(ratio)} times the weight.")
-        judged = _Judged("", "thrust", ratio, good_above=LEAST_THRUST_TO_WEIGHT)
-        verdicts.add(judged.verdict)
-        if judged.verdict == "look":
-            sentences.append("That is little.")
-        elif judged.verdict == "cannot":
-            remedy = "raise the throttle to full for half a second in a safe climb"
-            sentences.append(_unsure("that is enough", f"{LEAST_THRUST_TO_WEIGHT:g}", remedy))
+        sentences.append(f"Full thrust is {QUANTITIES['thrust_to_weight'].shown(ratio)} times the weight.")
+        judge(_judged("power", {"thrust_to_weight": ratio}))
     if battery and "start_v" in battery and "lowest_v" in battery:
         start, lowest = battery["start_v"].value, battery["lowest_v"].value
         stop = battery.get("stop_v", battery["lowest_v"]).value
         sentences.append(f"The battery went from {start:.1f} V to {stop:.1f} V, lowest {lowest:.1f} V.")
         if start > 0.0 and "sag_v" in battery:
-            sagged, judged = True, _Judged("", "sag", battery["sag_v"], good_below=LARGEST_SAG * start)
-            verdicts.add(judged.verdict)
-            if judged.verdict == "look":
-                sentences.append("It sags much under load: old, cold or too small.")
-            elif judged.verdict == "cannot":
-                sag = f"it sags little under load ({_told(judged.quantity, ' V')})"
-                sentences.append(_unsure(sag, f"{LARGEST_SAG * start:.1f} V", "raise the throttle a few times"))
+            sagged = True
+            judge(_judged("power", battery))
     missing = [*([] if ratio is not None else ["full thrust over weight"]), *([] if sagged else ["sag under load"])]
     state: State = next((one for one in ("look", "cannot") if one in verdicts), _good(missing))
     if not verdicts:
@@ -578,32 +512,3 @@ def _lower_first(sentence: str) -> str:
     """A sentence as it goes on behind a colon."""
     ended = sentence if sentence.endswith(".") else f"{sentence}."
     return ended if ended[1:2].isupper() else f"{ended[:1].lower()}{ended[1:]}"
-
-
-_EVEN = 0.25
-"""An interval whose halves differ by less, over their mean, is told as one half."""
-
-
-def _told(quantity: Quantity, unit: str = "", factor: float = 1.0) -> str:
-    """A number with its 95 % interval, both as precise as that allows: by its half, or by both ends if it is skewed."""
-    value, lower, upper = (factor * one for one in (quantity.value, quantity.lower, quantity.upper))
-    half = 0.5 * (upper - lower)
-    if not half > 0.0:
-        return f"{value:.3g}{unit}"
-    digits = _digits(value - lower if math.isinf(half) else half)
-    if abs(upper + lower - 2.0 * value) <= _EVEN * half < math.inf:
-        return _minus(f"{value:.{digits}f} ± {half:.{digits}f}{unit}")
-    ends = [f"{end:.{digits}f}" if math.isfinite(end) else "∞" for end in (lower, upper)]
-    return _minus(f"{value:.{digits}f}{unit} ({ends[0]} to {ends[1]}{unit})")
-
-
-def _digits(half: float) -> int:
-    """Places behind the point that the half of an interval warrants: two digits of one that starts with a one."""
-    if not 0.0 < half < math.inf:
-        return 0
-    first, _, leading = f"{half:.1e}".partition("e")
-    return max(0, -int(leading) + (float(first) < 2.0))
-
-
-def _minus(text: str) -> str:
-    return text.replace("-", "−")

@@ -17,6 +17,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.quantities import figures_of
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
@@ -32,7 +33,6 @@ from rotorid.io.advice import logging_advice
 from rotorid.reviewing.values import LoopReview, StepCurve, Untold
 from rotorid.signal.motors import motor_limits
 from rotorid.spectral.impulse import (
-    NUMBERS,
     ImpulseResponse,
     flat_near_3db,
     impulse_response,
@@ -128,9 +128,9 @@ LOOPS: tuple[Loop, ...] = (
     Loop(name="phi", axis="roll", words="roll angle", horizon_s=10.0, within_s=3.0),
     Loop(name="theta", axis="pitch", words="pitch angle", horizon_s=10.0, within_s=3.0),
     Loop(name="psi", axis="yaw", words="heading", horizon_s=10.0, within_s=3.0),
-    Loop(name="u", axis="pitch", words="forward velocity", horizon_s=_OUTERMOST_S, within_s=8.0),
-    Loop(name="v", axis="roll", words="lateral velocity", horizon_s=_OUTERMOST_S, within_s=8.0),
-    Loop(name="w", axis="thrust", words="vertical velocity", horizon_s=_OUTERMOST_S, within_s=8.0),
+    Loop(name="u", axis="pitch", words="forward speed", horizon_s=_OUTERMOST_S, within_s=8.0),
+    Loop(name="v", axis="roll", words="sideward speed", horizon_s=_OUTERMOST_S, within_s=8.0),
+    Loop(name="w", axis="thrust", words="climb rate", horizon_s=_OUTERMOST_S, within_s=8.0),
 )
 """Every loop that a review looks for."""
 
@@ -370,7 +370,7 @@ def _numbers(
     slow = logged_hz < RATE_FOR_STEP * scale
     untold = [_too_slow(loop, "step", logged_hz, scale)] if slow else []
     told: dict[str, Quantity] = {}
-    for name in NUMBERS:
+    for name in figures_of("loops"):
         if slow and name not in ("delay_s", "bandwidth_90deg_rad_s"):
             continue
         if name in numbers and (name != "peak_db" or _coherent_peak(impulse, response)):

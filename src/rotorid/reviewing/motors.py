@@ -20,6 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from rotorid.data.findings import Finding, warn
+from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Intervals
 from rotorid.data.response import FrequencyResponse
@@ -39,9 +40,6 @@ from rotorid.signal.motors import (
     or_none,
 )
 from rotorid.typing import BoolArray, FloatArray
-
-WORTH_SAYING = 0.08
-"""Imbalance over the mean from which it is worth a look."""
 
 EXPLAINED = 0.9
 """Part of the squares that a pattern must explain to be named."""
@@ -64,9 +62,6 @@ _LONGEST_LAG_S = 0.12
 
 _LAG_BIAS = 0.05
 """Damping of the rate looks like less delay; flights with a known answer differ by so much."""
-
-MUCH_AT_FULL = 0.05
-"""Share of the flight with a motor at its upper limit from which it is said."""
 
 
 def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Untold, ...]]:
@@ -194,7 +189,8 @@ def _balance(
         spread = math.hypot(float(np.sqrt(np.sum((noise * arm) ** 2))), float(np.ptp(ends)) / (2.0 * TWO_SIDED_95))
         numbers[f"center_of_gravity_{name}"] = Quantity.normal(offset, spread, "1")
     pattern = ""
-    if float(abs(apart[worst])) > WORTH_SAYING and numbers["imbalance"].lower > 0.5 * WORTH_SAYING:
+    much = QUANTITIES["imbalance"].limit
+    if float(abs(apart[worst])) > much and numbers["imbalance"].lower > 0.5 * much:
         pattern = imbalance_pattern(apart, positions, spins)
     if pattern == "one motor":
         # What one weak motor asks for would look like a center of gravity off the middle.
@@ -375,11 +371,11 @@ _MEANS = {
 def _findings(review: MotorReview) -> Iterator[Finding]:
     numbers = review.numbers
     high = numbers.get("saturated_high_share")
-    if high is not None and high.value > MUCH_AT_FULL:
+    if high is not None and high.value > QUANTITIES["saturated_high_share"].limit:
         message = f"A motor was at its upper limit for {100.0 * high.value:.1f} % of the flight."
         yield warn("saturation", "motors", message, saturated_share=high.value)
     imbalance = numbers.get("imbalance")
-    if imbalance is not None and imbalance.value > WORTH_SAYING:
+    if imbalance is not None and imbalance.value > QUANTITIES["imbalance"].limit:
         meaning = _MEANS[review.pattern]
         message = f"A motor's output in hover is {100.0 * imbalance.value:.0f} % off the mean; {meaning}."
         yield warn("motor_imbalance", "motors", message, imbalance=imbalance.value)

@@ -18,6 +18,7 @@ import numpy as np
 from rotorid.data.axes import RATE_OF, RATES
 from rotorid.data.display import capital
 from rotorid.data.findings import Finding, warn
+from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.flights.controllers import controllers_of
@@ -71,9 +72,6 @@ _DELAY_AT_HZ = 20.0
 
 _HOT_HZ = 100.0
 """Noise above it moves nothing and heats the motors."""
-
-_MOST_CLIPS_SHARE = 1e-3
-"""Share of samples at the end of a sensor's range from which it is said."""
 
 _GYRO_END_RAD_S = tuple(math.radians(end) for end in (2000.0, 4000.0))
 """Ends of the ranges that gyros have."""
@@ -631,7 +629,7 @@ def _fast_sensors(record: FlightRecord) -> str:
 
 def _findings(numbers: Mapping[str, Quantity]) -> Iterator[Finding]:
     share = numbers.get("clipping_share")
-    if share is not None and share.value > _MOST_CLIPS_SHARE:
+    if share is not None and share.value > QUANTITIES["clipping_share"].limit:
         worst = f"{100.0 * share.value:.2g} %"
         message = f"A sensor stood at the end of its range in {worst} of the samples: mount it more softly."
         yield warn("sensor_clipping", "sensors", message, share=share.value)

@@ -13,6 +13,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding
+from rotorid.data.quantities import require_figures
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import Intervals
 from rotorid.data.response import FrequencyResponse
@@ -73,8 +74,7 @@ class LoopReview(Immutable):
     step
         Its answer to a unit step; ``None`` where it cannot be told.
     numbers
-        ``bandwidth_3db_rad_s``, ``bandwidth_90deg_rad_s``, ``delay_s`` (until half of the step), ``peak_db``,
-        ``rise_time_s``, ``overshoot_percent``, ``settling_time_s``; what cannot be told is left out.
+        Figures of ``loops`` in :data:`rotorid.data.quantities.QUANTITIES`; what cannot be told is left out.
     band_rad_s
         Where the response is usable.
     by_size
@@ -93,6 +93,7 @@ class LoopReview(Immutable):
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
+        require_figures("loops", self.numbers)
         self._set(numbers=self.numbers, by_size=self.by_size)
 
 
@@ -109,8 +110,7 @@ class MarginReview(Immutable):
     controller
         The rate controller from gains and filters of the log.
     numbers
-        ``crossover_rad_s``, ``gain_margin_db``, ``phase_margin_deg``, ``delay_margin_s``, ``sensitivity_peak``,
-        ``disturbance_rejection_rad_s``; what cannot be told is left out.
+        Figures of ``margins`` in :data:`rotorid.data.quantities.QUANTITIES`; what cannot be told is left out.
     by_model
         Names of the numbers that a model of the plant tells beyond what was measured.
     ends
@@ -140,6 +140,7 @@ class MarginReview(Immutable):
     stick_idle: bool = False
 
     def __post_init__(self) -> None:
+        require_figures("margins", self.numbers)
         self._set(numbers=self.numbers, ends=self.ends)
 
 
@@ -165,11 +166,11 @@ class FlightSummary(Immutable):
     seen_in
         What tells that.
     battery
-        ``start_v``, ``stop_v``, ``lowest_v``, ``resistance_ohm``, ``sag_v``.
+        Figures of ``battery`` in :data:`rotorid.data.quantities.QUANTITIES`.
     hover_throttle, thrust_to_weight
         Of the usual thrust, and of the most that a model of the motors tells, was seen, or follows from a thrust curve.
     wind
-        ``speed_m_s`` and ``direction_deg`` where the log estimates it.
+        Figures of ``wind``, where the log estimates it.
     modes
         Share of the time in the air of each flight mode, by name.
     """
@@ -183,6 +184,8 @@ class FlightSummary(Immutable):
     modes: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        require_figures("battery", self.battery)
+        require_figures("wind", self.wind)
         self._set(battery=self.battery, wind=self.wind, modes=self.modes)
 
 
@@ -265,8 +268,7 @@ class NoisePeak(Immutable):
 class NoiseReview(Immutable):
     """Noise of the sensors and what of it reaches the motors.
 
-    ``numbers``: ``vibration_m_s2``, ``clipping_share``, ``filter_delay_configured_s``, ``filter_delay_measured_s``,
-    ``AXIS_p_noise_share``, ``AXIS_d_noise_share`` (of the motor range, rms); what cannot be told is left out.
+    ``numbers`` are figures of ``noise`` in :data:`rotorid.data.quantities.QUANTITIES`; what cannot be told is left out.
     """
 
     maps: tuple[NoiseMap, ...] = ()
@@ -275,6 +277,7 @@ class NoiseReview(Immutable):
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
+        require_figures("noise", self.numbers)
         self._set(numbers=self.numbers)
 
 
@@ -282,7 +285,7 @@ class NoiseReview(Immutable):
 class MotorReview(Immutable):
     """Motors: limits, balance, headroom.
 
-    ``numbers``: ``saturated_high_share``, ``saturated_low_share``, ``imbalance``, ``headroom``, ``output_delay_s``.
+    ``numbers`` are figures of ``motors`` in :data:`rotorid.data.quantities.QUANTITIES`.
     ``means`` are the mean outputs in steady flight by motor; ``pattern`` is ``center of gravity``, ``twisted arm``,
     ``one motor`` or empty, ``events`` start times of desync-like events, ``steps_checked`` whether these were sought.
     """
@@ -295,6 +298,7 @@ class MotorReview(Immutable):
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
+        require_figures("motors", self.numbers)
         self._set(numbers=self.numbers, means=self.means)
 
 

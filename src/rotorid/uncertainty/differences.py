@@ -31,6 +31,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from scipy import stats
 
+from rotorid.data.quantities import figure
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.typing import AnyArray, BoolArray, FloatArray
 
@@ -49,9 +50,7 @@ _LEAST_SIGMAS = 2.0
 """A number that lies nearer to zero has no logarithm with a normal error, and no share."""
 
 _ONE_SIGN = re.compile(
-    r"(L_roll|M_pitch|N_yaw|Z_thrust|X_\w*thrust|T_\w+|tau_\w+|I_\w+|m|mass|arm|kappa\w*|thrust_\w+|moment_\w+|"
-    r"(.*\.)?(delay|delay_margin|rise_time|settling_time)_s|(.*\.)?(bandwidth_\w+|crossover|disturbance_rejection)_rad_s|"
-    r"(.*\.)?(sensitivity_peak|hover_throttle|thrust_to_weight)|noise\..*rms\w*)"
+    r"L_roll|M_pitch|N_yaw|Z_thrust|X_\w*thrust|T_\w+|tau_\w+|I_\w+|m|mass|arm|kappa\w*|thrust_\w+|moment_\w+"
 )
 
 
@@ -65,7 +64,8 @@ def keeps_sign(parameter: str) -> bool:
     >>> [keeps_sign(name) for name in ("L_roll", "tau_roll", "L_p", "margins.roll.gain_margin_db")]
     [True, True, False, False]
     """
-    return _ONE_SIGN.fullmatch(parameter) is not None
+    of_review = figure(parameter.rpartition(".")[2])
+    return of_review.keeps_sign if of_review else _ONE_SIGN.fullmatch(parameter) is not None
 
 
 _DAMPING = ("L_p", "M_q", "N_r", "Z_w")

@@ -12,6 +12,7 @@ from tests.unit.pipeline.controller_readers import readings, verdicts
 from tests.unit.pipeline.test_flown_firmware import BETAFLIGHT, NEW, OLD, PX4, flight
 
 from rotorid.data.findings import warn
+from rotorid.data.quantity import with_error
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.controller_check import SAME_GAIN, check_controller, check_given, controller_findings
@@ -79,7 +80,7 @@ def test_gains_that_did_not_fly_are_found_by_all(name: str, factor: float) -> No
     if expected == "not made":
         path = (check.terms or check.paths)["p"]
         assert path.slope == pytest.approx(1.0 / factor, abs=0.03)
-        assert f"{path.slope:.2f} ± " in check.why
+        assert f"{with_error(path.slope, max(path.std, 0.005))} times their P" in check.why
 
 
 @pytest.mark.parametrize("letter", "PD")

@@ -226,4 +226,4 @@ def test_a_margin_names_the_end_of_a_derivative_that_moves_in_flight() -> None:
         },
     )
     told = card(replace(seen, margins={**seen.margins, "pitch": pitch}), "margins")
-    assert told.number == "pitch M_s 3.0 ± 0.2 with D at its top"
+    assert told.number == "pitch M_s 3.00 ± 0.20 with D at its top"

@@ -148,7 +148,7 @@ def test_an_integral_that_is_taken_back_widens_the_interval_and_is_a_finding() -
 def test_a_p_term_that_the_header_does_not_make_has_no_margins() -> None:
     found, (only,) = reviewed(record(p_share=1.3))
     assert found is None
-    assert "1.30 ± 0.01 times their P" in only.why
+    assert "1.300 ± 0.005 times their P" in only.why
 
 
 def test_excitations_that_show_too_little_take_nothing_from_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -131,7 +131,7 @@ def test_a_loop_is_called_safe_only_where_its_whole_interval_is() -> None:
     assert "To measure it: move the roll stick for 30 s" in unsure.sentence
     narrow = card_of(margins_of(phase_margin_deg=Quantity.normal(60.0, 2.0, "deg")), "margins")
     assert narrow.state == "part"
-    assert "Not measured: yaw and M_s of roll." in narrow.sentence
+    assert "Not measured: yaw and peak sensitivity M_s of roll." in narrow.sentence
     peak = card_of(
         margins_of(phase_margin_deg=Quantity.normal(60.0, 2.0, "deg"), sensitivity_peak=Quantity.normal(1.9, 0.2, "1")),
         "margins",
@@ -159,7 +159,7 @@ def test_number_and_sentence_of_the_margins_are_of_the_worst_loop() -> None:
     assert told.sentence.startswith("The pitch loop makes some disturbances 2.5 ± 0.4 times as large")
     worse = margins_of(phase_margin_deg=Quantity.normal(12.0, 1.0, "deg"))
     told = card_of(replace(worse, margins={**worse.margins, "pitch": loud}), "margins")
-    assert told.number == "roll phase margin 12 ± 2°"
+    assert told.number == "roll phase margin 12.0 ± 2.0°"
     assert told.sentence.startswith("The roll loop")
 
 
@@ -178,7 +178,7 @@ def test_motors_are_well_only_as_far_as_it_was_measured() -> None:
     assert card_of(replace(seen, motors=MotorReview(numbers={"output_delay_s": share})), "motors").state == "cannot"
     even = card_of(seen, "motors")
     assert (even.state, even.number) == ("part", "5.0 ± 1.2 % imbalance")
-    assert even.sentence.startswith("Balanced, with 50 ± 2 % headroom in hover. Not measured: ")
+    assert even.sentence.startswith("Balanced, with 50.0 ± 2.0 % headroom in hover. Not measured: ")
     wide = {**seen.motors.numbers, "imbalance": Quantity.normal(0.06, 0.03, "1")}
     assert card_of(replace(seen, motors=MotorReview(numbers=wide)), "motors").state == "cannot"
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import Quantity
 from rotorid.models.autopilots import axis_controller
 from rotorid.proposing import check
@@ -96,7 +97,7 @@ def test_a_wide_interval_does_not_acquit(name: str) -> None:
     """A proposal that says little is not fulfilled by whatever flies."""
     found = checked(whole={**WHOLE, name: wider(WHOLE, 0.25)[name]})
     assert found.verdict == "cannot_tell"
-    assert check.COMPARED[name] in found.sentence
+    assert QUANTITIES[name].words in found.sentence
     assert all(one.inside for one in found.figures)
     assert "Keep these gains" not in found.advice
     assert "up to" in found.advice
@@ -109,7 +110,7 @@ def test_a_plant_that_ends_at_the_crossover_does_not_acquit() -> None:
     short = flown(band_rad_s=(1.0, 1.2 * crossover))
     found = checked(now=short)
     assert found.verdict == "cannot_tell"
-    assert "sensitivity peak" in found.sentence
+    assert "peak sensitivity M_s" in found.sentence
 
 
 def test_a_test_signal_at_the_mixer_overrules_the_plant() -> None:

@@ -275,7 +275,7 @@ def test_a_pole_at_the_origin_has_no_damping() -> None:
 def test_a_pole_in_words() -> None:
     pair = Pole(value=complex(1.871, 3.58), covariance=np.diag([0.01, 0.04]))
     assert pair.words().startswith("The pole at 1.871+3.58j 1/s has a natural frequency of 4.04 ± 0.18 rad/s")
-    assert "damping ratio of -0.463 ± " in pair.words()
+    assert "damping ratio of −0.463 ± " in pair.words()
 
 
 @pytest.mark.parametrize(

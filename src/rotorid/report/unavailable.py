@@ -1,4 +1,4 @@
-"""What names of quantities of a review are called by people."""
+"""What a review could not measure, in words: a row for everything that has one reason."""
 
 from __future__ import annotations
 
@@ -7,18 +7,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 from rotorid.data.display import listed
+from rotorid.data.quantities import figure
 from rotorid.reviewing.loops import LOOPS
 from rotorid.reviewing.values import Untold
 
 _LOOPS: Mapping[str, str] = MappingProxyType({loop.name: f"{loop.words} loop" for loop in LOOPS})
 
-_WHOLE: Mapping[str, str] = MappingProxyType(
+_PARTS: Mapping[str, str] = MappingProxyType(
     {
         "flight": "flight",
         "flight.battery": "battery",
-        "flight.battery.resistance_ohm": "resistance of the battery",
-        "flight.hover_throttle": "throttle in hover",
-        "flight.thrust_to_weight": "full thrust over weight",
         "flight.wind": "wind",
         "flight.modes": "flight modes",
         "logging": "logging",
@@ -27,42 +25,18 @@ _WHOLE: Mapping[str, str] = MappingProxyType(
         "margins": "margins",
         "models": "models",
         "motors": "motors",
-        "motors.imbalance": "imbalance of the motors",
-        "motors.headroom": "output left above steady flight",
         "motors.events": "motors that lose their step",
-        "motors.output_delay_s": "delay from motor output to gyro",
         "oscillations": "oscillation",
         "noise": "noise",
         "noise.maps": "noise maps",
         "noise.maps.before": "noise before the filters",
         "noise.maps.throttle": "noise against throttle",
         "noise.peaks": "lines in the noise",
-        "noise.vibration_m_s2": "vibration",
-        "noise.clipping_share": "accelerometer at its limits",
-        "noise.filter_delay_configured_s": "delay of the gyro filters as configured",
-        "noise.filter_delay_measured_s": "delay of the gyro filters as measured",
         "vehicle.kind": "kind of vehicle",
         "vehicle.frame": "frame",
-        **{
-            f"noise.{axis}_{term}_noise_share": f"noise through {term.upper()} of {axis}"
-            for axis in ("roll", "pitch", "yaw")
-            for term in "pd"
-        },
     }
 )
-
-_NUMBERS: Mapping[str, str] = MappingProxyType(
-    {
-        "bandwidth_3db_rad_s": "bandwidth at −3 dB",
-        "bandwidth_90deg_rad_s": "bandwidth at −90°",
-        "delay_s": "delay",
-        "peak_db": "resonance peak",
-        "sensitivity_peak": "largest sensitivity M_s",
-        "step": "step response",
-    }
-)
-
-_UNITS = ("_rad_s", "_deg", "_db", "_percent", "_s")
+"""Parts of a review that are no figures."""
 
 
 def untold_words(name: str) -> tuple[str, str]:
@@ -77,31 +51,25 @@ def untold_words(name: str) -> tuple[str, str]:
     >>> untold_words("noise.roll_p_noise_share")
     ('noise through P of roll', '')
     """
-    if name in _WHOLE:
-        return _WHOLE[name], ""
+    if name in _PARTS:
+        return _PARTS[name], ""
     part, _, rest = name.partition(".")
     if part == "models":
         return f"model {rest}", ""
     which, _, number = rest.partition(".")
     if part == "loops" and which in _LOOPS:
-        return _LOOPS[which], number_words(number)
+        return _LOOPS[which], _number_words(number)
     if part == "oscillations":
         return f"oscillation of {which}", ""
     if part == "margins":
-        return f"margins of {which}", number_words(number)
-    return number_words(name.replace(".", " ")), ""
+        return f"margins of {which}", _number_words(number)
+    row = figure(name.rpartition(".")[2])
+    return name.replace(".", " ").replace("_", " ") if row is None else row.words, ""
 
 
-def number_words(name: str) -> str:
-    """A number without its unit, as one says it.
-
-    Examples
-    --------
-    >>> number_words("phase_margin_deg"), number_words("bandwidth_90deg_rad_s")
-    ('phase margin', 'bandwidth at −90°')
-    """
-    unit = next((unit for unit in _UNITS if name.endswith(unit)), "")
-    return _NUMBERS.get(name, name.removesuffix(unit).replace("_", " "))
+def _number_words(name: str) -> str:
+    row = figure(name)
+    return {"step": "step response"}.get(name, name) if row is None else row.words
 
 
 def of_numbers(thing: str, numbers: list[str]) -> str:

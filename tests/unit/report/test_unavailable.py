@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from rotorid.report.unavailable import gathered
 from rotorid.reviewing.values import Untold
-from rotorid.reviewing.words import gathered
 
 
 def test_a_row_for_several_axes_names_each_of_them() -> None:

@@ -1,0 +1,424 @@
+"""Every figure of merit: what it is called, how it is shown, and by which limit it is judged.
+
+A review, its cards, pages and documents, the table of a fleet, ``response`` and ``tune`` read this table and have none
+of their own. A new figure is the function that computes it and its row here.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal, Protocol, TypeAlias
+
+from rotorid.data.base import Immutable
+from rotorid.data.quantity import (
+    Quantity,
+    in_decibels,
+    rounded_ends,
+    significant,
+    with_error,
+    with_half,
+    with_interval,
+    with_unit,
+)
+from rotorid.errors import UsageError
+
+Part: TypeAlias = Literal["loops", "margins", "noise", "motors", "battery", "wind", "flight", "tuning", "response"]
+"""The part of a review that holds a figure, as its document and the table of a fleet name it, or another verb."""
+
+
+class Interval(Protocol):
+    """A number with the ends of its 95 % interval, as values and documents hold it."""
+
+    @property
+    def value(self) -> float: ...
+    @property
+    def lower(self) -> float | None: ...
+    @property
+    def upper(self) -> float | None: ...
+
+
+Judgment: TypeAlias = Literal["good", "look", "cannot"]
+"""Good; look here; not enough data, since the limit lies within the interval."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FigureOfMerit(Immutable):
+    """A figure of merit.
+
+    Parameters
+    ----------
+    part
+        Where it stands.
+    words, detail
+        What it is called everywhere, and what a table adds.
+    unit, factor
+        On paper, with the factor from the unit of the number; ``None`` for a factor that is shown in decibels.
+    short
+        What goes before the number in one line; the words by default.
+    good_above, good_below
+        Limit, in the unit of the number. It is a habit of the field and no law: trouble is where the whole 95 %
+        interval lies beyond it, good where the whole interval keeps to it.
+    per
+        The number of the same part that the limit is a share of; none by default.
+    card
+        The card of a review that is judged by it too.
+    trouble
+        What the card says beyond the limit, with ``{axis}`` and ``{value}``.
+    whether, surer
+        What is open where the limit lies within the interval, and what would decide it.
+    keeps_sign
+        Whether it cannot change its sign by what it is.
+    """
+
+    part: Part
+    words: str
+    detail: str = ""
+    unit: str = ""
+    factor: float | None = 1.0
+    short: str = ""
+    good_above: float = math.nan
+    good_below: float = math.nan
+    per: str = ""
+    card: str = ""
+    trouble: str = ""
+    whether: str = ""
+    surer: str = ""
+    keeps_sign: bool = False
+
+    @property
+    def label(self) -> str:
+        """Head of its row: ``rise time, 10 to 90 % [ms]``."""
+        named = f"{self.words}, {self.detail}" if self.detail else self.words
+        return f"{named} [{self.unit}]" if self.unit else named
+
+    @property
+    def before(self) -> str:
+        """What goes before the number in one line."""
+        return self.short or self.words
+
+    @property
+    def limit(self) -> float:
+        """The limit, in the unit of the number; not a number where it has none."""
+        return self.good_below if math.isnan(self.good_above) else self.good_above
+
+    def limit_text(self, per: float = 1.0) -> str:
+        """The limit on paper, of a share times what it is a share of."""
+        return with_unit(significant(self._paper(per * self.limit)), self.unit)
+
+    def shown(self, quantity: Quantity) -> str:
+        """A number with its interval and unit, in one line."""
+        return with_half(*self._interval(quantity), unit=self.unit)
+
+    def cells(self, quantity: Interval) -> tuple[str, str]:
+        """A number and its interval, for a table whose head has the unit."""
+        ends = (quantity.value, quantity.lower, quantity.upper)
+        return with_interval(*(None if end is None else self._paper(end) for end in ends))
+
+    def with_ends(self, quantity: Interval) -> str:
+        """The same in one line, without the unit."""
+        number, interval = self.cells(quantity)
+        return f"{number} ({interval})" if interval else number
+
+    def with_error(self, value: float, std: float) -> str:
+        """A number with its standard deviation, without the unit."""
+        return in_decibels(value, std) if self.factor is None else with_error(self.factor * value, self.factor * std)
+
+    def judged(self, quantity: Quantity, per: float = 1.0) -> Judgment:
+        """Whether a number keeps to the limit, by its interval as it is printed."""
+        lower, upper = rounded_ends(*self._interval(quantity))
+        limit = self._paper(per * self.limit)
+        better, worse = (
+            (upper >= limit, lower >= limit)
+            if self.limit == self.good_above
+            else (
+                lower <= limit,
+                upper <= limit,
+            )
+        )
+        return "good" if worse else "cannot" if better else "look"
+
+    def _interval(self, quantity: Quantity) -> tuple[float, float, float]:
+        return self._paper(quantity.value), self._paper(quantity.lower), self._paper(quantity.upper)
+
+    def _paper(self, value: float) -> float:
+        return value if self.factor is None else self.factor * value
+
+
+_DEGREES = 180.0 / math.pi
+_MOVE = "fly longer with the sticks moving"
+_HOVER = "hover for 20 s without touching the sticks"
+_KEEPS_DISTANCE = "the {axis} loop keeps a safe distance from instability"
+_AXES = ("roll", "pitch", "yaw")
+
+_LOOPS = {
+    "rise_time_s": FigureOfMerit(
+        part="loops",
+        words="rise time",
+        detail="10 to 90 %",
+        unit="ms",
+        factor=1e3,
+        short="rises in",
+        good_below=0.25,
+        card="tracking",
+        trouble="{Axis} follows slowly; more P would make it follow quicker.",
+        whether="{axis} follows well",
+        surer=_MOVE,
+        keeps_sign=True,
+    ),
+    "delay_s": FigureOfMerit(
+        part="loops", words="delay", detail="until half of the step", unit="ms", factor=1e3, keeps_sign=True
+    ),
+    "overshoot_percent": FigureOfMerit(
+        part="loops",
+        words="overshoot",
+        unit="%",
+        short="overshoots by",
+        good_below=25.0,
+        card="tracking",
+        trouble="{Axis} bounces after quick moves. Usually too much P or I, too little D, or a filter that is too "
+        "slow.",
+        whether="{axis} follows well",
+        surer=_MOVE,
+    ),
+    "settling_time_s": FigureOfMerit(
+        part="loops", words="settling time", detail="within 5 %", unit="ms", factor=1e3, keeps_sign=True
+    ),
+    "bandwidth_3db_rad_s": FigureOfMerit(part="loops", words="bandwidth at −3 dB", unit="rad/s", keeps_sign=True),
+    "bandwidth_90deg_rad_s": FigureOfMerit(part="loops", words="bandwidth at −90°", unit="rad/s", keeps_sign=True),
+    "peak_db": FigureOfMerit(part="loops", words="resonance peak", unit="dB"),
+}
+
+# Beyond its limit of phase margin or M_s a rate loop rings, and has little left for a heavier day or a weaker battery.
+_MARGINS = {
+    "phase_margin_deg": FigureOfMerit(
+        part="margins",
+        words="phase margin",
+        unit="°",
+        good_above=40.0,
+        card="margins",
+        trouble="The {axis} loop has little room: it rings, and a stronger filter or more gain would make it shake.",
+        whether=_KEEPS_DISTANCE,
+    ),
+    "crossover_rad_s": FigureOfMerit(part="margins", words="crossover", unit="rad/s", keeps_sign=True),
+    "gain_margin_db": FigureOfMerit(part="margins", words="gain margin", unit="dB"),
+    "delay_margin_s": FigureOfMerit(part="margins", words="delay margin", unit="ms", factor=1e3, keeps_sign=True),
+    "sensitivity_peak": FigureOfMerit(
+        part="margins",
+        words="peak sensitivity M_s",
+        short="M_s",
+        good_below=2.0,
+        card="margins",
+        trouble="The {axis} loop makes some disturbances {value} times as large: less gain, or less delay.",
+        whether=_KEEPS_DISTANCE,
+        keeps_sign=True,
+    ),
+    "disturbance_rejection_rad_s": FigureOfMerit(
+        part="margins", words="disturbance rejection bandwidth", unit="rad/s", keeps_sign=True
+    ),
+}
+
+# Vibration is rms above 10 Hz; more disturbs the estimate of height and position. Noise that passes through D moves
+# nothing and heats motors. What share of the samples clipped was counted, and is no estimate.
+_NOISE = {
+    "vibration_m_s2": FigureOfMerit(
+        part="noise",
+        words="vibration",
+        unit="m/s²",
+        good_below=30.0,
+        card="noise",
+        trouble="Vibration is high enough to disturb height and position: balance propellers, look at mount and arms.",
+        whether="it vibrates little",
+        surer="fly longer",
+    ),
+    "clipping_share": FigureOfMerit(
+        part="noise",
+        words="accelerometer at its limits",
+        unit="%",
+        factor=100.0,
+        good_below=1e-3,
+        card="noise",
+        trouble="The accelerometer hits its limits: mount it softer, or find what shakes.",
+    ),
+    "clipping_count": FigureOfMerit(part="noise", words="accelerometer at its limits, times"),
+    "filter_delay_configured_s": FigureOfMerit(
+        part="noise", words="delay of the gyro filters as configured", unit="ms", factor=1e3
+    ),
+    "filter_delay_measured_s": FigureOfMerit(
+        part="noise", words="delay of the gyro filters as measured", unit="ms", factor=1e3
+    ),
+    **{
+        f"{axis}_{term}_noise_share{band}": FigureOfMerit(
+            part="noise",
+            words=f"noise through {term.upper()} of {axis}",
+            detail=f"of the motor range{', above 100 Hz alone' if band else ''}",
+            unit="%",
+            factor=100.0,
+            good_below=0.02 if term == "d" and not band else math.nan,
+            card="noise" if term == "d" and not band else "",
+            trouble="Noise passes through D of {axis} into the motors ({value} of their range): motors may run hot.",
+            whether="little noise passes through D of {axis} ({value} of the motor range)",
+            surer="fly longer",
+        )
+        for axis in _AXES
+        for term in "pd"
+        for band in ("", "_above_100hz")
+    },
+}
+
+# Imbalance is the distance of a motor from the mean of all; a pattern is named from its limit on. At full output
+# nothing is left for control; that share was counted, and is no estimate. Headroom is that of the busiest motor.
+_MOTORS = {
+    "imbalance": FigureOfMerit(
+        part="motors",
+        words="imbalance of the motors in steady flight",
+        unit="%",
+        factor=100.0,
+        good_below=0.08,
+        card="motors",
+        whether="they share the work evenly",
+        surer=_HOVER,
+    ),
+    "headroom": FigureOfMerit(
+        part="motors",
+        words="output left above steady flight",
+        unit="%",
+        factor=100.0,
+        good_above=0.15,
+        card="motors",
+        trouble="There is little thrust left above hover: lighter, or stronger.",
+        whether="enough thrust is left above hover ({value} of their range is left above it)",
+        surer=_HOVER,
+    ),
+    "saturated_high_share": FigureOfMerit(
+        part="motors", words="time with a motor at full output", unit="%", factor=100.0, good_below=0.05, card="motors"
+    ),
+    "saturated_low_share": FigureOfMerit(
+        part="motors", words="time with a motor at its lowest", unit="%", factor=100.0
+    ),
+    **{
+        f"saturated_by_{axis}_share": FigureOfMerit(
+            part="motors", words=f"time with a motor at a limit while {axis} asked for most", unit="%", factor=100.0
+        )
+        for axis in (*_AXES, "thrust")
+    },
+    "motor_#_high_share": FigureOfMerit(part="motors", words="time of motor # at full output", unit="%", factor=100.0),
+    "motor_#_low_share": FigureOfMerit(part="motors", words="time of motor # at its lowest", unit="%", factor=100.0),
+    "center_of_gravity_forward": FigureOfMerit(
+        part="motors", words="center of gravity ahead of the middle", detail="over the longest arm"
+    ),
+    "center_of_gravity_right": FigureOfMerit(
+        part="motors", words="center of gravity right of the middle", detail="over the longest arm"
+    ),
+    "output_delay_s": FigureOfMerit(part="motors", words="delay from motor output to gyro", unit="ms", factor=1e3),
+}
+
+_POWER = {
+    "start_v": FigureOfMerit(part="battery", words="battery at the start", unit="V"),
+    "stop_v": FigureOfMerit(part="battery", words="battery at the end", unit="V"),
+    "lowest_v": FigureOfMerit(part="battery", words="lowest voltage", unit="V"),
+    "resistance_ohm": FigureOfMerit(part="battery", words="internal resistance", unit="mΩ", factor=1e3),
+    "sag_v": FigureOfMerit(
+        part="battery",
+        words="sag under load",
+        unit="V",
+        good_below=0.15,
+        per="start_v",
+        card="power",
+        trouble="It sags much under load: old, cold or too small.",
+        whether="it sags little under load ({value})",
+        surer="raise the throttle a few times",
+    ),
+    "hover_throttle": FigureOfMerit(part="flight", words="throttle in hover", unit="%", factor=100.0, keeps_sign=True),
+    "thrust_to_weight": FigureOfMerit(
+        part="flight",
+        words="full thrust over weight",
+        good_above=1.5,
+        card="power",
+        trouble="That is little.",
+        whether="that is enough",
+        surer="raise the throttle to full for half a second in a safe climb",
+        keeps_sign=True,
+    ),
+    "speed_m_s": FigureOfMerit(part="wind", words="wind", unit="m/s"),
+    "direction_deg": FigureOfMerit(part="wind", words="wind from", unit="°"),
+}
+
+_TUNING = {
+    "rejection_bandwidth_rad_s": FigureOfMerit(part="tuning", words="disturbance rejection bandwidth", unit="rad/s"),
+    "rejection_peak_db": FigureOfMerit(part="tuning", words="disturbance rejection peak", unit="dB"),
+    "attitude_bandwidth_rad_s": FigureOfMerit(part="tuning", words="attitude bandwidth", unit="rad/s"),
+    "phase_delay_s": FigureOfMerit(part="tuning", words="phase delay of the attitude", unit="ms", factor=1e3),
+}
+
+_RESPONSE = {
+    "phase_margin_rad": FigureOfMerit(part="response", words="phase margin", unit="°", factor=_DEGREES),
+    "gain_margin_up": FigureOfMerit(part="response", words="gain margin upward", unit="dB", factor=None),
+    "gain_margin_down": FigureOfMerit(part="response", words="gain margin downward", unit="dB", factor=None),
+    "modulus_margin": FigureOfMerit(part="response", words="modulus margin"),
+    "modulus_omega_rad_s": FigureOfMerit(part="response", words="modulus margin at", unit="rad/s"),
+    "disturbance_rejection_bandwidth_rad_s": FigureOfMerit(
+        part="response", words="disturbance-rejection bandwidth", unit="rad/s"
+    ),
+    "disturbance_rejection_peak": FigureOfMerit(
+        part="response", words="disturbance-rejection peak", unit="dB", factor=None
+    ),
+    "disturbance_rejection_peak_omega_rad_s": FigureOfMerit(
+        part="response", words="disturbance-rejection peak at", unit="rad/s"
+    ),
+    "attitude_phase_bandwidth_rad_s": FigureOfMerit(part="response", words="attitude phase bandwidth", unit="rad/s"),
+    "attitude_gain_bandwidth_rad_s": FigureOfMerit(part="response", words="attitude gain bandwidth", unit="rad/s"),
+    "attitude_omega_180_rad_s": FigureOfMerit(part="response", words="attitude lag of 180° at", unit="rad/s"),
+    "attitude_phase_delay_s": FigureOfMerit(part="response", words="attitude phase delay", unit="ms", factor=1e3),
+    "attitude_fitted_phase_delay_s": FigureOfMerit(
+        part="response", words="fitted attitude phase delay", unit="ms", factor=1e3
+    ),
+}
+
+QUANTITIES: Mapping[str, FigureOfMerit] = MappingProxyType(
+    {**_LOOPS, **_MARGINS, **_NOISE, **_MOTORS, **_POWER, **_TUNING, **_RESPONSE}
+)
+"""Every figure by its name in documents, in the order of tables; those of single motors have ``#`` for its number."""
+
+_MOTOR = re.compile(r"motor_(\d+)_")
+
+
+def figure(name: str) -> FigureOfMerit | None:
+    """The row of a figure; ``None`` for another name.
+
+    Examples
+    --------
+    >>> figure("rise_time_s").label, figure("motor_3_high_share").part, figure("L_p")
+    ('rise time, 10 to 90 % [ms]', 'motors', None)
+    """
+    return QUANTITIES.get(_MOTOR.sub("motor_#_", name))
+
+
+def figures_of(part: Part) -> dict[str, FigureOfMerit]:
+    """The rows of a part, in the order of its table.
+
+    Examples
+    --------
+    >>> list(figures_of("wind"))
+    ['speed_m_s', 'direction_deg']
+    """
+    return {name: one for name, one in QUANTITIES.items() if one.part == part}
+
+
+def require_figures(part: Part, numbers: Mapping[str, object]) -> None:
+    """Refuse numbers that nothing would show.
+
+    Raises
+    ------
+    UsageError
+        A number has no row in the table.
+    """
+    for name in numbers:
+        row = figure(name)
+        if row is None or row.part != part:
+            raise UsageError(
+                f"{name} of {part} has no row in rotorid.data.quantities", needed="words, unit and part of it"
+            )
