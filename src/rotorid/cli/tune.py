@@ -225,7 +225,7 @@ def _print(document: TuneDocument, folder: Path, given: Sequence[Path]) -> None:
     """Gains flown and proposed, margins, the path to the goal, findings, where the files are."""
     from rich.table import Table
 
-    from rotorid.documents.tune import path_sentence
+    from rotorid.documents.tune import LIMIT_IS_KEPT, path_sentence
 
     console = output_console()
     for axis, one in document.axes.items():
@@ -247,7 +247,7 @@ def _print(document: TuneDocument, folder: Path, given: Sequence[Path]) -> None:
         )
         console.print(line, highlight=False, markup=False)
     if document.robustness:
-        limit = f"limit: {document.robustness}; 95 of 100 likely plants keep it, so intervals may end a little above it"
+        limit = f"limit: {document.robustness}; {LIMIT_IS_KEPT}"
         console.print(limit, highlight=False, markup=False)
     for message in dict.fromkeys(one.message for one in document.findings if one.kind in _FURTHER_DATA):
         console.print(f"note: {message}", highlight=False, markup=False)

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import Literal, Protocol, TypeAlias
 
 from rotorid.data.base import Immutable
+from rotorid.data.display import listed
 from rotorid.data.quantity import (
     Quantity,
     in_decibels,
@@ -51,8 +52,6 @@ class FigureOfMerit(Immutable):
 
     Parameters
     ----------
-    part
-        Where it stands.
     words, detail
         What it is called everywhere, and what a table adds.
     unit, factor
@@ -70,11 +69,12 @@ class FigureOfMerit(Immutable):
         What the card says beyond the limit, with ``{axis}`` and ``{value}``.
     whether, surer
         What is open where the limit lies within the interval, and what would decide it.
+    remedy
+        What to do where a flight does not show it.
     keeps_sign
         Whether it cannot change its sign by what it is.
     """
 
-    part: Part
     words: str
     detail: str = ""
     unit: str = ""
@@ -87,6 +87,7 @@ class FigureOfMerit(Immutable):
     trouble: str = ""
     whether: str = ""
     surer: str = ""
+    remedy: str = ""
     keeps_sign: bool = False
 
     @property
@@ -131,15 +132,11 @@ class FigureOfMerit(Immutable):
         """Whether a number keeps to the limit, by its interval as it is printed."""
         lower, upper = rounded_ends(*self._interval(quantity))
         limit = self._paper(per * self.limit)
-        better, worse = (
-            (upper >= limit, lower >= limit)
-            if self.limit == self.good_above
-            else (
-                lower <= limit,
-                upper <= limit,
-            )
-        )
-        return "good" if worse else "cannot" if better else "look"
+        if math.isnan(self.good_above):
+            keeps, may_keep = upper <= limit, lower <= limit
+        else:
+            keeps, may_keep = lower >= limit, upper >= limit
+        return "good" if keeps else "cannot" if may_keep else "look"
 
     def _interval(self, quantity: Quantity) -> tuple[float, float, float]:
         return self._paper(quantity.value), self._paper(quantity.lower), self._paper(quantity.upper)
@@ -150,13 +147,13 @@ class FigureOfMerit(Immutable):
 
 _DEGREES = 180.0 / math.pi
 _MOVE = "fly longer with the sticks moving"
+_FASTER = "move the sticks faster, or log faster"
 _HOVER = "hover for 20 s without touching the sticks"
 _KEEPS_DISTANCE = "the {axis} loop keeps a safe distance from instability"
 _AXES = ("roll", "pitch", "yaw")
 
 _LOOPS = {
     "rise_time_s": FigureOfMerit(
-        part="loops",
         words="rise time",
         detail="10 to 90 %",
         unit="ms",
@@ -167,13 +164,18 @@ _LOOPS = {
         trouble="{Axis} follows slowly; more P would make it follow quicker.",
         whether="{axis} follows well",
         surer=_MOVE,
+        remedy="raise the integral gain, if that droop is not wanted",
         keeps_sign=True,
     ),
     "delay_s": FigureOfMerit(
-        part="loops", words="delay", detail="until half of the step", unit="ms", factor=1e3, keeps_sign=True
+        words="delay",
+        detail="until half of the step",
+        unit="ms",
+        factor=1e3,
+        remedy=_MOVE,
+        keeps_sign=True,
     ),
     "overshoot_percent": FigureOfMerit(
-        part="loops",
         words="overshoot",
         unit="%",
         short="overshoots by",
@@ -183,19 +185,19 @@ _LOOPS = {
         "slow.",
         whether="{axis} follows well",
         surer=_MOVE,
+        remedy=_MOVE,
     ),
     "settling_time_s": FigureOfMerit(
-        part="loops", words="settling time", detail="within 5 %", unit="ms", factor=1e3, keeps_sign=True
+        words="settling time", detail="within 5 %", unit="ms", factor=1e3, keeps_sign=True
     ),
-    "bandwidth_3db_rad_s": FigureOfMerit(part="loops", words="bandwidth at −3 dB", unit="rad/s", keeps_sign=True),
-    "bandwidth_90deg_rad_s": FigureOfMerit(part="loops", words="bandwidth at −90°", unit="rad/s", keeps_sign=True),
-    "peak_db": FigureOfMerit(part="loops", words="resonance peak", unit="dB"),
+    "bandwidth_3db_rad_s": FigureOfMerit(words="bandwidth at −3 dB", unit="rad/s", remedy=_FASTER, keeps_sign=True),
+    "bandwidth_90deg_rad_s": FigureOfMerit(words="bandwidth at −90°", unit="rad/s", remedy=_FASTER, keeps_sign=True),
+    "peak_db": FigureOfMerit(words="resonance peak", unit="dB"),
 }
 
 # Beyond its limit of phase margin or M_s a rate loop rings, and has little left for a heavier day or a weaker battery.
 _MARGINS = {
     "phase_margin_deg": FigureOfMerit(
-        part="margins",
         words="phase margin",
         unit="°",
         good_above=40.0,
@@ -203,11 +205,10 @@ _MARGINS = {
         trouble="The {axis} loop has little room: it rings, and a stronger filter or more gain would make it shake.",
         whether=_KEEPS_DISTANCE,
     ),
-    "crossover_rad_s": FigureOfMerit(part="margins", words="crossover", unit="rad/s", keeps_sign=True),
-    "gain_margin_db": FigureOfMerit(part="margins", words="gain margin", unit="dB"),
-    "delay_margin_s": FigureOfMerit(part="margins", words="delay margin", unit="ms", factor=1e3, keeps_sign=True),
+    "crossover_rad_s": FigureOfMerit(words="crossover", unit="rad/s", keeps_sign=True),
+    "gain_margin_db": FigureOfMerit(words="gain margin", unit="dB"),
+    "delay_margin_s": FigureOfMerit(words="delay margin", unit="ms", factor=1e3, keeps_sign=True),
     "sensitivity_peak": FigureOfMerit(
-        part="margins",
         words="peak sensitivity M_s",
         short="M_s",
         good_below=2.0,
@@ -217,7 +218,7 @@ _MARGINS = {
         keeps_sign=True,
     ),
     "disturbance_rejection_rad_s": FigureOfMerit(
-        part="margins", words="disturbance rejection bandwidth", unit="rad/s", keeps_sign=True
+        words="disturbance-rejection bandwidth", unit="rad/s", keeps_sign=True
     ),
 }
 
@@ -225,7 +226,6 @@ _MARGINS = {
 # nothing and heats motors. What share of the samples clipped was counted, and is no estimate.
 _NOISE = {
     "vibration_m_s2": FigureOfMerit(
-        part="noise",
         words="vibration",
         unit="m/s²",
         good_below=30.0,
@@ -235,7 +235,6 @@ _NOISE = {
         surer="fly longer",
     ),
     "clipping_share": FigureOfMerit(
-        part="noise",
         words="accelerometer at its limits",
         unit="%",
         factor=100.0,
@@ -243,16 +242,11 @@ _NOISE = {
         card="noise",
         trouble="The accelerometer hits its limits: mount it softer, or find what shakes.",
     ),
-    "clipping_count": FigureOfMerit(part="noise", words="accelerometer at its limits, times"),
-    "filter_delay_configured_s": FigureOfMerit(
-        part="noise", words="delay of the gyro filters as configured", unit="ms", factor=1e3
-    ),
-    "filter_delay_measured_s": FigureOfMerit(
-        part="noise", words="delay of the gyro filters as measured", unit="ms", factor=1e3
-    ),
+    "clipping_count": FigureOfMerit(words="accelerometer at its limits, times"),
+    "filter_delay_configured_s": FigureOfMerit(words="delay of the gyro filters as configured", unit="ms", factor=1e3),
+    "filter_delay_measured_s": FigureOfMerit(words="delay of the gyro filters as measured", unit="ms", factor=1e3),
     **{
         f"{axis}_{term}_noise_share{band}": FigureOfMerit(
-            part="noise",
             words=f"noise through {term.upper()} of {axis}",
             detail=f"of the motor range{', above 100 Hz alone' if band else ''}",
             unit="%",
@@ -273,7 +267,6 @@ _NOISE = {
 # nothing is left for control; that share was counted, and is no estimate. Headroom is that of the busiest motor.
 _MOTORS = {
     "imbalance": FigureOfMerit(
-        part="motors",
         words="imbalance of the motors in steady flight",
         unit="%",
         factor=100.0,
@@ -283,7 +276,6 @@ _MOTORS = {
         surer=_HOVER,
     ),
     "headroom": FigureOfMerit(
-        part="motors",
         words="output left above steady flight",
         unit="%",
         factor=100.0,
@@ -294,35 +286,39 @@ _MOTORS = {
         surer=_HOVER,
     ),
     "saturated_high_share": FigureOfMerit(
-        part="motors", words="time with a motor at full output", unit="%", factor=100.0, good_below=0.05, card="motors"
+        words="time with a motor at full output",
+        short="at full output",
+        unit="%",
+        factor=100.0,
+        good_below=0.05,
+        card="motors",
     ),
     "saturated_low_share": FigureOfMerit(
-        part="motors", words="time with a motor at its lowest", unit="%", factor=100.0
+        words="time with a motor at its lowest", short="at its lowest", unit="%", factor=100.0
     ),
     **{
         f"saturated_by_{axis}_share": FigureOfMerit(
-            part="motors", words=f"time with a motor at a limit while {axis} asked for most", unit="%", factor=100.0
+            words=f"time with a motor at a limit while {axis} asked for most", unit="%", factor=100.0
         )
         for axis in (*_AXES, "thrust")
     },
-    "motor_#_high_share": FigureOfMerit(part="motors", words="time of motor # at full output", unit="%", factor=100.0),
-    "motor_#_low_share": FigureOfMerit(part="motors", words="time of motor # at its lowest", unit="%", factor=100.0),
+    "motor_#_high_share": FigureOfMerit(words="time of motor # at full output", unit="%", factor=100.0),
+    "motor_#_low_share": FigureOfMerit(words="time of motor # at its lowest", unit="%", factor=100.0),
     "center_of_gravity_forward": FigureOfMerit(
-        part="motors", words="center of gravity ahead of the middle", detail="over the longest arm"
+        words="center of gravity ahead of the middle", detail="over the longest arm"
     ),
     "center_of_gravity_right": FigureOfMerit(
-        part="motors", words="center of gravity right of the middle", detail="over the longest arm"
+        words="center of gravity right of the middle", detail="over the longest arm"
     ),
-    "output_delay_s": FigureOfMerit(part="motors", words="delay from motor output to gyro", unit="ms", factor=1e3),
+    "output_delay_s": FigureOfMerit(words="delay from motor output to gyro", unit="ms", factor=1e3),
 }
 
-_POWER = {
-    "start_v": FigureOfMerit(part="battery", words="battery at the start", unit="V"),
-    "stop_v": FigureOfMerit(part="battery", words="battery at the end", unit="V"),
-    "lowest_v": FigureOfMerit(part="battery", words="lowest voltage", unit="V"),
-    "resistance_ohm": FigureOfMerit(part="battery", words="internal resistance", unit="mΩ", factor=1e3),
+_BATTERY = {
+    "start_v": FigureOfMerit(words="battery at the start", unit="V"),
+    "stop_v": FigureOfMerit(words="battery at the end", unit="V"),
+    "lowest_v": FigureOfMerit(words="lowest voltage", unit="V"),
+    "resistance_ohm": FigureOfMerit(words="internal resistance", unit="mΩ", factor=1e3),
     "sag_v": FigureOfMerit(
-        part="battery",
         words="sag under load",
         unit="V",
         good_below=0.15,
@@ -332,9 +328,11 @@ _POWER = {
         whether="it sags little under load ({value})",
         surer="raise the throttle a few times",
     ),
-    "hover_throttle": FigureOfMerit(part="flight", words="throttle in hover", unit="%", factor=100.0, keeps_sign=True),
+}
+
+_FLIGHT = {
+    "hover_throttle": FigureOfMerit(words="throttle in hover", unit="%", factor=100.0, keeps_sign=True),
     "thrust_to_weight": FigureOfMerit(
-        part="flight",
         words="full thrust over weight",
         good_above=1.5,
         card="power",
@@ -343,45 +341,58 @@ _POWER = {
         surer="raise the throttle to full for half a second in a safe climb",
         keeps_sign=True,
     ),
-    "speed_m_s": FigureOfMerit(part="wind", words="wind", unit="m/s"),
-    "direction_deg": FigureOfMerit(part="wind", words="wind from", unit="°"),
+}
+
+_WIND = {
+    "speed_m_s": FigureOfMerit(words="wind", unit="m/s"),
+    "direction_deg": FigureOfMerit(words="wind from", unit="°"),
 }
 
 _TUNING = {
-    "rejection_bandwidth_rad_s": FigureOfMerit(part="tuning", words="disturbance rejection bandwidth", unit="rad/s"),
-    "rejection_peak_db": FigureOfMerit(part="tuning", words="disturbance rejection peak", unit="dB"),
-    "attitude_bandwidth_rad_s": FigureOfMerit(part="tuning", words="attitude bandwidth", unit="rad/s"),
-    "phase_delay_s": FigureOfMerit(part="tuning", words="phase delay of the attitude", unit="ms", factor=1e3),
+    "rejection_bandwidth_rad_s": FigureOfMerit(words="disturbance-rejection bandwidth", unit="rad/s"),
+    "rejection_peak_db": FigureOfMerit(words="disturbance-rejection peak", unit="dB"),
+    "attitude_bandwidth_rad_s": FigureOfMerit(words="attitude bandwidth", unit="rad/s"),
+    "phase_delay_s": FigureOfMerit(words="phase delay of the attitude", unit="ms", factor=1e3),
 }
 
 _RESPONSE = {
-    "phase_margin_rad": FigureOfMerit(part="response", words="phase margin", unit="°", factor=_DEGREES),
-    "gain_margin_up": FigureOfMerit(part="response", words="gain margin upward", unit="dB", factor=None),
-    "gain_margin_down": FigureOfMerit(part="response", words="gain margin downward", unit="dB", factor=None),
-    "modulus_margin": FigureOfMerit(part="response", words="modulus margin"),
-    "modulus_omega_rad_s": FigureOfMerit(part="response", words="modulus margin at", unit="rad/s"),
-    "disturbance_rejection_bandwidth_rad_s": FigureOfMerit(
-        part="response", words="disturbance-rejection bandwidth", unit="rad/s"
-    ),
-    "disturbance_rejection_peak": FigureOfMerit(
-        part="response", words="disturbance-rejection peak", unit="dB", factor=None
-    ),
-    "disturbance_rejection_peak_omega_rad_s": FigureOfMerit(
-        part="response", words="disturbance-rejection peak at", unit="rad/s"
-    ),
-    "attitude_phase_bandwidth_rad_s": FigureOfMerit(part="response", words="attitude phase bandwidth", unit="rad/s"),
-    "attitude_gain_bandwidth_rad_s": FigureOfMerit(part="response", words="attitude gain bandwidth", unit="rad/s"),
-    "attitude_omega_180_rad_s": FigureOfMerit(part="response", words="attitude lag of 180° at", unit="rad/s"),
-    "attitude_phase_delay_s": FigureOfMerit(part="response", words="attitude phase delay", unit="ms", factor=1e3),
-    "attitude_fitted_phase_delay_s": FigureOfMerit(
-        part="response", words="fitted attitude phase delay", unit="ms", factor=1e3
-    ),
+    "phase_margin_rad": FigureOfMerit(words="phase margin", unit="°", factor=_DEGREES),
+    "gain_margin_up": FigureOfMerit(words="gain margin upward", unit="dB", factor=None),
+    "gain_margin_down": FigureOfMerit(words="gain margin downward", unit="dB", factor=None),
+    "modulus_margin": FigureOfMerit(words="modulus margin"),
+    "modulus_omega_rad_s": FigureOfMerit(words="modulus margin at", unit="rad/s"),
+    "disturbance_rejection_bandwidth_rad_s": FigureOfMerit(words="disturbance-rejection bandwidth", unit="rad/s"),
+    "disturbance_rejection_peak": FigureOfMerit(words="disturbance-rejection peak", unit="dB", factor=None),
+    "disturbance_rejection_peak_omega_rad_s": FigureOfMerit(words="disturbance-rejection peak at", unit="rad/s"),
+    "attitude_phase_bandwidth_rad_s": FigureOfMerit(words="attitude phase bandwidth", unit="rad/s"),
+    "attitude_gain_bandwidth_rad_s": FigureOfMerit(words="attitude gain bandwidth", unit="rad/s"),
+    "attitude_omega_180_rad_s": FigureOfMerit(words="attitude lag of 180° at", unit="rad/s"),
+    "attitude_phase_delay_s": FigureOfMerit(words="attitude phase delay", unit="ms", factor=1e3),
+    "attitude_fitted_phase_delay_s": FigureOfMerit(words="fitted attitude phase delay", unit="ms", factor=1e3),
 }
 
-QUANTITIES: Mapping[str, FigureOfMerit] = MappingProxyType(
-    {**_LOOPS, **_MARGINS, **_NOISE, **_MOTORS, **_POWER, **_TUNING, **_RESPONSE}
+BY_PART: Mapping[Part, Mapping[str, FigureOfMerit]] = MappingProxyType(
+    {
+        "loops": _LOOPS,
+        "margins": _MARGINS,
+        "noise": _NOISE,
+        "motors": _MOTORS,
+        "battery": _BATTERY,
+        "flight": _FLIGHT,
+        "wind": _WIND,
+        "tuning": _TUNING,
+        "response": _RESPONSE,
+    }
 )
-"""Every figure by its name in documents, in the order of tables; those of single motors have ``#`` for its number."""
+"""Every figure by the part that holds it and by its name in documents, in the order of tables.
+
+Those of single motors have ``#`` for its number.
+"""
+
+QUANTITIES: Mapping[str, FigureOfMerit] = MappingProxyType(
+    {name: row for rows in BY_PART.values() for name, row in rows.items()}
+)
+"""Every figure by its name."""
 
 _MOTOR = re.compile(r"motor_(\d+)_")
 
@@ -391,13 +402,13 @@ def figure(name: str) -> FigureOfMerit | None:
 
     Examples
     --------
-    >>> figure("rise_time_s").label, figure("motor_3_high_share").part, figure("L_p")
-    ('rise time, 10 to 90 % [ms]', 'motors', None)
+    >>> figure("rise_time_s").label, figure("motor_3_high_share").unit, figure("L_p")
+    ('rise time, 10 to 90 % [ms]', '%', None)
     """
     return QUANTITIES.get(_MOTOR.sub("motor_#_", name))
 
 
-def figures_of(part: Part) -> dict[str, FigureOfMerit]:
+def figures_of(part: Part) -> Mapping[str, FigureOfMerit]:
     """The rows of a part, in the order of its table.
 
     Examples
@@ -405,7 +416,7 @@ def figures_of(part: Part) -> dict[str, FigureOfMerit]:
     >>> list(figures_of("wind"))
     ['speed_m_s', 'direction_deg']
     """
-    return {name: one for name, one in QUANTITIES.items() if one.part == part}
+    return BY_PART[part]
 
 
 def require_figures(part: Part, numbers: Mapping[str, object]) -> None:
@@ -416,9 +427,7 @@ def require_figures(part: Part, numbers: Mapping[str, object]) -> None:
     UsageError
         A number has no row in the table.
     """
-    for name in numbers:
-        row = figure(name)
-        if row is None or row.part != part:
-            raise UsageError(
-                f"{name} of {part} has no row in rotorid.data.quantities", needed="words, unit and part of it"
-            )
+    if unknown := [name for name in numbers if _MOTOR.sub("motor_#_", name) not in BY_PART[part]]:
+        raise UsageError(
+            f"{listed(unknown)} of {part} came", needed="a row with words, unit and limit in rotorid.data.quantities"
+        )

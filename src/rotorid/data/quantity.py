@@ -255,6 +255,18 @@ def superscript(power: str) -> str:
     return power.translate(_SUPERSCRIPTS)
 
 
+def beyond(value: float, limit: float) -> str:
+    """A number above a limit that stands next to it, with the digits that show that it is.
+
+    Examples
+    --------
+    >>> beyond(20.3, 20.0), beyond(33.3, 20.0), beyond(10.04, 10.0)
+    ('20.3', '33', '10.04')
+    """
+    digits = next((digits for digits in range(3) if round(value, digits) > limit), 0)
+    return f"{value:.{digits}f}"
+
+
 def minus(number: str) -> str:
     """A number with the minus sign of paper.
 

@@ -52,8 +52,13 @@ class _Margin(_Told):
 
 
 if TYPE_CHECKING:
-    _LoopFigures = _Loop
-    _MarginFigures = _Margin
+
+    class _LoopFigures(_Loop):
+        def __getattr__(self, name: str) -> QuantityDocument | None: ...
+
+    class _MarginFigures(_Margin):
+        def __getattr__(self, name: str) -> QuantityDocument | None: ...
+
 else:
 
     def _with_figures(base: type[Document], part: Part) -> type[Document]:

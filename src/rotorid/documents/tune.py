@@ -21,6 +21,9 @@ from rotorid.typing import Axis
 
 TUNE, SIGNALS = "tune.json", "tune.npz"
 
+LIMIT_IS_KEPT = "95 of 100 likely plants keep it, so intervals may end a little above it"
+"""Why the upper end of a 95 % interval may lie above a limit that the gains keep."""
+
 
 class GainDocument(Document):
     """A parameter of the firmware as it was flown and as it is proposed; one that stays has both alike."""

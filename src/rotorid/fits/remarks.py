@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.quantity import milliseconds
+from rotorid.data.quantity import beyond, milliseconds
 from rotorid.data.record import AXES
 from rotorid.data.trust import (
     CRAMER_RAO_GUIDELINE_PERCENT,
@@ -55,7 +55,7 @@ def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding,
             continue
         percents, error = (100.0 * cramer_rao / value, 100.0 * insensitivity / value), _error_words(bounds, name, value)
         guidelines = (CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT)
-        shown = [_above(percent, limit) for percent, limit in zip(percents, guidelines, strict=True)]
+        shown = [f"{beyond(percent, limit)} %" for percent, limit in zip(percents, guidelines, strict=True)]
         if percents[1] > INSENSITIVITY_GUIDELINE_PERCENT:
             findings.append(
                 warn(
@@ -77,18 +77,6 @@ def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding,
                 )
             )
     return (*findings, *_lag_and_delay(parameters, bounds))
-
-
-def _above(percent: float, limit: float) -> str:
-    """A percent above a limit, with the digits that show that it is.
-
-    Examples
-    --------
-    >>> _above(20.3, 20.0), _above(33.3, 20.0), _above(10.04, 10.0)
-    ('20.3 %', '33 %', '10.04 %')
-    """
-    digits = next((digits for digits in range(3) if round(percent, digits) > limit), 0)
-    return f"{percent:.{digits}f} %"
 
 
 def _error_words(bounds: Bounds, name: str, value: float) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from rotorid.checking.candidate import UNFILTERED
 from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import Finding, refusal, remark
+from rotorid.data.quantity import beyond
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.command_noise import LEAST_NOISE_HZ, command_density
@@ -260,7 +261,7 @@ def require_room(record: FlightRecord, model: IdentifiedModel | None = None) -> 
     if limits.of(limits.by_loop) > _MOST_SATURATED:
         part = "the analyzed maneuvers" if own else "the flight"
         raise InsufficientDataError(
-            f"a motor was at a limit for {100.0 * limits.share:.0f} % of {part}",
+            f"a motor was at a limit for {beyond(100.0 * limits.share, 100.0 * _MOST_SATURATED)} % of {part}",
             needed=f"at most {100.0 * _MOST_SATURATED:.0f} % by roll, pitch and yaw commands",
             remedy="lower the gains first",
             findings=[limits.finding(refusal, part, "Lower the gains first.")],

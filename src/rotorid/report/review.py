@@ -122,6 +122,7 @@ def render_reviews(reviews: Sequence[Review]) -> str:
         compared=compared,
         names=[review.name for review in reviews],
         overlaid=overlaid,
+        quantities=QUANTITIES,
         remarks={section.anchor: _remarks(section.review) for section in sections},
         pictures=[*overlaid, *(picture for section in sections for picture in section.pictures)],
     )

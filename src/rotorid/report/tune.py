@@ -14,6 +14,7 @@ from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import MISSING, Quantity, with_ends
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.tune import (
+    LIMIT_IS_KEPT,
     AxisTuneDocument,
     FilterPriceDocument,
     TuneDocument,
@@ -132,6 +133,7 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
         files=list(proposal.files.items()),
         rollback=list(proposal.rollback_files.items()),
         thrust=_thrust(document),
+        kept=LIMIT_IS_KEPT,
         path_margins=[(capital(QUANTITIES[name].before), QUANTITIES[name].unit) for name in PATH_MARGINS],
         remarks=finding_rows(document.findings),
         pictures=[picture for one in axes for picture in (*one.pictures, one.by_hand)],

@@ -411,10 +411,9 @@ def _motors(review: Review) -> Card:
 
 def _at_limits(numbers: Mapping[str, Quantity]) -> str:
     """How much of the flight a motor stood at a limit, as far as it did."""
-    words = {"saturated_high_share": "at full output", "saturated_low_share": "at its lowest"}
     parts = [
-        f"{where} for {100.0 * numbers[name].value:.1f} %"
-        for name, where in words.items()
+        f"{QUANTITIES[name].short} for {100.0 * numbers[name].value:.1f} %"
+        for name in ("saturated_high_share", "saturated_low_share")
         if name in numbers and numbers[name].value > _SELDOM
     ]
     return f"A motor stood {' and '.join(parts)} of the flight." if parts else ""

@@ -17,7 +17,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.quantities import figures_of
+from rotorid.data.quantities import QUANTITIES, figures_of
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
@@ -349,17 +349,6 @@ def _doubted(response: FrequencyResponse) -> FrequencyResponse:
     )
 
 
-_REMEDIES: Mapping[str, str] = MappingProxyType(
-    {
-        "bandwidth_3db_rad_s": "move the sticks faster, or log faster",
-        "bandwidth_90deg_rad_s": "move the sticks faster, or log faster",
-        "rise_time_s": "raise the integral gain, if that droop is not wanted",
-        "delay_s": "fly longer with the sticks moving",
-        "overshoot_percent": "fly longer with the sticks moving",
-    }
-)
-
-
 def _numbers(
     loop: Loop, impulse: ImpulseResponse, response: FrequencyResponse, logged_hz: float
 ) -> tuple[dict[str, Quantity], list[Untold]]:
@@ -377,7 +366,7 @@ def _numbers(
             told[name] = numbers[name]
         elif name != "peak_db":
             what, why = f"loops.{loop.name}.{name}", _why_untold(name, loop, impulse)
-            untold.append(Untold(what=what, why=why, remedy=_REMEDIES.get(name, "")))
+            untold.append(Untold(what=what, why=why, remedy=QUANTITIES[name].remedy))
     if logged_hz < _SLOW_LOG_HZ:
         told = _with_half_sample(told, impulse, 0.5 / logged_hz)
     return told, untold

@@ -704,9 +704,9 @@ def _broken(one: Judged, wishes: Wishes, *, share: float = 2.0 * QUANTILE) -> st
     """Which limit gains break on more than a share of the plants; empty where none."""
     worst = {
         "stability": np.maximum(1.0 - one.rate.stable, 1.0 - one.whole.stable) > 0.0,
-        f"a sensitivity peak of at most {wishes.sensitivity_peak:.2g} of the rate loop": one.rate.sensitivity_peak
+        f"a peak sensitivity M_s of at most {wishes.sensitivity_peak:g} of the rate loop": one.rate.sensitivity_peak
         > wishes.sensitivity_peak,
-        f"a sensitivity peak of at most {wishes.sensitivity_peak:.2g} of the whole loop": one.whole.sensitivity_peak
+        f"a peak sensitivity M_s of at most {wishes.sensitivity_peak:g} of the whole loop": one.whole.sensitivity_peak
         > wishes.sensitivity_peak,
         f"a phase margin of at least {np.degrees(wishes.phase_margin_rad):.0f} degrees": one.rate.phase_margin_rad
         < wishes.phase_margin_rad,
