@@ -90,8 +90,9 @@ def _names(node: ast.AST, constants: frozenset[str]) -> bool:
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _LISTINGS:
         return True
     # What is looked up in a table of models is an answer, no name; one of a list of names, by its number, is a name.
-    table = isinstance(node, ast.Subscript) and not isinstance(node.slice, ast.Constant)
-    parts = [node.slice] if table else ast.iter_child_nodes(node)
+    if isinstance(node, ast.Subscript) and not isinstance(node.slice, ast.Constant):
+        return _names(node.slice, constants)
+    parts = ast.iter_child_nodes(node)
     return any(_names(part, constants) for part in parts)
 
 

@@ -18,7 +18,8 @@ from rotorid.fits.time.remarks import judge_time_fit
 from rotorid.fitting.time.output_error import TimeData, TimeProblem, own_starts
 from rotorid.flights.flights import Flight
 from rotorid.flights.segments import TimeRecords, evenly_stamped, time_records
-from rotorid.identifying.identification import identify, method_of
+from rotorid.identifying.families import method_of
+from rotorid.identifying.identification import identify
 from rotorid.identifying.methods import InTime
 from rotorid.models.equations import structure_from_equations
 from rotorid.models.families import named_model
