@@ -1,0 +1,133 @@
+"""Who asks for an autopilot by its name: every such place outside the rooms of the autopilots is counted.
+
+Counted is each name of an autopilot, of its log format or of a parameter that gives it away, where code decides by it:
+in a comparison (``==``, ``in``, ``is``), a ``case``, ``startswith`` and its like, as a key of a table, in a list of
+several or in a ``Literal``; as text, or as a constant that stands for it (``BETAFLIGHT``). What a message says, what a
+doctest makes and which file is written are not counted.
+
+Rooms, which may name what is theirs:
+
+- ``autopilots``, where all that is known of an autopilot is gathered;
+- ``models/autopilots``, their controllers;
+- modules and packages with an autopilot in their own name: ``io/px4``, ``vehicles/betaflight.py``;
+- ``io/mavlink``, whose messages say who sends them.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections import Counter
+from collections.abc import Iterator, Set
+from pathlib import Path
+
+import rotorid
+
+SOURCE = Path(rotorid.__file__).parent
+ROOM = re.compile(r"(^|/)(autopilots|mavlink|[a-z0-9_]*(px4|ardupilot|betaflight|crazyflie)[a-z0-9_]*)(/|\.py$)")
+NAMED = re.compile(
+    r"(ardupilot|arducopter|px4|betaflight|cleanflight|inav|crazyflie|mavlink|dataflash|ulog|blackbox)\b|(ulg|bin|bbl)$",
+    re.IGNORECASE,
+)
+SIGNS = frozenset(("MC_ROLLRATE_P", "ATC_RAT_RLL_P", "rollPID_P"))
+CONSTANT = re.compile(r"_?(PX4|ARDUPILOT|BETAFLIGHT|CRAZYFLIE|MAVLINK)")
+ASKING = frozenset(("startswith", "endswith", "removeprefix", "removesuffix"))
+
+MOST = 188
+
+
+def is_name(node: ast.AST, constants: Set[str]) -> int:
+    """How many autopilots an expression names."""
+    if isinstance(node, ast.Constant):
+        return int(isinstance(node.value, str) and (node.value in SIGNS or NAMED.match(node.value) is not None))
+    if isinstance(node, ast.Name | ast.Attribute):
+        name = node.id if isinstance(node, ast.Name) else node.attr
+        return int(name in constants or CONSTANT.fullmatch(name) is not None)
+    if isinstance(node, ast.Tuple | ast.List | ast.Set):
+        return sum(is_name(each, constants) for each in node.elts)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "frozenset":
+        return sum(is_name(each, constants) for each in node.args)
+    return 0
+
+
+def is_sign(node: ast.AST) -> bool:
+    """Whether an expression is a parameter, which a table of parameters has as a matter of course."""
+    return isinstance(node, ast.Constant) and node.value in SIGNS
+
+
+def asked(node: ast.AST, constants: Set[str]) -> int:
+    """How many names of autopilots a node decides by."""
+    if isinstance(node, ast.Compare):
+        return sum(is_name(each, constants) for each in (node.left, *node.comparators))
+    if isinstance(node, ast.MatchValue):
+        return is_name(node.value, constants)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in ASKING:
+        return sum(is_name(each, constants) for each in node.args)
+    if isinstance(node, ast.Dict):
+        named = [key for key in node.keys if key is not None and not is_sign(key)]
+        return sum(is_name(key, constants) for key in named)
+    if isinstance(node, ast.Tuple | ast.List | ast.Set) and isinstance(getattr(node, "ctx", ast.Load()), ast.Load):
+        named = sum(
+            is_name(each, constants) for each in node.elts if not isinstance(each, ast.Tuple) and not is_sign(each)
+        )
+        # A list of autopilots decides who is none; a single name among other words does not.
+        return named if named > 1 else 0
+    return 0
+
+
+def places(text: str) -> Iterator[str]:
+    """The function of each name, once for each."""
+    tree = ast.parse(text)
+    constants = {
+        target.id
+        for node in tree.body
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None
+        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+        if isinstance(target, ast.Name) and is_name(node.value, frozenset())
+    }
+
+    def walk(node: ast.AST, where: str) -> Iterator[str]:
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            where = node.name if where == "module" else f"{where}.{node.name}"
+        count = asked(node, constants)
+        yield from [where] * count
+        for child in ast.iter_child_nodes(node):
+            # What a comparison names is counted with it.
+            if count and not isinstance(node, ast.Dict) and isinstance(child, ast.Tuple | ast.List | ast.Set):
+                continue
+            yield from walk(child, where)
+
+    return walk(tree, "module")
+
+
+def found() -> Counter[str]:
+    """Places, ``file:function``, to the number of names there."""
+    counts: Counter[str] = Counter()
+    for file in sorted(SOURCE.rglob("*.py")):
+        path = file.relative_to(SOURCE).as_posix()
+        if not ROOM.search(path):
+            counts.update(f"{path}:{where}" for where in places(file.read_text(encoding="utf-8")))
+    return counts
+
+
+def test_the_counter_sees_every_way_of_asking() -> None:
+    text = """
+OWN = "PX4"
+ALL = ("PX4", "ArduPilot")
+TABLE: Mapping[str, int] = {"px4": 1, "other": 2}
+Kind: TypeAlias = Literal["px4", "betaflight", "simple"]
+def by(record):
+    if record.format.startswith(("ArduPilot", "MAVLink")) or record.name in ALL or "MC_ROLLRATE_P" in record:
+        raise Error("Betaflight came")
+    match record.name:
+        case "Betaflight" | "Crazyflie":
+            return named == OWN
+    return named is autopilots.BETAFLIGHT or path == "px4_quad"
+"""
+    assert Counter(places(text)) == {"module": 5, "by": 8}
+
+
+def test_autopilots_are_asked_for_by_name_in_few_places() -> None:
+    counts = found()
+    listed = "\n".join(f"{count} {place}" for place, count in sorted(counts.items()))
+    assert counts.total() <= MOST, f"{counts.total()} names:\n{listed}"
