@@ -108,9 +108,9 @@ FOUND = {place: (pattern, flags, methods) for place, pattern, flags, methods in 
 NOT_FOREIGN = frozenset(
     {
         "rotorid.signal.motors:f'{prefix}(\\\\d+)'",  # names of channels of the package
-        "rotorid.signal.autopilot_filters:chain.source",  # patterns of the package on sources that its readers write
-        "rotorid.signal.autopilot_filters:_COMMANDS",
-        "rotorid.signal.autopilot_filters:_GYRO",
+        "rotorid.autopilots.passages:chain.source",  # patterns of the package on sources that its readers write
+        "rotorid.autopilots.betaflight.filters:_COMMANDS",
+        "rotorid.autopilots.betaflight.filters:_GYRO",
         "rotorid.io.px4.writer:INTEGERS",  # parameters of a vehicle of the library
         "rotorid.io.betaflight.blackbox:re.escape(MAGIC)",  # no repetition
         # A header that the export has just written itself.

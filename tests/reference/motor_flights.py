@@ -9,7 +9,8 @@ import numpy as np
 
 import rotorid
 from rotorid.data.record import FlightRecord, MotorRecord
-from rotorid.models.rotors import RotorLayout, layout_of, mixer_of
+from rotorid.models.autopilots.layouts import layout_of, mixer_of
+from rotorid.models.rotors import RotorLayout
 from rotorid.signal.clock import interpolated
 from rotorid.signal.motors import motor_history
 from rotorid.typing import FloatArray

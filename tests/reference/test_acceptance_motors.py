@@ -28,8 +28,8 @@ from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excitations, ex
 from rotorid.fitting.motors.fit import MotorFit, fit_motors
 from rotorid.fitting.motors.inertia import InertiaRegression, inertia_regressions, judge_both_ways
 from rotorid.fitting.motors.problem import MotorProblem
+from rotorid.models.autopilots.layouts import layout_of, mixer_of
 from rotorid.models.motors import Curve, check_motor_constants, motor_parameters
-from rotorid.models.rotors import layout_of, mixer_of
 from rotorid.signal.motors import motor_history
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.colored import colored_apart

@@ -17,6 +17,7 @@ import pytest
 from scipy.optimize import brentq
 
 import rotorid
+from rotorid.autopilots.filters import combined_response
 from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
@@ -26,7 +27,6 @@ from rotorid.loops.rate_loops import MODEL_ERROR
 from rotorid.loops.responses import Responses
 from rotorid.models.controller import RateController
 from rotorid.signal.clock import resample
-from rotorid.signal.filters import combined_response
 from rotorid.spectral.derived import with_model_error
 from rotorid.spectral.estimate import frequency_response
 from rotorid.spectral.loops import error_loop, feedback_controller, injected_loop, sensitivity, series

@@ -10,7 +10,8 @@ import pytest
 from tests.unit.signal.motor_outputs import reconstructed_outputs
 
 from rotorid.io.registry import read
-from rotorid.models.rotors import layout_of, library_layout, mixer_of
+from rotorid.models.autopilots.layouts import layout_of, mixer_of
+from rotorid.models.rotors import library_layout
 from rotorid.signal.motors import MotorHistory, motor_history, reconstructed_demands
 from rotorid.typing import FloatArray
 

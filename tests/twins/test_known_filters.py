@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
+from rotorid.autopilots.filters import butterworth_low_pass
 from rotorid.data.record import Channel, TimeHistory
 from rotorid.data.response import FrequencyResponse
-from rotorid.signal.filters import butterworth_low_pass
 from rotorid.spectral.derived import corrected, differentiated, ratio, selected
 from rotorid.spectral.estimate import frequency_response
 from rotorid.typing import ComplexArray, FloatArray

@@ -17,11 +17,11 @@ import pytest
 from tests.twins.test_tuned_loops import fly, mistuned
 
 import rotorid
+from rotorid.autopilots.filters import butterworth_low_pass, combined_response
 from rotorid.data.record import AXES
 from rotorid.flights.controllers import acting_on
 from rotorid.loops.plants import drawn_plant
 from rotorid.loops.rate_loops import NUMBERS, RateLoop, figures_of, rate_loop, read_margins
-from rotorid.signal.filters import butterworth_low_pass, combined_response
 from rotorid.simulation.hover_flight import OUTPUTS
 from rotorid.simulation.linearization import linearize
 from rotorid.spectral.loops import at_points

@@ -23,6 +23,7 @@ from tests.twins.everyday_flights import (
     truth_of,
 )
 
+from rotorid.autopilots.filters import butterworth_low_pass
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.flights.whole_flights import flown
@@ -31,7 +32,6 @@ from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.controller import RateController
 from rotorid.reviewing.margins import margins
 from rotorid.reviewing.values import MarginReview, Untold
-from rotorid.signal.filters import butterworth_low_pass
 from rotorid.simulation.hover_flight import OUTPUTS
 from rotorid.simulation.linearization import linearize
 from rotorid.simulation.multirotor import PERFECT

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from tests.unit.cli.commands import rotorid
 
+from rotorid.autopilots.autopilot import LogFormat
 from rotorid.data.record import FlightRecord, Source
 from rotorid.documents.vehicle import named_vehicle
 from rotorid.flying.designs import computed_for, has_room, plan_with
@@ -20,7 +21,7 @@ from rotorid.flying.next_steps import KnownOfLog, next_steps, sweep_for_tune
 from rotorid.flying.settings import DesignChoices, PlanChoices
 from rotorid.flying.simulation import everyday_plan, truth_of
 from rotorid.flying.user_vehicles import hovering_at
-from rotorid.io.registry import LogFormat, read, write_log
+from rotorid.io.registry import read, write_log
 from rotorid.simulation.multirotor_flight import changed, fly_multirotor
 from rotorid.vehicles.catalog import aircraft
 from rotorid.vehicles.px4 import with_gains

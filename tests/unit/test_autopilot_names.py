@@ -18,8 +18,9 @@ from __future__ import annotations
 import ast
 import re
 from collections import Counter
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Mapping, Set
 from pathlib import Path
+from types import MappingProxyType
 
 import rotorid
 
@@ -33,7 +34,25 @@ SIGNS = frozenset(("MC_ROLLRATE_P", "ATC_RAT_RLL_P", "rollPID_P"))
 CONSTANT = re.compile(r"_?(PX4|ARDUPILOT|BETAFLIGHT|CRAZYFLIE|MAVLINK)")
 ASKING = frozenset(("startswith", "endswith", "removeprefix", "removesuffix"))
 
-MOST = 188
+ALLOWED: Mapping[str, tuple[int, str]] = MappingProxyType(
+    {
+        "fleets/identity.py:board_of": (
+            3,
+            "tries three patterns for the number of a board, of which no other room may know",
+        ),
+        "flying/settings.py:SimulateChoices.__post_init__": (
+            1,
+            "one format names no rotors, so that their order is checked",
+        ),
+        "flying/user_vehicles.py:_logged": (2, "parameters of rotors are made of layouts and of the library of frames"),
+        "io/formats.py:module": (3, "the table of formats that are written"),
+        "lab/steps.py:Step": (2, "targets of export, of which two are simulators of autopilots"),
+        "plans/files.py:plan_files": (3, "the table of the rooms that write plans"),
+        "simulation/autopilot.py:module": (3, "a type of the controllers that are simulated, for type checkers"),
+        "tuning/files.py:parameter_files": (3, "the table of texts by which gains reach a vehicle"),
+    }
+)
+"""Places that stay, how many names each has, and why."""
 
 
 def is_name(node: ast.AST, constants: Set[str]) -> int:
@@ -64,8 +83,7 @@ def asked(node: ast.AST, constants: Set[str]) -> int:
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in ASKING:
         return sum(is_name(each, constants) for each in node.args)
     if isinstance(node, ast.Dict):
-        named = [key for key in node.keys if key is not None and not is_sign(key)]
-        return sum(is_name(key, constants) for key in named)
+        return sum(is_name(key, constants) for key in node.keys if key is not None and not is_sign(key))
     if isinstance(node, ast.Tuple | ast.List | ast.Set) and isinstance(getattr(node, "ctx", ast.Load()), ast.Load):
         named = sum(
             is_name(each, constants) for each in node.elts if not isinstance(each, ast.Tuple) and not is_sign(each)
@@ -129,5 +147,7 @@ def by(record):
 
 def test_autopilots_are_asked_for_by_name_in_few_places() -> None:
     counts = found()
-    listed = "\n".join(f"{count} {place}" for place, count in sorted(counts.items()))
-    assert counts.total() <= MOST, f"{counts.total()} names:\n{listed}"
+    assert {place: count for place, count in counts.items() if count > ALLOWED.get(place, (0, ""))[0]} == {}, (
+        "ask rotorid.autopilots instead: autopilot_of(record), or a field of the value"
+    )
+    assert {place for place, (count, _) in ALLOWED.items() if counts[place] < count} == set(), "the table can shrink"

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rotorid.autopilots.filters import KnownFilter
 from rotorid.checking.candidate import Candidate
 from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import Finding, remark, warn
@@ -28,7 +29,6 @@ from rotorid.models.state_space import StateSpace
 from rotorid.results.model import Segment
 from rotorid.settings.settings import VerifySettings
 from rotorid.signal.autopilot_filters import known_filters
-from rotorid.signal.filters import KnownFilter
 from rotorid.typing import Axis, FloatArray
 from rotorid.verification.closed_loop import ClosedLoop, closed_loop, scored
 from rotorid.verification.sampled import Filter, band_pass

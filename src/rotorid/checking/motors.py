@@ -37,9 +37,10 @@ from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.flights.flights import Flight
 from rotorid.flights.motor_data import MotorData, motor_data
 from rotorid.flights.selection import Selection, require_reached
+from rotorid.models.autopilots.layouts import layout_of
 from rotorid.models.families import MOTORS
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.models.rotors import RotorLayout, layout_of
+from rotorid.models.rotors import RotorLayout
 from rotorid.results.model import IdentifiedModel, Verifications
 from rotorid.settings.settings import FlySettings, IdentifySettings, MotorChoices, VerifySettings
 from rotorid.typing import FloatArray

@@ -21,7 +21,7 @@ from typer.core import TyperCommand, TyperGroup
 from rotorid import __version__
 from rotorid.cli.console import listen, patient_output, say, spare_warnings
 from rotorid.errors import RotoridError, UsageError
-from rotorid.io.named import ENDINGS
+from rotorid.io.formats import ENDINGS
 
 COMMANDS = {
     "demo": "Fly the built-in vehicle, identify it, write the report.",

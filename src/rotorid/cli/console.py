@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 from rotorid.data.display import visible
 from rotorid.data.findings import without_repeated
+from rotorid.io.formats import PACKED
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -283,7 +284,6 @@ def progress(*, quiet: bool) -> Iterator[Callable[[str], None]]:
 
 _NAME_SIGNS = 120
 """No file system takes names much longer than twice this."""
-_PACKED = (".gz", ".xz", ".bz2", ".zip")
 
 
 def default_folder(logs: Path | Sequence[Path], what: str) -> Path:
@@ -310,7 +310,7 @@ def _file_name(text: str) -> str:
 
 def _stem(log: Path) -> str:
     """Name of a log without the extensions of its compression and its format."""
-    return Path(log.stem if log.suffix.lower() in _PACKED else log.name).stem
+    return Path(log.stem if log.suffix.lower() in PACKED else log.name).stem
 
 
 _TAKES_LOG = ("identify", "response", "review", "tune", "inspect")

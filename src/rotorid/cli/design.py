@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rotorid.autopilots.registry import AUTOPILOTS
 from rotorid.cli.command import command_line, print_if_asked, target_of
 from rotorid.cli.console import print_findings, progress, say, tell
 from rotorid.cli.options import ForPaper, Only, Output, one_of, vehicle_names
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from rotorid.vehicles.catalog import VehicleEntry
 
 
-_AUTOPILOTS = ("px4", "ardupilot", "betaflight")
+_AUTOPILOTS = tuple(one.key for one in AUTOPILOTS if one.has_plan_files)
 _KINDS = ("sweep", "log_sweep", "multisine", "binary", "doublet", "2-1-1", "3-2-1-1")
 
 

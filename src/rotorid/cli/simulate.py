@@ -285,6 +285,7 @@ def _refuse_of_the_rig(plan: str | None, air: Air, flight: dict[str, Any]) -> No
 
 def _plan(given: str | None, flight: SimulateChoices) -> FlightPlan | None:
     """The plan that the user named, ordinary sticks, none, or test inputs and two doublets of each axis."""
+    from rotorid.autopilots.registry import named
     from rotorid.documents.design import read_plan
     from rotorid.flying.designs import plan_for, sweep_of
     from rotorid.flying.simulation import EVERYDAY_S, everyday_plan
@@ -301,8 +302,8 @@ def _plan(given: str | None, flight: SimulateChoices) -> FlightPlan | None:
     if flight.entry.interface is not None:
         wishes = plan_choices(flight.entry, shape="random_binary", doublets=True, wind=flight.wind, seed=flight.seed)
         return plan_for(changed(flight.entry.aircraft, flight.changes), wishes).plan
-    # A pilot flies what PX4 cannot be told: sticks are its instrument.
-    entry: Entry | None = "stick" if craft.autopilot.kind == "px4" else None
+    # A pilot flies what an autopilot does not add to its commands: sticks are its instrument.
+    entry: Entry | None = None if named(craft.autopilot.kind).entry == "command" else "stick"
     choices = PlanChoices(shape=sweep_of(craft), doublets=True, entry=entry, wind=flight.wind, seed=flight.seed)
     return plan_for(craft, choices).plan
 

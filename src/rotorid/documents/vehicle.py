@@ -18,6 +18,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import numpy as np
 from pydantic import BaseModel, Field
 
+from rotorid.autopilots.thrust import Linearization
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import with_error
 from rotorid.documents.base import Document, checked
@@ -30,8 +31,7 @@ from rotorid.io import documents
 from rotorid.models.parameter import no_such
 from rotorid.models.physical import check_inertia
 from rotorid.models.rotors import SPINS, UP, RotorLayout, library_layout
-from rotorid.signal.motors import Linearization
-from rotorid.simulation.autopilot import Autopilot, Guidance, RateLoop
+from rotorid.simulation.autopilot import Autopilot, Guidance, Kind, RateLoop
 from rotorid.simulation.multirotor import Battery, Multirotor, Rotors, Sensors
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.vehicles.catalog import VEHICLES, VehicleEntry, aircraft, aircraft_names
@@ -160,7 +160,7 @@ class AutopilotTable(Document):
     """
 
     base: str | None = None
-    kind: Literal["px4", "ardupilot", "betaflight", "simple"] | None = None
+    kind: Kind | None = None
     rate_hz: float | None = None
     angle_1_s: Triple | None = None
     rate_limit_rad_s: Triple | None = None

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, TimeHistory
@@ -152,7 +153,7 @@ def command_relation(
 
 def _accompanying(record: FlightRecord, axis: Axis) -> list[str]:
     """Excitation, and the stick where the controller moves with it: elsewhere a slow one would thin all others out."""
-    moved = ["thrust_stick"] if record.source.format.startswith("Betaflight") else []
+    moved = ["thrust_stick"] if autopilot_of(record).gains_by_throttle else []
     return [*moved, f"{axis}_excitation"]
 
 

@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from rotorid.autopilots.filters import combined_response
 from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.quantity import milliseconds, with_error
@@ -24,7 +25,6 @@ from rotorid.results.model import Segment
 from rotorid.signal.airborne import Airborne
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.clock import resample
-from rotorid.signal.filters import combined_response
 from rotorid.signal.kinematics import (
     ACCELERATIONS,
     EARTH_VELOCITIES,

@@ -24,6 +24,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
+from rotorid.autopilots.registry import named
 from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import Immutable, remembered
 from rotorid.data.findings import Finding, remark, warn
@@ -37,7 +38,6 @@ from rotorid.flights.controllers import (
     flown_firmware,
     made_by_paths,
 )
-from rotorid.models.autopilots.betaflight import NAME as BETAFLIGHT
 from rotorid.models.autopilots.betaflight import TOP
 from rotorid.models.controller import Driven, RateController
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
@@ -151,7 +151,7 @@ def check_controller(record: FlightRecord, axis: Axis) -> ControllerCheck:
     found = flown.axis(axis)
     if found is None:
         return _unchecked(axis, *flown.unknown_gains(axis))
-    moving = found.autopilot == BETAFLIGHT
+    moving = named(found.autopilot).gains_by_throttle
 
     def controller(throttle: float) -> RateController:
         there = flown.axis(axis, throttle=throttle)

@@ -19,6 +19,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rotorid.autopilots.advice import gains_advice
+from rotorid.autopilots.filters import KnownFilter, combined_response
+from rotorid.autopilots.registry import autopilot_of, by_gains, named
 from rotorid.data.axes import RATE_OF, RATES
 from rotorid.data.base import Immutable, remembered
 from rotorid.data.display import capital
@@ -26,8 +29,6 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.command_relation import CommandRelation, command_relation
-from rotorid.io.advice import gains_advice
-from rotorid.models.autopilots.betaflight import NAME as BETAFLIGHT
 from rotorid.models.autopilots.betaflight import OLDEST
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import AxisController, described, loop_settings, version_of
@@ -35,7 +36,6 @@ from rotorid.models.autopilots.versions import firmware_candidates
 from rotorid.models.controller import Driven, RateController
 from rotorid.results.summary import ControllerSettings
 from rotorid.signal.autopilot_filters import controller_filters, known_filters
-from rotorid.signal.filters import KnownFilter, combined_response
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 
 _EVERY_STEP_HZ = 200.0
@@ -193,7 +193,7 @@ class LogControllers(Immutable):
         found = [controller for axis in RATE_OF if (controller := self.axis(axis)) is not None]
         if not found:
             return None
-        moves = found[0].autopilot == BETAFLIGHT
+        moves = named(found[0].autopilot).gains_by_throttle
         return ControllerSettings(
             **described(found),
             settings=loop_settings(self.parameters),
@@ -298,7 +298,7 @@ def _usual_throttle(record: FlightRecord) -> float:
     record
         The log.
     """
-    stick = record.source.format.startswith("Betaflight")
+    stick = autopilot_of(record).gains_by_throttle
     names = ("thrust_stick", "thrust_command") if stick else ("thrust_command",)
     found = ((topic, topic.row(name)) for name in names for topic in record.topics)
     for topic, row in found:
@@ -507,7 +507,7 @@ def _loop_rate_hz(record: FlightRecord) -> float | None:
     The parameters of ArduPilot and the header of Betaflight say it. ``sensor_combined`` is averaged for the estimator
     where the log has ``vehicle_angular_velocity``, the rate that the controller takes.
     """
-    if not record.source.firmware.startswith("PX4") and "MC_ROLLRATE_P" not in record.parameters:
+    if not (named(record.source.firmware).waits_for_sensor or by_gains(record.parameters).waits_for_sensor):
         return None
     rates = {
         channel.source.partition(".")[0]: topic.sample_rate_hz

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord, Intervals
@@ -74,7 +75,7 @@ def hover_of(record: FlightRecord, flights: Intervals) -> Hover | None:
     name = "thrust_command" if "thrust_command" in record else ""
     time_s, values = in_air(record, name, flights) if name else (np.zeros(0), np.zeros(0))
     rows = values[None]
-    if record.source.format.startswith("Betaflight") or time_s.size < 20:
+    if autopilot_of(record).log.hover_by_motors or time_s.size < 20:
         if history is None:
             return None
         inside = within(history.time_s, flights)
@@ -107,7 +108,7 @@ def thrust_curve(record: FlightRecord) -> tuple[float, float, float]:
     record
         The log.
     """
-    if record.source.format.startswith("PX4"):
+    if autopilot_of(record).log.thrust_demand:
         # What is logged is asked for in thrust, and bent on its way out.
         return (0.0, 0.0, 0.25) if record.parameters.get("THR_MDL_FAC", 0.0) > 0.0 else (USUAL_EXPO, 0.0, 1.0)
     known = linearization_of(record)

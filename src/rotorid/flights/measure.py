@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.autopilots.filters import KnownFilter
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import AXES, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
@@ -39,7 +40,6 @@ from rotorid.flights.unchecked import unchecked_scales, with_unchecked_errors
 from rotorid.results.model import Segment
 from rotorid.settings.settings import CompositionChoice, MeasureSettings, TaperChoice
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
-from rotorid.signal.filters import KnownFilter
 from rotorid.spectral.composite import Composition
 from rotorid.spectral.derived import corrected
 from rotorid.spectral.estimate import Diagnostics, diagnosed_response

@@ -15,6 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.autopilots.advice import logging_advice
+from rotorid.autopilots.filters import combined_response
+from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.axes import RATES
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver, MotorRecord, TimeHistory
@@ -25,13 +28,12 @@ from rotorid.flights.flights import Flight, longest_flight
 from rotorid.flights.instruments import while_flying
 from rotorid.flights.segments import built
 from rotorid.flights.selection import described, each_once, require_inside
-from rotorid.io.advice import logging_advice
-from rotorid.models.rotors import RotorLayout, layout_of, mixer_of
+from rotorid.models.autopilots.layouts import layout_of, mixer_of
+from rotorid.models.rotors import RotorLayout
 from rotorid.settings.settings import MotorChoices, chosen_layout
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.signal.clock import interpolated, resample
 from rotorid.signal.excitations import find_excitations
-from rotorid.signal.filters import combined_response
 from rotorid.signal.kinematics import ingredients
 from rotorid.signal.motors import Kind, MotorHistory, linearization_of, motor_history, voltage_factor, with_motors
 from rotorid.typing import Axis, FloatArray
@@ -450,7 +452,7 @@ def _straightened(record: FlightRecord, kind: Kind) -> bool:
     """Whether the autopilot takes the curve of the motors out, so that thrust follows what was logged in a line."""
     if kind != "thrust_demand":
         return False
-    return record.source.format.startswith("ArduPilot") or record.parameters.get("THR_MDL_FAC", 0.0) > 0.0
+    return autopilot_of(record).log.straightened or record.parameters.get("THR_MDL_FAC", 0.0) > 0.0
 
 
 def _require_one_kind(flights: Sequence[MotorFlight], records: Sequence[FlightRecord]) -> None:

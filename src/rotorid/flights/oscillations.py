@@ -26,9 +26,10 @@ from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import UsageError
 from rotorid.flights.controllers import controllers_of
+from rotorid.models.autopilots.gains import parameters_of
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.signal.oscillations import Oscillation, check_oscillations
-from rotorid.tuning.firmware import parameters_of, ranges_of, scaled, written
+from rotorid.tuning.firmware import ranges_of, scaled, written
 from rotorid.tuning.loops import Gains
 from rotorid.typing import Axis
 

@@ -11,38 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.autopilots.registry import autopilot_of, named, writer_of
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.flights.controllers import controllers_of
-from rotorid.models.rotors import layout_of
+from rotorid.models.autopilots.layouts import layout_of
+from rotorid.results.model import IdentifiedModel
 from rotorid.typing import Axis
 
-AUTOPILOTS = ("PX4", "ArduPilot", "Betaflight", "Crazyflie")
-
-_CLASSES: Mapping[int, str] = {
-    1: "quad",
-    2: "hexa",
-    3: "octa",
-    4: "octa quad",
-    5: "Y6",
-    7: "tri",
-    12: "dodeca hexa",
-    14: "deca",
-}
-_TYPES: Mapping[int, str] = {
-    0: "plus",
-    1: "X",
-    2: "V",
-    3: "H",
-    4: "V tail",
-    5: "A tail",
-    12: "X (Betaflight)",
-    13: "X (DJI)",
-    14: "X (clockwise)",
-    18: "X (Betaflight, reversed)",
-}
 _COUNTED: Mapping[int, str] = {3: "tri", 4: "quad", 6: "hexa", 8: "octa", 12: "dodeca"}
 
 
@@ -70,24 +49,14 @@ class Aircraft(Immutable):
 
 def aircraft_of(record: FlightRecord) -> Aircraft:
     """What a log says of the vehicle that flew."""
-    return Aircraft(autopilot=autopilot_of(record), kind=record.status.vehicle, frame=frame_of(record)[0])
-
-
-def autopilot_of(record: FlightRecord) -> str:
-    """Name of the autopilot that wrote a log; empty where no autopilot did."""
-    return next((name for name in AUTOPILOTS if record.source.format.startswith(name)), "")
+    return Aircraft(autopilot=writer_of(record).name, kind=record.status.vehicle, frame=frame_of(record)[0])
 
 
 def frame_of(record: FlightRecord) -> tuple[str, str]:
     """Name of the frame, empty where the log has none, and in brackets what the log says instead of a name."""
-    parameters = record.parameters
-    if "FRAME_CLASS" in parameters and record.source.format.startswith(("ArduPilot", "MAVLink")):
-        number = int(parameters["FRAME_CLASS"])
-        name = _CLASSES.get(number, "")
-        kind = int(parameters.get("FRAME_TYPE", 1.0))
-        return (f"{name} {_TYPES.get(kind, f'type {kind}')}".strip(), "") if name else ("", f" (FRAME_CLASS {number})")
-    if "FRAME" in parameters and record.source.format.startswith("ArduPilot"):
-        return _TYPES.get(int(parameters["FRAME"]), ""), ""
+    named_frame = autopilot_of(record).log.frame(record)
+    if named_frame is not None:
+        return named_frame
     try:
         layout = layout_of(record)
     except (InsufficientDataError, ModelError):
@@ -99,6 +68,50 @@ def frame_of(record: FlightRecord) -> tuple[str, str]:
     shape = "plus" if count == 4 and float(np.max(np.abs(np.sin(2.0 * angles)))) < 0.3 else ""
     shape = "X" if count == 4 and off_axis > 0.3 else shape
     return f"{_COUNTED.get(count, f'{count} rotors')} {shape}".strip(), ""
+
+
+def require_one_autopilot(models: Sequence[IdentifiedModel], records: Sequence[FlightRecord]) -> tuple[Finding, ...]:
+    """Refuse models and logs of different autopilots, and remark on a model that is of none of the logs.
+
+    Parameters
+    ----------
+    models, records
+        Results of earlier runs, and the logs beside which they are used.
+
+    Returns
+    -------
+    tuple of Finding
+        ``other_log`` for each model that was identified on other logs: whether both are of one vehicle is not known.
+
+    Raises
+    ------
+    UsageError
+        A model was identified on a log of another autopilot.
+    """
+    flown = {record.source.sha256 for record in records if record.source.sha256}
+    findings = []
+    for model in models:
+        known = model.controller.autopilot if model.controller is not None else ""
+        came = ", ".join(model.provenance.inputs) or "data without a name"
+        for record in records:
+            own = writer_of(record).name
+            if named(known).name and own and own != known:
+                raise UsageError(
+                    f"{model.name} was identified on {came} of {known}, and {record.source.name} is of {own}",
+                    needed="a model and logs of one vehicle",
+                    remedy=f"identify {model.name} on {record.source.name}, or give the logs of the model",
+                )
+        if flown and not flown & set(model.provenance.inputs.values()):
+            logs = ", ".join(record.source.name for record in records)
+            findings.append(
+                warn(
+                    "other_log",
+                    model.name,
+                    f"{model.name} was identified on {came} and not on {logs}: whether both are of one vehicle, as it "
+                    "flew, was not checked. Identify the model on a log of the flight that counts.",
+                )
+            )
+    return tuple(findings)
 
 
 def require_one_vehicle(records: Sequence[FlightRecord]) -> None:

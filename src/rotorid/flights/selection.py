@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.autopilots.advice import flying_advice
 from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
@@ -28,7 +29,6 @@ from rotorid.flights.instruments import (
     is_injection,
 )
 from rotorid.flights.supports import nothing_excites, ordinary_flights
-from rotorid.io.advice import flying_advice
 from rotorid.models.families import is_rate_model
 from rotorid.models.structure import LinearStructure
 from rotorid.settings.settings import IdentifySettings, MeasureSettings

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
+from rotorid.autopilots.advice import flying_advice, logging_advice
 from rotorid.data.base import Immutable
 from rotorid.data.display import listed
 from rotorid.data.findings import Finding, refusal, warn
@@ -22,7 +23,6 @@ from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import find_instrument, is_free, own_instrument
 from rotorid.flights.oscillations import limits_shown, motors_limited, reviewed_oscillations
-from rotorid.io.advice import flying_advice, logging_advice
 from rotorid.models.families import FAMILIES, RATE_AXIS, Needs, family_of, rate_model_of
 from rotorid.models.library import RATE_AXES, library_model
 from rotorid.settings.settings import IdentifySettings

@@ -16,6 +16,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rotorid.autopilots.registry import named
 from rotorid.data.base import Immutable
 from rotorid.data.display import listed
 from rotorid.data.findings import Finding, warn
@@ -26,7 +27,7 @@ from rotorid.excitation.plan import planned, sequence, together, uncorrelated_bi
 from rotorid.flying.settings import DOUBLET_S, DesignChoices, PlanChoices
 from rotorid.flying.simulation import truth_of
 from rotorid.identifying.scope import INERTIAL
-from rotorid.io.registry import format_of, log_rate_hz
+from rotorid.io.registry import log_rate_hz
 from rotorid.models.families import family_of, named_model
 from rotorid.models.structure import LinearStructure
 from rotorid.planning.aircraft import aircraft_loop
@@ -132,20 +133,19 @@ class Planned(Immutable):
 def default_entry(aircraft: Aircraft, axis: Axis) -> Entry:
     """Where a user of this autopilot can add a test input without hands.
 
-    ArduPilot adds chirps to what the mixer receives. PX4 takes attitudes and thrust from outside (Offboard), and no
-    torques.
+    Where that are attitudes, thrust is added to what the mixer receives.
     """
-    return "attitude_setpoint" if aircraft.autopilot.kind == "px4" and axis != "thrust" else "command"
+    return named(aircraft.autopilot.kind).entry if axis != "thrust" else "command"
 
 
 def by_hand(aircraft: Aircraft, axis: Axis) -> Entry:
-    """Where steps are added: ArduPilot flies them by no script, and a pilot by the stick."""
-    return "stick" if aircraft.autopilot.kind == "ardupilot" else default_entry(aircraft, axis)
+    """Where steps are added: what no script flies, a pilot does by the stick."""
+    return named(aircraft.autopilot.kind).step_entry or default_entry(aircraft, axis)
 
 
 def sweep_of(aircraft: Aircraft) -> Shape:
-    """The sweep that an autopilot can fly by itself: ArduPilot has its logarithmic chirp and no other."""
-    return "logarithmic_sweep" if aircraft.autopilot.kind == "ardupilot" else "pilot_sweep"
+    """The sweep that an autopilot can fly by itself."""
+    return named(aircraft.autopilot.kind).sweep
 
 
 def plan_for(aircraft: Aircraft, choices: PlanChoices, *, name: str = "") -> Planned:
@@ -512,7 +512,7 @@ def design(choices: DesignChoices) -> tuple[Designed, ...]:
     craft = choices.aircraft
     rate_hz = craft.autopilot.rate_hz
     interface = choices.entry.interface
-    logged_hz = log_rate_hz(format_of(craft.autopilot.kind), rate_hz) if interface is None else interface.rate_hz
+    logged_hz = log_rate_hz(named(craft.autopilot.kind).log_format, rate_hz) if interface is None else interface.rate_hz
     loop = aircraft_loop(craft, wind=choices.plan.wind, log_rate_hz=logged_hz)
     models = [_model(choices, name) for name in choices.model_names]
     _require_reachable(choices, models)

@@ -8,16 +8,16 @@ vehicle of the log where its motors were identified, with its own gains where th
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord
 from rotorid.errors import RotoridError
-from rotorid.io.advice import autopilot_of
+from rotorid.io.formats import PACKED
 from rotorid.typing import Axis
 
 if TYPE_CHECKING:
@@ -27,11 +27,6 @@ if TYPE_CHECKING:
 
 RESULTS = "rotorid-out"
 """The folder of results, as the command line calls it."""
-
-_VEHICLES: Mapping[str, str] = MappingProxyType(
-    {"PX4": "px4_quad", "ArduPilot": "ardupilot_quad", "Betaflight": "betaflight_quad", "Crazyflie": "crazyflie"}
-)
-_PACKED = (".gz", ".xz", ".bz2", ".zip")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +130,7 @@ def log_words(record: FlightRecord) -> tuple[str, ...]:
 
 def craft_of(record: FlightRecord) -> str:
     """The vehicle of the library that flies as the autopilot of a log does."""
-    return _VEHICLES.get(autopilot_of(record), "px4_quad")
+    return autopilot_of(record).vehicle
 
 
 def _vehicle(known: KnownOfLog, folder: str) -> tuple[str, ...]:
@@ -195,7 +190,7 @@ def _file(name: str) -> str:
 
 def _stem(name: str) -> str:
     path = PurePath(name)
-    return PurePath(path.stem).stem if path.suffix.lower() in _PACKED else path.stem
+    return PurePath(path.stem).stem if path.suffix.lower() in PACKED else path.stem
 
 
 def _command(*words: str) -> str:

@@ -12,13 +12,12 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.data.record import AXES, FlightRecord, Kind, Maneuver
 from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import UsageError
-from rotorid.io.advice import autopilot_of
-from rotorid.io.ardupilot.system_id import firmware_findings
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import Axis
 
@@ -56,8 +55,9 @@ def plan_findings(record: FlightRecord, plan: FlightPlan) -> tuple[Finding, ...]
 
 def _of_firmware(record: FlightRecord, plan: FlightPlan) -> tuple[Finding, ...]:
     source = record.source
-    if autopilot_of(record) == "ArduPilot":
-        return firmware_findings(plan, source.firmware)
+    found = autopilot_of(record).plan_findings(plan, source.firmware)
+    if found is not None:
+        return found
     called = source.firmware or f"The firmware of this {source.format} log"
     said = f"{called} was not checked against the plan: only ArduCopter's versions are known."
     return (remark("plan_firmware", "firmware", said),)

@@ -8,6 +8,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, TypeAlias, get_args
 
+from rotorid.autopilots.autopilot import LogFormat
+from rotorid.autopilots.registry import named
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
 from rotorid.settings.settings import Option, parse_band, parse_names, require_seed
@@ -17,7 +19,6 @@ if TYPE_CHECKING:
     from rotorid.data.findings import Finding
     from rotorid.data.flight_plan import Entry, FlightPlan, Shape
     from rotorid.flying.user_vehicles import OwnVehicle
-    from rotorid.io.registry import LogFormat
     from rotorid.planning.amplitude import Limits
     from rotorid.planning.expected import FitChoices
     from rotorid.planning.prior import Prior
@@ -736,7 +737,7 @@ class SimulateChoices(Immutable):
         "LogFormat | None",
         Option(
             "--format",
-            words=("ulg", "bin", "bbl", "csv"),
+            words=get_args(LogFormat),
             heading="Flight",
             help="Of the log. [default: that of the vehicle's autopilot]",
         ),
@@ -758,7 +759,6 @@ class SimulateChoices(Immutable):
 
     def __post_init__(self) -> None:
         from rotorid.data.flight_plan import LONGEST_S
-        from rotorid.io.registry import LogFormat
 
         require_seed(self.seed)
         if self.duration_s is not None and not 0.0 < self.duration_s <= LONGEST_S:
@@ -792,7 +792,7 @@ class SimulateChoices(Immutable):
         alike = rotors.rotors == wanted.rotors and bool(
             (rotors.positions[:, :2] * wanted.positions[:, :2] > 0.0).all() and (rotors.spins == wanted.spins).all()
         )
-        if craft.autopilot.kind != "betaflight" or not alike:
+        if named(craft.autopilot.kind).log_format != self.log_format or not alike:
             raise UsageError(
                 f"the format bbl came for {self.entry.name}, which flies under {craft.autopilot.kind} with "
                 f"{rotors.rotors} rotors{'' if alike else ' in another order'}",
@@ -820,14 +820,14 @@ class SimulateChoices(Immutable):
     @property
     def log_format(self) -> "LogFormat":
         """The format in force."""
-        from rotorid.io.registry import format_of
-
-        return self.format or format_of(self.aircraft.autopilot.kind)
+        return self.format or named(self.aircraft.autopilot.kind).log_format
 
     @property
     def file_names(self) -> tuple[str, ...]:
         """Names of the logs."""
-        ending = {"ulg": "ulg", "bin": "BIN", "bbl": "bbl", "csv": "csv"}[self.log_format]
+        from rotorid.io.formats import WRITERS
+
+        ending = WRITERS[self.log_format].ending
         if self.runs == 1:
             return (f"flight.{ending}",)
         digits = len(str(self.runs))

@@ -15,6 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from rotorid.autopilots.filters import butterworth_low_pass
+from rotorid.autopilots.registry import named
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, SimulatedFlight
@@ -22,13 +24,13 @@ from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.excitation.sticks import everyday_stick
 from rotorid.flying.settings import SimulateChoices
 from rotorid.io.files import sha256_of
-from rotorid.io.registry import START_S, write_log
+from rotorid.io.formats import WRITERS
+from rotorid.io.registry import write_log
 from rotorid.io.tables.csv import write_csv
 from rotorid.models.library import library_model
 from rotorid.planning.amplitude import Reached, reached
 from rotorid.results.provenance import LoggedManeuver, Provenance
 from rotorid.settings.settings import require_seed
-from rotorid.signal.filters import butterworth_low_pass
 from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, seed_of
 from rotorid.typing import Axis
@@ -242,7 +244,7 @@ def write_run(path: Path, run: Run, choices: SimulateChoices) -> SimulatedLog:
 def simulation_of(choices: SimulateChoices, logs: Sequence[SimulatedLog], *, command: Sequence[str] = ()) -> Simulation:
     """What flew, what was true, and where the logs are."""
     craft = choices.aircraft
-    start_s = START_S[choices.log_format]
+    start_s = WRITERS[choices.log_format].start_s
     planned = () if choices.plan is None else choices.plan.maneuvers
     return Simulation(
         vehicle=flown_vehicle(choices.entry, craft, choices.changes),
@@ -293,7 +295,7 @@ def truth_of(craft: Aircraft, speed_m_s: tuple[float, float] = (0.0, 0.0)) -> di
 def logged_late_s(craft: Aircraft, axis: str) -> float:
     """How late the log shows the motion of an axis: the autopilot's filters, or the mean over a turn of its loop."""
     autopilot = craft.autopilot
-    if autopilot.kind == "ardupilot":
+    if named(autopilot.kind).adds_sweeps:
         # The force of rotors without lag does not change in a turn, so that its mean is not late.
         even = axis == "thrust" and not craft.vehicle.rotors.lag_up_s
         return 0.0 if even else 0.5 / autopilot.rate_hz

@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rotorid.autopilots.registry import named
+from rotorid.autopilots.thrust import Linearization
 from rotorid.data.base import Immutable
 from rotorid.data.record import AXES
 from rotorid.errors import UsageError
@@ -19,7 +21,6 @@ from rotorid.flying.vehicle_from_results import MOTION, UNITS, JoinedVehicle, Ve
 from rotorid.models.families import family_of
 from rotorid.models.rotors import RotorLayout, named_by
 from rotorid.results.model import IdentifiedModel
-from rotorid.signal.motors import Linearization
 from rotorid.simulation.autopilot import Autopilot
 from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor import Multirotor
@@ -27,9 +28,6 @@ from rotorid.simulation.multirotor_flight import Aircraft, changed
 from rotorid.typing import Axis
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.vehicles.px4 import rotor_parameters, with_gains
-
-_GAINS: Mapping[str, str] = {"px4": "MC_ROLLRATE_P", "ardupilot": "ATC_RAT_RLL_P"}
-_HOVER: Mapping[str, str] = {"px4": "MPC_THR_HOVER", "ardupilot": "MOT_THST_HOVER"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -202,7 +200,8 @@ def _autopilot(joined: JoinedVehicle, body: Multirotor, like: Aircraft) -> tuple
     own, taken = like.autopilot, [f"the autopilot, {like.autopilot.kind} at {like.autopilot.rate_hz:g} Hz"]
     flew = joined.controller
     gains = controllers_of_result(flew).parameters if flew is not None else {}
-    if _GAINS.get(own.kind, "") in gains:
+    flies = named(own.kind)
+    if flies.takes_gains and flies.gain in gains:
         own = with_gains(like, gains, source="the log").autopilot
     else:
         taken.append("gains and filters")
@@ -229,7 +228,7 @@ def _linearization(joined: JoinedVehicle, own: Autopilot) -> Linearization:
         return Linearization()
     known = motors.straightening
     if known is None:
-        return own.linearization if own.kind == "ardupilot" else Linearization()
+        return own.linearization if named(own.kind).log.straightened else Linearization()
     return Linearization(expo=known.expo, low=known.low, high=known.high)
 
 
@@ -240,13 +239,13 @@ def _logged(own: Autopilot, layout: RotorLayout, line: Linearization) -> dict[st
     if own.kind != "ardupilot":
         return {}
     frame = {"MOT_THST_EXPO": line.expo, "MOT_SPIN_MIN": line.low, "MOT_SPIN_MAX": line.high}
-    named = [
+    numbers = [
         (kind, form)
         for kind in range(1, 15)
         for form in range(20)
         if named_by("ardupilot", [kind, form]) == layout.name
     ]
-    return frame | ({"FRAME_CLASS": float(named[0][0]), "FRAME_TYPE": float(named[0][1])} if named else {})
+    return frame | ({"FRAME_CLASS": float(numbers[0][0]), "FRAME_TYPE": float(numbers[0][1])} if numbers else {})
 
 
 _TURNS, _CLOSE = 20, 1e-6
@@ -292,6 +291,6 @@ def _hovering(own: Autopilot, body: Multirotor, like: Aircraft) -> Autopilot:
     )
     guidance = own.guidance
     guidance = replace(guidance, climb_p=guidance.climb_p * hover / before, climb_i=guidance.climb_i * hover / before)
-    name = _HOVER.get(own.kind)
-    logged = {name: hover} if name is not None and name in own.parameters else {}
+    name = named(own.kind).hover
+    logged = {name: hover} if name in own.parameters else {}
     return replace(own, guidance=guidance, parameters={**own.parameters, **logged})

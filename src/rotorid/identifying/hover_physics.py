@@ -12,8 +12,9 @@ from dataclasses import replace
 
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.models.autopilots.layouts import layout_of, mixer_of
 from rotorid.models.hover_layouts import GEOMETRY, HOVER, physical_hover
-from rotorid.models.rotors import RotorLayout, layout_of, mixer_of
+from rotorid.models.rotors import RotorLayout
 from rotorid.models.structure import LinearStructure
 from rotorid.settings.settings import IdentifySettings, chosen_layout
 

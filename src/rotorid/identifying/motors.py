@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.autopilots.thrust import Linearization
 from rotorid.checking.motors import MotorPredictor
 from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
@@ -33,7 +34,7 @@ from rotorid.results.summary import (
     Straightening,
 )
 from rotorid.settings.settings import MotorChoices, VerifySettings
-from rotorid.signal.motors import Linearization, linearization_of, logged_outputs, or_none
+from rotorid.signal.motors import linearization_of, logged_outputs, or_none
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 
 

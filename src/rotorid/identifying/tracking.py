@@ -24,12 +24,13 @@ from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.flights import Flight, longest_flight
 from rotorid.flights.instruments import find_instrument
+from rotorid.flights.same_vehicle import require_one_autopilot
 from rotorid.flights.supports import unsupported
 from rotorid.identifying.identification import identify
 from rotorid.models.families import RATE_AXIS
 from rotorid.models.parameter import no_such
 from rotorid.results.model import IdentifiedModel
-from rotorid.results.provenance import Provenance, provenance, require_one_autopilot
+from rotorid.results.provenance import Provenance, provenance
 from rotorid.settings.settings import as_records
 from rotorid.signal.clock import resample
 from rotorid.signal.motors import motor_limits

@@ -1,5 +1,5 @@
-from rotorid.io.registry import READERS as READERS
-from rotorid.io.registry import Reader as Reader
+from rotorid.io.formats import READERS as READERS
+from rotorid.io.formats import Reader as Reader
 from rotorid.io.registry import format_of as format_of
 from rotorid.io.registry import log_rate_hz as log_rate_hz
 from rotorid.io.registry import read as read

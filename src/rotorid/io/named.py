@@ -6,30 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rotorid.errors import UsageError
-
-ENDINGS = frozenset(
-    (
-        ".ulg",
-        ".bin",
-        ".log",
-        ".bbl",
-        ".bfl",
-        ".tlog",
-        ".csv",
-        ".mat",
-        ".npz",
-        ".parquet",
-        ".bag",
-        ".mcap",
-        ".db3",
-        ".px4log",
-        ".txt",
-        ".usd",
-    )
-)
-"""What the files of a folder are recognized by; a file that is named itself may be called anything."""
-
-_PACKED = frozenset((".gz", ".xz", ".bz2", ".zip"))
+from rotorid.io.formats import ENDINGS, PACKED
 
 
 def logs_in(paths: Sequence[Path], *, archives: bool = False) -> list[Path]:
@@ -73,7 +50,7 @@ def _behind(path: Path, archives: bool) -> Iterator[Path]:
 def is_log(file: Path) -> bool:
     """Whether a file is called like a log, packed or not."""
     suffixes = [suffix.lower() for suffix in file.suffixes]
-    if suffixes and suffixes[-1] in _PACKED:
+    if suffixes and suffixes[-1] in PACKED:
         suffixes.pop()
     return bool(suffixes) and suffixes[-1] in ENDINGS
 

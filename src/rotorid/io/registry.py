@@ -7,59 +7,30 @@ the names of their modules, and imports only the one that is needed.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any
 
-import numpy as np
-
+from rotorid.autopilots.autopilot import LogFormat
+from rotorid.autopilots.registry import named
 from rotorid.data.display import visible
 from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
 from rotorid.io.documents import require_file
 from rotorid.io.files import compression_of, sha256_of, unpacked
+from rotorid.io.formats import READ, READERS, WRITERS, Reader
 from rotorid.io.screening import screened
+from rotorid.io.tables.csv import table_rate_hz
 from rotorid.io.tables.mapped import joined
 from rotorid.io.tables.mapping import ChannelMapping, read_mapping
 
 _HEAD_BYTES = 4096
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Reader:
-    """A module with ``FORMAT``, ``sniff(head)`` and ``read(path, source, ...)``, and what its ``read`` understands."""
-
-    module: str
-    takes_mapping: bool = False
-    takes_sandbox: bool = False
-
-
-READERS: Sequence[Reader] = (
-    Reader(module="rotorid.io.px4.log"),
-    Reader(module="rotorid.io.ardupilot.log"),
-    Reader(module="rotorid.io.ardupilot.text"),
-    Reader(module="rotorid.io.betaflight.log"),
-    Reader(module="rotorid.io.crazyflie"),
-    Reader(module="rotorid.io.ros.bag", takes_mapping=True, takes_sandbox=True),
-    Reader(module="rotorid.io.mavlink.tlog"),
-    Reader(module="rotorid.io.tables.matlab", takes_mapping=True, takes_sandbox=True),
-    Reader(module="rotorid.io.tables.npz", takes_mapping=True),
-    Reader(module="rotorid.io.tables.parquet", takes_mapping=True, takes_sandbox=True),
-    Reader(module="rotorid.io.betaflight.decoded", takes_mapping=True),
-    # Last, since nearly every text looks like a table.
-    Reader(module="rotorid.io.tables.csv", takes_mapping=True),
-)
-"""In the order in which they are asked."""
-
-_READ = (
-    "PX4 .ulg, ArduPilot .BIN or its text, Betaflight .BBL, Crazyflie uSD, .tlog, ROS bag, .mat, .npz, .parquet and "
-    "CSV, each also as .gz, .xz, .bz2 or .zip, and folders of ulog2csv files"
-)
 _DECRYPT = "decrypt it with decrypt_logs.py of PX4's Tools/log_encryption and your private key, and give the .ulg"
 _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"ULogEnc", "an encrypted PX4 log (.ulge)", _DECRYPT),
@@ -175,7 +146,7 @@ def _read_folder(path: Path) -> FlightRecord:
     if not is_folder_log(path):
         raise LogError(
             f"{path.name or path} is a folder",
-            needed=f"one flight log: {_READ}",
+            needed=f"one flight log: {READ}",
             remedy="give a file in it, or a folder of ulog2csv files",
         )
     return read_folder(path, Source(name=visible(path.name), format=FORMAT, sha256=""))
@@ -210,7 +181,7 @@ def _head(path: Path, name: str) -> bytes:
     if path.is_dir():
         raise LogError(
             f"{name or path} is a folder",
-            needed=f"one flight log: {_READ}",
+            needed=f"one flight log: {READ}",
             remedy="give a file in it, without a mapping",
         )
     try:
@@ -221,11 +192,11 @@ def _head(path: Path, name: str) -> bytes:
     except (OSError, ValueError) as error:
         raise LogError(
             f"{path} cannot be opened: {getattr(error, 'strerror', None) or error}",
-            needed=f"a flight log: {_READ}",
+            needed=f"a flight log: {READ}",
             remedy="check the path and the permissions",
         ) from error
     if not head:
-        raise LogError(f"{name} is empty", needed=f"a flight log: {_READ}", remedy="copy it again from the vehicle")
+        raise LogError(f"{name} is empty", needed=f"a flight log: {READ}", remedy="copy it again from the vehicle")
     return head
 
 
@@ -243,15 +214,7 @@ def _reader_of(head: bytes, name: str) -> tuple[Reader, Any]:
         _, came, remedy = foreign
     elif compression_of(head):
         came, remedy = "an archive inside an archive", "unpack it and give the log itself"
-    raise LogError(f"{name} is {came}", needed=f"a flight log: {_READ}", remedy=remedy)
-
-
-LogFormat: TypeAlias = Literal["ulg", "bin", "bbl", "csv"]
-
-START_S: Mapping[LogFormat, float] = MappingProxyType({"ulg": 30.0, "bin": 60.0, "bbl": 20.0, "csv": 0.0})
-"""Time since boot at which the first sample is stamped: autopilots have run for a while when a flight begins."""
-
-_TABLE_RATE_HZ = 500.0
+    raise LogError(f"{name} is {came}", needed=f"a flight log: {READ}", remedy=remedy)
 
 
 def format_of(autopilot: str) -> LogFormat:
@@ -262,8 +225,7 @@ def format_of(autopilot: str) -> LogFormat:
     >>> format_of("px4"), format_of("ardupilot"), format_of("simple")
     ('ulg', 'bin', 'csv')
     """
-    formats: Mapping[str, LogFormat] = {"px4": "ulg", "ardupilot": "bin", "betaflight": "bbl"}
-    return formats.get(autopilot, "csv")
+    return named(autopilot).log_format
 
 
 def log_rate_hz(format: LogFormat, loop_rate_hz: float) -> float:
@@ -274,11 +236,7 @@ def log_rate_hz(format: LogFormat, loop_rate_hz: float) -> float:
     >>> log_rate_hz("bin", 400.0), log_rate_hz("csv", 1000.0)
     (400.0, 500.0)
     """
-    return loop_rate_hz / _stride(loop_rate_hz) if format == "csv" else loop_rate_hz
-
-
-def _stride(loop_rate_hz: float) -> int:
-    return max(1, int(np.ceil(loop_rate_hz / _TABLE_RATE_HZ - 1e-9)))
+    return table_rate_hz(loop_rate_hz) if format == "csv" else loop_rate_hz
 
 
 def write_log(path: str | os.PathLike[str], flight: SimulatedFlight, *, format: LogFormat) -> None:
@@ -299,23 +257,7 @@ def write_log(path: str | os.PathLike[str], flight: SimulatedFlight, *, format: 
     UsageError
         There is no such format, a signal holds something that is no number, or the place cannot be written.
     """
-    path = Path(path)
-    if format == "ulg":
-        from rotorid.io.px4.writer import write_px4
-
-        write_px4(path, flight, start_s=START_S["ulg"])
-    elif format == "bin":
-        from rotorid.io.ardupilot.writer import write_ardupilot
-
-        write_ardupilot(path, flight, start_s=START_S["bin"])
-    elif format == "bbl":
-        from rotorid.io.betaflight.writer import write_betaflight
-
-        write_betaflight(path, flight, start_s=START_S["bbl"])
-    elif format == "csv":
-        from rotorid.io.tables.csv import write_csv
-
-        stride = _stride(flight.sample_rate_hz)
-        write_csv(path, flight.time_s[::stride], {name: row[::stride] for name, row in flight.columns.items()})
-    else:
-        raise UsageError(f"the format {format!r} of a log came", needed=f"one of {', '.join(get_args(LogFormat))}")
+    if format not in WRITERS:
+        raise UsageError(f"the format {format!r} of a log came", needed=f"one of {', '.join(WRITERS)}")
+    writer = WRITERS[format]
+    getattr(import_module(writer.module), writer.name)(Path(path), flight, start_s=writer.start_s)

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from rotorid.errors import UsageError
+from rotorid.io.formats import ENDINGS, PACKED
 from rotorid.lab.steps import MOST_STEPS, Project, Step, arguments, project_text
 from rotorid.lab.tracks import Tracks, listed
 from rotorid.lab.workers import Job, Workers
@@ -31,9 +32,7 @@ ALL_UPLOAD_BYTES = 8 << 30
 
 MOST_CHOICES, MOST_ENTRIES, MOST_DEPTH = 1000, 20_000, 6
 _DRAWN = ("omega_rad_s", "values", "coherence", "random_error", "inputs", "outputs", "model", "fitted", "used")
-_ENDINGS = re.compile(
-    r"\.(ulg|bin|log|bbl|bfl|tlog|csv|mat|npz|parquet|bag|mcap|db3|px4log|txt|usd)(\.(gz|xz|bz2|zip))?$"
-)
+_ENDINGS = re.compile(rf"({'|'.join(map(re.escape, sorted(ENDINGS)))})({'|'.join(map(re.escape, PACKED))})?$")
 _NAME_BYTES = 200
 
 

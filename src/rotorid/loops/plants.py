@@ -19,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rotorid.autopilots.filters import KnownFilter
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord, TimeHistory
@@ -40,7 +41,6 @@ from rotorid.results.model import IdentifiedModel
 from rotorid.settings.settings import IdentifySettings, MeasureSettings
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.excitations import find_excitations, rich_excitations
-from rotorid.signal.filters import KnownFilter
 from rotorid.spectral.derived import LARGEST_ERROR, LEAST_COHERENCE, corrected, selected
 from rotorid.spectral.loops import at_points
 from rotorid.tuning.plant import DRAWS, FLOOR, MeasuredRatio, UncertainPlant, uncertain_plant

@@ -21,6 +21,7 @@ from typing import Literal
 
 import numpy as np
 
+from rotorid.autopilots.advice import logging_advice
 from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
@@ -37,7 +38,6 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.measure import Measured
 from rotorid.flights.segments import cut, histories, with_surroundings
 from rotorid.flights.whole_flights import flown
-from rotorid.io.advice import logging_advice
 from rotorid.loops.plants import (
     MOVE,
     MeasuredPlant,

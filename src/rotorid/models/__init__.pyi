@@ -1,3 +1,5 @@
+from rotorid.models.autopilots.layouts import layout_of as layout_of
+from rotorid.models.autopilots.layouts import mixer_of as mixer_of
 from rotorid.models.autopilots.reading import axis_controller as axis_controller
 
 # deprecated, removed in 0.3: use rotorid.models.axis_controller
@@ -57,9 +59,7 @@ from rotorid.models.rotors import ardupilot_mixer as ardupilot_mixer
 from rotorid.models.rotors import check_mixer as check_mixer
 from rotorid.models.rotors import layout_from_toml as layout_from_toml
 from rotorid.models.rotors import layout_names as layout_names
-from rotorid.models.rotors import layout_of as layout_of
 from rotorid.models.rotors import library_layout as library_layout
-from rotorid.models.rotors import mixer_of as mixer_of
 from rotorid.models.rotors import px4_mixer as px4_mixer
 from rotorid.models.state_space import StateSpace as StateSpace
 from rotorid.models.structure import LinearStructure as LinearStructure

@@ -14,10 +14,10 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from rotorid.autopilots.filters import KnownFilter
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import UsageError
 from rotorid.models.loop_filter import LoopFilter
-from rotorid.signal.filters import KnownFilter
 from rotorid.typing import ComplexArray, FloatArray
 
 

@@ -8,8 +8,8 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
+from rotorid.autopilots.filters import KnownFilter, butterworth_low_pass, notch
 from rotorid.errors import UsageError
-from rotorid.signal.filters import KnownFilter, butterworth_low_pass, notch
 from rotorid.typing import ComplexArray
 
 FilterKind: TypeAlias = Literal["PT1", "PT2", "PT3", "Butterworth", "notch"]
@@ -26,9 +26,9 @@ class LoopFilter:
         \text{Butterworth}: \frac{1}{x^2 + \sqrt 2 x + 1}; \qquad
         \text{notch}: \frac{x^2 + d x / Q + 1}{x^2 + x / Q + 1}, \qquad x = \frac{s}{\omega_0}
 
-    and with a step the digital filters of :mod:`rotorid.signal.filters`: first-order stages are backward differences,
-    the others come by the bilinear transformation, exact at :math:`\omega_0`. A Butterworth low-pass or a notch at half
-    of the program's rate or beyond is none, as in the firmware.
+    and with a step the digital filters of :mod:`rotorid.autopilots.filters`: first-order stages are backward
+    differences, the others come by the bilinear transformation, exact at :math:`\omega_0`. A Butterworth low-pass or a
+    notch at half of the program's rate or beyond is none, as in the firmware.
 
     Parameters
     ----------

@@ -14,9 +14,9 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rotorid.autopilots.thrust import expo_share
 from rotorid.data.base import Immutable
 from rotorid.errors import ModelError
-from rotorid.signal.motors import expo_share
 from rotorid.typing import AnyArray, FloatArray
 
 Curve = TypeVar("Curve", bound="ThrustCurve")

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.autopilots.filters import butterworth_low_pass
+from rotorid.autopilots.registry import named
 from rotorid.data.base import Immutable
 from rotorid.data.flight_plan import Entry
 from rotorid.data.record import AXES
 from rotorid.models.state_space import StateSpace
 from rotorid.planning.loop import Dryden, LoopModel, Noise, Responds, White, loop_model
-from rotorid.signal.filters import butterworth_low_pass
 from rotorid.simulation.autopilot import Autopilot
 from rotorid.simulation.hover_flight import ACCELERATIONS, OUTPUTS, VELOCITIES
 from rotorid.simulation.linearization import MOTION, entry_of, feedback_of, hover_states, linearize
@@ -52,10 +53,11 @@ def aircraft_loop(
     (('p', 'q', 'r'), (4, 4, 1))
     """
     autopilot, sensors = aircraft.autopilot, aircraft.sensors
+    adds_sweeps = named(autopilot.kind).adds_sweeps
     system = linearize(aircraft.vehicle, autopilot, accelerometer_m=sensors.accelerometer_place_m)
     plant = _Sampled(aircraft=aircraft, system=system)
     feedback = feedback_of(autopilot, gyro_lag_s=sensors.gyro_lag_s)
-    seen = _seen(aircraft, filtered=autopilot.kind != "ardupilot" if filtered is None else filtered)
+    seen = _seen(aircraft, filtered=not adds_sweeps if filtered is None else filtered)
     std = np.repeat(
         [
             sensors.gyro_noise_rad_s,
@@ -80,9 +82,8 @@ def aircraft_loop(
         entries=_entries(autopilot),
         log_rate_hz=log_rate_hz or autopilot.rate_hz,
         loop_rate_hz=autopilot.rate_hz,
-        # ArduPilot announces what it adds behind the controllers, and logs fast motion only while it does.
-        declared=("command",) if autopilot.kind == "ardupilot" else (),
-        alone=autopilot.kind == "ardupilot",
+        declared=("command",) if adds_sweeps else (),
+        alone=adds_sweeps,
     )
 
 

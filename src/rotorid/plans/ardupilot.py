@@ -16,18 +16,18 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rotorid.data.flight_plan import FlightPlan, PlannedInput
-from rotorid.errors import UsageError
-from rotorid.io.ardupilot.firmware import named
-from rotorid.io.ardupilot.system_id import (
+from rotorid.autopilots.ardupilot.firmware import named
+from rotorid.autopilots.ardupilot.system_id import (
     CHECKED,
     LOITER,
-    RULES,
     SID_AXIS,
     SYSTEM_ID_MODE,
+    entry_reason,
     start_mode,
     throttle_of,
 )
+from rotorid.data.flight_plan import FlightPlan, PlannedInput
+from rotorid.errors import UsageError
 from rotorid.plans.csv import file_stem, filled, number, number_above, one_line, table
 from rotorid.plans.facts import HOLD, FlightFacts, excited_s, flown_by_hand
 from rotorid.typing import FloatArray
@@ -254,8 +254,8 @@ def ardupilot_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
       :func:`rotorid.simulation.multirotor_flight.piloted` does; the autopilot holds the height.
     - Inputs at the sticks, and doublets or multisteps beside sweeps, are left to the pilot's hand and the flight card.
 
-    The files are for Copter 4.5 to 4.7; :func:`rotorid.io.ardupilot.system_id.firmware_findings` compares the version
-    of a log with them.
+    The files are for Copter 4.5 to 4.7; :func:`rotorid.autopilots.ardupilot.system_id.firmware_findings` compares the
+    version of a log with them.
 
     Neither ever overrides the pilot's sticks, arms or disarms: a change of the flight mode or of the switch ends the
     run.
@@ -320,34 +320,6 @@ def versions_words() -> str:
     """
     oldest, newest = CHECKED[0], CHECKED[-1]
     return f"{oldest[0]}.{oldest[1]} to {newest[0]}.{newest[1]}"
-
-
-def entry_reason(axis: int, firmware: str = "") -> str:
-    """Why SYSTEMID mode is entered from the mode in which a run begins, as the end of a sentence for the pilot.
-
-    Parameters
-    ----------
-    axis
-        ``SID_AXIS``.
-    firmware
-        As a log names it; where it is not known, the words say which versions differ.
-
-    Examples
-    --------
-    >>> entry_reason(10)
-    'firmware 4.6 and later refuses other modes: "Axis requires manual throttle"'
-    >>> entry_reason(10, "ArduCopter V4.7.0")
-    'ArduCopter 4.7 refuses other modes: "Axis requires manual throttle"'
-    >>> entry_reason(10, "ArduCopter V4.5.7")
-    'there your hand is on the throttle already'
-    """
-    strict = next(rule for rule in RULES if axis in rule.axes and rule.accepted)
-    version = named(firmware).copter
-    if version is not None and version < strict.since:
-        return "there your hand is on the throttle already"
-    major, minor = version or strict.since
-    who = f"firmware {major}.{minor} and later" if version is None else f"ArduCopter {major}.{minor}"
-    return f'{who} refuses other modes: "{strict.says}"'
 
 
 def _lean_limit(firmware: str) -> str:

@@ -6,18 +6,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Literal, TypeAlias
 
 import numpy as np
 
+from rotorid.autopilots.registry import named
 from rotorid.data.base import Immutable
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
-from rotorid.io.ardupilot.system_id import sid_axes, throttle_of
 from rotorid.simulation.multirotor_flight import HOLD_1_S, HOLD_1_S2, HOLD_PLACE_1_S
-
-Autopilot: TypeAlias = Literal["ArduPilot", "PX4", "Betaflight", "other"]
-"""Whose files and whose words a plan needs."""
 
 STOP_MARGIN = 1.5
 """Limits at which a flight is broken off, over the largest values that were predicted for it."""
@@ -99,7 +95,7 @@ class FlightFacts(Immutable):
     vehicle
         Its name.
     autopilot
-        Whose files and words are needed.
+        Whose files and words are needed, by its name; ``other`` for one that is not known.
     room_m
         Farthest horizontal distance from the place where the flight begins.
     height_m
@@ -126,7 +122,7 @@ class FlightFacts(Immutable):
     """
 
     vehicle: str
-    autopilot: Autopilot
+    autopilot: str
     room_m: float
     height_m: float
     climb_m: float
@@ -208,10 +204,10 @@ def excited_s(planned: PlannedInput) -> tuple[float, float]:
     return planned.start_s + max(first, 0) / rate_hz, planned.start_s + (int(moving[-1]) + 1) / rate_hz
 
 
-def flown_by_hand(plan: FlightPlan, autopilot: Autopilot) -> tuple[PlannedInput, ...]:
+def flown_by_hand(plan: FlightPlan, autopilot: str) -> tuple[PlannedInput, ...]:
     """Inputs that no file can fly and a pilot can: those at the sticks, and steps beside the sweeps of an autopilot."""
     sweeps = any(planned.shape == "logarithmic_sweep" for planned in plan.inputs)
-    left_over = sweeps and autopilot in ("ArduPilot", "Betaflight")
+    left_over = sweeps and named(autopilot).leaves_steps
     return tuple(
         planned
         for planned in plan.inputs
@@ -219,15 +215,9 @@ def flown_by_hand(plan: FlightPlan, autopilot: Autopilot) -> tuple[PlannedInput,
     )
 
 
-def throttle_by_hand(plan: FlightPlan, autopilot: Autopilot) -> bool:
-    """Whether the pilot's hand keeps the height during the runs that an autopilot makes.
-
-    Betaflight's CHIRP runs in ANGLE, ArduPilot's SYSTEMID mode flies like Stabilize for most of its axes: in both the
-    throttle stick is the thrust.
-    """
-    if autopilot == "ArduPilot":
-        return any(throttle_of(axis) == "pilot" for axis in sid_axes(plan))
-    return autopilot == "Betaflight"
+def throttle_by_hand(plan: FlightPlan, autopilot: str) -> bool:
+    """Whether the pilot's hand keeps the height during the runs that an autopilot makes."""
+    return named(autopilot).hand_on_throttle(plan)
 
 
 def _stepped(value: float) -> float:

@@ -13,9 +13,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from rotorid.autopilots.px4.advice import log_profile, profile_words
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
-from rotorid.io.px4.advice import log_profile, profile_words
 from rotorid.plans.csv import FILE, filled, number, number_above, one_line, plan_csv
 from rotorid.plans.facts import HOLD, FlightFacts, column_name
 from rotorid.units import STANDARD_GRAVITY_M_S2

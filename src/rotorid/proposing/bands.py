@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rotorid.autopilots.registry import named
 from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord
@@ -15,7 +16,7 @@ from rotorid.flights.controllers import controllers_of_result
 from rotorid.flying.designs import default_entry
 from rotorid.flying.flight_air import flown_as
 from rotorid.flying.settings import DesignChoices
-from rotorid.io.registry import format_of, log_rate_hz
+from rotorid.io.registry import log_rate_hz
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.planning.aircraft import aircraft_loop, rate_filters
 from rotorid.planning.loop import LoopModel
@@ -78,7 +79,7 @@ def designed_for_tune(
     loop = aircraft_loop(craft, filtered=True)
     if choices.prior is not None:
         loop = with_prior(loop, choices.prior)
-    logged_hz = log_rate_hz(format_of(craft.autopilot.kind), craft.autopilot.rate_hz)
+    logged_hz = log_rate_hz(named(craft.autopilot.kind).log_format, craft.autopilot.rate_hz)
     bands: dict[Axis, tuple[float, float]] = {}
     short: list[Finding] = []
     for axis in axes:

@@ -104,7 +104,7 @@ def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRec
                 needed="a filter that stands still",
                 remedy="a low-pass of the gyro that follows the throttle is not modeled",
             )
-        if record.source.format.startswith("Betaflight") and is_type(place):
+        if is_type(place):
             _require_type(name, value, version_of(record.source.firmware))
         changed[place] = float(value)
     return replace(record, parameters={**record.parameters, **changed})

@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rotorid.autopilots.filters import KnownFilter, combined_response
+from rotorid.autopilots.registry import named
 from rotorid.checking.candidate import UNFILTERED
 from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import Finding, refusal, remark
@@ -24,7 +26,6 @@ from rotorid.flights.oscillations import describe, numbers_of, remedy, reviewed_
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.results.model import IdentifiedModel
 from rotorid.signal.autopilot_filters import controller_filters, known_filters
-from rotorid.signal.filters import KnownFilter, combined_response
 from rotorid.signal.motors import motor_limits
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.typing import Axis, FloatArray
@@ -228,7 +229,7 @@ def _no_gains(axis: Axis, flown: LogControllers | None) -> InsufficientDataError
 
 def _clause(sentence: str) -> str:
     """A sentence as a part of another one."""
-    own = sentence if sentence.startswith("Betaflight") else f"{sentence[:1].lower()}{sentence[1:]}"
+    own = sentence if named(sentence).name else f"{sentence[:1].lower()}{sentence[1:]}"
     return own.rstrip(".")
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rotorid.autopilots.filters import KnownFilter, combined_response
 from rotorid.data.axes import RATE_OF
 from rotorid.data.display import counted
 from rotorid.data.findings import Finding, remark
@@ -17,7 +18,6 @@ from rotorid.loops.plants import MeasuredPlant, drawn_plant, plant_of_result
 from rotorid.models.families import rate_model_of
 from rotorid.results.model import IdentifiedModel
 from rotorid.settings.settings import IdentifySettings, Setting
-from rotorid.signal.filters import KnownFilter, combined_response
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.plant import UncertainPlant, uncertain_plant
 from rotorid.typing import Axis, ComplexArray, FloatArray

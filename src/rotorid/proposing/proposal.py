@@ -16,13 +16,16 @@ from typing import Any
 
 import numpy as np
 
+from rotorid.autopilots.registry import writer_of
 from rotorid.data.base import Immutable
 from rotorid.data.display import html_table, lines_of
 from rotorid.data.findings import Finding, Findings, refusal, remark, warn, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.controller_check import controller_findings
+from rotorid.flights.same_vehicle import require_one_autopilot
 from rotorid.flying.next_steps import sweep_for_tune
+from rotorid.models.autopilots.gains import Parameter, parameters_of
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.proposing.axis import KnownAxis, gains_apart, known_axis, needed_rad_s
 from rotorid.proposing.filters import FilterPrice, changed_filters, prices
@@ -30,11 +33,11 @@ from rotorid.proposing.flown_gains import FlownAxis, at_ends, flown_controllers,
 from rotorid.proposing.shared_filters import require_filters_hold
 from rotorid.proposing.thrust import ThrustLinearization, linearization
 from rotorid.results.model import IdentifiedModel, Records, Refused
-from rotorid.results.provenance import Provenance, autopilot_of, provenance, require_one_autopilot
+from rotorid.results.provenance import Provenance, provenance
 from rotorid.settings.settings import Setting, as_records, require_seed
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.files import parameter_files
-from rotorid.tuning.firmware import Parameter, parameters_of, ranges_of, rounded, scaled, written
+from rotorid.tuning.firmware import ranges_of, rounded, scaled, written
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.tuning.plant import DRAWS, UncertainPlant
 from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, flights_between, judged, propose, steps_beyond
@@ -328,7 +331,7 @@ def tune(
     findings = [finding for record in logs for finding in (*record.findings, *controller_findings(record))]
     findings += [*require_one_autopilot(given, logs), *gains_apart(chosen.axes, logs)]
     settings_from = settings_records(given, logs)
-    autopilot = next((name for record in settings_from if (name := autopilot_of(record))), "")
+    autopilot = next((name for record in settings_from if (name := writer_of(record).name)), "")
     thrust = linearization(given, next(iter(settings_from), None), autopilot=autopilot, seed=chosen.seed)
     findings += [*thrust.findings, *_thrust_remarks(thrust)] if thrust is not None else []
     known: dict[Axis, KnownAxis] = {}

@@ -11,11 +11,13 @@ so the gains of the rates are divided by that: the vehicle flies as before in ho
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rotorid.autopilots.registry import named
+from rotorid.autopilots.thrust import ThrustParameter, expo_bend
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark
 from rotorid.data.quantity import Quantity, with_ends
@@ -33,50 +35,6 @@ _WIDEST = 0.2
 
 _WORTH = 0.9
 """A proposal has to leave less than this of the change of gain over the throttle."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Kind:
-    """How an autopilot straightens: its parameter, its steps, and demand and its derivative by output."""
-
-    name: str
-    largest: float
-    integer: bool
-    bend: Callable[[FloatArray, FloatArray], FloatArray]
-    """Derivative of the demand by the output, of outputs ``(1, x)`` and parameters ``(p, 1)``."""
-    demand: Callable[[FloatArray, FloatArray], FloatArray]
-
-
-def _expo_demand(share: FloatArray, expo: FloatArray) -> FloatArray:
-    return (1.0 - expo) * share + expo * share**2
-
-
-def _expo_bend(share: FloatArray, expo: FloatArray) -> FloatArray:
-    return 1.0 - expo + 2.0 * expo * share
-
-
-def _linear_demand(output: FloatArray, percent: FloatArray) -> FloatArray:
-    """Demand of which Betaflight makes an output: output = d (1 + k (1 - d)²), by bisection."""
-    low, high = np.zeros(np.broadcast_shapes(output.shape, percent.shape)), np.ones(1)
-    high = np.ones_like(low)
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        over = middle * (1.0 + percent / 100.0 * (1.0 - middle) ** 2) > output
-        low, high = np.where(over, low, middle), np.where(over, middle, high)
-    return 0.5 * (low + high)
-
-
-def _linear_bend(output: FloatArray, percent: FloatArray) -> FloatArray:
-    d, k = _linear_demand(output, percent), percent / 100.0
-    return 1.0 / (1.0 + k * (1.0 - d) ** 2 - 2.0 * k * d * (1.0 - d))
-
-
-_KINDS: Mapping[str, _Kind] = {
-    "PX4": _Kind(name="THR_MDL_FAC", largest=1.0, integer=False, bend=_expo_bend, demand=_expo_demand),
-    "ArduPilot": _Kind(name="MOT_THST_EXPO", largest=1.0, integer=False, bend=_expo_bend, demand=_expo_demand),
-    # Above 100 its curve is not monotonic any more.
-    "Betaflight": _Kind(name="thrust_linear", largest=100.0, integer=True, bend=_linear_bend, demand=_linear_demand),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +105,8 @@ def linearization(
         Of the draws.
     """
     model = next((one for one in models if one.motors is not None), None)
-    kind = _KINDS.get(autopilot)
+    parameter = named(autopilot).thrust_parameter
+    kind = parameter() if parameter is not None else None
     if model is None or model.motors is None or kind is None or model.motors.outputs == "speed":
         return None
     motors = model.motors
@@ -161,7 +120,7 @@ def linearization(
         straightened = known.expo if known is not None else flown
         shares, at_hover = (_share_of(demand, straightened) for demand in (outputs, hover))
         slopes, slope_hover = (
-            _slope(model, demand, seed) * _expo_bend(share, np.array(straightened))
+            _slope(model, demand, seed) * expo_bend(share, np.array(straightened))
             for demand, share in ((outputs, shares), (hover, at_hover))
         )
     else:
@@ -200,7 +159,7 @@ def linearization(
     )
 
 
-def _flown(kind: _Kind, record: FlightRecord | None, model: IdentifiedModel) -> float:
+def _flown(kind: ThrustParameter, record: FlightRecord | None, model: IdentifiedModel) -> float:
     if record is not None and kind.name in record.parameters:
         return float(record.parameters[kind.name])
     known = model.motors.straightening if model.motors is not None else None
@@ -229,7 +188,7 @@ def _slope(model: IdentifiedModel, at: FloatArray, seed: int) -> FloatArray:
 
 
 def _stays(
-    kind: _Kind,
+    kind: ThrustParameter,
     model: IdentifiedModel,
     best: Quantity,
     before: tuple[float, float],

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rotorid.autopilots.registry import AUTOPILOTS, named
 from rotorid.data.findings import Finding, warn
 from rotorid.documents.base import to_json as to_json
 from rotorid.errors import UsageError
@@ -18,13 +19,12 @@ from rotorid.io.folders import ResultKind, Target, making
 if TYPE_CHECKING:
     import numpy as np
 
-    from rotorid.data.flight_plan import FlightPlan
     from rotorid.documents.design import DesignDocument, SimulationDocument
     from rotorid.flying.designs import Designed
     from rotorid.flying.flown_models import FlownModel
     from rotorid.flying.settings import DesignChoices, SimulateChoices
     from rotorid.loops.responses import Responses
-    from rotorid.plans.facts import Autopilot, FlightFacts
+    from rotorid.plans.facts import FlightFacts
     from rotorid.proposing.check import CheckedTuning
     from rotorid.proposing.proposal import TuningProposal
     from rotorid.results.model import IdentifiedModel
@@ -241,8 +241,6 @@ def arrays(result: Responses) -> dict[str, np.ndarray]:
 VEHICLE_FILE = "vehicle.toml"
 """What a plan was computed for, where that is none that has a name."""
 
-_AUTOPILOTS: Mapping[str, Autopilot] = {"px4": "PX4", "ardupilot": "ArduPilot", "betaflight": "Betaflight"}
-
 
 def write_design(
     folder: Path,
@@ -269,8 +267,8 @@ def write_design(
     from rotorid.documents.vehicle import flown_vehicle_toml
     from rotorid.report.design import render_design
 
-    kind = autopilot or choices.aircraft.autopilot.kind
-    words: Autopilot = _AUTOPILOTS.get(kind, "other")
+    flies = named(autopilot or choices.aircraft.autopilot.kind)
+    words = flies.name if flies.has_plan_files else "other"
     require_autopilot(autopilot)
     findings: list[Finding] = list(choices.remarks)
     written: list[tuple[str, Sequence[str]]] = []
@@ -296,8 +294,9 @@ def _title(designed: Sequence[Designed], choices: DesignChoices) -> str:
 
 def require_autopilot(name: str | None) -> None:
     """Refuse an autopilot for which there are no files."""
-    if name is not None and name not in _AUTOPILOTS:
-        raise UsageError(f"--for {name} came", needed=f"one of {', '.join(_AUTOPILOTS)}")
+    known = [one.key for one in AUTOPILOTS if one.has_plan_files]
+    if name is not None and name not in known:
+        raise UsageError(f"--for {name} came", needed=f"one of {', '.join(known)}")
 
 
 def _writer(content: str | bytes) -> Callable[[Path], None]:
@@ -305,13 +304,13 @@ def _writer(content: str | bytes) -> Callable[[Path], None]:
 
 
 def _files(
-    one: Designed, choices: DesignChoices, autopilot: Autopilot, *, explicit: bool
+    one: Designed, choices: DesignChoices, autopilot: str, *, explicit: bool
 ) -> tuple[dict[str, str | bytes], list[Finding]]:
     """Files of a plan by name; what an autopilot cannot fly is remarked on, and an error where it was asked for."""
     from rotorid.documents.design import plan_document
     from rotorid.flying.designs import beyond_limits, not_followed
-    from rotorid.io.ardupilot.system_id import firmware_findings
     from rotorid.plans.csv import plan_csv
+    from rotorid.plans.files import plan_files
     from rotorid.report.flight_card import flight_card
 
     plan, facts = one.planned.plan, _facts(one, choices, autopilot)
@@ -321,10 +320,10 @@ def _files(
         **flight_card(plan, facts),
     }
     findings = [*beyond_limits(one, choices.plan.limits), *not_followed(one, choices.aircraft)]
-    if autopilot == "ArduPilot" and choices.firmware:
-        findings += firmware_findings(plan, choices.firmware)
+    if choices.firmware:
+        findings += named(autopilot).plan_findings(plan, choices.firmware) or ()
     try:
-        files |= _autopilot_files(autopilot, plan, facts)
+        files |= plan_files(plan, facts)
     except UsageError as error:
         if explicit:
             raise
@@ -332,27 +331,11 @@ def _files(
     return files, findings
 
 
-def _autopilot_files(autopilot: Autopilot, plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
-    if autopilot == "ArduPilot":
-        from rotorid.plans.ardupilot import ardupilot_files
-
-        return ardupilot_files(plan, facts)
-    if autopilot == "PX4":
-        from rotorid.plans.px4 import px4_files
-
-        return px4_files(plan, facts)
-    if autopilot == "Betaflight":
-        from rotorid.plans.betaflight import betaflight_files
-
-        return betaflight_files(plan, facts)
-    return {}
-
-
 def _unwritten(kind: str, what: str, error: UsageError) -> Finding:
     return warn("not_written", kind, f"{what}: {error}")
 
 
-def _facts(one: Designed, choices: DesignChoices, autopilot: Autopilot) -> FlightFacts:
+def _facts(one: Designed, choices: DesignChoices, autopilot: str) -> FlightFacts:
     from rotorid.flying.designs import computed_for
     from rotorid.plans.facts import HAND_CLIMB_M, FlightFacts, PredictedBound, throttle_by_hand
 

@@ -15,15 +15,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rotorid import __version__
+from rotorid.autopilots.autopilot import Card
+from rotorid.autopilots.px4.advice import log_profile
+from rotorid.autopilots.registry import named
 from rotorid.data.display import capital, listed
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
 from rotorid.data.quantity import MISSING, percent, significant, unit, with_error
 from rotorid.data.trust import DIRECT_COHERENCE
 from rotorid.errors import UsageError
-from rotorid.io.ardupilot.system_id import sid_axes, start_mode, throttle_of
-from rotorid.io.px4.advice import log_profile
-from rotorid.plans.ardupilot import entry_reason, plan_log_bitmask
-from rotorid.plans.facts import Autopilot, FlightFacts, PredictedBound, excited_s, flown_by_hand, throttle_by_hand
+from rotorid.plans.ardupilot import plan_log_bitmask
+from rotorid.plans.facts import FlightFacts, PredictedBound, excited_s, flown_by_hand, throttle_by_hand
 from rotorid.report.frame import asset
 from rotorid.report.parts import FAR_SIGMAS
 from rotorid.typing import FloatArray
@@ -52,15 +53,6 @@ _SHAPES: Mapping[Shape, str] = MappingProxyType(
 
 _UNITS: Mapping[Shape, int] = MappingProxyType({"doublet": 2, "two_one_one": 4, "three_two_one_one": 7})
 """Steps of one unit that a maneuver of steps lasts."""
-
-_WAY_OUT: Mapping[Autopilot, str] = MappingProxyType(
-    {
-        "ArduPilot": "switch to Loiter",
-        "PX4": "switch to Position",
-        "Betaflight": "switch CHIRP off, level, land",
-        "other": "end the test, level, hold position",
-    }
-)
 
 
 def shape_words(planned: PlannedInput) -> str:
@@ -115,78 +107,34 @@ def how_to_fly(plan: FlightPlan, facts: FlightFacts) -> str:
             "Each run: begin and end in trimmed hover. Follow the picture with the stick of that axis"
             f"{_hand_words(plan.inputs)}. Other sticks: small, slow corrections only."
         )
-    words = _how_words(plan, facts)
-    return f"{words} {_check_words(plan, autopilot)}" if by_hand else words
+    card = named(autopilot).card
+    words = card.how(plan, [planned for planned in plan.inputs if planned not in by_hand], facts.firmware)
+    return f"{words} {_check_words(plan, card)}" if by_hand else words
 
 
-def _how_words(plan: FlightPlan, facts: FlightFacts) -> str:
-    """How the runs that the autopilot makes are flown."""
-    if facts.autopilot == "ArduPilot":
-        return _guided_words() if _by_script(plan) else _system_id_words(plan, facts)
-    return {
-        "PX4": "Start the script, hover in the middle in Position mode, then switch to Offboard. Hands off: the script "
-        "holds place and height slowly, and moving the sticks ends the test. It hands back in Position mode.",
-        "Betaflight": "You work the throttle. Each run: steady hover in ANGLE, turn CHIRP on, correct drift slowly and "
-        "gently until CHIRP IS FINISHED, then off. Every turn takes the next axis.",
-        "other": "Each run: begin in trimmed hover in the middle of the room, correct drift slowly and gently, end in "
-        "hover.",
-    }[facts.autopilot]
-
-
-def _guided_words() -> str:
-    return (
-        "Hover in the middle in Loiter, switch to Guided, then turn on the switch of the script. Hands off: the script "
-        "holds the place slowly, and the autopilot works the throttle. The flight-mode switch takes over at any time. "
-        "It ends in Loiter."
-    )
-
-
-def _system_id_words(plan: FlightPlan, facts: FlightFacts) -> str:
-    """SYSTEMID mode, entered as the firmware wants it for these axes."""
-    axis = sid_axes(plan)[0]
-    mode = start_mode(axis).words
-    hands, drift = {
-        "pilot": (
-            "You work the throttle, near the middle in hover.",
-            "Correct drift slowly and gently, let it shake, ",
-        ),
-        "autopilot": ("The autopilot works the throttle and ignores the sticks.", "When it is over, "),
-    }[throttle_of(axis)]
-    return (
-        f"{hands} Each run: hover in {mode} in the middle of the room ({entry_reason(axis, facts.firmware)}), then "
-        f"switch to System ID or let the script do so. {drift}then back to {mode}."
-    )
-
-
-_HAND_MODES: Mapping[Autopilot, str] = MappingProxyType({"ArduPilot": ", in Stabilize", "Betaflight": ", in ANGLE"})
-
-
-def _check_words(plan: FlightPlan, autopilot: Autopilot) -> str:
+def _check_words(plan: FlightPlan, card: Card) -> str:
     """What the runs by hand are for, so that nobody takes them for the sweeps that a model comes from."""
     still = f" for {plan.trim_s:.0f} s" if plan.trim_s >= 1.0 else ""
     return (
-        f"Fly the runs by hand last{_HAND_MODES.get(autopilot, '')}: they only check the model. Keep the sticks still"
+        f"Fly the runs by hand last{card.hand_mode}: they only check the model. Keep the sticks still"
         f"{still} before and after each, then land."
     )
 
 
 def before(plan: FlightPlan, facts: FlightFacts) -> list[str]:
     """What to check before the flight."""
-    mask = plan_log_bitmask(plan)
-    logging = {
-        "ArduPilot": f"Parameter file loaded; LOG_BITMASK reads {mask}; space on the card",
-        "PX4": f"px4.params loaded; SDLOG_PROFILE reads {log_profile(facts.firmware)}; space on the card",
-        "Betaflight": "CLI lines pasted; debug_mode reads CHIRP; blackbox empty enough",
-        "other": f"Commands, rates and attitude logged at {least_rate_hz(plan):.0f} Hz or more; space on the card",
-    }[facts.autopilot]
-    way = f"The way out is on a switch, and was tried in hover: {_WAY_OUT[facts.autopilot]}"
-    if facts.autopilot == "ArduPilot" and throttle_by_hand(plan, facts.autopilot):
-        way = f"Tried in hover: Stabilize, throttle near the middle; and the way out, {_WAY_OUT[facts.autopilot]}"
+    card = named(facts.autopilot).card
+    loaded = card.loaded.format(
+        mask=plan_log_bitmask(plan), profile=log_profile(facts.firmware), rate_hz=least_rate_hz(plan)
+    )
+    way = f"The way out is on a switch, and was tried in hover: {card.way_out}"
+    if card.way_tried and throttle_by_hand(plan, facts.autopilot):
+        way = f"Tried in hover: {card.way_tried}; and the way out, {card.way_out}"
     return [
         "Propellers undamaged, tight, right way round; battery full and strapped; nothing loose",
-        logging,
+        loaded,
         way,
-        "Position fix good" if facts.autopilot != "Betaflight" else "ANGLE mode on a switch; failsafe set and tried",
+        card.ready,
         f"Nobody within {_clear_m(facts):.0f} m of the start; wind as low as can be had",
         "Written down: take-off mass, battery, wind",
     ]
@@ -205,7 +153,7 @@ def stops(facts: FlightFacts) -> list[tuple[str, str]]:
 
 def stop_sentence(facts: FlightFacts) -> str:
     """How to stop, and the reasons that no number covers."""
-    way = _WAY_OUT[facts.autopilot]
+    way = named(facts.autopilot).card.way_out
     return (
         f"{capital(way)}. Also when an oscillation grows, a sound is new, the link is poor, or you are not "
         f"sure; and below {LEAST_CELL_V:g}\u00a0V in any cell under load."
@@ -271,12 +219,6 @@ def _hand_words(inputs: Sequence[PlannedInput]) -> str:
 
 def _short(value: float) -> str:
     return f"{value:.0f}" if value >= 10.0 else significant(value, digits=2)
-
-
-def _by_script(plan: FlightPlan) -> bool:
-    """Whether ArduPilot's own mode cannot fly the plan."""
-    by_hand = flown_by_hand(plan, "ArduPilot")
-    return any(planned.shape != "logarithmic_sweep" for planned in plan.inputs if planned not in by_hand)
 
 
 def _clear_m(facts: FlightFacts) -> float:

@@ -24,12 +24,12 @@ from rotorid.documents.tune import (
 )
 from rotorid.documents.tune_check import METHODS, compared_words, tune_check_document
 from rotorid.loops.rate_loops import shown_quantities
+from rotorid.models.autopilots.gains import parameters_of
 from rotorid.plot.tuning import by_hand, rejection, responses, steps
 from rotorid.proposing.check import CheckedAxis, CheckedTuning
 from rotorid.proposing.proposal import AxisTuning, TuningProposal
 from rotorid.report.frame import Picture, in_all_units, render
 from rotorid.report.parts import finding_rows
-from rotorid.tuning.firmware import parameters_of
 from rotorid.tuning.loops import quantities
 from rotorid.typing import ComplexArray, FloatArray
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar, overload
 
 from rotorid import __version__
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, warn, worst_first
+from rotorid.data.findings import Finding, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.data.response import Estimate, FrequencyResponse
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError
 
 if TYPE_CHECKING:
-    from rotorid.results.model import IdentifiedModel
+    pass
 
 Setting: TypeAlias = str | int | float | bool | list[str] | list[float] | None
 
@@ -222,55 +222,3 @@ def refused(
         inputs=tuple(inputs),
         outputs=tuple(outputs),
     )
-
-
-AUTOPILOTS = ("PX4", "ArduPilot", "Betaflight")
-
-
-def autopilot_of(record: FlightRecord) -> str:
-    """By the format of a log, as its controllers are named; empty for logs of others."""
-    return next((name for name in AUTOPILOTS if record.source.format.startswith(name)), "")
-
-
-def require_one_autopilot(models: Sequence[IdentifiedModel], records: Sequence[FlightRecord]) -> tuple[Finding, ...]:
-    """Refuse models and logs of different autopilots, and remark on a model that is of none of the logs.
-
-    Parameters
-    ----------
-    models, records
-        Results of earlier runs, and the logs beside which they are used.
-
-    Returns
-    -------
-    tuple of Finding
-        ``other_log`` for each model that was identified on other logs: whether both are of one vehicle is not known.
-
-    Raises
-    ------
-    UsageError
-        A model was identified on a log of another autopilot.
-    """
-    flown = {record.source.sha256 for record in records if record.source.sha256}
-    findings = []
-    for model in models:
-        known = model.controller.autopilot if model.controller is not None else ""
-        came = ", ".join(model.provenance.inputs) or "data without a name"
-        for record in records:
-            own = autopilot_of(record)
-            if known in AUTOPILOTS and own and own != known:
-                raise UsageError(
-                    f"{model.name} was identified on {came} of {known}, and {record.source.name} is of {own}",
-                    needed="a model and logs of one vehicle",
-                    remedy=f"identify {model.name} on {record.source.name}, or give the logs of the model",
-                )
-        if flown and not flown & set(model.provenance.inputs.values()):
-            logs = ", ".join(record.source.name for record in records)
-            findings.append(
-                warn(
-                    "other_log",
-                    model.name,
-                    f"{model.name} was identified on {came} and not on {logs}: whether both are of one vehicle, as it "
-                    "flew, was not checked. Identify the model on a log of the flight that counts.",
-                )
-            )
-    return tuple(findings)

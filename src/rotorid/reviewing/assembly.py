@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar, overload
 
+from rotorid.autopilots.advice import flying_advice, logging_advice
 from rotorid.data.axes import RATE_OF
 from rotorid.data.display import capital
 from rotorid.data.findings import worst_first
@@ -28,7 +29,6 @@ from rotorid.flights.supports import END_FIRST, foreign_vehicle, rate_support, s
 from rotorid.flights.whole_flights import Flown, flown
 from rotorid.flying.next_steps import KnownOfLog, LoopChannels, next_steps
 from rotorid.identifying.identify_many import identify_several
-from rotorid.io.advice import flying_advice, logging_advice
 from rotorid.models.families import RATE_AXIS
 from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.reviewing.flight import flight, logging, vehicle

@@ -16,13 +16,14 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from rotorid.autopilots.advice import gap_advice, logging_advice, raw_gyro_advice, wind_advice
+from rotorid.autopilots.registry import autopilot_of, writer_of
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.flights.hover import hover_of, thrust_curve
-from rotorid.flights.same_vehicle import autopilot_of, frame_of
-from rotorid.io.advice import gap_advice, logging_advice, raw_gyro_advice, wind_advice
-from rotorid.models.rotors import layout_of
+from rotorid.flights.same_vehicle import frame_of
+from rotorid.models.autopilots.layouts import layout_of
 from rotorid.reviewing.values import FlightSummary, LoggingReview, Untold, VehicleReview
 from rotorid.signal.airborne import airborne, in_air
 from rotorid.signal.battery import battery_voltages
@@ -79,7 +80,7 @@ def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Untold, ...]]:
     if not frame:
         untold.append(Untold(what="vehicle.frame", why=f"The log does not name the frame{source}."))
     found = VehicleReview(
-        autopilot=autopilot_of(record) or record.source.format,
+        autopilot=writer_of(record).name or record.source.format,
         firmware=record.source.firmware,
         kind=record.status.vehicle,
         frame=frame,
@@ -240,7 +241,7 @@ def _thrust_to_weight(
 def _by_hover(record: FlightRecord, hover: Quantity) -> Quantity:
     """The most thrust over that of hover, by the curve of the motors."""
     expo, least, most = (0.0, 0.0, 0.0)
-    if record.source.format.startswith("PX4"):
+    if autopilot_of(record).log.thrust_demand:
         expo, least, most = thrust_curve(record)
 
     def ratio(throttle: float, curve: float) -> float:
@@ -338,7 +339,7 @@ def logging(record: FlightRecord) -> tuple[LoggingReview, tuple[Untold, ...]]:
                 gap_s = max(gap_s, longest)
     slow = {name: rates.get(name, 0.0) for name, needed in _NEEDED.items() if rates.get(name, 0.0) < 0.9 * needed}
     change = tuple(_changes(record, slow, gap_s))
-    topics = logger_topics(record) if record.source.format.startswith("PX4") else ""
+    topics = logger_topics(record) if autopilot_of(record).log.topics_listed else ""
     untold = []
     loops = [name for name in ("p", "p_setpoint", "roll_command") if not rates.get(name, 0.0)]
     if loops:
@@ -352,14 +353,14 @@ def _changes(record: FlightRecord, slow: Mapping[str, float], gap_s: float) -> I
     loop = [name for name in ("p", "p_setpoint", "roll_command", "ax") if name in slow]
     if loop:
         rate_hz = min(slow[name] for name in loop)
-        if record.source.format.startswith("Betaflight"):
+        if autopilot_of(record).log.fields_chosen:
             missing = tuple(name for name in loop if name not in record.channel_names)
             said = f"{', '.join(missing)} not logged" if missing else f"Rates are logged at {rate_hz:.0f} Hz"
             advice = logging_advice(record, rate_hz, missing)
             yield f"{said}: {advice}." if advice else f"{said}."
         else:
             advice = logging_advice(record, rate_hz)
-            if record.source.format.startswith("PX4"):
+            if autopilot_of(record).log.topics_listed:
                 rates = ", ".join(f"{name} {slow[name]:.0f} Hz" for name in loop)
                 yield f"{rates}: {advice}; or put logger_topics.txt into etc/logging of the SD card."
             else:

@@ -15,6 +15,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rotorid.autopilots.advice import logging_advice
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantities import QUANTITIES, figures_of
@@ -29,7 +30,6 @@ from rotorid.flights.whole_flights import (
     Instrument,
     loop_response,
 )
-from rotorid.io.advice import logging_advice
 from rotorid.reviewing.values import LoopReview, StepCurve, Untold
 from rotorid.signal.motors import motor_limits
 from rotorid.spectral.impulse import (

@@ -19,6 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rotorid.autopilots.advice import motor_advice, speed_advice
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
@@ -27,8 +28,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.flights.hover import WINDOW_S, steady_windows, thrust_curve
 from rotorid.flights.whole_flights import Flown, flown, loop_response
-from rotorid.io.advice import motor_advice, speed_advice
-from rotorid.models.rotors import layout_of
+from rotorid.models.autopilots.layouts import layout_of
 from rotorid.reviewing.values import MotorReview, Untold
 from rotorid.signal.airborne import within
 from rotorid.signal.limits import MotorLimits

@@ -15,6 +15,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from rotorid.autopilots.advice import raw_gyro_advice, sensor_advice
+from rotorid.autopilots.filters import combined_response
+from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.axes import RATE_OF, RATES
 from rotorid.data.display import capital
 from rotorid.data.findings import Finding, warn
@@ -22,11 +25,9 @@ from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.flights.controllers import controllers_of
-from rotorid.io.advice import raw_gyro_advice, sensor_advice
 from rotorid.reviewing.values import NoiseMap, NoisePeak, NoiseReview, Untold
 from rotorid.signal.airborne import airborne, within
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
-from rotorid.signal.filters import combined_response
 from rotorid.spectral.noise import (
     HARMONICS,
     ShortSpectra,
@@ -149,13 +150,13 @@ def noise(
 
 def _sensors(record: FlightRecord, flights: Intervals) -> Iterator[_Sensor]:
     """Gyro and accelerometer before and behind the filters, each as fast as the log has it."""
+    unfiltered = autopilot_of(record).log.unfiltered_topic
     for channel in ("p", "q", "r", "ax", "ay", "az"):
         before = _samples(record, (f"{channel}_raw",), channel, "before", flights)
         after = _samples(record, (f"{channel}_filtered", channel), channel, "after", flights)
-        if before is None and record.source.format.startswith("PX4"):
-            # The sensor hub's mean over a few milliseconds passes none of the filters of the controllers.
-            before = _samples(record, (channel,), channel, "before", flights, topic="sensor_combined")
-        if after is not None and before is not None and after.topic == before.topic == "sensor_combined":
+        if before is None and unfiltered:
+            before = _samples(record, (channel,), channel, "before", flights, topic=unfiltered)
+        if after is not None and before is not None and after.topic == before.topic == unfiltered:
             after = None
         yield from (sensor for sensor in (before, after) if sensor is not None)
 
@@ -395,10 +396,8 @@ Told = tuple[dict[str, Quantity], list[Untold]]
 
 def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> Told:
     """Root mean square of the specific force above 10 Hz, or the autopilot's own measure of it."""
-    # Betaflight writes hundredths, INAV whole numbers; both begin with 10 Hz.
-    per_hz = 1.0 if "INAV" in record.source.firmware else 100.0
-    cutoff_hz = record.parameters.get("acc_lpf_hz", 10.0 * per_hz) / per_hz
-    if record.source.format.startswith("Betaflight") and 0.0 < cutoff_hz < LEAST_RATE_HZ / 2.0:
+    cutoff_hz = autopilot_of(record).log.accelerometer_cutoff_hz(record)
+    if 0.0 < cutoff_hz < LEAST_RATE_HZ / 2.0:
         why = f"The accelerometer is logged behind a low-pass of {cutoff_hz:g} Hz, which takes the vibration out."
         return {}, [Untold(what="noise.vibration_m_s2", why=why, remedy="set acc_lpf_hz = 0 for a test flight")]
     accelerometers = {sensor.channel: sensor for sensor in sensors if sensor.channel in ("ax", "ay", "az")}

@@ -1,3 +1,11 @@
+from rotorid.autopilots.filters import KnownFilter as KnownFilter
+from rotorid.autopilots.filters import butterworth_low_pass as butterworth_low_pass
+from rotorid.autopilots.filters import cascaded_low_pass as cascaded_low_pass
+from rotorid.autopilots.filters import combined_response as combined_response
+from rotorid.autopilots.filters import integral_mean as integral_mean
+from rotorid.autopilots.filters import moving_average as moving_average
+from rotorid.autopilots.filters import notch as notch
+from rotorid.autopilots.thrust import expo_thrust as expo_thrust
 from rotorid.signal.airborne import Airborne as Airborne
 from rotorid.signal.autopilot_filters import filter_findings as filter_findings
 from rotorid.signal.autopilot_filters import known_filters as known_filters
@@ -9,20 +17,13 @@ from rotorid.signal.excitations import candidate_excitations as candidate_excita
 from rotorid.signal.excitations import classify as classify
 from rotorid.signal.excitations import excitation_signals as excitation_signals
 from rotorid.signal.excitations import find_excitations as find_excitations
-from rotorid.signal.filters import KnownFilter as KnownFilter
 
 # deprecated, removed in 0.3
 from rotorid.signal.filters import band_pass as band_pass
-from rotorid.signal.filters import butterworth_low_pass as butterworth_low_pass
-from rotorid.signal.filters import cascaded_low_pass as cascaded_low_pass
-from rotorid.signal.filters import combined_response as combined_response
 
 # deprecated, removed in 0.3
 from rotorid.signal.filters import high_pass as high_pass
-from rotorid.signal.filters import integral_mean as integral_mean
 from rotorid.signal.filters import low_pass as low_pass
-from rotorid.signal.filters import moving_average as moving_average
-from rotorid.signal.filters import notch as notch
 from rotorid.signal.kinematics import kinematic_consistency as kinematic_consistency
 from rotorid.signal.kinematics import reconstruct as reconstruct
 from rotorid.signal.kinematics import to_body as to_body
@@ -30,7 +31,6 @@ from rotorid.signal.kinematics import to_heading as to_heading
 from rotorid.signal.kinematics import transport as transport
 from rotorid.signal.limits import MotorLimits as MotorLimits
 from rotorid.signal.motors import MotorHistory as MotorHistory
-from rotorid.signal.motors import expo_thrust as expo_thrust
 from rotorid.signal.motors import motor_history as motor_history
 from rotorid.signal.motors import motor_limits as motor_limits
 from rotorid.signal.motors import voltage_factor as voltage_factor

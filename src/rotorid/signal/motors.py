@@ -20,12 +20,14 @@ vehicle is checked against the logged ones, however slow.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
 
+from rotorid.autopilots.registry import autopilot_of
+from rotorid.autopilots.thrust import Linearization
 from rotorid.data.base import Immutable, read_only, remembered
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Topic
@@ -39,9 +41,6 @@ COMMANDS = ("roll_command", "pitch_command", "yaw_command", "thrust_command")
 Kind: TypeAlias = Literal["output", "thrust_demand", "speed"]
 """``output``: what the motor controller receives; ``thrust_demand``: the share of the largest thrust that the autopilot
 wants, before it straightens the motor's curve; ``speed``: measured, rad/s."""
-
-_SCALED = ("Betaflight", "Crazyflie")
-"""Formats whose readers scale outputs from idle, or none, to full ones."""
 
 _FASTER = 1.5
 """Factor by which one rate must exceed another to count as the faster one."""
@@ -175,8 +174,7 @@ def logged_outputs(record: FlightRecord) -> MotorHistory:
 
 def _outputs(record: FlightRecord) -> MotorHistory:
     time_s, values, source = on_common_stamps(record, motor_channels(record, "motor_"))
-    # What PX4 logs is asked of the motors in thrust; THR_MDL_FAC bends it on its way out.
-    kind: Kind = "thrust_demand" if record.source.format.startswith("PX4") else "output"
+    kind: Kind = "thrust_demand" if autopilot_of(record).log.thrust_demand else "output"
     return MotorHistory(kind=kind, time_s=time_s, values=values, source=source)
 
 
@@ -215,7 +213,7 @@ def _limits_of(record: FlightRecord, history: MotorHistory) -> MotorLimits:
 
 def _motor_range(record: FlightRecord, history: MotorHistory) -> Range | None:
     """Outputs of no and of full thrust; ``None`` where the log does not say them."""
-    if history.kind == "thrust_demand" or record.source.format.startswith(_SCALED):
+    if history.kind == "thrust_demand" or autopilot_of(record).log.outputs_scaled:
         return 0.0, 1.0
     known = linearization_of(record)
     return None if known is None else (known.low, known.high)
@@ -540,110 +538,9 @@ def voltage_share(record: FlightRecord, known: Linearization, time_s: FloatArray
     return known.voltage_share(np.interp(time_s, topic.time_s, topic.values[row]))
 
 
-_LOWEST_SHARE = 0.6
-"""ArduPilot takes no voltage below this share of the highest."""
-
-_LINEAR = 1e-9
-
-
-def expo_thrust(share: FloatArray, expo: float) -> FloatArray:
-    r"""Thrust of an output, both shares of the largest: :math:`(1 - e) s + e s^2`."""
-    return np.asarray((1.0 - expo) * share + expo * share**2)
-
-
-def expo_share(thrust: FloatArray, expo: float) -> FloatArray:
-    """Output that makes a thrust, both shares of the largest; the inverse of :func:`expo_thrust`.
-
-    Examples
-    --------
-    >>> expo_share(expo_thrust(np.array([0.2, 0.7]), 0.65), 0.65).round(12).tolist()
-    [0.2, 0.7]
-    """
-    if abs(expo) < _LINEAR:
-        return np.array(thrust, dtype=np.float64)
-    root = np.sqrt(np.maximum((1.0 - expo) ** 2 + 4.0 * expo * np.asarray(thrust), 0.0))
-    return np.asarray((expo - 1.0 + root) / (2.0 * expo))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Linearization(Immutable):
-    """How an autopilot turns a demand of thrust into an output.
-
-    Parameters
-    ----------
-    expo
-        Curve of the motors that it undoes.
-    low, high
-        Outputs of no and of full thrust.
-    voltage_max, voltage_min
-        Range of voltage that it compensates, in volts; zero when it does not.
-    """
-
-    expo: float = 0.0
-    low: float = 0.0
-    high: float = 1.0
-    voltage_max: float = 0.0
-    voltage_min: float = 0.0
-
-    @property
-    def compensates_voltage(self) -> bool:
-        return self.voltage_max > 0.0 and self.voltage_min < self.voltage_max
-
-    def voltage_share(self, voltage_v: FloatArray) -> FloatArray:
-        """What the autopilot divides its outputs by, from the resting voltage of the battery."""
-        if not self.compensates_voltage:
-            return np.ones_like(voltage_v)
-        lowest = max(self.voltage_min, _LOWEST_SHARE * self.voltage_max)
-        return np.asarray(np.clip(voltage_v, lowest, self.voltage_max) / self.voltage_max)
-
-    def outputs(self, demands: FloatArray, *, gain: float = 1.0, voltage_share: FloatArray | float = 1.0) -> FloatArray:
-        """Outputs to the motors, between ``low`` and ``high``.
-
-        Parameters
-        ----------
-        demands
-            Shares of the largest thrust, any shape.
-        gain
-            One over the density of the air over that at sea level.
-        voltage_share
-            Of :meth:`voltage_share`.
-        """
-        share = expo_share(np.maximum(gain * demands, 0.0), self.expo) / voltage_share
-        return np.asarray(self.low + (self.high - self.low) * np.clip(share, 0.0, 1.0))
-
-    def demands(self, outputs: FloatArray, *, voltage_share: FloatArray | float = 1.0) -> FloatArray:
-        """Demands behind outputs, up to the gain."""
-        share = (outputs - self.low) / (self.high - self.low) * voltage_share
-        return expo_thrust(np.asarray(share), self.expo)
-
-
 def linearization_of(record: FlightRecord) -> Linearization | None:
-    """How the autopilot that wrote a log turns demands into its logged motor outputs; ``None`` when that is not known.
-
-    What PX4 logs as ``actuator_motors`` is the demand itself; ``THR_MDL_FAC`` acts after it.
-    """
-    if record.source.format.startswith("PX4"):
-        return Linearization()
-    return _ardupilot(record.parameters) if record.source.format.startswith(("ArduPilot", "MAVLink")) else None
-
-
-def _ardupilot(parameters: Mapping[str, float]) -> Linearization | None:
-    names = ("MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX")
-    # A damaged parameter is not known either.
-    if not all(np.isfinite(parameters.get(name, np.nan)) for name in names):
-        return None
-    expo, low, high = (parameters[name] for name in names)
-    return (
-        Linearization(
-            expo=float(np.clip(expo, -1.0, 1.0)),
-            low=low,
-            high=high,
-            voltage_max=parameters.get("MOT_BAT_VOLT_MAX", 0.0),
-            voltage_min=parameters.get("MOT_BAT_VOLT_MIN", 0.0),
-        )
-        if low < high
-        else None
-    )
+    """How the autopilot that wrote a log turns demands into its motor outputs; ``None`` when that is not known."""
+    return autopilot_of(record).log.linearization(record)
 
 
 WINDOW_S = 2.0

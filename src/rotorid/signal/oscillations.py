@@ -30,13 +30,14 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
+from rotorid.autopilots.filters import combined_response
+from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable, remembered
 from rotorid.data.display import capital
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.signal.airborne import airborne
 from rotorid.signal.autopilot_filters import known_filters
-from rotorid.signal.filters import combined_response
 from rotorid.signal.limits import POWERED
 from rotorid.signal.motors import motor_limits
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
@@ -118,9 +119,6 @@ _EVEN_HZ = 200.0
 
 _CLEARER = 1.3
 """Power of a line on the stamps as they are, over that of its images, from which uneven stamps decide between them."""
-
-_LOGGERS = ("PX4", "ArduPilot", "Betaflight", "Crazyflie", "MAVLink")
-"""Formats whose samples an autopilot picked."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -438,7 +436,8 @@ def _swing(record: FlightRecord, move: _Move, flights: Intervals, power: _Power)
 def _why_unchecked(record: FlightRecord, move: _Move, flights: Intervals, power: _Power) -> str | None:
     """Why a log in which an axis does not swing does not show that it is calm; ``None`` where it does."""
     name, rate_hz = f"{move.axis}_command", move.command.rate_hz
-    if rate_hz < _SURE_HZ and not record.source.format.startswith(_LOGGERS):
+    log = autopilot_of(record).log
+    if rate_hz < _SURE_HZ and not (log.own or log.telemetry):
         return (
             f"{name} has {rate_hz:.0f} samples a second in a file that no autopilot wrote; if they are means, they "
             "hide an oscillation."

@@ -25,12 +25,13 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from rotorid.autopilots.filters import butterworth_low_pass
+from rotorid.autopilots.registry import named
+from rotorid.autopilots.thrust import Linearization
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import AXES
 from rotorid.errors import ModelError, UsageError
-from rotorid.models.rotors import ardupilot_mixer, px4_mixer
-from rotorid.signal.filters import butterworth_low_pass
-from rotorid.signal.motors import Linearization
+from rotorid.models.autopilots.layouts import mixer_like
 from rotorid.simulation.multirotor import Control, Multirotor, plain
 from rotorid.simulation.shaping import InputShaping, input_shaping
 from rotorid.typing import Axis, FloatArray
@@ -165,7 +166,7 @@ class Autopilot(Immutable):
     @property
     def shaping(self) -> dict[Axis, InputShaping]:
         """How attitude set-points are smoothed, by axis; those that fly as they are asked for are not in it."""
-        if self.kind != "ardupilot":
+        if not named(self.kind).shapes_setpoints:
             return {}
         axes: tuple[Axis, ...] = ("roll", "pitch", "yaw")
         return {axis: own for axis in axes if (own := input_shaping(self.parameters, axis)) is not None}
@@ -174,8 +175,7 @@ class Autopilot(Immutable):
         """Demand of each motor per unit of command, shape ``(rotors, 4)``."""
         if self.mixer is not None:
             return self.mixer
-        layout = vehicle.rotors.layout
-        return ardupilot_mixer(layout) if self.kind == "ardupilot" else px4_mixer(layout)
+        return mixer_like(vehicle.rotors.layout, self.kind)
 
     def hover_commands(self, vehicle: Multirotor) -> FloatArray:
         """Commands of roll, pitch, yaw and thrust at which a vehicle hovers, at its rated voltage.

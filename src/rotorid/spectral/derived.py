@@ -19,10 +19,10 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rotorid.autopilots.filters import KnownFilter, combined_response
 from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
-from rotorid.signal.filters import KnownFilter, combined_response
 from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
 
 _DERIVATIVE = "_dot"
@@ -125,7 +125,7 @@ def corrected(response: FrequencyResponse, filters: Mapping[str, Sequence[KnownF
 
     Examples
     --------
-    >>> from rotorid.signal.filters import butterworth_low_pass
+    >>> from rotorid.autopilots.filters import butterworth_low_pass
     >>> gyro = butterworth_low_pass(20.0, 1000.0)
     >>> omega_rad_s = np.array([5.0, 50.0])
     >>> filtered = FrequencyResponse(

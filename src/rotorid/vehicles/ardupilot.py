@@ -28,8 +28,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rotorid.autopilots.thrust import Linearization
 from rotorid.models.rotors import ardupilot_mixer, library_layout
-from rotorid.signal.motors import Linearization
 from rotorid.simulation.autopilot import Autopilot, Guidance, RateLoop, Three
 from rotorid.simulation.multirotor import Battery, Multirotor, Rotors, Sensors
 from rotorid.simulation.multirotor_flight import Aircraft

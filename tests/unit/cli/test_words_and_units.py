@@ -15,6 +15,7 @@ import pytest
 from tests.unit.cli.commands import ROLL, rotorid
 from typer.testing import CliRunner
 
+from rotorid.autopilots.autopilot import LogFormat
 from rotorid.cli import console
 from rotorid.cli.app import COMMANDS, app
 from rotorid.data.findings import warn
@@ -31,7 +32,6 @@ from rotorid.flying.settings import (
     parse_speed,
     parse_wind,
 )
-from rotorid.io.registry import LogFormat
 from rotorid.models.motors import Curve
 from rotorid.report.printing import BROWSERS, print_pages
 from rotorid.settings.settings import (

@@ -8,8 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rotorid.data import Channel, FlightRecord, Source, Topic
-from rotorid.io.advice import (
+from rotorid.autopilots.advice import (
     flying_advice,
     logging_advice,
     motor_advice,
@@ -17,8 +16,9 @@ from rotorid.io.advice import (
     sensor_advice,
     wind_advice,
 )
-from rotorid.io.ardupilot.advice import decimation_findings, missing_rate, slow_topics
-from rotorid.io.ardupilot.firmware import named
+from rotorid.autopilots.ardupilot.advice import decimation_findings, missing_rate, slow_topics
+from rotorid.autopilots.ardupilot.firmware import named
+from rotorid.data import Channel, FlightRecord, Source, Topic
 
 
 def record(format: str, firmware: str, **parameters: float) -> FlightRecord:

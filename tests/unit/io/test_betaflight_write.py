@@ -13,7 +13,7 @@ from rotorid.io import read, write_log
 from rotorid.io.betaflight.blackbox import decode
 from rotorid.io.betaflight.writer import write_betaflight
 from rotorid.models.autopilots import axis_controller
-from rotorid.models.rotors import layout_of
+from rotorid.models.autopilots.layouts import layout_of
 from rotorid.vehicles.betaflight import RATE_HZ, SETTINGS, betaflight_autopilot, layout
 
 COUNT = 2000

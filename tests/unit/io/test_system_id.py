@@ -5,9 +5,7 @@ from __future__ import annotations
 import pytest
 from tests.docs.firmware_table import PAGE, firmware_table, refilled
 
-from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
-from rotorid.io.ardupilot.log import ENTRIES
-from rotorid.io.ardupilot.system_id import (
+from rotorid.autopilots.ardupilot.system_id import (
     ACRO,
     CHECKED,
     LOITER,
@@ -21,6 +19,8 @@ from rotorid.io.ardupilot.system_id import (
     start_mode,
     throttle_of,
 )
+from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
+from rotorid.io.ardupilot.log import ENTRIES
 from rotorid.typing import Axis
 
 ALT_HOLD = FlightMode(2, "ALT_HOLD", "AltHold")

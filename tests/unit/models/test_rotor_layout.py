@@ -9,14 +9,13 @@ import pytest
 
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.models.autopilots.layouts import layout_of, mixer_of
 from rotorid.models.rotors import (
     RotorLayout,
     ardupilot_mixer,
     layout_from_toml,
     layout_names,
-    layout_of,
     library_layout,
-    mixer_of,
     named_by,
     px4_mixer,
 )

@@ -9,7 +9,8 @@ import pytest
 
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import UsageError
-from rotorid.results.provenance import Provenance, require_one_autopilot
+from rotorid.flights.same_vehicle import require_one_autopilot
+from rotorid.results.provenance import Provenance
 
 
 def model(autopilot: str | None = "PX4") -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from tests.unit.pipeline.test_verify import candidate, doublets, kinds
 
+from rotorid.autopilots.filters import combined_response
 from rotorid.checking.maneuvers import with_known_delays, with_known_filters
 from rotorid.data.record import FlightRecord, Source
 from rotorid.documents.verify import verify_document
@@ -18,7 +19,6 @@ from rotorid.models.controller import RateController
 from rotorid.models.library import rate_model
 from rotorid.settings.settings import VerifySettings
 from rotorid.signal.autopilot_filters import known_filters
-from rotorid.signal.filters import combined_response
 from rotorid.vehicles import s500
 
 __all__ = ["doublets"]

@@ -24,7 +24,7 @@ from rotorid.errors import UsageError
 from rotorid.flying.designs import Designed, Planned
 from rotorid.flying.settings import DesignChoices, PlanChoices
 from rotorid.planning.amplitude import Reached
-from rotorid.plans.facts import HOLD, Autopilot, FlightFacts, PredictedBound, excited_s, throttle_by_hand
+from rotorid.plans.facts import HOLD, FlightFacts, PredictedBound, excited_s, throttle_by_hand
 from rotorid.report.files import _facts
 from rotorid.report.flight_card import MOST_BOUNDS, flight_card, flight_card_html, least_rate_hz
 from rotorid.report.printing import print_pages
@@ -156,7 +156,7 @@ def test_a_start_is_higher_than_what_may_be_lost(height_m: float, share: float) 
         (FlightPlan(name="one", inputs=(chirp("roll", entry="rate_setpoint"),)), "Betaflight", True),
     ],
 )
-def test_it_is_known_whose_hand_works_the_throttle(plan: FlightPlan, autopilot: Autopilot, by_hand: bool) -> None:
+def test_it_is_known_whose_hand_works_the_throttle(plan: FlightPlan, autopilot: str, by_hand: bool) -> None:
     assert throttle_by_hand(plan, autopilot) == by_hand
     assert ("You work the throttle" in words(plan, facts(autopilot))) == by_hand
 
@@ -191,7 +191,7 @@ def test_what_the_flight_does_not_tell_is_not_known() -> None:
 
 
 @pytest.mark.parametrize(("autopilot", "climb_m"), [("ArduPilot", 2.0), ("PX4", 0.1)])
-def test_a_hand_on_the_throttle_has_two_meters_of_height(autopilot: Autopilot, climb_m: float) -> None:
+def test_a_hand_on_the_throttle_has_two_meters_of_height(autopilot: str, climb_m: float) -> None:
     """The simulated pilot holds it to a tenth of a meter, which no hand does: the script would end every flight."""
     reached = Reached(
         tilt_rad=0.3, rate_rad_s=1.0, position_m=3.0, height_m=0.1, motor_low=0.4, motor_high=0.7, saturated=0.0

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rotorid.autopilots.filters import combined_response
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.errors import UsageError
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
-from rotorid.signal.filters import combined_response
 
 PX4_GYRO = "vehicle_angular_velocity.xyz[0]"
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, freqz
 
-from rotorid.errors import UsageError
-from rotorid.signal.filters import (
+from rotorid.autopilots.filters import (
     KnownFilter,
     butterworth_low_pass,
     cascaded_low_pass,
@@ -19,6 +18,7 @@ from rotorid.signal.filters import (
     moving_average,
     notch,
 )
+from rotorid.errors import UsageError
 from rotorid.typing import FloatArray
 
 RATE_HZ = 1000.0

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rotorid.autopilots.thrust import expo_share
 from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.io.registry import read, write_log
 from rotorid.signal.limits import AT_LIMIT, MotorLimits
-from rotorid.signal.motors import expo_share, motor_limits
+from rotorid.signal.motors import motor_limits
 from rotorid.typing import BoolArray, FloatArray
 
 LOOP_HZ = 400.0

@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 from tests.unit.signal.motor_outputs import reconstructed_outputs
 
+from rotorid.autopilots.thrust import Linearization, expo_share, expo_thrust
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.signal.motors import (
     COMMANDS,
-    Linearization,
     agreement_of,
-    expo_share,
-    expo_thrust,
     linearization_of,
     logged_outputs,
     logged_speeds,

@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
+from rotorid.autopilots.thrust import Linearization
 from rotorid.models.rotors import RotorLayout, library_layout
-from rotorid.signal.motors import Linearization
 from rotorid.simulation.autopilot import Autopilot, Guidance, RateLoop
 from rotorid.simulation.multirotor import Multirotor, Rotors
 from rotorid.typing import FloatArray

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from tests.unit.simulation import craft
 
+from rotorid.autopilots.thrust import Linearization
 from rotorid.models.controller import RateController
 from rotorid.models.rotors import library_layout
-from rotorid.signal.motors import Linearization
 from rotorid.simulation import flight_kernels
 from rotorid.simulation import multirotor as logged
 from rotorid.simulation.autopilot import Autopilot, RateLoop

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from tests.unit.simulation import craft
 
+from rotorid.autopilots.thrust import Linearization
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
-from rotorid.signal.motors import Linearization
 from rotorid.simulation.flight_kernels import flight
 from rotorid.simulation.multirotor import MOTORS, PERFECT, STATES, Battery
 from rotorid.simulation.multirotor_flight import Aircraft, LostError, _steps, fly_multirotor

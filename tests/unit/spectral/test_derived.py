@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rotorid.autopilots.filters import KnownFilter, butterworth_low_pass, notch
 from rotorid.data.record import STANDARD_UNITS
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
-from rotorid.signal.filters import KnownFilter, butterworth_low_pass, notch
 from rotorid.spectral.derived import corrected, differentiated, integrated, inverse, ratio, renamed, selected
 from rotorid.typing import ComplexArray
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.unit.tuning.gain_files import parsed
 
+from rotorid.autopilots.registry import named
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import UsageError
@@ -18,7 +19,7 @@ from rotorid.proposing.axis import gains_apart
 from rotorid.proposing.check import Foretold, _which
 from rotorid.proposing.filters import changed_filters, numbered, prices, with_filters
 from rotorid.proposing.proposal import TuneSettings, _together
-from rotorid.proposing.thrust import _KINDS, ThrustLinearization, linearization
+from rotorid.proposing.thrust import ThrustLinearization, linearization
 from rotorid.tuning import ControllerParts, Gains, attitude_figures, frequency_grid, quantities
 from rotorid.tuning.files import parameter_files
 
@@ -158,9 +159,11 @@ def test_a_filter_costs_the_phase_that_it_has() -> None:
     assert found.noise_ratio > 1.0
 
 
-@pytest.mark.parametrize("autopilot", sorted(_KINDS))
+@pytest.mark.parametrize("autopilot", ["ArduPilot", "Betaflight", "PX4"])
 def test_the_bend_is_the_derivative_of_the_demand(autopilot: str) -> None:
-    kind = _KINDS[autopilot]
+    straightens = named(autopilot).thrust_parameter
+    assert straightens is not None
+    kind = straightens()
     outputs, step = np.linspace(0.2, 0.8, 13)[None], 1e-5
     for value in (0.0, 0.4, 0.8):
         parameter = np.array([[value * kind.largest]])

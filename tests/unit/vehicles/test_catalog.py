@@ -10,8 +10,8 @@ from tests.unit.simulation.craft import outputs_for
 
 from rotorid.errors import ModelError
 from rotorid.io.registry import read, write_log
+from rotorid.models.autopilots.layouts import layout_of
 from rotorid.models.physical import check_inertia
-from rotorid.models.rotors import layout_of
 from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
 from rotorid.simulation.wind import Wind
 from rotorid.units import STANDARD_GRAVITY_M_S2

@@ -10,43 +10,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import NamedTuple
 
+from rotorid.autopilots.ardupilot.firmware import Firmware, named
 from rotorid.io.ardupilot.dataflash import Table
 
-_COPTER = re.compile(r"(?:ArduCopter|APM:Copter|Copter)\s+V(\d+)\.(\d+)", re.IGNORECASE)
 _VERSION = re.compile(r"\bV(\d+)\.(\d+)")
 _NORMALIZED_FROM = (3, 4)
 """From here on rates are deg/s, outputs parts of full scale, voltages volts."""
-RATE_FROM = (3, 3)
-"""The first copter firmware with a ``RATE`` message."""
 
 _WHOLE_NUMBERS = frozenset("bBhHiIqQ")
-
-
-class Firmware(NamedTuple):
-    """What a log says of the firmware that wrote it.
-
-    Parameters
-    ----------
-    text
-        ``ArduCopter V4.5.7 (…)``, as the autopilot introduces itself; empty when it does not.
-    copter
-        Version of a copter's firmware, or ``None`` when the log does not tell it or the vehicle is no copter.
-    """
-
-    text: str = ""
-    copter: tuple[int, int] | None = None
-
-    def before(self, version: tuple[int, int]) -> bool:
-        """Whether it is a copter's firmware that is known to be older than ``version``.
-
-        Examples
-        --------
-        >>> Firmware("ArduCopter V3.2.1", (3, 2)).before((3, 4)), Firmware().before((3, 4))
-        (True, False)
-        """
-        return self.copter is not None and self.copter < version
 
 
 def firmware_of(tables: Mapping[str, Table]) -> Firmware:
@@ -56,18 +28,6 @@ def firmware_of(tables: Mapping[str, Table]) -> Firmware:
         if name in tables and tables[name].holds_text(column):
             texts += [str(text) for text in tables[name].column(column).tolist()]
     return named(next((text for text in texts if _VERSION.search(text)), ""))
-
-
-def named(text: str) -> Firmware:
-    """The firmware that introduces itself like this.
-
-    Examples
-    --------
-    >>> named("APM:Copter V3.4-rc2 (f46a31d0)").copter, named("ArduPlane V4.5.1").copter
-    ((3, 4), None)
-    """
-    match = _COPTER.search(text)
-    return Firmware(text, (int(match[1]), int(match[2])) if match else None)
 
 
 def is_legacy_rate(table: Table, firmware: Firmware) -> bool:

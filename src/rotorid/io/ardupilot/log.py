@@ -17,13 +17,14 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rotorid.autopilots.ardupilot.advice import decimation_findings, missing_rate, slow_topics
+from rotorid.autopilots.ardupilot.firmware import Firmware
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Source, Status, Topic
 from rotorid.errors import LogError, UsageError
-from rotorid.io.ardupilot.advice import decimation_findings, missing_rate, slow_topics
 from rotorid.io.ardupilot.batches import BATCH_MESSAGES, sensor_topics
 from rotorid.io.ardupilot.dataflash import Table, decode, sniff
-from rotorid.io.ardupilot.firmware import Firmware, firmware_of, is_centivolts, is_legacy_rate
+from rotorid.io.ardupilot.firmware import firmware_of, is_centivolts, is_legacy_rate
 from rotorid.io.ardupilot.status import STATUS_MESSAGES, status_of
 from rotorid.io.files import file_bytes
 from rotorid.io.flags import vehicle_findings

@@ -21,11 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.autopilots.betaflight.advice import field_advice
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.ranges import RANGES
 from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import LogError
-from rotorid.io.betaflight.advice import field_advice
 from rotorid.io.betaflight.blackbox import MAGIC, Flight, Header, flights, parameters_of
 from rotorid.io.betaflight.status import status_of
 from rotorid.io.parameters import parameters_changed

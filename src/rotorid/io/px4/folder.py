@@ -15,6 +15,7 @@ import numpy as np
 from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
+from rotorid.io.formats import PACKED
 from rotorid.io.parameters import kept_parameters
 from rotorid.io.px4.log import record_of, wanted_fields
 from rotorid.typing import AnyArray, FloatArray
@@ -22,7 +23,6 @@ from rotorid.typing import AnyArray, FloatArray
 FORMAT = "PX4 ULog as CSV"
 
 _CLOCKS = ("timestamp", "timestamp_sample")
-_PACKED = frozenset({".gz", ".xz", ".bz2", ".zip"})
 _LARGEST_STAMP_US = float(1 << 53)
 # Nothing that was taken is given back: one pass over a line is all there is.
 _NUMBER = r"[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?"
@@ -116,7 +116,7 @@ def is_topic_file(name: str, head: bytes) -> bool:
 
 def _unpacked(name: str) -> Path:
     path = Path(name)
-    return path.with_suffix("") if path.suffix in _PACKED else path
+    return path.with_suffix("") if path.suffix in PACKED else path
 
 
 def _topic_of(file: Path) -> tuple[str, str] | None:

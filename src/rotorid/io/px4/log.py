@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from rotorid.autopilots.px4.advice import gap_advice, logging_advice
+from rotorid.autopilots.px4.versions import firmware_shown
 from rotorid.data.display import capital
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
@@ -20,11 +22,9 @@ from rotorid.errors import LogError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.flags import vehicle_findings
 from rotorid.io.parameters import kept_parameters, parameters_changed
-from rotorid.io.px4.advice import gap_advice, logging_advice
 from rotorid.io.px4.sensors import SENSOR_FIELDS, sensor_topics
 from rotorid.io.px4.status import STATUS_FIELDS, status_of
 from rotorid.io.px4.ulog import MAGIC, extract
-from rotorid.io.px4.versions import firmware_shown
 from rotorid.typing import AnyArray, FloatArray
 
 FORMAT = "PX4 ULog"

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rotorid.autopilots.numbers import whole
 from rotorid.data.record import Intervals, Status, Vehicle
 from rotorid.io.flags import MAV_TYPES, intervals_of, most_frequent, shared, stays_of
 from rotorid.typing import AnyArray, FloatArray
@@ -154,8 +155,8 @@ def _vehicle(arrays: Mapping[str, AnyArray], parameters: Mapping[str, float]) ->
     if states.get("is_rotary_wing", 0) > 0:
         return "multirotor", "vehicle_status.is_rotary_wing"
     for name, kinds in (("MAV_TYPE", MAV_TYPES), ("CA_AIRFRAME", _AIRFRAMES)):
-        if kind := kinds.get(int(parameters.get(name, -1.0)), ""):
+        if kind := kinds.get(whole(parameters, name, -1), ""):
             return kind, f"{name} {parameters[name]:g}"
-    number = int(parameters.get("SYS_AUTOSTART", 0.0))
+    number = whole(parameters, "SYS_AUTOSTART")
     found: Vehicle = next((kind for numbers, kind in _STARTS if number in numbers), "")
     return found, f"SYS_AUTOSTART {number}" if found else ""

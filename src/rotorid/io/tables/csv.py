@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, Source
 from rotorid.errors import LogError, UsageError
 from rotorid.io.files import tell_progress, write_atomically
@@ -90,6 +91,31 @@ def write_csv(path: Path, time_s: FloatArray, columns: Mapping[str, FloatArray])
         np.asarray(time_s).tolist(), *(np.asarray(samples).tolist() for samples in columns.values()), strict=True
     )
     write_atomically(path, "\n".join([header, *(row % cells for cells in values), ""]))
+
+
+_TABLE_RATE_HZ = 500.0
+
+
+def table_rate_hz(loop_rate_hz: float) -> float:
+    """Rate at which a table holds a loop: the next part of its own that is 500 Hz or less.
+
+    Examples
+    --------
+    >>> table_rate_hz(400.0), table_rate_hz(1000.0)
+    (400.0, 500.0)
+    """
+    return loop_rate_hz / _stride(loop_rate_hz)
+
+
+def _stride(loop_rate_hz: float) -> int:
+    return max(1, int(np.ceil(loop_rate_hz / _TABLE_RATE_HZ - 1e-9)))
+
+
+def write_flight(path: Path, flight: SimulatedFlight, *, start_s: float) -> None:
+    """Write a simulated flight; its stamps begin where those of the flight do, later by ``start_s``."""
+    stride = _stride(flight.sample_rate_hz)
+    columns = {name: row[::stride] for name, row in flight.columns.items()}
+    write_csv(path, start_s + flight.time_s[::stride], columns)
 
 
 def _header(path: Path, file: str) -> tuple[list[str], str, int]:

@@ -24,6 +24,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
+from rotorid.autopilots.numbers import whole
 from rotorid.models.autopilots.betaflight_settings import (
     NAMED_BY_NUMBER,
     angle_name,
@@ -262,7 +263,7 @@ def _filters(parameters: Mapping[str, float], *, yaw: bool, version: Version) ->
 
 def _notes(parameters: Mapping[str, float], throttle: float, *, yaw: bool) -> list[str]:
     notes = []
-    relax = int(parameters.get("iterm_relax", 0.0))
+    relax = whole(parameters, "iterm_relax")
     # 1 and 3: roll and pitch; 2 and 4: yaw too.
     if relax in ((2, 4) if yaw else (1, 2, 3, 4)):
         notes.append(

@@ -12,7 +12,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from rotorid.io.px4.versions import firmware_shown
+from rotorid.autopilots.px4.versions import firmware_shown
 from rotorid.models.autopilots import betaflight, px4
 from rotorid.models.autopilots.betaflight_settings import NAMED_BY_NUMBER
 from rotorid.models.autopilots.settings import Version, version_of

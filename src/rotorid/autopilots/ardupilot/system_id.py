@@ -14,9 +14,9 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias
 
+from rotorid.autopilots.ardupilot.firmware import named
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.flight_plan import Entry, FlightPlan
-from rotorid.io.ardupilot.firmware import named
 from rotorid.typing import Axis
 
 Version: TypeAlias = tuple[int, int]
@@ -232,3 +232,48 @@ def _how(axes: Iterable[int]) -> str:
     ways = dict.fromkeys((start_mode(axis).words, throttle_of(axis)) for axis in axes)
     hands = {"pilot": "you work the throttle", "autopilot": "the autopilot works the throttle"}
     return "".join(f" Enter System ID from {mode}; {hands[throttle]}." for mode, throttle in ways)
+
+
+def entry_reason(axis: int, firmware: str = "") -> str:
+    """Why SYSTEMID mode is entered from the mode in which a run begins, as the end of a sentence for the pilot.
+
+    Parameters
+    ----------
+    axis
+        ``SID_AXIS``.
+    firmware
+        As a log names it; where it is not known, the words say which versions differ.
+
+    Examples
+    --------
+    >>> entry_reason(10)
+    'firmware 4.6 and later refuses other modes: "Axis requires manual throttle"'
+    >>> entry_reason(10, "ArduCopter V4.7.0")
+    'ArduCopter 4.7 refuses other modes: "Axis requires manual throttle"'
+    >>> entry_reason(10, "ArduCopter V4.5.7")
+    'there your hand is on the throttle already'
+    """
+    strict = next(rule for rule in RULES if axis in rule.axes and rule.accepted)
+    version = named(firmware).copter
+    if version is not None and version < strict.since:
+        return "there your hand is on the throttle already"
+    major, minor = version or strict.since
+    who = f"firmware {major}.{minor} and later" if version is None else f"ArduCopter {major}.{minor}"
+    return f'{who} refuses other modes: "{strict.says}"'
+
+
+def how_to_fly(plan: FlightPlan, firmware: str) -> str:
+    """What the pilot does in SYSTEMID mode, entered as the firmware wants it for the axes of a plan."""
+    axis = sid_axes(plan)[0]
+    mode = start_mode(axis).words
+    hands, drift = {
+        "pilot": (
+            "You work the throttle, near the middle in hover.",
+            "Correct drift slowly and gently, let it shake, ",
+        ),
+        "autopilot": ("The autopilot works the throttle and ignores the sticks.", "When it is over, "),
+    }[throttle_of(axis)]
+    return (
+        f"{hands} Each run: hover in {mode} in the middle of the room ({entry_reason(axis, firmware)}), then "
+        f"switch to System ID or let the script do so. {drift}then back to {mode}."
+    )

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
+from rotorid.autopilots.numbers import whole
+
 _MASK_FROM = (1, 8)
 """From here on ``SDLOG_PROFILE`` is a mask of bits; before, it chose one of three lists."""
 _RAW_GYRO_FROM = (1, 12)
@@ -54,7 +56,7 @@ def logging_advice(parameters: Mapping[str, float], firmware: str) -> str:
     profile = parameters.get("SDLOG_PROFILE")
     if _without_profile(parameters):
         return f"this firmware has no SDLOG_PROFILE: {_NAME_IT}"
-    held = int(profile or 0.0)
+    held = whole(parameters, "SDLOG_PROFILE")
     wanted = log_profile(firmware, held)
     if wanted == held:
         return f"SDLOG_PROFILE = {held} holds what helps already: {_NAME_IT}"
@@ -66,7 +68,7 @@ def raw_gyro_advice(parameters: Mapping[str, float], firmware: str) -> str:
     """How the next log holds the gyro before its filters."""
     if _before(firmware, _RAW_GYRO_FROM) or _without_profile(parameters):
         return f"fly firmware 1.12 or newer: {_named(firmware)} logs no gyro before its filters"
-    held = int(parameters.get("SDLOG_PROFILE", 0.0))
+    held = whole(parameters, "SDLOG_PROFILE")
     if held >> _RAW_GYRO_BIT & 1:
         return "bit 8 of SDLOG_PROFILE (raw IMU at its own rate) is set already: not every sensor tells it"
     return "set bit 8 of SDLOG_PROFILE (raw IMU at its own rate)"
@@ -89,7 +91,7 @@ def wind_advice(parameters: Mapping[str, float]) -> str:
     """How the estimator finds the wind without a sensor for it; empty where it cannot, or does already."""
     if parameters.get("EKF2_DRAG_CTRL") == 0.0 or not parameters:
         return "set EKF2_DRAG_CTRL = 1 and its coefficients, with which EKF2 estimates it"
-    if "EKF2_BCOEF_X" in parameters and not int(parameters.get("EKF2_AID_MASK", 32.0)) & 32:
+    if "EKF2_BCOEF_X" in parameters and not whole(parameters, "EKF2_AID_MASK", 32) & 32:
         return "set bit 5 of EKF2_AID_MASK (drag), EKF2_BCOEF_X and _Y, with which EKF2 estimates it"
     return ""
 

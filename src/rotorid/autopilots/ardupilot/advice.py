@@ -7,11 +7,12 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
+from rotorid.autopilots.ardupilot.firmware import RATE_FROM, Firmware, named
+from rotorid.autopilots.ardupilot.system_id import RULES, SID_AXIS, start_mode
+from rotorid.autopilots.numbers import whole
 from rotorid.data.display import listed
 from rotorid.data.findings import Finding, Severity, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, Topic
-from rotorid.io.ardupilot.firmware import RATE_FROM, Firmware, named
-from rotorid.io.ardupilot.system_id import RULES, SID_AXIS, start_mode
 from rotorid.typing import Axis
 
 _LOOP_BY_LOOP = 0.75
@@ -146,7 +147,7 @@ def raw_gyro_advice(parameters: Mapping[str, float], firmware: str) -> str:
     """How the next log holds the gyro before and behind its filters."""
     if parameters and not any(name in parameters for name in _BATCHES):
         return f"{firmware or 'this firmware'} logs no gyro before its filters"
-    missing = [f"{name} = {value}" for name, value in _BATCHES.items() if not int(parameters.get(name, 0.0)) & value]
+    missing = [f"{name} = {value}" for name, value in _BATCHES.items() if not whole(parameters, name) & value]
     if not missing:
         return "INS_LOG_BAT_MASK and INS_LOG_BAT_OPT ask for it already: the storage was too slow for its batches"
     return f"set {' and '.join(missing)} (batches before and behind the filters)"
@@ -194,12 +195,12 @@ def flying_advice(parameters: Mapping[str, float], firmware: str, *axes: Axis) -
 
 
 def _mask(parameters: Mapping[str, float]) -> int:
-    return int(parameters.get("LOG_BITMASK", 0.0))
+    return whole(parameters, "LOG_BITMASK")
 
 
 def _limit(rate_hz: float, parameters: Mapping[str, float]) -> str:
     """The parameter that holds a message down to this rate, if there is one."""
-    backend = int(parameters.get("LOG_BACKEND_TYPE", 0.0))
+    backend = whole(parameters, "LOG_BACKEND_TYPE")
     for bit, name in _LIMITS:
         limit_hz = parameters.get(name, 0.0)
         if backend & bit and 0.0 < rate_hz <= _AT_LIMIT * limit_hz:

@@ -1,0 +1,120 @@
+"""PX4: what is known of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rotorid.autopilots.autopilot import BY_DSHOT, Advice, Autopilot, Card, Log, sweep_by_stick
+
+if TYPE_CHECKING:
+    from rotorid.autopilots.passages import Passage
+    from rotorid.autopilots.thrust import Linearization, ThrustParameter
+    from rotorid.data.flight_plan import FlightPlan, PlannedInput
+    from rotorid.data.record import FlightRecord
+
+
+def _passage(record: FlightRecord, source: str, sensor_rate_hz: float | None) -> Passage:
+    from rotorid.autopilots.px4.filters import passage
+
+    return passage(record, source, sensor_rate_hz)
+
+
+def _linearization(_record: FlightRecord) -> Linearization:
+    """What is logged as ``actuator_motors`` is the demand itself; ``THR_MDL_FAC`` acts after it."""
+    from rotorid.autopilots.thrust import Linearization
+
+    return Linearization()
+
+
+def _thrust() -> ThrustParameter:
+    from rotorid.autopilots.thrust import by_expo
+
+    return by_expo("THR_MDL_FAC")
+
+
+def _firmware(record: FlightRecord) -> str:
+    """The firmware by its name, and by what the log holds: builds without tags call themselves 1.8.0."""
+    from rotorid.autopilots.px4.versions import firmware_shown
+
+    sources = (channel.source.partition("[")[0] for topic in record.topics for channel in topic.channels)
+    return firmware_shown(record.source.firmware, (*sources, *record.parameters))
+
+
+def _logging(record: FlightRecord, _rate_hz: float, _channels: tuple[str, ...] = ()) -> str:
+    from rotorid.autopilots.px4.advice import logging_advice
+
+    return logging_advice(record.parameters, _firmware(record))
+
+
+def _raw_gyro(record: FlightRecord) -> str:
+    from rotorid.autopilots.px4.advice import raw_gyro_advice
+
+    return raw_gyro_advice(record.parameters, _firmware(record))
+
+
+def _motors(record: FlightRecord) -> str:
+    from rotorid.autopilots.px4.advice import motor_advice
+
+    return motor_advice(record.parameters, _firmware(record))
+
+
+def _gaps(record: FlightRecord) -> str:
+    from rotorid.autopilots.px4.advice import gap_advice
+
+    return gap_advice(record.parameters)
+
+
+def _wind(record: FlightRecord) -> str:
+    from rotorid.autopilots.px4.advice import wind_advice
+
+    return wind_advice(record.parameters)
+
+
+def _how(_plan: FlightPlan, _flown: Sequence[PlannedInput], _firmware: str) -> str:
+    return (
+        "Start the script, hover in the middle in Position mode, then switch to Offboard. Hands off: the script "
+        "holds place and height slowly, and moving the sticks ends the test. It hands back in Position mode."
+    )
+
+
+PX4 = Autopilot(
+    name="PX4",
+    key="px4",
+    log=Log(
+        own=True,
+        thrust_demand=True,
+        rate_source="vehicle_angular_velocity.xyz[0]",
+        # The sensor hub's mean over a few milliseconds passes none of the filters of the controllers.
+        unfiltered_topic="sensor_combined",
+        topics_listed=True,
+        passage=_passage,
+        linearization=_linearization,
+    ),
+    advice=Advice(
+        logging=_logging,
+        sensors=_logging,
+        raw_gyro=_raw_gyro,
+        motors=_motors,
+        speeds=BY_DSHOT,
+        gains="log the parameters",
+        gaps=_gaps,
+        wind=_wind,
+        flying=sweep_by_stick,
+    ),
+    log_format="ulg",
+    vehicle="px4_quad",
+    gain="MC_ROLLRATE_P",
+    takes_gains=True,
+    hover="MPC_THR_HOVER",
+    thrust_parameter=_thrust,
+    waits_for_sensor=True,
+    # Offboard takes attitudes and thrust, and no torques.
+    entry="attitude_setpoint",
+    has_plan_files=True,
+    card=Card(
+        way_out="switch to Position",
+        loaded="px4.params loaded; SDLOG_PROFILE reads {profile}; space on the card",
+        how=_how,
+    ),
+)
