@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-from rotorid.autopilots.autopilot import LogFormat
+if TYPE_CHECKING:
+    from rotorid.autopilots.autopilot import LogFormat
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
