@@ -28,7 +28,7 @@ _USE_THE_CARD = "read the log on the autopilot's SD card: telemetry is a slow co
 def autopilot_of(record: FlightRecord) -> Autopilot:
     """The autopilot that flew a log: by the format of its own logs, of telemetry the one that sent it.
 
-    Of telemetry, :attr:`~rotorid.autopilots.autopilot.Autopilot.log` is what the autopilot sends.
+    Of telemetry, ``log`` is what the autopilot sends.
 
     Examples
     --------
