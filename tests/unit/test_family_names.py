@@ -92,8 +92,7 @@ def _names(node: ast.AST, constants: frozenset[str]) -> bool:
     # What is looked up in a table of models is an answer, no name; one of a list of names, by its number, is a name.
     if isinstance(node, ast.Subscript) and not isinstance(node.slice, ast.Constant):
         return _names(node.slice, constants)
-    parts = ast.iter_child_nodes(node)
-    return any(_names(part, constants) for part in parts)
+    return any(_names(part, constants) for part in ast.iter_child_nodes(node))
 
 
 def _visible(path: Path, tree: ast.Module, constants: frozenset[tuple[str, str]]) -> frozenset[str]:

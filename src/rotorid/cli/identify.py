@@ -214,9 +214,7 @@ def _require_units(models: Iterable[str | LinearStructure | NonlinearStructure],
 
     units: dict[str, str] = {}
     for model in models:
-        units |= (
-            family_of(model).units() if isinstance(model, str) else {one.name: one.unit for one in model.parameters}
-        )
+        units |= family_of(model).units if isinstance(model, str) else {one.name: one.unit for one in model.parameters}
     require_units(settings.fix, units, option="--fix")
 
 

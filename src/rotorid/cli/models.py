@@ -78,7 +78,7 @@ def _listed(family: Family) -> list[_Listed]:
     """A line for each model of a family, or one where its names hold numbers."""
     from rotorid.models.families import Channels
 
-    names = family.names() or (() if family.channels == "own" else (family.name,))
+    names = family.names or (() if family.channels == "own" else (family.name,))
     make = family.make if family.channels == "own" else None
     return [_Listed(name, family.about(name), make(name, Channels()) if make else None) for name in names]
 
@@ -103,7 +103,7 @@ def _text(
             needed=f"them with {without_channels()} alone",
             remedy="the channels of other models stand in their text",
         )
-    if family.text is not None and name in family.names():
+    if family.text is not None and name in family.names:
         return family.text(name), family.about(name), family.make(name, Channels())
     structure = named_model(name, inputs=inputs, outputs=outputs)
     about = family.about(name)

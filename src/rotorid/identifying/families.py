@@ -129,6 +129,10 @@ LINEAR = Fitting(
     no_method=_Refusal("--method {wrong} came with {name}", f"it with {MOTORS.name} alone"),
 )
 
+_NOT_OF_MOTORS = _Refusal(
+    "{wrong} came with {name}, which has no such choice", "{had}, --verify", "leave it out, or choose another model"
+)
+
 FITTINGS: Mapping[str, Fitting] = {
     HOVER.name: replace(LINEAR, method=_hover, choices=tuple(name for name in _ALL if name != "curve")),
     MOTORS.name: Fitting(
@@ -139,17 +143,9 @@ FITTINGS: Mapping[str, Fitting] = {
         ),
         methods=("auto", *get_args(MotorMethod)),
         only_with={"outputs": "accelerations"},
-        no_choice=_Refusal(
-            "{wrong} came with {name}, which has no such choice",
-            "{had}, --verify",
-            "leave it out, or choose another model",
-        ),
+        no_choice=_NOT_OF_MOTORS,
         no_method=_Refusal("--method {wrong} came with {name}", f"one of auto, {', '.join(get_args(MotorMethod))}"),
-        no_option=_Refusal(
-            "{wrong} came with {name}, which has no such choice",
-            "{had}, --verify",
-            "leave it out, or choose another model",
-        ),
+        no_option=_NOT_OF_MOTORS,
         check=lambda _, settings: motor_choices(settings),
     ),
     LARGE_MOTION.name: Fitting(

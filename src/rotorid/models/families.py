@@ -2,8 +2,7 @@
 
 A verb asks the family of a model instead of comparing its name: which channels drive it, what a log has to hold,
 whether ``--model all`` tries it, whether its single parameters mean anything. A row of :data:`FAMILIES` holds all
-answers; what fits a family, and which choices it takes, is a row of :mod:`rotorid.identifying.families`. Nothing heavy
-is loaded before a model is made, so that settings and command line may ask too.
+answers; what fits a family, and which choices it takes, is a row of :mod:`rotorid.identifying.families`.
 """
 
 from __future__ import annotations
@@ -11,20 +10,34 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
+from rotorid.data.findings import refusal
 from rotorid.errors import InsufficientDataError, ModelError, RotoridError, UsageError
+from rotorid.models.black_box import black_box, black_box_pairs
+from rotorid.models.library import (
+    RESPONSE_MODELS,
+    library_model,
+    library_text,
+    model_names,
+    nonlinear_library_text,
+    nonlinear_model,
+    nonlinear_model_names,
+    rate_model,
+    response_model,
+    response_pairs,
+    transfer_function,
+)
+from rotorid.models.motors import motor_parameters
+from rotorid.models.nonlinear import NonlinearStructure
+from rotorid.models.physical import PHYSICAL_UNITS
+from rotorid.models.structure import LinearStructure
+from rotorid.typing import Axis
 
-if TYPE_CHECKING:
-    from rotorid.models.nonlinear import NonlinearStructure
-    from rotorid.models.structure import LinearStructure
-    from rotorid.typing import Axis
-
-Structure: TypeAlias = "LinearStructure | NonlinearStructure"
+Structure: TypeAlias = LinearStructure | NonlinearStructure
 
 Needs: TypeAlias = Literal["axis", "axes", "motors", "single motors"]
 """What a log has to hold: the excitation of one axis, or a stick that moves it; excitations of several axes; outputs of
@@ -58,10 +71,10 @@ class Family:
     ----------
     name
         How lists and sentences call it, such as ``response.*``.
-    names
-        The names of its models, where they can be listed.
     pattern
         What a whole name looks like, as a regular expression; empty where the listed names are all.
+    listed
+        Names of its models that are no files of the library.
     about
         What a model is, in a sentence.
     together
@@ -96,15 +109,15 @@ class Family:
 
     name: str
     about: Callable[[str], str]
-    together: str = ""
-    names: Callable[[], tuple[str, ...]] = tuple
     pattern: str = ""
+    listed: tuple[str, ...] = ()
+    together: str = ""
     make: Callable[[str, Channels], Structure] | None = None
     text: Callable[[str], str] | None = None
     nonlinear: bool = False
     channels: Literal["own", "given", "logged"] = "own"
     by_logs: bool = False
-    units: Callable[[], Mapping[str, str]] = dict
+    units: Mapping[str, str] = field(default_factory=dict)
     needs: Needs | None = None
     axes: Mapping[str, tuple[Axis, ...]] = field(default_factory=dict)
     outputs: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -113,6 +126,11 @@ class Family:
     opaque: bool = False
     slowed_by_air: bool = False
     needs_result: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of its models, where they can be listed."""
+        return self.listed or tuple(name for name in model_names() if family_of(name) is self)
 
     @property
     def of_rates(self) -> bool:
@@ -126,44 +144,7 @@ class Family:
 
     def has(self, name: str) -> bool:
         """Whether a name is that of one of its models."""
-        return re.fullmatch(self.pattern, name) is not None if self.pattern else name in self.names()
-
-
-def _library() -> tuple[str, ...]:
-    from rotorid.models.library import model_names
-
-    return model_names()
-
-
-@cache
-def _listed(pattern: str) -> Callable[[], tuple[str, ...]]:
-    """The models of the library whose whole names look so."""
-    return cache(lambda: tuple(name for name in _library() if re.fullmatch(pattern, name)))
-
-
-@cache
-def _nonlinear_names() -> tuple[str, ...]:
-    from rotorid.models.library import nonlinear_model_names
-
-    return nonlinear_model_names()
-
-
-def _response_names() -> tuple[str, ...]:
-    from rotorid.models.library import RESPONSE_MODELS
-
-    return RESPONSE_MODELS
-
-
-def _library_text(name: str) -> str:
-    from rotorid.models.library import library_text
-
-    return library_text(name)
-
-
-def _nonlinear_text(name: str) -> str:
-    from rotorid.models.library import nonlinear_library_text
-
-    return nonlinear_library_text(name)
+        return re.fullmatch(self.pattern, name) is not None if self.pattern else name in self.listed
 
 
 def _first_sentence(text: str) -> str:
@@ -185,45 +166,13 @@ _RESPONSES = {
 }
 
 
-def _rate_model(name: str, _: Channels) -> Structure:
-    from rotorid.models.library import rate_model
-
-    return rate_model(name)
-
-
-def _library_model(name: str, _: Channels) -> Structure:
-    from rotorid.models.library import library_model
-
-    return library_model(name)
-
-
-def _nonlinear_model(name: str, _: Channels) -> Structure:
-    from rotorid.models.library import nonlinear_model
-
-    return nonlinear_model(name)
-
-
-def _response_model(name: str, channels: Channels) -> Structure:
-    from rotorid.models.library import response_model
-
-    return response_model(name, _pairs_of(name, channels))
-
-
-def _transfer_function(name: str, channels: Channels) -> Structure:
-    from rotorid.models.library import transfer_function
-
+def _transfer_function(name: str, channels: Channels) -> LinearStructure:
     _require_channels(name, channels)
-    above, below = name.partition(":")[2].split("/")
-    return transfer_function(
-        numerator=int(above), denominator=int(below), inputs=channels.inputs, outputs=channels.outputs
-    )
+    above, below = map(int, name.partition(":")[2].split("/"))
+    return transfer_function(numerator=above, denominator=below, inputs=channels.inputs, outputs=channels.outputs)
 
 
-def _black_box(name: str, channels: Channels) -> Structure:
-    from dataclasses import replace
-
-    from rotorid.models.black_box import black_box, black_box_pairs
-
+def _black_box(name: str, channels: Channels) -> LinearStructure:
     if not channels.inputs and channels.logged:
         # From the set-points of the logs, each to its own answer.
         pairs = _pairs_of(name, channels)
@@ -237,18 +186,6 @@ def _black_box(name: str, channels: Channels) -> Structure:
     return replace(box, name=_AUTO) if order_is_open(name) else box
 
 
-def _hover_units() -> Mapping[str, str]:
-    from rotorid.models.physical import PHYSICAL_UNITS
-
-    return PHYSICAL_UNITS
-
-
-def _motor_units() -> Mapping[str, str]:
-    from rotorid.models.motors import motor_parameters
-
-    return {one.name: one.unit for one in motor_parameters(known={"kappa": 1.0})}
-
-
 RATE_AXIS: Mapping[str, Axis] = {
     "rate.roll": "roll",
     "rate.pitch": "pitch",
@@ -260,45 +197,40 @@ RATE_AXIS: Mapping[str, Axis] = {
 RATE = Family(
     name="rate.*",
     pattern=r"rate\..+",
-    names=lambda: tuple(RATE_AXIS),
+    listed=tuple(RATE_AXIS),
     about=lambda _: "Rate of one axis after its command: gain, damping, motor lag, delay. From some 3 to 8 rad/s up.",
-    make=_rate_model,
+    make=lambda name, _: rate_model(name),
     needs="axis",
     axes={name: (axis,) for name, axis in RATE_AXIS.items()},
     in_all=True,
 )
 
-AIRFRAME = Family(
+OWN = Family(
+    name="FILE.toml",
+    pattern=r".*",
+    about=lambda name: _first_sentence(library_text(name)),
+    make=lambda name, _: library_model(name),
+    text=library_text,
+)
+"""Every other linear structure: one of a user, or a file that was added to the library."""
+
+AIRFRAME = replace(
+    OWN,
     name="axis.*, hover.*",
     pattern=r"(axis|hover)\..+",
-    names=_listed(r"(axis|hover)\..+"),
-    about=lambda name: _first_sentence(_library_text(name)),
-    make=_library_model,
-    text=_library_text,
     needs="axes",
     axes={"hover.longitudinal": ("pitch", "thrust"), "hover.lateral": ("roll", "yaw")},
     in_all=True,
     slowed_by_air=True,
 )
 
-HOVER = Family(
-    name="physical.hover",
-    names=lambda: ("physical.hover",),
-    about=AIRFRAME.about,
-    make=_library_model,
-    text=_library_text,
-    by_logs=True,
-    units=_hover_units,
-)
+HOVER = replace(OWN, name="physical.hover", pattern=r"physical\.hover", by_logs=True, units=PHYSICAL_UNITS)
 """Hover in physical parameters, of the rotors of the vehicle that flew."""
 
-RIG = Family(
+RIG = replace(
+    OWN,
     name="rig.*",
     pattern=r"rig\..+",
-    names=_listed(r"rig\..+"),
-    about=AIRFRAME.about,
-    make=_library_model,
-    text=_library_text,
     needs="single motors",
     axes={"rig.roll": ("roll",), "rig.attitude": ("roll", "pitch")},
     outputs={"rig.roll": ("phi", "p"), "rig.attitude": ("phi", "theta", "psi")},
@@ -306,12 +238,12 @@ RIG = Family(
 
 RESPONSE = Family(
     name="response.*",
-    names=_response_names,
+    listed=RESPONSE_MODELS,
     about=_about_response,
     together=(
         "From each set-point to what it is of: first_order, second_order or second_order_zero, with _delay or without."
     ),
-    make=_response_model,
+    make=lambda name, channels: response_model(name, _pairs_of(name, channels)),
     channels="logged",
     by_logs=True,
     answers_setpoints=True,
@@ -319,12 +251,12 @@ RESPONSE = Family(
 
 MOTORS = Family(
     name="physical.motors",
-    names=lambda: ("physical.motors",),
+    listed=("physical.motors",),
     about=lambda _: (
         "Inertia, thrust, motor lag and torque of the vehicle from its motor outputs, gyros and accelerometer."
     ),
     by_logs=True,
-    units=_motor_units,
+    units={one.name: one.unit for one in motor_parameters(known={"kappa": 1.0})},
     needs="motors",
     axes={"physical.motors": ()},
     in_all=True,
@@ -334,10 +266,10 @@ MOTORS = Family(
 
 LARGE_MOTION = Family(
     name="drag.*, flight.*",
-    names=_nonlinear_names,
-    about=lambda name: _first_sentence(_nonlinear_text(name)),
-    make=_nonlinear_model,
-    text=_nonlinear_text,
+    listed=nonlinear_model_names(),
+    about=lambda name: _first_sentence(nonlinear_library_text(name)),
+    make=lambda name, _: nonlinear_model(name),
+    text=nonlinear_library_text,
     nonlinear=True,
 )
 """Nonlinear structures, those of users too."""
@@ -366,16 +298,6 @@ BLACK_BOX = Family(
 _AUTO = "black_box:auto"
 """A black box whose order the records choose; until then it is one of first order."""
 
-OWN: Family = Family(
-    name="FILE.toml",
-    pattern=r".*",
-    names=lambda: tuple(name for name in _library() if family_of(name) is OWN),
-    about=AIRFRAME.about,
-    make=_library_model,
-    text=_library_text,
-)
-"""Every other linear structure: one of a user, or a file that was added to the library."""
-
 FAMILIES = (RATE, AIRFRAME, HOVER, RIG, RESPONSE, MOTORS, LARGE_MOTION, TRANSFER, BLACK_BOX, OWN)
 """In the order of lists; the first that has a name is its family."""
 
@@ -388,11 +310,10 @@ def family_of(model: str | Path | Structure) -> Family:
     >>> [family_of(name).name for name in ("rate.roll", "hover.lateral", "black_box:2", "mine")]
     ['rate.*', 'axis.*, hover.*', 'black_box:N', 'FILE.toml']
     """
-    if isinstance(model, str | Path):
-        return next(family for family in FAMILIES if family.has(str(model)))
-    from rotorid.models.nonlinear import NonlinearStructure
-
-    return LARGE_MOTION if isinstance(model, NonlinearStructure) else family_of(model.name)
+    if isinstance(model, NonlinearStructure):
+        return LARGE_MOTION
+    name = str(model) if isinstance(model, str | Path) else model.name
+    return next(family for family in FAMILIES if family.has(name))
 
 
 def is_rate_model(structure: LinearStructure) -> bool:
@@ -421,7 +342,7 @@ def rate_model_of(axis: str) -> str:
 
 def known_names() -> tuple[str, ...]:
     """Names of models that need no more than their name."""
-    return tuple(name for family in FAMILIES for name in family.names())
+    return tuple(name for family in FAMILIES for name in family.names)
 
 
 def waits_for_logs(model: str | Path | Structure, inputs: Sequence[str] = ()) -> bool:
@@ -505,7 +426,7 @@ def named_model(
             remedy=f"rotorid identify LOG --model {name}, in Python rotorid.pipeline.identify_motors",
         )
     own = family.channels == "own"
-    if own and name not in family.names():
+    if own and name not in family.names:
         raise _unknown(name)
     structure = linear(family.make(name, Channels(inputs, outputs, decoupled, logged)))
     if own and inputs:
@@ -521,8 +442,6 @@ def linear(structure: Structure) -> LinearStructure:
     UsageError
         It is nonlinear.
     """
-    from rotorid.models.nonlinear import NonlinearStructure
-
     if isinstance(structure, NonlinearStructure):
         raise UsageError(
             f"{structure.name} came, which is nonlinear",
@@ -562,8 +481,6 @@ def _paired(name: str, channels: Channels) -> tuple[tuple[str, str], ...]:
 
 
 def _pairs_of(name: str, channels: Channels) -> tuple[tuple[str, str], ...]:
-    from rotorid.models.library import response_pairs
-
     if channels.inputs:
         return _paired(name, channels)
     outputs, logged = channels.outputs, channels.logged
@@ -574,8 +491,6 @@ def _pairs_of(name: str, channels: Channels) -> tuple[tuple[str, str], ...]:
 
 
 def _no_pair(name: str, outputs: Sequence[str], logged: Sequence[str]) -> RotoridError:
-    from rotorid.data.findings import refusal
-
     needed = "a channel and its set-point, such as phi and phi_setpoint"
     remedy = "name them with --inputs and --outputs, or in the log with --map"
     if not logged:
@@ -600,7 +515,7 @@ def _unknown(model: str) -> ModelError:
     names = known_names()
     near = [rate_model_of(_AXES[model.lower()])] if model.lower() in _AXES else []
     near = near or difflib.get_close_matches(model, (*names, "black_box:2"), n=1)
-    made = [family.name for family in FAMILIES if not family.names() and family is not OWN]
+    made = [family.name for family in FAMILIES if not family.names and family is not OWN]
     return ModelError(
         f"there is no model {model!r}",
         needed=f"one of {', '.join((*names, *made))}, or a .toml file",

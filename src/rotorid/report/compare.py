@@ -26,17 +26,10 @@ from rotorid.plot.time import Curve, Score, predictions, score_dots
 from rotorid.report.files import to_json, write_together
 from rotorid.report.frame import Picture, render
 from rotorid.report.parts import FAR_SIGMAS, Cell, finding_rows
-from rotorid.results.summary import PoleEstimate
+from rotorid.results.summary import METHODS, PoleEstimate
 from rotorid.results.verdicts import Verdict, badge
 from rotorid.verification.fixed_parameters import FixedParameterScores
 
-METHODS = {
-    "frequency": "frequency responses",
-    "output_error": "output error",
-    "prediction_error": "prediction error",
-    "equation_error": "equation error",
-    "accelerations": "accelerations",
-}
 _KINDS = {"each": "on each", "leave_one_out": "leave one out"}
 
 
@@ -91,7 +84,7 @@ def _model_row(one: ComparedModelDocument) -> ModelRow:
     return ModelRow(
         label=one.label,
         model=one.model,
-        method=METHODS.get(one.method, one.method),
+        method=METHODS[one.method].name if one.method in METHODS else one.method,
         outputs=", ".join(one.outputs),
         order=str(one.order),
         parameters=str(one.free_parameters),

@@ -27,7 +27,15 @@ from rotorid.loops.responses import Pair, Responses
 from rotorid.plot.figure import quantity
 from rotorid.plot.loops import s_plane
 from rotorid.report.frame import Picture
-from rotorid.results.summary import FitEnd, FitVerdict, ManeuverCheck, MotorPhysics, ParameterEstimate, PoleEstimate
+from rotorid.results.summary import (
+    METHODS,
+    FitEnd,
+    FitVerdict,
+    ManeuverCheck,
+    MotorPhysics,
+    ParameterEstimate,
+    PoleEstimate,
+)
 from rotorid.results.verdicts import Level, Verdict, cost_verdict, fit_verdict, percent_level, refused_verdict
 from rotorid.verification.scores import GOOD_FIT_PERCENT, GOOD_TIC, GUIDELINES, guidelines_met
 from rotorid.verification.verification import Scores
@@ -698,16 +706,6 @@ def sparkline(trace: Sequence[float]) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
 
 
-_METHODS = {
-    "output_error": "Output error: the model was simulated from the inputs alone, and what is left of the outputs was "
-    "minimized, weighed by the covariance that it has.",
-    "prediction_error": "Prediction error: the model predicted every sample from those before it, with a noise model "
-    "that was fitted too, so that feedback biases nothing.",
-    "accelerations": "Accelerations: the sum of their absolute errors up to 5 Hz was minimized, each over its own "
-    "deviations from the mean. Noise that the controller feeds back biases that.",
-    "equation_error": "Equation error: the equations of motion were fitted to measured accelerations and states. Noise "
-    "in the states biases that.",
-}
 _HOLDS = {
     "zero": "Inputs were held between their samples, as the commands were sent.",
     "first": "Inputs were joined by straight lines between their samples.",
@@ -721,7 +719,7 @@ def time_sentences(document: ResultDocument, fit: FitEnd) -> tuple[str, ...]:
     if document.motors is not None:
         last = f"The last search ended after {count}: {outcome[:1].lower()}{outcome[1:]}."
         return (*method_sentences(document), last)
-    sentences = [_METHODS.get(document.method, "")]
+    sentences = [METHODS[document.method].how]
     if document.hold:
         sentences.append(_HOLDS[document.hold])
     if document.pieces_s is not None:

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from types import MappingProxyType
+from typing import Literal, NamedTuple, TypeAlias
 
 from rotorid.models.parameter import Status
 from rotorid.verification.fixed_parameters import Kind
@@ -21,6 +22,40 @@ FitWeights: TypeAlias = Literal["cifer", "covariance", "likelihood", "absolute"]
 Color: TypeAlias = Literal["green", "yellow", "red", "gray"]
 
 MethodName: TypeAlias = Literal["frequency", "output_error", "prediction_error", "equation_error", "accelerations"]
+
+
+class MethodWords(NamedTuple):
+    """What pages call a method of fitting, and how it fitted, in a sentence."""
+
+    name: str
+    how: str = ""
+
+
+METHODS: Mapping[str, MethodWords] = MappingProxyType(
+    {
+        "frequency": MethodWords("frequency responses"),
+        "output_error": MethodWords(
+            "output error",
+            "Output error: the model was simulated from the inputs alone, and what is left of the outputs was "
+            "minimized, weighed by the covariance that it has.",
+        ),
+        "prediction_error": MethodWords(
+            "prediction error",
+            "Prediction error: the model predicted every sample from those before it, with a noise model that was "
+            "fitted too, so that feedback biases nothing.",
+        ),
+        "equation_error": MethodWords(
+            "equation error",
+            "Equation error: the equations of motion were fitted to measured accelerations and states. Noise in the "
+            "states biases that.",
+        ),
+        "accelerations": MethodWords(
+            "accelerations",
+            "Accelerations: the sum of their absolute errors up to 5 Hz was minimized, each over its own deviations "
+            "from the mean. Noise that the controller feeds back biases that.",
+        ),
+    }
+)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

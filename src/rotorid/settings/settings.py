@@ -16,7 +16,6 @@ from rotorid.data.base import Immutable
 from rotorid.data.trust import least_coherence
 from rotorid.errors import UsageError
 from rotorid.io.documents import read_text
-from rotorid.models.families import MOTORS
 from rotorid.units import read_measure, read_measures, require_units, writable
 
 if TYPE_CHECKING:
@@ -1239,7 +1238,7 @@ class MotorChoices:
         require_search(self.search, self.evaluations, "default", self.runs)
         if self.method not in get_args(MotorMethod):
             raise UsageError(
-                f"the method {self.method!r} came with {MOTORS.name}", needed=" or ".join(get_args(MotorMethod))
+                f"the method {self.method!r} came with physical.motors", needed=" or ".join(get_args(MotorMethod))
             )
         if self.method == "accelerations" and self.bootstrap is not None:
             raise UsageError(
@@ -1248,7 +1247,7 @@ class MotorChoices:
             )
         if self.outputs and (self.method != "accelerations" or not set(self.outputs) <= set(FROM_ANGLES)):
             raise UsageError(
-                f"--outputs {','.join(self.outputs)} came with {MOTORS.name}",
+                f"--outputs {','.join(self.outputs)} came with physical.motors",
                 needed=f"--method accelerations and {','.join(FROM_ANGLES)}, or some of them, to be differentiated",
                 remedy="leave --outputs out for gyros and accelerometer",
             )
