@@ -23,6 +23,7 @@ import numpy as np
 
 from rotorid.data import FlightRecord
 from rotorid.fitting import FrequencyProblem, Scale, StartBox, fit_frequency, search_box, without_structural_zeros
+from rotorid.flights import Flight
 from rotorid.flights.measure import measure
 from rotorid.models import LinearStructure, ParameterSet, StateSpace, from_toml, library_model
 from rotorid.search import Progress, search
@@ -147,7 +148,7 @@ def posed(
         outputs=tuple(outputs), windows_s=WINDOWS_S, instruments=tuple(f"{name}_excitation" for name in inputs)
     )
     part = structure.select(outputs=outputs, inputs=inputs)
-    flown = [(record, maneuver) for record in records for maneuver in record.declared]
+    flown = [Flight(record, maneuver) for record in records for maneuver in record.declared]
     measured = measure(flown, inputs=part.inputs, outputs=part.outputs, settings=settings)
     parameters = part.parameters
     for name, value in fix.items():

@@ -168,9 +168,11 @@ class LinearPredictor:
         # Without an input nothing can be predicted; of the outputs those that are there will do.
         if lacking := _lacking(record, (*structure.inputs, *(there or structure.outputs))):
             return UnseenLog(record=record, cause=lacking)
-        found = [m for axis in self.axes for m in find_excitations(record, axis)] if not segments else []
-        wanted = [described(record, m) for m in given if Flight(record, m).inside] if segments else found
-        flights = [flight for m in wanted if not fitted.fits(flight := Flight(record, m))]
+        if segments:
+            wanted = [described(one) for m in given if (one := Flight(record, m)).inside]
+        else:
+            wanted = [Flight(record, m) for axis in self.axes for m in find_excitations(record, axis)]
+        flights = [flight for flight in wanted if not fitted.fits(flight)]
         if not flights:
             axes = " or ".join(self.axes)
             what = "no given segment" if segments else f"no excitation of {axes} beyond what was fitted"

@@ -91,7 +91,7 @@ def check_sweeps(
             pairs[f"{data.outputs[y]}/{data.inputs[u]}"] = PairCost(
                 value=float(costs[y, u]), band_rad_s=band, points=omega.size
             )
-    records = tuple(dict.fromkeys(record.source.name for record, _ in sweeps))
+    records = tuple(dict.fromkeys(sweep.record.source.name for sweep in sweeps))
     return FrequencyCheck(
         pairs=pairs,
         findings=(*measured.findings, *_poor(records, pairs)),
@@ -104,13 +104,13 @@ def check_sweeps(
 
 def _swept(inputs: Sequence[str], sweeps: Sequence[Flight]) -> tuple[str, ...]:
     """Inputs of a model that sweeps excite; one that is no command may be moved by any."""
-    axes = {maneuver.axis for _, maneuver in sweeps}
+    axes = {sweep.axis for sweep in sweeps}
     return tuple(name for name in inputs if not is_command(name) or axis_of(name) in axes)
 
 
 def _moves(name: str, sweeps: Sequence[Flight]) -> bool:
     """Whether a channel is anything but constant in the logs of some sweeps."""
-    return any(np.ptp(topic.values[row]) > 0.0 for record, _ in sweeps for topic, row in record.holding(name))
+    return any(np.ptp(topic.values[row]) > 0.0 for sweep in sweeps for topic, row in sweep.record.holding(name))
 
 
 def _of_inputs(settings: MeasureSettings, inputs: Sequence[str], swept: Sequence[str]) -> MeasureSettings:
@@ -198,12 +198,12 @@ def hold_out(structure: LinearStructure, flights: Sequence[Flight], settings: Id
     settings
         Choices of the run.
     """
-    axes = [maneuver.axis for _, maneuver in flights]
+    axes = [flight.axis for flight in flights]
     again = [index for index, axis in enumerate(axes) if axes.count(axis) > 1]
     if not again:
         return FrequencyCheck(findings=(nothing_left(),))
     rest, held = [*flights[: again[-1]], *flights[again[-1] + 1 :]], flights[again[-1]]
-    name = f"{held[0].source.name} at {held[1].start_s:.1f} s"
+    name = f"{held.record.source.name} at {held.maneuver.start_s:.1f} s"
     _PROGRESS.info(f"holding out {name}")
     try:
         measured = measure(rest, inputs=structure.inputs, outputs=structure.outputs, settings=settings)

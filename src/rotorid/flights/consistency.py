@@ -463,7 +463,7 @@ def data_quality(
     flights: Sequence[Flight], segments: Sequence[Segment], inputs: Sequence[str], agreement: Sequence[Consistency]
 ) -> tuple[Finding, ...]:
     """Remarks on all maneuvers, each kind and place once; of several maneuvers the first that shows it speaks."""
-    limits = {record.source.name: motor_limits(record) for record, _ in flights}
+    limits = {flight.record.source.name: motor_limits(flight.record) for flight in flights}
     remarks = [
         finding
         for segment in segments
@@ -471,7 +471,7 @@ def data_quality(
             segment.history, axis=segment.maneuver.axis, accounted=inputs, limits=limits.get(segment.record)
         )
     ]
-    sags = (battery_sag(record, maneuver) for record, maneuver in flights)
+    sags = (battery_sag(flight.record, flight.maneuver) for flight in flights)
     remarks += [sag for sag in sags if sag and abs(sag.numbers["change_percent"]) >= _REMARKED_SAG_PERCENT]
     remarks += [finding for one in agreement for finding in one.findings]
     return tuple({(finding.kind, finding.where): finding for finding in reversed(remarks)}.values())
@@ -482,8 +482,10 @@ def sensor_agreement(flights: Sequence[Flight]) -> tuple[Consistency, ...]:
 
     Of short maneuvers the flight from the first to the last is looked at, and nothing is remarked on.
     """
-    records = {id(record): record for record, _ in flights}
-    groups = [(record, [m for r, m in flights if r is record]) for record in records.values()]
+    records = {id(flight.record): flight.record for flight in flights}
+    groups = [
+        (record, [flight.maneuver for flight in flights if flight.record is record]) for record in records.values()
+    ]
     return tuple(found for group in groups if (found := _agreement(*group)) is not None)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +33,8 @@ class Samples(NamedTuple):
     unit: str
 
 
-class Flight(NamedTuple):
+@dataclass(frozen=True)
+class Flight:
     """A maneuver and the log that holds it.
 
     Parameters

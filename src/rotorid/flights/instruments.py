@@ -92,7 +92,7 @@ def instrument_of(flight: Flight, axis: Axis) -> str | None:
     axis
         The axis that is excited.
     """
-    record, maneuver = flight
+    record, maneuver = flight.record, flight.maneuver
     within = (maneuver.start_s, maneuver.stop_s)
     own: tuple[str, ...] = (
         (maneuver.signal,) if maneuver.axis == axis and maneuver.signal in record.channel_names else ()
@@ -129,7 +129,9 @@ def find_instrument(flights: Sequence[Flight], axis: Axis) -> str | None:
     each = {instrument_of(flight, axis) for flight in own}
     if len(each) == 1:
         return each.pop()
-    candidates = [excitation_signals(record, axis, within=(m.start_s, m.stop_s)) for record, m in own]
+    candidates = [
+        excitation_signals(one.record, axis, within=(one.maneuver.start_s, one.maneuver.stop_s)) for one in own
+    ]
     shared = set.intersection(*map(set, candidates)) if candidates else set()
     for name in candidates[0]:
         if name not in shared or name.endswith("_command") or not all(_moves(flight, name) for flight in own):
@@ -180,7 +182,7 @@ def own_instrument(flights: Sequence[Flight], input: str) -> str | None:
     Every record holds it, and it moves in one maneuver at least: in the others another motor was swept.
     """
     name = f"{input}_excitation"
-    logged = all(name in record.channel_names for record, _ in flights)
+    logged = all(name in flight.record.channel_names for flight in flights)
     return name if logged and any(_moves(flight, name) for flight in flights) else None
 
 
@@ -189,12 +191,12 @@ def is_free(flights: Sequence[Flight], name: str) -> bool:
     axis = next((axis for axis, setpoint in RATE_SETPOINTS.items() if setpoint == name), None)
     if axis is None:
         return name.endswith("_stick")
-    return all(sets_rates_directly(record, (m.start_s, m.stop_s)) for record, m in flights)
+    return all(sets_rates_directly(one.record, (one.maneuver.start_s, one.maneuver.stop_s)) for one in flights)
 
 
 def open_loop(flights: Sequence[Flight], *inputs: str) -> bool:
     """Whether the log declares inputs as the excitation itself, so that nothing was fed back."""
-    return all(maneuver.signal in inputs and maneuver.origin == "declared" for _, maneuver in flights)
+    return all(one.maneuver.signal in inputs and one.maneuver.origin == "declared" for one in flights)
 
 
 def is_injection(name: str) -> bool:
@@ -245,7 +247,7 @@ def band_of_instrument(flights: Sequence[Flight], name: str) -> tuple[float, flo
         return 0.0, np.inf
     power = np.max(powers, axis=0)
     seen = np.flatnonzero(power > _LEAST_OF_LARGEST * power.max())
-    fastest = max(0.8 * np.pi * topic.sample_rate_hz for record, _ in flights for topic, _ in record.holding(name))
+    fastest = max(0.8 * np.pi * topic.sample_rate_hz for one in flights for topic, _ in one.record.holding(name))
     low = 0.0 if seen[0] == 0 else float(edges[seen[0]])
     return low, min(float(edges[seen[-1] + 1]), fastest)
 
@@ -312,9 +314,9 @@ def _require_instruments(
                 needed="an instrument: a channel that excites the input and contains no feedback",
                 remedy="name another one, or use --estimate direct",
             )
-        for record, _ in flights:
-            if name not in record.channel_names:
-                raise missing_channel(record, name, remedy="name a channel of the log with --instrument")
+        for flight in flights:
+            if name not in flight.record.channel_names:
+                raise missing_channel(flight.record, name, remedy="name a channel of the log with --instrument")
 
 
 def no_instrument(inputs: Sequence[str]) -> Finding:
@@ -342,11 +344,12 @@ def while_flying(flights: Sequence[Flight]) -> tuple[list[Flight], list[Finding]
     """Maneuvers without what lies before take-off or after landing, and a warning for each that lost something."""
     airborne_parts: dict[str, Airborne | None] = {}
     cut_down, findings = [], []
-    for record, maneuver in flights:
+    for flight in flights:
+        record = flight.record
         key = record.source.sha256 or record.source.name
         if key not in airborne_parts:
             airborne_parts[key] = airborne_by_thrust(record)
-        kept, remark = _flying_part(maneuver, airborne_parts[key])
+        kept, remark = _flying_part(flight.maneuver, airborne_parts[key])
         cut_down.append(Flight(record, kept))
         findings += remark
     return cut_down, findings

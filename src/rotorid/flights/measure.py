@@ -161,7 +161,6 @@ def measure(
     UsageError
         A shift is of a channel that takes no part, or longer than a maneuver.
     """
-    flights = [Flight(*flown) for flown in flights]
     groups, left = _accounted(_groups(flights, inputs, outputs, settings))
     prepared = [_prepare(group, settings, also) for group in groups]
     require_known(settings.shifts, [name for one in prepared for name in one.channels])
@@ -213,7 +212,7 @@ def _groups(
             rows = tuple(row for row, flight in enumerate(every) if holds(flight.record, name))
             if sources and rows:
                 by_output.setdefault((sources, rows), []).append(name)
-    nowhere = [name for name in (*inputs, *outputs) if not any(holds(record, name) for record, _ in flights)]
+    nowhere = [name for name in (*inputs, *outputs) if not any(holds(flight.record, name) for flight in flights)]
     if nowhere or len(by_output) == 1:
         return _by_instruments(flights, inputs, outputs, settings)
     given = settings.instruments if len(settings.instruments) == len(inputs) else ()
@@ -251,7 +250,9 @@ def _accounted(groups: Sequence[_Group]) -> tuple[list[_Group], tuple[Finding, .
     Feedback moves such an input in step with the one that was swept: the response would hold both.
     """
     mixed = [
-        group for group in groups if any(holds(record, name) for name in group.unheard for record, _ in group.flights)
+        group
+        for group in groups
+        if any(holds(flight.record, name) for name in group.unheard for flight in group.flights)
     ]
     clean = [group for group in groups if group not in mixed]
     told = {name for group in clean for name in group.inputs}
@@ -260,7 +261,7 @@ def _accounted(groups: Sequence[_Group]) -> tuple[list[_Group], tuple[Finding, .
 
 
 def _left_out(group: _Group) -> Finding:
-    names = ", ".join(dict.fromkeys(record.source.name for record, _ in group.flights))
+    names = ", ".join(dict.fromkeys(flight.record.source.name for flight in group.flights))
     outputs, moved = ", ".join(group.outputs), " and ".join(group.unheard)
     return warn(
         "joined_records",
@@ -282,7 +283,7 @@ def _flown_for(flights: Sequence[Flight], input: str) -> bool:
 def _prepare(group: _Group, settings: MeasureSettings, also: Sequence[str]) -> _Prepared:
     flights, instruments = group.flights, group.instruments
     channels = (*group.inputs, *group.outputs)
-    extra = [n for n in also if n not in channels and all(n in record.channel_names for record, _ in flights)]
+    extra = [n for n in also if n not in channels and all(n in flight.record.channel_names for flight in flights)]
     followers = tuple(dict.fromkeys((*instruments, *_other_commands(flights, group.inputs), *extra)))
     # Without an instrument the quiet time would only add what feedback makes of gusts.
     wider = flights
@@ -322,9 +323,9 @@ def _measured(
     bands = _bands_of_sticks(flights, inputs, instruments)
     bent = 0.0
     if any(is_command(name) for name in inputs):
-        bent = curvature([record for record, _ in flights], [one for one in flights if one.maneuver.axis == "thrust"])
+        bent = curvature([one.record for one in flights], [one for one in flights if one.maneuver.axis == "thrust"])
         known = with_lean_errors(with_slope_changes(known, records, bent), flights, segments, bent)
-    angles = logged_angles(record for record, _ in flights)
+    angles = logged_angles(flight.record for flight in flights)
     known, left = with_unchecked_errors(known, angles=angles, curvature=bent, feedback=unknown)
     measured = Measured(
         response=known,
@@ -373,7 +374,8 @@ _LEAST_KEPT = 0.4
 
 def _beside_excitation(band_rad_s: tuple[float, float] | None, flights: Sequence[Flight]) -> tuple[Finding, ...]:
     """A remark where a band that was given drops most of what was excited, as one in Hz does that is taken as rad/s."""
-    excited = [m.band_rad_s for _, m in flights if m.band_rad_s is not None]
+    bands = (flight.maneuver.band_rad_s for flight in flights)
+    excited = [band for band in bands if band is not None]
     if band_rad_s is None or not excited:
         return ()
     low, high = min(one[0] for one in excited), max(one[1] for one in excited)
@@ -482,7 +484,7 @@ def _several_instruments(groups: Sequence[_Group], inputs: Sequence[str]) -> Ite
     """A remark for each input that some maneuvers show with another instrument than others."""
     for name in inputs:
         used = {
-            instrument: ", ".join(f"{m.start_s:.1f} s of {record.source.name}" for record, m in group.flights)
+            instrument: ", ".join(f"{one.maneuver.start_s:.1f} s of {one.record.source.name}" for one in group.flights)
             for group in groups
             for source, instrument in zip(group.inputs, group.instruments, strict=False)
             if source == name
@@ -498,7 +500,7 @@ def _several_instruments(groups: Sequence[_Group], inputs: Sequence[str]) -> Ite
 
 
 def _unheard(group: _Group) -> Finding:
-    names = ", ".join(dict.fromkeys(record.source.name for record, _ in group.flights))
+    names = ", ".join(dict.fromkeys(flight.record.source.name for flight in group.flights))
     missing, swept = " and ".join(group.unheard), " and ".join(group.inputs)
     return warn(
         "joined_records",
@@ -559,7 +561,7 @@ def _margin_s(flights: Sequence[Flight], settings: MeasureSettings) -> float:
     given = [*settings.windows_s, *(one for lengths in settings.input_windows_s.values() for one in lengths)]
     if given:
         return max(given)
-    return margin_s([maneuver for _, maneuver in flights])
+    return margin_s([flight.maneuver for flight in flights])
 
 
 def _windows(
@@ -574,19 +576,19 @@ def _windows(
 
 def default_band(flights: Sequence[Flight], sample_rate_hz: float) -> tuple[float, float]:
     """Band to look at: that of the sweeps, or whatever the sample rate carries for other excitations."""
-    return band_of([maneuver for _, maneuver in flights], sample_rate_hz)
+    return band_of([flight.maneuver for flight in flights], sample_rate_hz)
 
 
 def _of_input(flights: Sequence[Flight], input: str) -> Sequence[Maneuver]:
     """The maneuvers of an input's own axis; all, where it has none."""
-    maneuvers = [maneuver for _, maneuver in flights]
+    maneuvers = [flight.maneuver for flight in flights]
     return [one for one in maneuvers if input == f"{one.axis}_command"] or maneuvers
 
 
 def _other_commands(flights: Sequence[Flight], inputs: Sequence[str]) -> tuple[str, ...]:
     """Commands of the other axes that every record holds."""
     names = [f"{axis}_command" for axis in AXES]
-    return tuple(n for n in names if n not in inputs and all(n in record.channel_names for record, _ in flights))
+    return tuple(n for n in names if n not in inputs and all(n in flight.record.channel_names for flight in flights))
 
 
 def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Measured:
@@ -608,7 +610,7 @@ def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Meas
     findings: list[Finding] = []
     for output in measured.response.outputs:
         sources = {source_of(segment, output) for segment in _holding(measured, output)}
-        found = [known_filters(record, source) for source in sorted(sources) for record, _ in flights]
+        found = [known_filters(flight.record, source) for source in sorted(sources) for flight in flights]
         if any(chain != found[0] for chain in found):
             raise UsageError(
                 f"{output} was filtered differently in the logs",
@@ -617,7 +619,7 @@ def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Meas
             )
         if found[0]:
             chains[output] = found[0]
-        findings += [f for source in sorted(sources) for f in filter_findings(flights[0][0], source)]
+        findings += [f for source in sorted(sources) for f in filter_findings(flights[0].record, source)]
     remarked = replace(measured, findings=(*measured.findings, *findings))
     if not chains:
         return remarked
@@ -644,7 +646,7 @@ def filter_delays(measured: Measured, flights: Sequence[Flight]) -> dict[str, fl
         if output in measured.unfiltered:
             continue
         sources = sorted({source_of(segment, output) for segment in _holding(measured, output)})
-        chains = [known_filters(record, source) for source in sources for record, _ in flights]
+        chains = [known_filters(flight.record, source) for source in sources for flight in flights]
         if chains and chains[0] and all(chain == chains[0] for chain in chains):
             delays[output] = sum(known.delay_s for known in chains[0])
     return delays
@@ -655,7 +657,7 @@ def logged_controllers(
 ) -> tuple[LoggedController, ...]:
     """The controllers of a command in the logs of some flights, one for each that differs."""
     sources = dict.fromkeys(source_of(segment, rate) for segment in measured.segments if rate in segment.history.names)
-    found = (logged_controller(record, command, source=source) for source in sources or [""] for record, _ in flights)
+    found = (logged_controller(one.record, command, source=source) for source in sources or [""] for one in flights)
     return tuple(dict.fromkeys(controller for controller in found if controller is not None))
 
 

@@ -425,11 +425,12 @@ def _layout(records: Sequence[FlightRecord], choices: MotorChoices) -> RotorLayo
 def _stretches(record: FlightRecord, choices: MotorChoices) -> tuple[list[Maneuver], list[Finding]]:
     """What was given; else excitations, joined where they follow each other; else the flight."""
     if choices.segments:
-        return [described(record, one) for one in choices.segments if Flight(record, one).inside], []
+        given = (Flight(record, one) for one in choices.segments)
+        return [described(one).maneuver for one in given if one.inside], []
     moved = [one for axis in _AXES for one in find_excitations(record, axis) if one.kind in _TELLING]
     if moved:
         flown, remarks = while_flying([Flight(record, one) for one in _joined(moved)])
-        return [one for _, one in flown], remarks
+        return [one.maneuver for one in flown], remarks
     start_s, stop_s = longest_flight(record)
     whole = Maneuver(axis="roll", kind="other", start_s=start_s, stop_s=stop_s, origin="found")
     message = f"No excitation stands out in {record.source.name}; its flight was used, {start_s:.1f} to {stop_s:.1f} s."

@@ -196,12 +196,12 @@ def cut(
     UsageError
         A shift is longer than a maneuver.
     """
-    for record, _ in flights:
-        require_channels(record, channels)
+    for flight in flights:
+        require_channels(flight.record, channels)
     flights, landed = while_flying(flights)
 
     def conditioned(item: Flight, sample_rate_hz: float | None) -> Conditioned:
-        record, maneuver = item
+        record, maneuver = item.record, item.maneuver
         _PROGRESS.info(f"{record.source.name}: {maneuver.axis} {maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s")
         start_s, stop_s = maneuver.start_s - rest_s, maneuver.stop_s + rest_s
         silent = [
@@ -229,8 +229,12 @@ def cut(
         parts = [conditioned(item, slowest) for item in flights]
     wanted = tuple(dict.fromkeys((*channels, *followers)))
     segments = tuple(
-        Segment(record=record.source.name, maneuver=maneuver, history=shifted(built(history, wanted), shifts or {}))
-        for (record, maneuver), part in zip(flights, parts, strict=True)
+        Segment(
+            record=flight.record.source.name,
+            maneuver=flight.maneuver,
+            history=shifted(built(history, wanted), shifts or {}),
+        )
+        for flight, part in zip(flights, parts, strict=True)
         for history in part.histories
     )
     remarks = (*landed, *(f for part in parts for f in part.findings), *_rates(rates, slowest))
@@ -258,7 +262,7 @@ def _rates(rates: Sequence[float], slowest: float) -> tuple[Finding, ...]:
 
 
 def _nothing_left(flights: Sequence[Flight]) -> InsufficientDataError:
-    names = ", ".join(dict.fromkeys(record.source.name for record, _ in flights))
+    names = ", ".join(dict.fromkeys(flight.record.source.name for flight in flights))
     return InsufficientDataError(
         f"no stretch of a second without a gap is left in the maneuvers of {names}",
         needed="maneuvers logged without gaps",
@@ -319,15 +323,16 @@ def with_surroundings(flights: Sequence[Flight], margin_s: float, channels: Sequ
         What will be read.
     """
     wider: list[Flight] = []
-    for record in dict.fromkeys(record for record, _ in flights):
-        own = sorted((m for r, m in flights if r is record), key=lambda m: m.start_s)
+    for record in dict.fromkeys(flight.record for flight in flights):
+        own = sorted((one.maneuver for one in flights if one.record is record), key=lambda m: m.start_s)
         barriers = [m for m in _all_excitations(record) if not any(overlap(m, mine) for mine in own)]
         in_air = airborne_by_thrust(record)
         around = (_widened(record, m, margin_s, barriers, channels, _flight_around(in_air, m)) for m in own)
         for maneuver in around:
             last = wider[-1] if wider else None
-            if last is not None and last[0] is record and maneuver.start_s < last[1].stop_s:
-                wider[-1] = Flight(record, replace(last[1], stop_s=max(last[1].stop_s, maneuver.stop_s)))
+            if last is not None and last.record is record and maneuver.start_s < last.maneuver.stop_s:
+                stop_s = max(last.maneuver.stop_s, maneuver.stop_s)
+                wider[-1] = Flight(record, replace(last.maneuver, stop_s=stop_s))
             else:
                 wider.append(Flight(record, maneuver))
     return tuple(wider)
@@ -443,9 +448,9 @@ def time_records(
         Some records hold their commands and others do not, so that no hold is right for all.
     """
     channels = (*structure.inputs, *structure.outputs)
-    for record, _ in flights:
-        require_channels(record, channels)
-    even = [Flight(evenly_stamped(record, maneuver, channels), maneuver) for record, maneuver in flights]
+    for flight in flights:
+        require_channels(flight.record, channels)
+    even = [Flight(evenly_stamped(one.record, one.maneuver, channels), one.maneuver) for one in flights]
     parts = [_cut([item], channels, settings) for item in even]
     if family_of(structure).opaque and not _of_one_rate([one for part in parts for one in part.segments]):
         parts = [_cut(even, channels, settings)]
@@ -481,12 +486,12 @@ def absolute_records(
     UsageError
         No hold is right for all records.
     """
-    held = [name for name in inputs if any(holds(record, name) for record, _ in flights)]
+    held = [name for name in inputs if any(holds(flight.record, name) for flight in flights)]
     absent = [name for name in inputs if name not in held]
     channels = (*held, *outputs)
-    for record, _ in flights:
-        require_channels(record, channels)
-    even = [Flight(evenly_stamped(record, maneuver, channels), maneuver) for record, maneuver in flights]
+    for flight in flights:
+        require_channels(flight.record, channels)
+    even = [Flight(evenly_stamped(one.record, one.maneuver, channels), one.maneuver) for one in flights]
     parts = [_Cut([item], *cut([item], channels=channels, shifts=settings.shifts)) for item in even]
     segments = tuple(replace(one, history=with_zeros(one.history, absent)) for part in parts for one in part.segments)
     data = tuple(
@@ -520,7 +525,7 @@ class _Cut(NamedTuple):
         A set-point is held until the next one comes. What goes to the mixer a controller computes in a loop that runs
         faster than most logs: only a log that says otherwise shows every value of it.
         """
-        records = {record.source.name: record for record, _ in self.flights}
+        records = {flight.record.source.name: flight.record for flight in self.flights}
         return [
             all(
                 (name.endswith(_SENT) or _every_loop(records[one.record], one))

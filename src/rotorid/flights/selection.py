@@ -106,54 +106,52 @@ def select_maneuvers(
     ]
     if settings.segments:
         fitted = [
-            Flight(record, described(record, m))
-            for record, m in given_flights(records, of_axes(settings.segments, axes))
-            if m.axis not in told or f"{m.axis}_command" in record.channel_names
+            described(one)
+            for one in given_flights(records, of_axes(settings.segments, axes))
+            if one.axis not in told or f"{one.axis}_command" in one.record.channel_names
         ]
     else:
         fitted = [
-            Flight(record, described(record, m) if m.origin == "given" else m)
-            for record, m in found
-            if m in rich_excitations(record, m.axis)
+            described(one) if one.maneuver.origin == "given" else one
+            for one in found
+            if one.maneuver in rich_excitations(one.record, one.axis)
         ]
     if not fitted and otherwise is not None and not settings.segments:
         fitted = otherwise(records, axes)
     if not fitted:
-        raise _nothing_flown(records, axes, [m for _, m in found])
+        raise _nothing_flown(records, axes, [one.maneuver for one in found])
     unseen = [
-        Flight(record, m)
-        for record, m in found
-        if (m.kind in ("doublet", "multistep") or m in verifying_excitations(record, m.axis))
-        and not any(overlap(m, f) for r, f in fitted if r is record)
-        and not _answers(record, m, fitted)
+        one
+        for one in found
+        if (
+            one.maneuver.kind in ("doublet", "multistep") or one.maneuver in verifying_excitations(one.record, one.axis)
+        )
+        and not any(overlap(one.maneuver, other.maneuver) for other in fitted if other.record is one.record)
+        and not _answers(one, fitted)
     ]
     return Selection(fitted=tuple(fitted), unseen=wholly_flown(unseen))
 
 
 def wholly_flown(flights: Sequence[Flight]) -> tuple[Flight, ...]:
     """Maneuvers that begin and end in the air, as far as thrust tells."""
-    airborne_parts = {id(record): airborne_by_thrust(record) for record, _ in flights}
+    airborne_parts = {id(flight.record): airborne_by_thrust(flight.record) for flight in flights}
 
-    def flies(item: Flight) -> bool:
-        record, maneuver = item
-        flight = airborne_parts[id(record)]
-        return flight is None or any(
-            start_s <= maneuver.start_s and maneuver.stop_s <= stop_s for start_s, stop_s in flight.intervals
+    def flies(flight: Flight) -> bool:
+        maneuver, found = flight.maneuver, airborne_parts[id(flight.record)]
+        return found is None or any(
+            start_s <= maneuver.start_s and maneuver.stop_s <= stop_s for start_s, stop_s in found.intervals
         )
 
-    return tuple(item for item in flights if flies(item))
+    return tuple(flight for flight in flights if flies(flight))
 
 
-def _answers(record: FlightRecord, maneuver: Maneuver, fitted: Sequence[Flight]) -> bool:
+def _answers(flight: Flight, fitted: Sequence[Flight]) -> bool:
     """Whether a set-point only passes on what an outer loop wants, while whoever flew the sweeps rests."""
-    names = excitation_signals(record, maneuver.axis)
+    names, own = excitation_signals(flight.record, flight.axis), flight.maneuver.signal
+    signals = [one.maneuver.signal for one in fitted if one.axis == flight.axis]
     # An injection enters far inside, and says nothing of the loops around it.
-    outer = [
-        names.index(m.signal)
-        for _, m in fitted
-        if m.axis == maneuver.axis and m.signal in names and not is_injection(m.signal)
-    ]
-    return bool(outer) and maneuver.signal in names and names.index(maneuver.signal) > max(outer)
+    outer = [names.index(signal) for signal in signals if signal in names and not is_injection(signal)]
+    return bool(outer) and own in names and names.index(own) > max(outer)
 
 
 def whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight]:
@@ -173,7 +171,7 @@ def by_stick(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flig
     ``identify`` and ``response`` measure the answer to the command of an axis over them.
     """
     return [
-        Flight(record, described(record, part))
+        described(Flight(record, part))
         for record in records
         for axis in axes
         for part in ordinary_flights(record, axis)
@@ -252,15 +250,15 @@ def require_reached(record: FlightRecord, segments: Sequence[Maneuver]) -> None:
         raise InsufficientDataError("it holds no given segment")
 
 
-def described(record: FlightRecord, given: Maneuver) -> Maneuver:
+def described(given: Flight) -> Flight:
     """A given segment with the kind and band of what its best excitation signal does there, unless it has them."""
-    if given.kind != "other":
+    if given.maneuver.kind != "other":
         return given
-    name = find_instrument([Flight(record, given)], given.axis) or f"{given.axis}_command"
-    for samples in Flight(record, given).samples(name):
+    name = find_instrument([given], given.axis) or f"{given.axis}_command"
+    for samples in given.samples(name):
         if samples.values.size > 10:
             kind, band = classify(samples.time_s, samples.values - np.median(samples.values))
-            return replace(given, kind=kind, band_rad_s=band, signal=name)
+            return replace(given, maneuver=replace(given.maneuver, kind=kind, band_rad_s=band, signal=name))
     return given
 
 
@@ -323,13 +321,13 @@ def select_records(
         return TimeSelection(select_maneuvers(records, axes, settings, otherwise=whole_flights))
     each_once(records)
     if settings.segments:
-        given = tuple(Flight(r, described(r, m)) for r, m in given_flights(records, settings.segments))
+        given = tuple(described(one) for one in given_flights(records, settings.segments))
         return TimeSelection(Selection(fitted=given, unseen=()))
     by_setpoints = _of_setpoints(structure.inputs, records)
     if by_setpoints is not None:
         return TimeSelection(by_setpoints)
     whole = [whole_record(record, axes) for record in records]
-    return TimeSelection(Selection(fitted=tuple(whole), unseen=()), tuple(_fitted_whole(*item) for item in whole))
+    return TimeSelection(Selection(fitted=tuple(whole), unseen=()), tuple(_fitted_whole(one) for one in whole))
 
 
 def _of_setpoints(inputs: Sequence[str], records: Sequence[FlightRecord]) -> Selection | None:
@@ -355,7 +353,7 @@ def _of_setpoints(inputs: Sequence[str], records: Sequence[FlightRecord]) -> Sel
 def _joined(flights: Sequence[Flight], records: Sequence[FlightRecord]) -> Iterator[Flight]:
     """Maneuvers of each record in the order of time, those that touch each other as one."""
     for record in records:
-        own = sorted((m for r, m in flights if r is record), key=lambda m: m.start_s)
+        own = sorted((one.maneuver for one in flights if one.record is record), key=lambda m: m.start_s)
         kept: list[Maneuver] = []
         for maneuver in own:
             if kept and maneuver.start_s <= kept[-1].stop_s:
@@ -389,11 +387,12 @@ def whole_record(record: FlightRecord, axes: Sequence[Axis]) -> Flight:
     return Flight(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))
 
 
-def _fitted_whole(record: FlightRecord, maneuver: Maneuver) -> Finding:
+def _fitted_whole(flight: Flight) -> Finding:
+    name, maneuver = flight.record.source.name, flight.maneuver
     return remark(
         "no_excitation",
-        record.source.name,
-        f"No excitation of all inputs stands out in {record.source.name}, so all of it was fitted, "
+        name,
+        f"No excitation of all inputs stands out in {name}, so all of it was fitted, "
         f"{maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s. Choose a part with --segment.",
         start_s=maneuver.start_s,
         stop_s=maneuver.stop_s,
@@ -405,16 +404,15 @@ def _fitted_by_stick(fitted: Sequence[Flight]) -> tuple[Finding, ...]:
     return tuple(
         remark(
             "no_excitation",
-            record.source.name,
-            f"No sweep, multisine or random binary signal of {part.axis} was found in {record.source.name}, so its "
-            f"flight from {part.start_s:.1f} to {part.stop_s:.1f} s was fitted, with the stick as instrument. A sweep "
-            "gives intervals that are several times narrower.",
-            start_s=part.start_s,
-            stop_s=part.stop_s,
+            one.record.source.name,
+            f"No sweep, multisine or random binary signal of {one.axis} was found in {one.record.source.name}, so its "
+            f"flight from {one.maneuver.start_s:.1f} to {one.maneuver.stop_s:.1f} s was fitted, with the stick as "
+            "instrument. A sweep gives intervals that are several times narrower.",
+            start_s=one.maneuver.start_s,
+            stop_s=one.maneuver.stop_s,
         )
-        for item in fitted
-        for record, part in (item,)
-        if not rich_excitations(record, part.axis)
+        for one in fitted
+        if not rich_excitations(one.record, one.axis)
     )
 
 
@@ -493,7 +491,7 @@ def chosen_maneuvers(
     axes = axes_of((input,), (output,))
     if settings.segments:
         given = given_flights(records, of_axes(settings.segments, axes))
-        return tuple(Flight(record, described(record, m)) for record, m in given), ()
+        return tuple(described(one) for one in given), ()
     parts = [_of_record(record, axes, input) for record in records]
     return tuple(item for flights, _ in parts for item in flights), tuple(f for _, findings in parts for f in findings)
 

@@ -159,7 +159,7 @@ def _further(
     """Responses of causes that are no outputs, on the frequencies of the response."""
     pairs = ((unknown, _OF_SENSOR.get(name, name)) for unknown in correction.unknowns for name in response.outputs)
     wanted = {found[0] for one in pairs if (found := _causes(*one)) is not None} - set(response.outputs)
-    there = [name for name in _TOUCHED if name in wanted and all(name in record.channel_names for record, _ in flights)]
+    there = [name for name in _TOUCHED if name in wanted and all(name in one.record.channel_names for one in flights)]
     if not there or settings is None or not flights:
         return {}
     further = measure(flights, inputs=response.inputs, outputs=tuple(there), settings=settings).response
@@ -181,7 +181,7 @@ def _of_forces(record: FlightRecord) -> tuple[str, ...]:
 
 def _histories(flight: Flight, wanted: Sequence[str], sensors: Sequence[str]) -> list[TimeHistory]:
     """What a maneuver holds of some channels, on one clock; nothing where no sensor is among them."""
-    record, maneuver = flight
+    record, maneuver = flight.record, flight.maneuver
     there = [name for name in wanted if name in record.channel_names]
     if not set(there) & set(sensors) or set(there) <= set(sensors):
         return []

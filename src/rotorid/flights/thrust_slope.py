@@ -130,7 +130,7 @@ def curvature(records: Sequence[FlightRecord], known: Sequence[Flight] = ()) -> 
         for record in {id(record): record for record in records}.values()
         if (longest := _longest(record)) is not None
     ]
-    elasticities = [found for one in flown if (found := _elasticity(*one)) is not None]
+    elasticities = [found for one in flown if (found := _elasticity(one)) is not None]
     if not elasticities:
         return _UNKNOWN
     steepest = max(*elasticities, 1.0)
@@ -145,8 +145,9 @@ def _longest(record: FlightRecord) -> Maneuver | None:
     return max(flown, key=lambda one: one.duration_s, default=None)
 
 
-def _elasticity(record: FlightRecord, maneuver: Maneuver) -> float | None:
+def _elasticity(flight: Flight) -> float | None:
     """Relative change of thrust over that of the command, by the heave that an excitation shows."""
+    record, maneuver = flight.record, flight.maneuver
     if not {_THRUST, _HEAVE} <= set(record.channel_names) or maneuver.duration_s <= _LEAST_WINDOWS * _WINDOW_S:
         return None
     flown = resample(record, channels=(_THRUST, _HEAVE), start_s=maneuver.start_s, stop_s=maneuver.stop_s)

@@ -111,17 +111,19 @@ def cross_validate(
     each_once(records)
     structure = resolve_model(model)
     groups, findings = _groups(structure, records, settings)
-    every_axis = {maneuver.axis for group in groups for _, maneuver in group.flights}
+    every_axis = {flight.axis for group in groups for flight in group.flights}
     commands = all(is_command(name) for name in structure.inputs)
 
     def fit(training: tuple[_Group, ...]) -> IdentifiedModel:
         flights = [item for group in training for item in group.flights]
-        missing = sorted(every_axis - {maneuver.axis for _, maneuver in flights})
+        missing = sorted(every_axis - {flight.axis for flight in flights})
         if missing and commands:
             names = ", ".join(group.name for group in training)
             raise InsufficientDataError(f"{names} does not excite {' and '.join(missing)}")
-        kept = [record for record in records if any(record is one for one, _ in flights)]
-        chosen = replace(settings, segments=tuple(m for _, m in flights)) if len(records) == 1 else settings
+        kept = [record for record in records if any(record is flight.record for flight in flights)]
+        chosen = (
+            replace(settings, segments=tuple(flight.maneuver for flight in flights)) if len(records) == 1 else settings
+        )
         return identify(kept, chosen)
 
     def score(model: IdentifiedModel, group: _Group) -> tuple[FixedParameterScores, ...]:
@@ -225,8 +227,11 @@ def _groups(
                 needed="at least two maneuvers or two logs",
                 remedy="give more logs, or parts of this one with --segment",
             )
-        _require_apart([m for _, m in fitted])
-        return [_Group(name=f"{m.axis} {m.kind} at {m.start_s:.1f} s", flights=(Flight(r, m),)) for r, m in fitted], []
+        _require_apart([flight.maneuver for flight in fitted])
+        return [
+            _Group(name=f"{one.axis} {one.maneuver.kind} at {one.maneuver.start_s:.1f} s", flights=(one,))
+            for one in fitted
+        ], []
     groups, findings = [], []
     require_inside(records, settings.segments)
     for name, record in zip(_names(records), records, strict=True):

@@ -87,7 +87,7 @@ class PairDelay(Immutable):
     @property
     def maneuvers(self) -> tuple[LoggedManeuver, ...]:
         """The maneuvers that were used."""
-        return tuple(logged(record, maneuver) for record, maneuver in self.flights)
+        return tuple(logged(flight.record, flight.maneuver) for flight in self.flights)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -285,8 +285,8 @@ def _cut_apart(
     """Maneuvers of each record by itself, at its own rate: resampling would move the delay."""
     segments: list[Segment] = []
     findings: list[Finding] = []
-    for record in {id(record): record for record, _ in flown}.values():
-        own = [item for item in flown if item[0] is record]
+    for record in {id(flight.record): flight.record for flight in flown}.values():
+        own = [flight for flight in flown if flight.record is record]
         found, remarks = cut(own, channels=(input, output), shifts=settings.shifts)
         segments += found
         findings += remarks
@@ -314,7 +314,7 @@ def _instrument(flown: Sequence[Flight], input: str, output: str, settings: Meas
     if found is not None:
         return found
     # A set-point of the outermost logged loop comes from a person or a program; a command from a controller.
-    outside = excitation_signals(flown[0][0], axis)
+    outside = excitation_signals(flown[0].record, axis)
     return input if not is_command(input) and outside and outside[0] == input else None
 
 
@@ -328,9 +328,9 @@ def _given_instrument(flown: Sequence[Flight], output: str, names: Sequence[str]
             needed="an instrument: a channel that excites the input and contains no feedback",
             remedy="name another one, or use --estimate direct",
         )
-    for record, _ in flown:
-        if name not in record.channel_names:
-            raise missing_channel(record, name, remedy="name a channel of the log with --instrument")
+    for flight in flown:
+        if name not in flight.record.channel_names:
+            raise missing_channel(flight.record, name, remedy="name a channel of the log with --instrument")
     return name
 
 

@@ -147,8 +147,8 @@ def _straightening(flights: Sequence[Flight]) -> Straightening | None:
     if known is None or known == Linearization():
         return None
     shares = []
-    for record, maneuver in flights:
-        outputs = or_none(logged_outputs, record)
+    for flight in flights:
+        outputs, maneuver = or_none(logged_outputs, flight.record), flight.maneuver
         if outputs is not None:
             inside = (outputs.time_s >= maneuver.start_s) & (outputs.time_s <= maneuver.stop_s)
             shares.append(known.demands(np.maximum(outputs.values[:, inside], known.low)).ravel())

@@ -204,7 +204,7 @@ _USUAL_HZ = 250.0
 
 
 def _enters_the_mixer(flights: Sequence[Flight], channel: str) -> bool:
-    return is_injection(channel) and all(enters_the_mixer(record, channel) for record, _ in flights)
+    return is_injection(channel) and all(enters_the_mixer(flight.record, channel) for flight in flights)
 
 
 def enters_the_mixer(record: FlightRecord, excitation: str) -> bool:

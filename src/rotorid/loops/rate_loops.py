@@ -588,7 +588,7 @@ def axis_loop(
     settings
         Of the response; segments and shifts count.
     """
-    records = list({id(record): record for record, _ in flights}.values())
+    records = list({id(flight.record): flight.record for flight in flights}.values())
     attitude = _attitude(axis, measured, histories(measured.segments))
     whole = _whole_loop(axis, records)
     # Band, windows and estimate are choices of the response that is shown: the loop is that of the other verbs.

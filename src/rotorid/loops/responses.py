@@ -128,8 +128,7 @@ def choose(
 def _given(records: Sequence[FlightRecord], axes: Sequence[Axis], settings: ResponseSettings) -> list[Flight]:
     if not settings.segments:
         return []
-    flown = given_flights(records, of_axes(settings.segments, axes))
-    return [Flight(record, described(record, m)) for record, m in flown]
+    return [described(flight) for flight in given_flights(records, of_axes(settings.segments, axes))]
 
 
 def _found(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight]:
@@ -141,17 +140,17 @@ def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs
     # Of one command the parts in which its stick moves, as identify takes them.
     parts = by_stick(records, axes) if len(inputs) == 1 and is_command(inputs[0]) else []
     which = "its flight" if parts else "the whole flight"
-    for record, maneuver in parts or _every_flight(records, axes, inputs):
-        free = all(is_free([Flight(record, maneuver)], name) for name in inputs)
+    for flight in parts or _every_flight(records, axes, inputs):
+        free = all(is_free([flight], name) for name in inputs)
         trap = "" if free else " Where gusts and not the pilot move the vehicle, such a response shows the controller."
-        start_s, stop_s = maneuver.start_s, maneuver.stop_s
-        candidates.append(Candidate(record=record, maneuver=maneuver, coherence={}))
+        name, start_s, stop_s = flight.record.source.name, flight.maneuver.start_s, flight.maneuver.stop_s
+        candidates.append(_plain(flight))
         findings.append(
             (remark if free else warn)(
                 "no_excitation",
-                record.source.name,
+                name,
                 f"No sweep, multisine or random binary signal of {' or '.join(axes)} was found in "
-                f"{record.source.name}, so {which} from {start_s:.1f} to {stop_s:.1f} s was used.{trap}",
+                f"{name}, so {which} from {start_s:.1f} to {stop_s:.1f} s was used.{trap}",
                 start_s=start_s,
                 stop_s=stop_s,
             )
@@ -167,14 +166,12 @@ def _every_flight(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs:
 
 
 def _plain(flown: Flight) -> Candidate:
-    record, maneuver = flown
-    return Candidate(record=record, maneuver=maneuver, coherence={})
+    return Candidate(record=flown.record, maneuver=flown.maneuver, coherence={})
 
 
 def _candidate(flown: Flight, inputs: Sequence[str], outputs: tuple[str, ...], settings: ResponseSettings) -> Candidate:
     """A maneuver with the coherence that it has alone, to the input of its own axis."""
-    record, maneuver = flown
-    own = tuple(name for name in inputs if name == f"{maneuver.axis}_command") or tuple(inputs)
+    own = tuple(name for name in inputs if name == f"{flown.axis}_command") or tuple(inputs)
     alone = (
         replace(settings, instruments=(), windows_s=()) if len(own) < len(inputs) else replace(settings, windows_s=())
     )
@@ -190,7 +187,7 @@ def _candidate(flown: Flight, inputs: Sequence[str], outputs: tuple[str, ...], s
         for y, output in enumerate(response.outputs)
         for u, name in enumerate(response.inputs)
     }
-    return Candidate(record=record, maneuver=maneuver, coherence=coherence)
+    return Candidate(record=flown.record, maneuver=flown.maneuver, coherence=coherence)
 
 
 def _by_coherence(candidates: Sequence[Candidate]) -> Chosen:

@@ -90,11 +90,20 @@ class Provenance(Immutable):
         self._set(inputs=self.inputs, settings=self.settings, sources=self.sources)
 
 
+class Stretch(Protocol):
+    """A log and an interval of it, as :class:`rotorid.flights.flights.Flight` is."""
+
+    @property
+    def record(self) -> FlightRecord: ...
+    @property
+    def maneuver(self) -> Maneuver: ...
+
+
 def provenance(
     records: Sequence[FlightRecord],
     settings: Choices,
     *,
-    flights: Sequence[tuple[FlightRecord, Maneuver]] = (),
+    flights: Sequence[Stretch] = (),
     response: FrequencyResponse | None = None,
     sources: Mapping[str, str] | None = None,
 ) -> Provenance:
@@ -122,8 +131,8 @@ def provenance(
         instruments=tuple(response.instruments) if response else (),
         sources=sources or {},
         maneuvers=tuple(
-            replace(logged(record, maneuver), record=names.get(_key(record), record.source.name))
-            for record, maneuver in flights
+            replace(logged(one.record, one.maneuver), record=names.get(_key(one.record), one.record.source.name))
+            for one in flights
         ),
     )
 

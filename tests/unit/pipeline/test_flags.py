@@ -74,11 +74,11 @@ def test_acro_at_zero_throttle_is_flight_while_the_vehicle_turns() -> None:
 
 def test_a_given_segment_is_cut_by_flags_and_said_so() -> None:
     flight = record(p=CHIRP, status=flown((60.0, 110.0)))
-    ((_, kept),), (finding,) = while_flying([Flight(flight, given(10.0, 70.0))])
-    assert (kept.start_s, kept.stop_s) == (60.0, 70.0)
+    (kept,), (finding,) = while_flying([Flight(flight, given(10.0, 70.0))])
+    assert (kept.maneuver.start_s, kept.maneuver.stop_s) == (60.0, 70.0)
     assert (finding.kind, finding.severity) == ("airborne", "warning")
-    ((_, kept),), (finding,) = while_flying([Flight(flight, given(10.0, 50.0))])
-    assert (kept.start_s, kept.stop_s) == (10.0, 50.0)
+    (kept,), (finding,) = while_flying([Flight(flight, given(10.0, 50.0))])
+    assert (kept.maneuver.start_s, kept.maneuver.stop_s) == (10.0, 50.0)
     assert "mostly on the ground" in finding.message
 
 
@@ -131,13 +131,13 @@ def test_a_log_is_known_by_its_content_and_not_by_its_name() -> None:
     fitted, judged = record("flight (1).csv", "one", p=CHIRP), record("flight (2).csv", "two", p=CHIRP)
     same_name = record("flight (1).csv", "three", p=CHIRP)
     maneuver = given(45.0, 70.0)
-    came = provenance([fitted, judged, same_name], IdentifySettings(), flights=[(fitted, maneuver)])
+    came = provenance([fitted, judged, same_name], IdentifySettings(), flights=[Flight(fitted, maneuver)])
     assert has_seen(came, fitted, maneuver)
     assert has_seen(came, record("renamed.csv", "one", p=CHIRP), maneuver)
     assert not has_seen(came, judged, maneuver)
     assert not has_seen(came, same_name, maneuver)
     assert fitted_logs(came) == {"one"}
-    other = provenance([fitted, same_name], IdentifySettings(), flights=[(same_name, maneuver)])
+    other = provenance([fitted, same_name], IdentifySettings(), flights=[Flight(same_name, maneuver)])
     assert [one.record for one in other.maneuvers] == ["flight (1).csv (2)"]
     assert not has_seen(other, fitted, maneuver)
     assert has_seen(other, same_name, maneuver)

@@ -144,4 +144,5 @@ def test_of_several_logs_of_motors_those_that_it_does_not_reach_take_no_part(mot
     later = tuple(replace(topic, time_s=topic.time_s + 100.0) for topic in motors.topics)
     other = replace(motors, topics=later, source=replace(motors.source, name="later.csv", sha256="later"))
     choices = MotorChoices(layout="quad.x", segments=(parse_segment("roll:2:18"),))
-    assert {record.source.name for record, _ in motor_data([motors, other], choices).flights} == {"motors.csv"}
+    flights = motor_data([motors, other], choices).flights
+    assert {flight.record.source.name for flight in flights} == {"motors.csv"}

@@ -57,8 +57,8 @@ def record(
 def test_rich_maneuvers_are_fitted_and_short_ones_kept_unseen() -> None:
     log = record(SWEEP, DOUBLET, BINARY)
     selection = select_maneuvers([log], ["roll"], IdentifySettings())
-    assert [m for _, m in selection.fitted] == [SWEEP, BINARY]
-    assert [m for _, m in selection.unseen] == [DOUBLET]
+    assert [one.maneuver for one in selection.fitted] == [SWEEP, BINARY]
+    assert [one.maneuver for one in selection.unseen] == [DOUBLET]
 
 
 def flight(*, landed_s: float = STOP_S, **moving: tuple[float, float]) -> FlightRecord:
@@ -80,7 +80,7 @@ def flight(*, landed_s: float = STOP_S, **moving: tuple[float, float]) -> Flight
 
 def unseen_of(*records: FlightRecord) -> list[tuple[str, float]]:
     selection = select_maneuvers(records, ["roll"], IdentifySettings())
-    return [(m.signal, round(m.start_s)) for _, m in selection.unseen]
+    return [(one.maneuver.signal, round(one.maneuver.start_s)) for one in selection.unseen]
 
 
 def test_a_set_point_that_moves_while_the_stick_of_the_sweeps_rests_is_no_maneuver() -> None:
@@ -111,7 +111,8 @@ def test_given_segments_replace_what_is_found_and_what_they_cover_is_not_unseen(
     log = record(SWEEP, DOUBLET, moving=["roll_excitation"])
     given = (parse_segment("roll:50:90"),)
     selection = select_maneuvers([log], ["roll"], IdentifySettings(segments=given))
-    assert [(m.start_s, m.stop_s, m.origin) for _, m in selection.fitted] == [(50.0, 90.0, "given")]
+    kept = [one.maneuver for one in selection.fitted]
+    assert [(one.start_s, one.stop_s, one.origin) for one in kept] == [(50.0, 90.0, "given")]
     assert selection.unseen == ()
 
 

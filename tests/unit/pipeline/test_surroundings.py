@@ -26,8 +26,8 @@ def maneuver(
     return Maneuver(axis=axis, kind=kind, start_s=start_s, stop_s=stop_s, origin=origin)
 
 
-def spans(flown: tuple[tuple[FlightRecord, Maneuver], ...]) -> list[tuple[float, float]]:
-    return [(m.start_s, m.stop_s) for _, m in flown]
+def spans(flown: tuple[Flight, ...]) -> list[tuple[float, float]]:
+    return [(one.maneuver.start_s, one.maneuver.stop_s) for one in flown]
 
 
 def test_a_maneuver_takes_its_surroundings_along() -> None:
@@ -60,4 +60,7 @@ def test_what_the_user_gave_is_obeyed() -> None:
 def test_records_stay_apart() -> None:
     sweep = maneuver(50.0, 80.0)
     logs = [record(sweep, name="a"), record(sweep, name="b")]
-    assert [r.source.name for r, _ in with_surroundings([Flight(log, sweep) for log in logs], 60.0)] == ["a", "b"]
+    assert [one.record.source.name for one in with_surroundings([Flight(log, sweep) for log in logs], 60.0)] == [
+        "a",
+        "b",
+    ]

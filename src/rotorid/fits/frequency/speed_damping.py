@@ -74,7 +74,7 @@ def first_step(structure: LinearStructure, flights: Sequence[Flight], settings: 
 
 def _one(name: str, flights: Sequence[Flight], settings: IdentifySettings) -> tuple[float, Finding]:
     output, source, axis = FIRST_RESPONSES[name]
-    own = [item for item in flights if item[1].axis == axis] or list(flights)
+    own = [flight for flight in flights if flight.axis == axis] or list(flights)
     plain = replace(
         settings, instruments=(), estimate="direct", pairs={}, pair_weights={}, shifts={}, correct_filters=False
     )
