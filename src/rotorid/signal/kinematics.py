@@ -651,8 +651,8 @@ def _finding(check: KinematicCheck) -> Finding:
         _KINDS[check.verdict],
         check.channel,
         f"{check.channel} is {with_error(check.scale, check.scale_std)} times what {check.against} {verb}, "
-        f"{milliseconds(check.lag_s, check.lag_std_s)} ms after it, with a bias of {check.bias:.3g} "
-        f"{STANDARD_UNITS[check.channel]}.{''.join(_remarks(check))}",
+        f"{milliseconds(check.lag_s, check.lag_std_s)} ms after it, with a bias of "
+        f"{with_error(check.bias, check.bias_std)} {STANDARD_UNITS[check.channel]}.{''.join(_remarks(check))}",
         scale=check.scale,
         scale_std=check.scale_std,
         bias=check.bias,
