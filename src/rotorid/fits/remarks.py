@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.quantity import beyond, milliseconds
+from rotorid.data.quantity import beyond, milliseconds, percent
 from rotorid.data.record import AXES
 from rotorid.data.trust import (
     CRAMER_RAO_GUIDELINE_PERCENT,
@@ -39,9 +39,6 @@ _KNOWN = 0.25
 _LARGEST_CORRELATION = 0.95
 """... their estimates are correlated by no more than this."""
 
-_TWO_DIGITS = 10.0
-"""Percent from which an error is written without a fraction."""
-
 NO_BOUND = 1e9
 """Stands for an infinite deviation in JSON."""
 
@@ -55,7 +52,7 @@ def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding,
             continue
         percents, error = (100.0 * cramer_rao / value, 100.0 * insensitivity / value), _error_words(bounds, name, value)
         guidelines = (CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT)
-        shown = [f"{beyond(percent, limit)} %" for percent, limit in zip(percents, guidelines, strict=True)]
+        shown = [f"{beyond(found, limit)} %" for found, limit in zip(percents, guidelines, strict=True)]
         if percents[1] > INSENSITIVITY_GUIDELINE_PERCENT:
             findings.append(
                 warn(
@@ -81,10 +78,8 @@ def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding,
 
 def _error_words(bounds: Bounds, name: str, value: float) -> str:
     """The error of a parameter, so that nobody takes another percent for it."""
-    percent = 100.0 * bounds.stds[name] / value
-    if not math.isfinite(percent):
-        return ""
-    return f"; its error is ± {percent:.0f} %" if percent >= _TWO_DIGITS else f"; its error is ± {percent:.2g} %"
+    error = 100.0 * bounds.stds[name] / value
+    return f"; its error is ± {percent(error)} %" if math.isfinite(error) else ""
 
 
 def _lag_and_delay(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:
