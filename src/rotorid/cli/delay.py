@@ -54,8 +54,7 @@ def delay_command(
     """
     from rotorid.documents.delay import delay_document
     from rotorid.identifying.delays import delay, refused_delay
-    from rotorid.io.files import write_atomically
-    from rotorid.report.files import to_json, write_together
+    from rotorid.report.files import write_together
 
     results: list[Delays] = []
 
@@ -70,9 +69,7 @@ def delay_command(
         folder=default_folder(logs, "-".join(["delay", *filter(None, (input, answer))])),
         file=FILE,
         compute=compute,
-        write=lambda folder, result: write_together(
-            folder, {FILE: lambda path: write_atomically(path, to_json(delay_document(result)))}
-        ),
+        write=lambda folder, result: write_together(folder, {FILE: delay_document(result)}),
         refused=lambda error, records: delay_document(refused_delay(error, records, settings=settings)),
         document=delay_document,
         show=_print,

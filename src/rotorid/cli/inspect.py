@@ -149,14 +149,10 @@ def _inspect_several(found: Found, map: Path | None, plan: Path | None, output: 
 
 def _write(folder: Path, record: FlightRecord, inspection: Inspection) -> None:
     from rotorid.documents.inspection import inspect_document
-    from rotorid.io.files import write_atomically
-    from rotorid.report.files import to_json, write_together
+    from rotorid.report.files import write_together
     from rotorid.report.inspection import render_inspection
 
-    text, page = to_json(inspect_document(inspection)), render_inspection(record, inspection)
-    write_together(
-        folder, {FILE: lambda path: write_atomically(path, text), REPORT: lambda path: write_atomically(path, page)}
-    )
+    write_together(folder, {FILE: inspect_document(inspection), REPORT: render_inspection(record, inspection)})
 
 
 def _print(inspection: Inspection, file: Path, map: Path | None, plot: Path | None, out: Path | None) -> None:

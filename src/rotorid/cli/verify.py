@@ -56,19 +56,10 @@ def verify_command(
 
 def _write(folder: Path, verified: Verified, *, title: str) -> None:
     from rotorid.documents.verify import verify_document
-    from rotorid.io.files import write_atomically
-    from rotorid.report.files import to_json, write_together
+    from rotorid.report.files import write_together
     from rotorid.report.verification import render_verification
 
-    text = to_json(verify_document(verified))
-    page = render_verification(verified, title=title)
-    write_together(
-        folder,
-        {
-            FILE: lambda path: write_atomically(path, text),
-            REPORT: lambda path: write_atomically(path, page),
-        },
-    )
+    write_together(folder, {FILE: verify_document(verified), REPORT: render_verification(verified, title=title)})
 
 
 def _print(document: VerifyDocument, folder: Path) -> None:

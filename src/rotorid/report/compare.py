@@ -21,9 +21,8 @@ from rotorid.documents.compare import (
     compare_document,
 )
 from rotorid.identifying.comparison import ComparedManeuver, Comparison
-from rotorid.io.files import write_atomically
 from rotorid.plot.time import Curve, Score, predictions, score_dots
-from rotorid.report.files import to_json, write_together
+from rotorid.report.files import write_together
 from rotorid.report.frame import Picture, render
 from rotorid.report.parts import FAR_SIGMAS, Cell, finding_rows
 from rotorid.results.summary import METHODS, PoleEstimate
@@ -218,11 +217,7 @@ def write_comparison(folder: Path, compared: Comparison, *, title: str) -> None:
     title
         Heading of the report.
     """
-    text, page = to_json(compare_document(compared)), render_comparison(compared, title=title)
-    write_together(
-        folder,
-        {JSON: lambda path: write_atomically(path, text), PAGE: lambda path: write_atomically(path, page)},
-    )
+    write_together(folder, {JSON: compare_document(compared), PAGE: render_comparison(compared, title=title)})
 
 
 def render_comparison(compared: Comparison, *, title: str) -> str:

@@ -7,10 +7,11 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rotorid.autopilots.registry import AUTOPILOTS, named
 from rotorid.data.findings import Finding, warn
+from rotorid.documents.base import Document
 from rotorid.documents.base import to_json as to_json
 from rotorid.errors import UsageError
 from rotorid.io.files import write_atomically, write_npz
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from rotorid.results.model import IdentifiedModel
 
 _PROGRESS = logging.getLogger("rotorid.progress")
+
+Content: TypeAlias = "Document | Mapping[str, Any] | str | bytes | Callable[[Path], None]"
+"""Of a file: a document, as JSON; arrays by name, as NPZ; text or bytes as they are; or what writes it."""
 
 
 def write_results(
@@ -54,15 +58,15 @@ def write_results(
     write_together(
         folder,
         {
-            "result.json": lambda path: write_atomically(path, to_json(result_document(model))),
-            "responses.npz": lambda path: write_npz(path, response_arrays(model.data)),
-            "model.toml": lambda path: write_atomically(path, model.to_toml()),
-            "report.html": lambda path: write_atomically(path, render_report([model], title=title, truth=truth)),
+            "result.json": result_document(model),
+            "responses.npz": response_arrays(model.data),
+            "model.toml": model.to_toml(),
+            "report.html": render_report([model], title=title, truth=truth),
         },
     )
 
 
-def write_together(folder: Path, files: Mapping[str, Callable[[Path], None]]) -> None:
+def write_together(folder: Path, files: Mapping[str, Content]) -> None:
     """Write several files into a folder: all complete, or none; their pages link to what is written beside them.
 
     Parameters
@@ -70,7 +74,7 @@ def write_together(folder: Path, files: Mapping[str, Callable[[Path], None]]) ->
     folder
         Where they go; it is made when missing. Files of the same names are replaced, others stay.
     files
-        Name of each file to what writes it.
+        Name of each file to its content, or to what writes it.
 
     Raises
     ------
@@ -79,10 +83,21 @@ def write_together(folder: Path, files: Mapping[str, Callable[[Path], None]]) ->
     """
     kind = ResultKind(mains=tuple(name for name in files if name.endswith(".json")))
     with making(Target(folder=folder, kind=kind, force=True, asked=str(folder))) as made:
-        for name, write in files.items():
-            write(made.place / name)
+        for name, content in files.items():
+            _write(made.place / name, content)
         for page in (name for name in files if name.endswith(".html") and "/" not in name):
             link_files(made.place / page, [name for name in files if name != page])
+
+
+def _write(path: Path, content: Content) -> None:
+    if isinstance(content, Document):
+        write_atomically(path, to_json(content))
+    elif isinstance(content, Mapping):
+        write_npz(path, content)
+    elif isinstance(content, bytes | str):
+        write_atomically(path, content)
+    else:
+        content(path)
 
 
 def link_files(page: Path, names: Sequence[str]) -> None:
@@ -206,9 +221,9 @@ def write_responses(folder: Path, result: Responses, *, title: str) -> None:
     write_together(
         folder,
         {
-            "response.json": lambda path: write_atomically(path, to_json(response_document(result))),
-            "responses.npz": lambda path: write_npz(path, arrays(result)),
-            "report.html": lambda path: write_atomically(path, render_responses(result, title=title)),
+            "response.json": response_document(result),
+            "responses.npz": arrays(result),
+            "report.html": render_responses(result, title=title),
         },
     )
 
@@ -272,7 +287,7 @@ def write_design(
     require_autopilot(autopilot)
     findings: list[Finding] = list(choices.remarks)
     written: list[tuple[str, Sequence[str]]] = []
-    together: dict[str, str | bytes] = {}
+    together: dict[str, Content] = {}
     for plan in designed:
         place = plan.kind if len(designed) > 1 else ""
         files, remarks = _files(plan, choices, words, explicit=autopilot is not None)
@@ -283,8 +298,7 @@ def write_design(
         together[VEHICLE_FILE] = flown_vehicle_toml(choices)
     document = design_document(choices, designed, written, findings=findings, autopilot=words, command=command)
     page = render_design(designed, choices, title=_title(designed, choices), document=document)
-    together |= {"design.html": page, "design.json": to_json(document)}
-    write_together(folder, {name: _writer(content) for name, content in together.items()})
+    write_together(folder, {**together, "design.html": page, "design.json": document})
     return document
 
 
@@ -297,10 +311,6 @@ def require_autopilot(name: str | None) -> None:
     known = [one.key for one in AUTOPILOTS if one.has_plan_files]
     if name is not None and name not in known:
         raise UsageError(f"--for {name} came", needed=f"one of {', '.join(known)}")
-
-
-def _writer(content: str | bytes) -> Callable[[Path], None]:
-    return lambda path: write_atomically(path, content)
 
 
 def _files(
@@ -408,10 +418,9 @@ def write_simulation(
         write_atomically(path, to_json(documents[0]))
 
     # In the order of the mapping: the document needs the logs' hashes.
-    files = {name: fly(number) for number, name in enumerate(choices.file_names)}
+    files: dict[str, Content] = {name: fly(number) for number, name in enumerate(choices.file_names)}
     if choices.plan is not None:
-        text = to_json(plan_document(choices.plan))
-        files["plan.json"] = lambda path: write_atomically(path, text)
+        files["plan.json"] = plan_document(choices.plan)
     write_together(folder, {**files, "simulation.json": conclude})
     return documents[0]
 
@@ -436,15 +445,8 @@ def write_flown(folder: Path, flown: FlownModel, *, title: str) -> None:
     from rotorid.documents.flown import FLOWN, SIGNALS, flown_arrays, flown_document
     from rotorid.report.flown import render_flown
 
-    text, page = to_json(flown_document(flown)), render_flown(flown, title=title)
-    write_together(
-        folder,
-        {
-            SIGNALS: lambda path: write_npz(path, flown_arrays(flown)),
-            FLOWN: lambda path: write_atomically(path, text),
-            "report.html": lambda path: write_atomically(path, page),
-        },
-    )
+    page = render_flown(flown, title=title)
+    write_together(folder, {SIGNALS: flown_arrays(flown), FLOWN: flown_document(flown), "report.html": page})
 
 
 def write_tuning(folder: Path, proposal: TuningProposal, *, title: str) -> None:
@@ -467,17 +469,9 @@ def write_tuning(folder: Path, proposal: TuningProposal, *, title: str) -> None:
     from rotorid.documents.tune import SIGNALS, TUNE, tune_arrays, tune_document
     from rotorid.report.tune import render_tune
 
-    text, page = to_json(tune_document(proposal)), render_tune(proposal, title=title)
-    files = {**proposal.files, **proposal.rollback_files}
-    write_together(
-        folder,
-        {
-            SIGNALS: lambda path: write_npz(path, tune_arrays(proposal)),
-            TUNE: lambda path: write_atomically(path, text),
-            "report.html": lambda path: write_atomically(path, page),
-            **{name: _writer(content) for name, content in files.items()},
-        },
-    )
+    page = render_tune(proposal, title=title)
+    own: dict[str, Content] = {SIGNALS: tune_arrays(proposal), TUNE: tune_document(proposal), "report.html": page}
+    write_together(folder, {**own, **proposal.files, **proposal.rollback_files})
 
 
 def write_tuning_check(folder: Path, found: CheckedTuning, *, title: str) -> None:
@@ -500,14 +494,7 @@ def write_tuning_check(folder: Path, found: CheckedTuning, *, title: str) -> Non
     from rotorid.documents.tune_check import CHECK, tune_check_document
     from rotorid.report.tune import render_check
 
-    text, page = to_json(tune_check_document(found)), render_check(found, title=title)
-    write_together(
-        folder,
-        {
-            CHECK: lambda path: write_atomically(path, text),
-            "report.html": lambda path: write_atomically(path, page),
-        },
-    )
+    write_together(folder, {CHECK: tune_check_document(found), "report.html": render_check(found, title=title)})
 
 
 def write_rig_simulation(folder: Path, *, seed: int, command: Sequence[str]) -> SimulationDocument:

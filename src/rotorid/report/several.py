@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rotorid.io.files import write_atomically
-from rotorid.report.files import to_json, write_results, write_together
+from rotorid.report.files import write_results, write_together
 
 if TYPE_CHECKING:
     from rotorid.identifying.identify_many import SeveralModels
@@ -54,9 +53,5 @@ def write_several(
         write_results(folder / whole.name, whole, title=f"{whole.name} from {logs}")
         folders.append(whole.name)
     page = render_report(list(models.identified.values()), title=title)
-    text, page = to_json(results_document(models)), with_files(page, [f"{one}/report.html" for one in folders])
-    files: dict[str, Callable[[Path], None]] = {
-        "report.html": lambda path: write_atomically(path, page),
-        RESULTS: lambda path: write_atomically(path, text),
-    }
-    write_together(folder, files)
+    linked = with_files(page, [f"{one}/report.html" for one in folders])
+    write_together(folder, {"report.html": linked, RESULTS: results_document(models)})

@@ -9,10 +9,9 @@ from pathlib import Path
 from rotorid.data.quantity import MISSING, significant, unit, with_error
 from rotorid.documents.stitched import StitchedDocument, stitched_document
 from rotorid.flying.stitching import SpeedCurve, Stitched, ThroughSpeeds
-from rotorid.io.files import write_atomically
 from rotorid.plot.stitched import OverSpeed, over_speed, speed_grid
 from rotorid.plot.time import Curve, predictions
-from rotorid.report.files import to_json, write_together
+from rotorid.report.files import write_together
 from rotorid.report.frame import Picture, render
 from rotorid.report.parts import finding_rows
 
@@ -114,11 +113,7 @@ def write_stitched(folder: Path, found: Stitched, *, title: str) -> None:
         Heading of the report.
     """
     document = stitched_document(found)
-    text, page = to_json(document), render_stitched(found, document, title=title)
-    write_together(
-        folder,
-        {JSON: lambda path: write_atomically(path, text), PAGE: lambda path: write_atomically(path, page)},
-    )
+    write_together(folder, {JSON: document, PAGE: render_stitched(found, document, title=title)})
 
 
 def render_stitched(found: Stitched, document: StitchedDocument, *, title: str) -> str:
