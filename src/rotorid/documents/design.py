@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -20,6 +19,7 @@ from rotorid.flying.settings import DesignChoices
 from rotorid.flying.simulation import Simulation, flown_vehicle
 from rotorid.io import documents
 from rotorid.results.provenance import Provenance
+from rotorid.results.summary import finite
 from rotorid.typing import Axis
 
 _DIGITS = 9
@@ -363,10 +363,10 @@ def _prediction(told: Told) -> PredictionDocument:
                 unit=parameter.unit,
                 expected=parameter.expected,
                 std=parameter.std,
-                percent=_finite(parameter.percent),
+                percent=finite(parameter.percent),
                 lowest_std=parameter.lowest_std,
-                cramer_rao_percent=_finite(parameter.in_percent(parameter.cramer_rao)),
-                insensitivity_percent=_finite(parameter.in_percent(parameter.insensitivity)),
+                cramer_rao_percent=finite(parameter.in_percent(parameter.cramer_rao)),
+                insensitivity_percent=finite(parameter.in_percent(parameter.insensitivity)),
             )
             for parameter in prediction.parameters
         },
@@ -393,7 +393,3 @@ def _response(told: Told, output: int, command: int) -> PredictedResponseDocumen
         coherence=float(np.median(prediction.response.coherence[output, command][used])),
         random_error=float(np.median(prediction.response.random_error[output, command][used])),
     )
-
-
-def _finite(number: float) -> float | None:
-    return number if math.isfinite(number) else None

@@ -494,10 +494,8 @@ def vehicle_toml(entry: VehicleEntry, *, base: str | None = None, comments: Sequ
         raise ModelError(f"the vehicle {entry.name} does not fly", needed="one that does")
     craft = entry.make()
     lines = [f"# {line}".rstrip() for line in comments]
-    lines += [f'schema = "{SCHEMA}"', f"name = {_text(entry.name)}"]
-    lines += [
-        f"{key} = {_text(value)}" for key, value in (("summary", entry.summary), ("source", entry.source)) if value
-    ]
+    lines += [f'schema = "{SCHEMA}"', *_lines({"name": entry.name})]
+    lines += _lines({key: words for key, words in (("summary", entry.summary), ("source", entry.source)) if words})
     lines += [*_table("body", _body(craft.vehicle)), *_rotor_tables(craft.vehicle.rotors)]
     if craft.vehicle.battery is not None:
         lines += _table("battery", _differing(craft.vehicle.battery, None))
@@ -622,20 +620,12 @@ def _value(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        return _text(value)
+        return documents.toml_text(value)
     if isinstance(value, list):
         if value and isinstance(value[0], list):
             return "[\n" + "".join(f"    {_value(row)},\n" for row in value) + "]"
         return f"[{', '.join(map(_value, value))}]"
     return repr(float(value))
-
-
-def _text(value: str) -> str:
-    escaped = "".join(
-        f"\\u{ord(letter):04x}" if ord(letter) < 32 or ord(letter) == 127 else letter
-        for letter in value.replace("\\", "\\\\").replace('"', '\\"')
-    )
-    return f'"{escaped}"'
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -101,6 +101,18 @@ def parse_toml(text: str, *, any_integer: bool = False) -> dict[str, Any]:
     return table
 
 
+def toml_text(text: str) -> str:
+    r"""A text as TOML has it: in quotes, on one line.
+
+    Examples
+    --------
+    >>> print(toml_text('5" of\nθ'))
+    "5\" of\U0000000aθ"
+    """
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
+
+
 def parse_json(text: str) -> Any:
     """A JSON text as tables, lists, texts, numbers, ``None``.
 

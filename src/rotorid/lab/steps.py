@@ -6,7 +6,6 @@ nothing else does. A page, a project file and a hand at the terminal thus comput
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rotorid.errors import UsageError
-from rotorid.io.documents import parse_toml
+from rotorid.io.documents import parse_toml, toml_text
 
 SCHEMA: Final = "rotorid.project/1"
 
@@ -200,7 +199,7 @@ def _toml(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(_toml(one) for one in value)}]"
     if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+        return toml_text(value)
     return repr(value)
 
 

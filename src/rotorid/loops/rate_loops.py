@@ -24,6 +24,7 @@ import numpy as np
 from rotorid.autopilots.advice import logging_advice
 from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import Immutable
+from rotorid.data.display import capital
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import Quantity, with_unit
@@ -815,7 +816,7 @@ def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
     end = next(iter(bounds.values())).omega_rad_s
     known = loop.beyond.numbers if loop.beyond else {}
     further = [f"{QUANTITIES[name].words} {_shown(name, known[name])}" for name in bounds if name in known]
-    go_on = f" {_capital(_BY_MODEL)} {' and '.join(further)}; that was not measured." if further else ""
+    go_on = f" {capital(_BY_MODEL)} {' and '.join(further)}; that was not measured." if further else ""
     make = remark if set(bounds) == {"gain_margin_up"} else warn
     numbers = {name: bound.value for name, bound in bounds.items()}
     numbers |= {f"{name}_by_model": known[name].value for name in bounds if name in known}
@@ -829,10 +830,6 @@ def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
             **numbers,
         ),
     )
-
-
-def _capital(words: str) -> str:
-    return words[:1].upper() + words[1:]
 
 
 def _said(name: str, bound: Bound) -> str:

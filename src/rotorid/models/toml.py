@@ -26,7 +26,7 @@ from typing import Any, TypeVar, get_args
 import numpy as np
 
 from rotorid.errors import ModelError
-from rotorid.io.documents import DocumentError, parse_toml
+from rotorid.io.documents import DocumentError, parse_toml, toml_text
 from rotorid.models.equations import (
     DynamicRows,
     OutputRows,
@@ -212,13 +212,13 @@ def to_toml(structure: LinearStructure, parameters: ParameterSet, std: Mapping[s
     outputs = written_outputs(structure) if equations else structure.outputs
     lines = [
         f'schema = "{SCHEMA}"',
-        f"name = {_quoted(structure.name)}",
-        *([f"source = {_quoted(structure.source)}"] if structure.source else []),
+        f"name = {toml_text(structure.name)}",
+        *([f"source = {toml_text(structure.source)}"] if structure.source else []),
         f"inputs = {_list(structure.inputs)}",
         f"states = {_list(structure.states)}",
         *(_listed("equations", written_equations(structure)) if equations else _matrices(structure)),
         *(_listed("outputs", outputs) if equations else [f"outputs = {_list(outputs)}"]),
-        *([f"gain = {_quoted(structure.gain)}"] if structure.gain else []),
+        *([f"gain = {toml_text(structure.gain)}"] if structure.gain else []),
         *([f"optional = {_list(structure.optional)}"] if structure.optional else []),
         *(_delays(structure) if equations else []),
     ]
@@ -255,8 +255,8 @@ def nonlinear_to_toml(structure: NonlinearStructure, std: Mapping[str, float]) -
     lines = [
         f'schema = "{SCHEMA}"',
         'kind = "nonlinear"',
-        f"name = {_quoted(structure.name)}",
-        *([f"source = {_quoted(structure.source)}"] if structure.source else []),
+        f"name = {toml_text(structure.name)}",
+        *([f"source = {toml_text(structure.source)}"] if structure.source else []),
         f"inputs = {_list(structure.inputs)}",
         f"states = {_list(structure.states)}",
         *_listed("equations", (f"{state}' = {rate}" for state, rate in rates)),
@@ -601,7 +601,7 @@ def _parameter_lines(parameter: Parameter, std: Mapping[str, float]) -> list[str
         lines = [f"value = {_number(parameter.value)}"]
     else:
         lines = [f"tied = {_entry(parameter.tied)}  # {_number(parameter.value)}"]
-    lines.append(f"unit = {_quoted(parameter.unit)}")
+    lines.append(f"unit = {toml_text(parameter.unit)}")
     lines += [f'status = "{parameter.status}"'] if parameter.tied is None else []
     lines += ["essential = true"] if parameter.essential else []
     lines += [f"std = {_number(std[name])}"] if name in std else []
@@ -612,25 +612,20 @@ def _parameter_lines(parameter: Parameter, std: Mapping[str, float]) -> list[str
 
 
 def _entry(expression: Expression) -> str:
-    return _number(expression.number) if expression.kind == "number" else _quoted(str(expression))
-
-
-def _quoted(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'
+    return _number(expression.number) if expression.kind == "number" else toml_text(str(expression))
 
 
 def _key(name: str) -> str:
     # Without quotes TOML allows ASCII only, and a Greek letter is a fine name for a parameter.
-    return name if name.isascii() and name.replace("_", "").isalnum() else _quoted(name)
+    return name if name.isascii() and name.replace("_", "").isalnum() else toml_text(name)
 
 
 def _list(texts: Iterable[str]) -> str:
-    return "[" + ", ".join(_quoted(text) for text in texts) + "]"
+    return "[" + ", ".join(toml_text(text) for text in texts) + "]"
 
 
 def _listed(name: str, texts: Iterable[str]) -> list[str]:
-    return [f"{name} = [", *(f"  {_quoted(text)}," for text in texts), "]"]
+    return [f"{name} = [", *(f"  {toml_text(text)}," for text in texts), "]"]
 
 
 def _number(value: float) -> str:

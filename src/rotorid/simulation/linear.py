@@ -204,11 +204,11 @@ def simulate_linear(
     """
     inputs, samples = _checked(system, u)
     states = system.M.shape[0]
-    start = _vector(x0, states, "x0")
+    start = checked_vector(x0, states, "x0")
     drive, past = np.asarray(u, dtype=np.float64), checked_past(before, inputs)
     if bias is not None:
         # A constant in the state equation is one more input that has always been one.
-        system = _with_input(system, _vector(bias, states, "bias"))
+        system = _with_input(system, checked_vector(bias, states, "bias"))
         drive, past = np.vstack([drive, np.ones(samples)]), np.vstack([past, np.ones(past.shape[1])])
     y = np.empty((system.H0.shape[0], samples))
     # A delayed output delays the whole system: the same as inputs that are delayed by as much.
@@ -300,8 +300,15 @@ def earlier(past: FloatArray, samples: int) -> FloatArray:
     return taken
 
 
-def _vector(values: FloatArray | None, size: int, name: str) -> FloatArray:
-    vector = np.zeros(size) if values is None else np.asarray(values, dtype=np.float64)
+def checked_vector(values: FloatArray | None, size: int, name: str) -> FloatArray:
+    """A vector of the right size, which is nobody else's; zeros where none was given.
+
+    Raises
+    ------
+    UsageError
+        It has another size.
+    """
+    vector = np.zeros(size) if values is None else np.array(values, dtype=np.float64)
     if vector.shape != (size,):
         raise UsageError(f"{name} of shape {vector.shape} came", needed=f"shape ({size},)")
     return vector

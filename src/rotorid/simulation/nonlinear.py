@@ -18,7 +18,7 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.nonlinear import NonlinearStructure, Program
 from rotorid.models.parameter import no_such
-from rotorid.simulation.linear import WHOLE_SAMPLE, Hold, checked_past
+from rotorid.simulation.linear import WHOLE_SAMPLE, Hold, checked_past, checked_vector
 from rotorid.typing import FloatArray, IntArray
 
 
@@ -487,20 +487,6 @@ def checked_inputs(structure: NonlinearStructure, u: FloatArray) -> FloatArray:
     if not np.isfinite(values).all():
         raise UsageError("an input is not finite", needed="finite numbers", remedy="cut the record at its gaps")
     return values
-
-
-def checked_vector(values: FloatArray | None, size: int, name: str) -> FloatArray:
-    """A vector of the right size; zeros where none was given.
-
-    Raises
-    ------
-    UsageError
-        It has another size.
-    """
-    vector = np.zeros(size) if values is None else np.array(values, dtype=np.float64)
-    if vector.shape != (size,):
-        raise UsageError(f"{name} of shape {vector.shape} came", needed=f"shape ({size},)")
-    return vector
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

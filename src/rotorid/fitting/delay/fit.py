@@ -456,9 +456,9 @@ class ResponseFit:
         found = np.zeros(order.coefficients)
         for _ in range(_ROUNDS):
             columns = [*(powers[: order.zeros + 1] * late), *(-powers[:-1] * self.data.values)]
-            matrix = np.stack([_real(scale * column) for column in columns], axis=1)
+            matrix = np.stack([real(scale * column) for column in columns], axis=1)
             length = np.sqrt(np.sum(matrix**2, axis=0))
-            right = _real(scale * powers[-1] * self.data.values)
+            right = real(scale * powers[-1] * self.data.values)
             found = np.linalg.lstsq(matrix / length, right, rcond=_RANK)[0] / length
             below = np.abs(np.append(found[order.zeros + 1 :], 1.0) @ powers)
             scale = self._weight / np.maximum(below, 1e-9 * below.max())
@@ -475,10 +475,11 @@ class ResponseFit:
         above = self.model.order.zeros + 1
         _, slopes = self.model.response(theta, self.data.omega_rad_s)
         columns = slopes[:above]
-        matrix = np.stack([_real(self._weight * column) for column in columns], axis=1)
-        theta[:above] = np.linalg.lstsq(matrix, _real(self._weight * self.data.values), rcond=_RANK)[0]
+        matrix = np.stack([real(self._weight * column) for column in columns], axis=1)
+        theta[:above] = np.linalg.lstsq(matrix, real(self._weight * self.data.values), rcond=_RANK)[0]
         return np.asarray(theta[:above] @ columns, dtype=np.complex128)
 
 
-def _real(values: ComplexArray) -> FloatArray:
+def real(values: ComplexArray) -> FloatArray:
+    """All real parts, then all imaginary ones."""
     return np.concatenate([values.real, values.imag])

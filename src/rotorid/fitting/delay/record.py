@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import TimeHistory
-from rotorid.fitting.delay.fit import InputHold, LateLag, held_spectrum
+from rotorid.fitting.delay.fit import InputHold, LateLag, held_spectrum, real
 from rotorid.typing import ComplexArray, FloatArray
 
 MOST_LINES = 4000
@@ -418,7 +418,7 @@ class RecordFit:
         values, derivatives = model.response(rest, part.nodes_rad_s)
         rows, weight = part.equations(whole), np.sqrt(2.0 / noise[part.line_of])
         basis = _basis(part, rows, self.model.poles_rad_s(theta), weight)
-        error = _real(weight * (rows.output - part.at_rows(rows.drive, values)))
+        error = real(weight * (rows.output - part.at_rows(rows.drive, values)))
         moves = -weight * part.at_rows(rows.drive, derivatives)
         slope = np.concatenate([moves.real, moves.imag], axis=1).T
         error, slope = error - basis @ (basis.T @ error), slope - basis @ (basis.T @ slope)
@@ -476,7 +476,7 @@ class RecordFit:
             late = late * held_spectrum(part.omega_rad_s, part.sample_s)
         columns = [power * late for power in powers[: order.zeros + 1]]
         columns += [-power * part.output for power in powers[:-1]]
-        rows, right = np.stack([_real(weight * c) for c in columns], axis=1), _real(weight * powers[-1] * part.output)
+        rows, right = np.stack([real(weight * c) for c in columns], axis=1), real(weight * powers[-1] * part.output)
         turn = np.exp(-1j * part.omega_rad_s * part.sample_s)
         basis = _orthonormal(np.stack([weight * turn**k for k in range(order.poles + 1)]))
         return rows - basis @ (basis.T @ rows), right - basis @ (basis.T @ right)
@@ -502,10 +502,6 @@ class RecordFit:
 def _whole(theta: FloatArray, part: RecordPart) -> int:
     """Whole samples of a record in the delay."""
     return round(float(theta[-1]) / part.sample_s)
-
-
-def _real(values: ComplexArray) -> FloatArray:
-    return np.concatenate([values.real, values.imag])
 
 
 def _basis(part: RecordPart, rows: Equations, poles: ComplexArray, weight: FloatArray) -> FloatArray:
