@@ -44,7 +44,7 @@ from rotorid.exports.target import (
     table_lines,
     xml_comment,
 )
-from rotorid.exports.thrust import full_thrust_words
+from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -342,19 +342,13 @@ def _compared(
 
 def _left_out(vehicle: JoinedVehicle, choices: ExportChoices, model: GazeboVehicle) -> list[str]:
     said = ["Gazebo's rotors have no drag along their axis, and the body has none: Z_w and damping are left out."]
-    late = vehicle.numbers.get("delay")
-    if late is not None and late.value > 0.0:
-        said.append(
-            f"The delay of {1e3 * late.value:.2g} ms is a part of the lag."
-            if choices.delay == "lag"
-            else f"There is no delay: {1e3 * late.value:.2g} ms are left out; --delay-as-lag adds them to the lag."
-        )
+    words = "There is no delay: {} are left out; --delay-as-lag adds them to the lag."
+    said += delay_words(vehicle, words, as_lag=choices.delay == "lag")
     if any(name in vehicle.numbers for name in ("M_u", "L_v")):
         said.append("M_u and L_v are those of drag at the height of the rotors, not the identified ones.")
     if not {"X_u", "Y_v"} & set(vehicle.numbers):
         said.append("Drag is not identified: the model has none.")
-    if "T_motor" not in vehicle.numbers:
-        said.append("The lag of the motors is not identified.")
+    said += lag_words(vehicle)
     assert vehicle.multirotor is not None
     full_n = model.thrust * float(model.fastest) ** 2
     return said + full_thrust_words("a square of the speed", full_n, vehicle.multirotor.rotors.thrust_at(1.0))

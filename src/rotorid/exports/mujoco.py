@@ -29,7 +29,7 @@ from rotorid.errors import ModelError
 from rotorid.exports.px4_sih import delay_steps, lag_of
 from rotorid.exports.round_trip import DELAY, HoverMotion, compared, identified_motion, linearized
 from rotorid.exports.target import Compared, ExportChoices, Exported, number_text, table_lines, xml_comment
-from rotorid.exports.thrust import full_thrust_words
+from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -351,19 +351,12 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, choices: ExportChoices) 
     full = body.rotors.thrust_at(1.0)
     line = min(float(tangents(body).sum(axis=1).mean()), full)
     said = full_thrust_words("the tangent at hover, within that of no and of full output", line, full)
-    late = vehicle.numbers.get(DELAY)
-    if late is not None and late.value > 0.0:
-        said.append(
-            f"The delay of {1e3 * late.value:.2g} ms is a part of the lag."
-            if choices.delay == "lag"
-            else f"The delay of {1e3 * late.value:.2g} ms is in the loop as "
-            f"{delay_steps(vehicle, choices, step_s=STEP_S)} steps of {1e3 * STEP_S:g} ms, and not in the model."
-        )
+    steps = f"{delay_steps(vehicle, choices, step_s=STEP_S)} steps of {1e3 * STEP_S:g} ms"
+    words = f"The delay of {{}} is in the loop as {steps}, and not in the model."
+    said += delay_words(vehicle, words, as_lag=choices.delay == "lag")
     if np.any(body.aerodynamics):
         said.append("Drag and damping are in the loop and not in the model.")
     unknown = [name for name in _MOTION if name not in vehicle.numbers]
     if unknown:
         said.append(f"{', '.join(unknown)} {'is' if len(unknown) == 1 else 'are'} not identified: there is none.")
-    if "T_motor" not in vehicle.numbers:
-        said.append("The lag of the motors is not identified.")
-    return said
+    return said + lag_words(vehicle)

@@ -35,7 +35,7 @@ from rotorid.exports.arrangement import Arranged, arranged, refuse_tilted
 from rotorid.exports.estimates import instead_of_default
 from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, YAW, compared, identified_motion, linearized
 from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
-from rotorid.exports.thrust import full_thrust_words, sih_lag
+from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words, sih_lag
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -376,18 +376,12 @@ _SAME_PLACE = 0.005
 
 def _left_out(vehicle: JoinedVehicle, choices: ExportChoices) -> list[str]:
     said = []
-    late = vehicle.numbers.get("delay")
-    if late is not None and late.value > 0.0:
-        said.append(
-            f"The delay of {1e3 * late.value:.2g} ms is a part of the lag."
-            if choices.delay == "lag"
-            else f"SIH has no delay: {1e3 * late.value:.2g} ms are left out; --delay-as-lag adds them to the lag."
-        )
+    words = "SIH has no delay: {} are left out; --delay-as-lag adds them to the lag."
+    said += delay_words(vehicle, words, as_lag=choices.delay == "lag")
     if any(name in vehicle.numbers for name in ("M_u", "L_v")):
         said.append("SIH has no moment by velocity: M_u and L_v are left out.")
     said.append("SIH has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
-    if "T_motor" not in vehicle.numbers:
-        said.append("The lag of the motors is not identified.")
+    said += lag_words(vehicle)
     assert vehicle.multirotor is not None
     identified_n = vehicle.multirotor.rotors.thrust_at(1.0)
     return said + full_thrust_words("a line through zero", vehicle.hover_slope_n, identified_n)

@@ -36,9 +36,9 @@ from rotorid.errors import ModelError
 from rotorid.exports.arrangement import refuse_tilted
 from rotorid.exports.mujoco import FLU, own_slopes, tangents
 from rotorid.exports.px4_sih import lag_of
-from rotorid.exports.round_trip import DELAY, compared, identified_motion, linearized
+from rotorid.exports.round_trip import compared, identified_motion, linearized
 from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
-from rotorid.exports.thrust import full_thrust_words
+from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -319,18 +319,11 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, cho
     ]
     full = model.thrust * model.fastest_rad_s**2
     said += full_thrust_words("a square of the speed", full, body.rotors.thrust_at(1.0))
-    late = vehicle.numbers.get(DELAY)
-    if late is not None and late.value > 0.0:
-        said.append(
-            f"The delay of {1e3 * late.value:.2g} ms is a part of the lag."
-            if choices.delay == "lag"
-            else f"RotorPy has no delay: {1e3 * late.value:.2g} ms are left out; --delay-as-lag adds them to the lag."
-        )
+    words = "RotorPy has no delay: {} are left out; --delay-as-lag adds them to the lag."
+    said += delay_words(vehicle, words, as_lag=choices.delay == "lag")
     if not {"X_u", "Y_v"} & set(vehicle.numbers):
         said.append("Drag is not identified: the vehicle has none.")
-    if "T_motor" not in vehicle.numbers:
-        said.append("The lag of the motors is not identified.")
-    return said
+    return said + lag_words(vehicle)
 
 
 # The file

@@ -8,8 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from rotorid.errors import UsageError
+
+if TYPE_CHECKING:
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -157,6 +161,20 @@ def full_thrust_words(form: str, exported_n: float, identified_n: float) -> list
         f"Thrust is {form}: one rotor makes {exported_n:.4g} N at full output, where the identified curve has "
         f"{identified_n:.4g} N."
     ]
+
+
+def delay_words(vehicle: JoinedVehicle, otherwise: str, *, as_lag: bool) -> list[str]:
+    """A sentence on the delay where there is one: a part of the lag, or ``otherwise`` with its milliseconds."""
+    late = vehicle.numbers.get("delay")
+    if late is None or late.value <= 0.0:
+        return []
+    words = "The delay of {} is a part of the lag." if as_lag else otherwise
+    return [words.format(f"{1e3 * late.value:.2g} ms")]
+
+
+def lag_words(vehicle: JoinedVehicle) -> list[str]:
+    """A sentence where the lag of the motors is not known."""
+    return [] if "T_motor" in vehicle.numbers else ["The lag of the motors is not identified."]
 
 
 _SAME_THRUST = 0.01
