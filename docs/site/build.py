@@ -194,7 +194,7 @@ PARTS = {
     "Flights": ("design", "test-inputs", "simulation", "vehicles", "export", "export-gallery"),
     "Tutorials": ("notebooks/first-steps", "notebooks/betaflight-gains", "tutorials/README"),
     "Reference": ("commands/index", "api/index", "python", "results", "schemas", "mapping", "preferences", "papers"),
-    "The project": ("architecture", "security", "tuning-study", "CHANGELOG", "SECURITY", "CONTRIBUTING"),
+    "The project": ("architecture", "adding", "security", "tuning-study", "CHANGELOG", "SECURITY", "CONTRIBUTING"),
 }
 """Captions of the menu and their pages."""
 
