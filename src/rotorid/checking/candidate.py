@@ -20,7 +20,6 @@ from rotorid.flights.segments import source_of
 from rotorid.io.documents import MOST_JSON_BYTES, DocumentError, parse_json, read_text
 from rotorid.models.families import family_of
 from rotorid.models.nonlinear import NonlinearStructure, linear_of
-from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import structure_from_toml
@@ -42,8 +41,8 @@ class Candidate(Immutable):
 
     Parameters
     ----------
-    structure, parameters
-        The model.
+    structure
+        The model with its values.
     band_rad_s
         Where it was fitted, or ``None`` when that is not known.
     sources
@@ -62,7 +61,6 @@ class Candidate(Immutable):
     """
 
     structure: LinearStructure
-    parameters: ParameterSet
     band_rad_s: tuple[float, float] | None = None
     sources: Mapping[str, str] | None = None
     controllers: Mapping[Axis, GivenController] = field(default_factory=dict)
@@ -74,7 +72,7 @@ class Candidate(Immutable):
     @property
     def system(self) -> StateSpace:
         """The model as numbers."""
-        return self.structure.matrices(self.parameters.values)
+        return self.structure.matrices(self.structure.parameters.values)
 
     def system_of(self, outputs: Sequence[str]) -> StateSpace:
         """The model as numbers, with some of its outputs."""
@@ -87,7 +85,6 @@ def candidate_model(model: IdentifiedModel) -> Candidate:
     """An identified model, to be judged on further logs."""
     return Candidate(
         structure=model.structure,
-        parameters=model.structure.parameters,
         band_rad_s=model.band_rad_s,
         sources=model.provenance.sources or None,
         provenance=model.provenance,
@@ -154,7 +151,7 @@ def read_candidate(result: Path) -> Candidate:
     if result.suffix != ".toml" or document.exists():
         found = _with_result(structure, document, required=result.suffix != ".toml")
         return replace(found, nonlinear=nonlinear)
-    return Candidate(structure=structure, parameters=structure.parameters, nonlinear=nonlinear)
+    return Candidate(structure=structure, nonlinear=nonlinear)
 
 
 def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> Candidate:
@@ -166,7 +163,7 @@ def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> C
     known = isinstance(table, dict) and table.get("schema") == "rotorid.result/1"
     if not known or table.get("model") != structure.name:
         if not required:
-            return Candidate(structure=structure, parameters=structure.parameters)
+            return Candidate(structure=structure)
         raise UsageError(f"{path} is not the result of the {MODEL} next to it", needed=wanted)
     if required and not _holds_values(structure, table):
         raise UsageError(f"the {MODEL} next to {path} holds other values", needed="both as identify wrote them")
@@ -175,7 +172,6 @@ def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> C
     sources = (table.get("provenance") or {}).get("sources") or None
     return Candidate(
         structure=structure,
-        parameters=structure.parameters,
         band_rad_s=(min(low for low, _ in bands), max(high for _, high in bands)) if bands else None,
         sources=sources,
         provenance=_provenance(table),

@@ -81,7 +81,7 @@ class LinearPredictor:
     @property
     def parameters(self) -> ParameterSet:
         """Its values."""
-        return self.candidate.parameters
+        return self.candidate.structure.parameters
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -205,7 +205,6 @@ def candidate_of(fitted: FrequencyFit, measured: Measured) -> Candidate:
     """A model that has just been fitted to responses."""
     return Candidate(
         structure=fitted.structure,
-        parameters=fitted.structure.parameters,
         band_rad_s=fitted.band_rad_s,
         sources=output_sources(measured),
         usual=usual_motion(measured, fitted.band_rad_s),
@@ -306,7 +305,7 @@ def _sweeps(candidate: Candidate, logs: Sequence[UnseenLog], settings: VerifySet
         settings = replace(settings, correct_filters=True)
     judged = check_sweeps(
         candidate.structure if outputs == candidate.structure.outputs else candidate.structure.select(outputs=outputs),
-        candidate.parameters,
+        candidate.structure.parameters,
         sweeps,
         band_rad_s=candidate.band_rad_s or default_band(sweeps, math.inf),
         settings=settings,

@@ -303,40 +303,52 @@ def predict_maneuvers(
         history = _within(segment.history, start_s - REST_S, stop_s + REST_S)
         if history is None or history.duration_s < _SHORTEST_S:
             continue
-        judged = {name: source_of(segment, name) for name in outputs}
-        system, said = with_known_delays(
-            candidate.system_of(outputs), record, outputs, fitted=candidate.sources or {}, judged=judged
-        )
-        band = candidate.band_rad_s or default_band([Flight(record, segment.maneuver)], history.sample_rate_hz)
-        around = _around(segment, short)
-        check = verify_in_time(
-            system,
-            history,
-            inputs=inputs,
-            outputs=outputs,
-            band_rad_s=band,
-            record=segment.record,
-            maneuver=segment.maneuver,
-            around=around,
-            vibration_filter=settings.vibration_filter,
-        )
-        read = [RATE_OF[axis] for axis in looped_axes(inputs, outputs)]
-        flown, why_not = fly_maneuver(
-            with_known_filters(system, record, outputs, read=read, fitted=candidate.sources or {}, judged=judged),
-            around,
-            segment.maneuver,
-            controllers,
-            inputs=inputs,
-            outputs=outputs,
-            filtered=matched(band, check.low_pass_rad_s, around),
-        )
-        checks.append(replace(check, closed_loop=flown))
-        remarks += [*(said or _other_source(candidate, segment, outputs)), *(f for f in why_not if f not in remarks)]
+        check, said = _predicted(candidate, segment, history, _around(segment, short), controllers, outputs, settings)
+        checks.append(check)
+        remarks += [finding for finding in said if finding not in remarks]
     if not checks:
         raise InsufficientDataError(
             f"its unseen maneuvers leave less than {_SHORTEST_S:g} s of data without a gap", needed="a longer maneuver"
         )
     return tuple(checks), (*remarks, *(f for check in checks for f in remarks_on(check)))
+
+
+def _predicted(
+    candidate: Candidate,
+    segment: Segment,
+    history: TimeHistory,
+    around: TimeHistory,
+    controllers: Controllers,
+    outputs: tuple[str, ...],
+    settings: VerifySettings,
+) -> tuple[Verification, list[Finding]]:
+    """A maneuver in open loop and under its controllers, behind the filters of this log."""
+    inputs, record, maneuver = candidate.structure.inputs, controllers.record, segment.maneuver
+    fitted, judged = candidate.sources or {}, {name: source_of(segment, name) for name in outputs}
+    system, delayed = with_known_delays(candidate.system_of(outputs), record, outputs, fitted=fitted, judged=judged)
+    band = candidate.band_rad_s or default_band([Flight(record, maneuver)], history.sample_rate_hz)
+    check = verify_in_time(
+        system,
+        history,
+        inputs=inputs,
+        outputs=outputs,
+        band_rad_s=band,
+        record=segment.record,
+        maneuver=maneuver,
+        around=around,
+        vibration_filter=settings.vibration_filter,
+    )
+    read = [RATE_OF[axis] for axis in looped_axes(inputs, outputs)]
+    flown, why_not = fly_maneuver(
+        with_known_filters(system, record, outputs, read=read, fitted=fitted, judged=judged),
+        around,
+        maneuver,
+        controllers,
+        inputs=inputs,
+        outputs=outputs,
+        filtered=matched(band, check.low_pass_rad_s, around),
+    )
+    return replace(check, closed_loop=flown), [*(delayed or _other_source(candidate, segment, outputs)), *why_not]
 
 
 def _active(segment: Segment) -> tuple[float, float]:

@@ -284,8 +284,8 @@ def plain_scores(scores: Mapping[str, Scores]) -> dict[str, OutputScore]:
     }
 
 
-def has_seen(provenance: Provenance, record: FlightRecord, maneuver: Maneuver) -> bool:
-    """Whether any part of a maneuver was fitted, by the hash of its log.
+def has_seen(provenance: Provenance, flight: Flight) -> bool:
+    """Whether any part of a flight was fitted, by the hash of its log.
 
     A result that does not list its maneuvers has seen its logs as a whole.
 
@@ -293,10 +293,11 @@ def has_seen(provenance: Provenance, record: FlightRecord, maneuver: Maneuver) -
     ----------
     provenance
         Where a result came from.
-    record, maneuver
+    flight
         What may have been fitted.
     """
-    names = {name for name, sha256 in provenance.inputs.items() if sha256 == record.source.sha256}
+    maneuver, source = flight.maneuver, flight.record.source
+    names = {name for name, sha256 in provenance.inputs.items() if sha256 == source.sha256}
     return bool(names) and (
         not provenance.maneuvers
         or any(

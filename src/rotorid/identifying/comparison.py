@@ -58,9 +58,9 @@ class Entry(Immutable):
     sha256: str = ""
     scored: bool = True
 
-    def has_seen(self, record: FlightRecord, maneuver: Maneuver) -> bool:
-        """Whether any part of a maneuver was fitted, see :func:`rotorid.checking.predictions.has_seen`."""
-        return has_seen(self.model.provenance, record, maneuver)
+    def has_seen(self, flight: Flight) -> bool:
+        """Whether any part of a flight was fitted, see :func:`rotorid.checking.predictions.has_seen`."""
+        return has_seen(self.model.provenance, flight)
 
     @cached_property
     def fitted_logs(self) -> frozenset[str]:
@@ -221,7 +221,7 @@ def _scores(
             record=flight.record.source.name,
             maneuver=flight.maneuver,
             scores=here,
-            seen=tuple(entry.label for entry in entries if entry.has_seen(flight.record, flight.maneuver)),
+            seen=tuple(entry.label for entry in entries if entry.has_seen(flight)),
         )
         for flight, here in zip(flights, scores, strict=True)
     ]

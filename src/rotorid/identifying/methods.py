@@ -534,7 +534,6 @@ class InTime(_Linear[TimeDomainData]):
             return FittedResponses(fitted, data.records, data.settings).predict(records, data.selection)
         candidate = Candidate(
             structure=structure,
-            parameters=structure.parameters,
             band_rad_s=data.frequency.fitted.band_rad_s if data.frequency.fitted else None,
             sources=data.sources,
         )

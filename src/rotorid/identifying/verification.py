@@ -135,7 +135,7 @@ def verify(
 def _seen(candidate: Candidate, flights: Sequence[Flight]) -> list[Finding]:
     """Maneuvers that the model was fitted to."""
     known = candidate.provenance
-    return [] if known is None else [seen_data(one) for one in flights if has_seen(known, one.record, one.maneuver)]
+    return [] if known is None else [seen_data(one) for one in flights if has_seen(known, one)]
 
 
 def chosen(model: Judged, settings: VerifySettings) -> Candidate:

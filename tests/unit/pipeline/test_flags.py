@@ -132,15 +132,15 @@ def test_a_log_is_known_by_its_content_and_not_by_its_name() -> None:
     same_name = record("flight (1).csv", "three", p=CHIRP)
     maneuver = given(45.0, 70.0)
     came = provenance([fitted, judged, same_name], IdentifySettings(), flights=[Flight(fitted, maneuver)])
-    assert has_seen(came, fitted, maneuver)
-    assert has_seen(came, record("renamed.csv", "one", p=CHIRP), maneuver)
-    assert not has_seen(came, judged, maneuver)
-    assert not has_seen(came, same_name, maneuver)
+    assert has_seen(came, Flight(fitted, maneuver))
+    assert has_seen(came, Flight(record("renamed.csv", "one", p=CHIRP), maneuver))
+    assert not has_seen(came, Flight(judged, maneuver))
+    assert not has_seen(came, Flight(same_name, maneuver))
     assert fitted_logs(came) == {"one"}
     other = provenance([fitted, same_name], IdentifySettings(), flights=[Flight(same_name, maneuver)])
     assert [one.record for one in other.maneuvers] == ["flight (1).csv (2)"]
-    assert not has_seen(other, fitted, maneuver)
-    assert has_seen(other, same_name, maneuver)
+    assert not has_seen(other, Flight(fitted, maneuver))
+    assert has_seen(other, Flight(same_name, maneuver))
 
 
 def test_what_another_vehicle_is_asked_for_is_no_sweep() -> None:

@@ -21,7 +21,7 @@ TIME_S = np.arange(3.0, 6.0, 0.01)
 def candidate() -> Candidate:
     """Roll moves p and pitch moves q, and neither the other."""
     structure = library_model("hover.full").select(outputs=OUTPUTS, inputs=INPUTS)
-    return Candidate(structure=structure, parameters=structure.parameters, band_rad_s=(1.0, 50.0))
+    return Candidate(structure=structure, band_rad_s=(1.0, 50.0))
 
 
 def doublet(axis: Axis, *, moves: tuple[float, float], moved: tuple[str, ...] = OUTPUTS) -> Verification:

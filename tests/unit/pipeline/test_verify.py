@@ -49,7 +49,7 @@ def model_text(**changed: float) -> str:
 
 def candidate(**changed: float) -> Candidate:
     structure = from_toml(model_text(**changed))
-    return Candidate(structure=structure, parameters=structure.parameters, band_rad_s=BAND)
+    return Candidate(structure=structure, band_rad_s=BAND)
 
 
 def recorded(flight: Flight, name: str = "flight.csv") -> FlightRecord:
@@ -238,7 +238,7 @@ class TestReading:
         self.write(tmp_path)
         found = read_candidate(tmp_path / name)
         assert found.band_rad_s == (1.0, 30.0)
-        assert found.parameters["L_roll"].value == s500.LATERAL["L_roll"]
+        assert found.structure.parameters["L_roll"].value == s500.LATERAL["L_roll"]
 
     def test_the_file_that_was_given_is_read(self, tmp_path: Path) -> None:
         self.write(tmp_path)
