@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks.rules import amigo, integrating_plant, px4_angle, px4_autotune, quicktune, simc, with_angle
 from rotorid.data import FlightPlan
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.flying import PlanChoices, SimulateChoices, fly_run, plan_for, write_run
+from rotorid.flying import PlanSettings, SimulateSettings, fly_run, plan_for, write_run
 from rotorid.proposing import Foretold, check_tuning, tune
 from rotorid.simulation import Aircraft, Wind, changed, number_of
 from rotorid.tuning import (
@@ -108,7 +108,7 @@ def fly(
     name = NAMES[craft.autopilot.kind, "roll"][0]
     flown = with_gains(craft, {name: craft.autopilot.rates.proportional[0], **gains}, source="the fleet")
     wind = Wind(north_m_s=air["north"], turbulence_m_s=air["gusts"])
-    wanted = PlanChoices(
+    wanted = PlanSettings(
         axes=(axis,), shape="logarithmic_sweep", band_rad_s=SWEEPS[axis], duration_s=air["sweep_s"], seed=seed
     )
     try:
@@ -117,7 +117,7 @@ def fly(
         if plan is None:
             raise
     entry = VehicleEntry(name=craft.name, summary="", source="", make=lambda: flown)
-    choices = SimulateChoices(vehicle=entry, plan=plan, seed=seed, wind=wind)
+    choices = SimulateSettings(vehicle=entry, plan=plan, seed=seed, wind=wind)
     log = folder / f"{axis}-{seed}{'.ulg' if craft.autopilot.kind == 'px4' else '.BIN'}"
     write_run(log, fly_run(choices, 0), choices)
     return str(log), plan

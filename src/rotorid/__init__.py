@@ -7,7 +7,7 @@ Examples
 --------
 >>> import rotorid
 >>> rotorid.__all__[:3]
-['Channel', 'ExportChoices', 'Exported']
+['Channel', 'ExportSettings', 'Exported']
 """
 
 from rotorid._faces import attach, lazy

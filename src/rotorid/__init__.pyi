@@ -16,9 +16,9 @@ from rotorid.errors import LogError as LogError
 from rotorid.errors import ModelError as ModelError
 from rotorid.errors import RotoridError as RotoridError
 from rotorid.errors import UsageError as UsageError
-from rotorid.exports.target import ExportChoices as ExportChoices
+from rotorid.exports.exporting import export as export
+from rotorid.exports.settings import ExportSettings as ExportSettings
 from rotorid.exports.target import Exported as Exported
-from rotorid.exports.targets import export as export
 from rotorid.fitting.frequency.problem import FrequencyProblem as FrequencyProblem
 from rotorid.fitting.methods import fit as fit
 from rotorid.fitting.problem import Problem as Problem
@@ -46,11 +46,11 @@ from rotorid.report.files import write_results as write_results
 from rotorid.results.model import IdentifiedModel as IdentifiedModel
 from rotorid.reviewing.assembly import review as review
 from rotorid.reviewing.inspection import inspect as inspect
-from rotorid.settings.settings import IdentifySettings as IdentifySettings
-from rotorid.settings.settings import MeasureSettings as MeasureSettings
-from rotorid.settings.settings import MotorChoices as MotorChoices
-from rotorid.settings.settings import ResponseSettings as ResponseSettings
-from rotorid.settings.settings import VerifySettings as VerifySettings
+from rotorid.settings.identifying import IdentifySettings as IdentifySettings
+from rotorid.settings.measuring import MeasureSettings as MeasureSettings
+from rotorid.settings.measuring import ResponseSettings as ResponseSettings
+from rotorid.settings.motors import MotorSettings as MotorSettings
+from rotorid.settings.verifying import VerifySettings as VerifySettings
 from rotorid.signal.clock import resample as resample
 from rotorid.signal.excitations import find_excitations as find_excitations
 from rotorid.simulation.multirotor_flight import fly_multirotor as fly_multirotor
@@ -61,3 +61,8 @@ from rotorid.vehicles.catalog import aircraft as aircraft
 from rotorid.verification.time_domain import verify_in_time as verify_in_time
 
 __version__: str
+
+# deprecated, removed in 0.3: use rotorid.ExportSettings
+ExportChoices = ExportSettings
+# deprecated, removed in 0.3: use rotorid.MotorSettings
+MotorChoices = MotorSettings

@@ -30,7 +30,7 @@ from rotorid.documents.inspection import inspect_document
 from rotorid.errors import RotoridError
 from rotorid.io import read, sandbox
 from rotorid.reviewing.inspection import inspect
-from rotorid.settings.settings import parse_segment
+from rotorid.settings.parsing import parse_segment
 
 MEMORY_BYTES = 2 << 30
 """Of addresses: libraries and threads take half of it before anything is read."""

@@ -13,7 +13,7 @@ import rotorid
 from rotorid.errors import RotoridError
 from rotorid.flying.designs import plan_with
 from rotorid.flying.examples import EXAMPLES
-from rotorid.flying.settings import PlanChoices
+from rotorid.flying.settings import PlanSettings
 from rotorid.io.registry import write_log
 from rotorid.results.model import IdentifiedModel
 from rotorid.vehicles.catalog import aircraft
@@ -59,7 +59,7 @@ def good(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 def fly(ending: str, folder: Path) -> Good:
     """Roll alone, swept for half a minute."""
     example = EXAMPLES[FLOWN[ending]]
-    choices = PlanChoices(
+    choices = PlanSettings(
         shape=example.shape,
         axes=("roll",),
         band_rad_s=example.band_rad_s,

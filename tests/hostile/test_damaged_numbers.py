@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.record import FlightRecord
 from rotorid.flying.designs import plan_with
-from rotorid.flying.settings import DesignChoices, PlanChoices
+from rotorid.flying.settings import DesignSettings, PlanSettings
 from rotorid.io.registry import read, write_log
 from rotorid.loops.responses import response
 from rotorid.reviewing.assembly import review
@@ -21,10 +21,10 @@ from rotorid.simulation.multirotor_flight import fly_multirotor
 def flight(tmp_path_factory: pytest.TempPathFactory) -> FlightRecord:
     """A short sweep of roll."""
     path = tmp_path_factory.mktemp("sweep") / "sweep.BIN"
-    plan = PlanChoices(
+    plan = PlanSettings(
         shape="logarithmic_sweep", axes=("roll",), duration_s=20.0, band_rad_s=(0.6, 60.0), entry="command"
     )
-    craft = DesignChoices(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=plan).aircraft
+    craft = DesignSettings(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=plan).aircraft
     write_log(path, fly_multirotor(craft, plan_with(craft, plan, {"roll": 0.05}), seed=5), format="bin")
     return read(path)
 

@@ -16,12 +16,12 @@ from rotorid.documents.design import read_plan
 from rotorid.documents.result import load
 from rotorid.documents.vehicle import read_vehicle
 from rotorid.errors import RotoridError
-from rotorid.flights.given_controllers import read_controllers
 from rotorid.io.documents import DocumentError, parse_json, parse_toml
 from rotorid.io.tables.mapping import read_mapping
 from rotorid.planning import read_prior
+from rotorid.settings.given_controllers import read_controllers
+from rotorid.settings.motors import chosen_layout
 from rotorid.settings.resolve import resolve_model
-from rotorid.settings.settings import chosen_layout
 
 TOML: Mapping[str, Callable[[Path], object]] = MappingProxyType(
     {

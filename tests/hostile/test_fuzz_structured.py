@@ -31,7 +31,7 @@ from rotorid.documents.vehicle import vehicle_toml
 from rotorid.errors import RotoridError
 from rotorid.excitation.plan import planned, sequence
 from rotorid.io.tables.csv import write_csv
-from rotorid.settings.settings import parse_segment
+from rotorid.settings.parsing import parse_segment
 from rotorid.vehicles.catalog import VEHICLES
 
 pytest.importorskip("resource", reason="limits of memory are those of Unix")

@@ -9,7 +9,8 @@ import pytest
 import rotorid
 from rotorid.documents.result import result_document
 from rotorid.errors import InsufficientDataError
-from rotorid.settings.settings import IdentifySettings, parse_segment
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.parsing import parse_segment
 
 BAND = (8.0, 80.0)
 PRBS = parse_segment("pitch:50:76")

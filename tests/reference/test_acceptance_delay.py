@@ -11,7 +11,8 @@ import rotorid
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.delay.estimate import DelayEstimate
 from rotorid.identifying.delays import Delays, delay
-from rotorid.settings.settings import MeasureSettings, parse_segment
+from rotorid.settings.measuring import MeasureSettings
+from rotorid.settings.parsing import parse_segment
 
 
 def bebop(shared_data: Path, folder: str, band_rad_s: tuple[float, float] | None = None) -> Delays:

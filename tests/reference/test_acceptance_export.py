@@ -9,12 +9,13 @@ from typing import Any
 
 import pytest
 
-from rotorid.exports import ExportChoices, Exported, export, export_draws
+from rotorid.exports import Exported, ExportSettings, export, export_draws
 from rotorid.flying.vehicle_from_results import joined_vehicle
 from rotorid.identifying.identification import identify, identify_motors
 from rotorid.io.registry import read
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings.settings import IdentifySettings, MotorChoices
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.motors import MotorSettings
 
 pytestmark = pytest.mark.slow
 
@@ -24,14 +25,14 @@ Unpacked = Callable[[str], Path]
 @pytest.fixture(scope="module")
 def px4(unpacked: Unpacked) -> IdentifiedModel:
     logs = [unpacked(f"px4_sitl/{name}") for name in ("roll.ulg", "pitch.ulg.xz", "yaw.ulg.xz", "thrust.ulg.xz")]
-    choices = MotorChoices(known={"m": 1.0, "I_zz": 0.03}, arm_m=0.2828)
+    choices = MotorSettings(known={"m": 1.0, "I_zz": 0.03}, arm_m=0.2828)
     return identify_motors([read(log) for log in logs], choices)
 
 
 @pytest.fixture(scope="module")
 def ardupilot(unpacked: Unpacked) -> IdentifiedModel:
     names = ("x_calm_roll.BIN", "x_calm_thrust.BIN.xz", "x_wind_rollpitch.BIN.xz", "x_wind_yawthrust.BIN.xz")
-    choices = MotorChoices(known={"m": 3.0, "I_zz": 0.04594}, arm_m=0.35)
+    choices = MotorSettings(known={"m": 3.0, "I_zz": 0.04594}, arm_m=0.35)
     return identify_motors([read(unpacked(f"ardupilot_sitl/{name}")) for name in names], choices)
 
 
@@ -72,7 +73,7 @@ def test_what_was_given_of_sih_is_said_to_be_given(px4: IdentifiedModel) -> None
 
 
 def test_draws_of_sih_spread_as_the_result_does(px4: IdentifiedModel) -> None:
-    made, _ = export_draws([px4], "px4-sih", ExportChoices(), 40, seed=1)
+    made, _ = export_draws([px4], "px4-sih", ExportSettings(), 40, seed=1)
     inertia = [parameters(one)["SIH_IXX"] for one in made]
     std = px4.parameters["I_xx"].std
     assert std is not None

@@ -18,12 +18,12 @@ from tests.unit.exports.test_matlab import octave
 from tests.unit.exports.test_mujoco import flown as flown_in_mujoco
 from tests.unit.exports.test_rotorpy import flown as flown_in_rotorpy
 
-from rotorid.exports import ExportChoices, export
+from rotorid.exports import ExportSettings, export
 from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.identifying.identification import identify, identify_motors
 from rotorid.io.registry import read
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings.settings import MotorChoices
+from rotorid.settings.motors import MotorSettings
 from rotorid.simulation.multirotor import Multirotor
 from rotorid.typing import FloatArray
 
@@ -35,7 +35,7 @@ Unpacked = Callable[[str], Path]
 @pytest.fixture(scope="module")
 def motors(unpacked: Unpacked) -> JoinedVehicle:
     logs = [unpacked(f"px4_sitl/{name}") for name in ("roll.ulg", "pitch.ulg.xz", "yaw.ulg.xz", "thrust.ulg.xz")]
-    choices = MotorChoices(known={"m": 1.0, "I_zz": 0.03}, arm_m=0.2828)
+    choices = MotorSettings(known={"m": 1.0, "I_zz": 0.03}, arm_m=0.2828)
     return joined_vehicle([identify_motors([read(log) for log in logs], choices)])
 
 
@@ -101,7 +101,7 @@ def test_rotorpy_flies_it_with_the_damping_that_its_table_states(motors: JoinedV
 def test_octave_and_python_control_have_the_model(roll: IdentifiedModel, tmp_path: Path) -> None:
     pytest.importorskip("control", reason="python-control is not installed")
     omega = np.geomspace(1.0, 44.0, 30)
-    choices = ExportChoices(delay="states", pade_order=4)
+    choices = ExportSettings(delay="states", pade_order=4)
     module: Any = imported(export(roll, "control", choices), tmp_path, "vehicle_control.py")
     np.testing.assert_allclose(module.rate_roll(1j * omega), roll.response(omega)[0, 0], rtol=1e-9)
     export(roll, "matlab", choices).write(tmp_path)

@@ -23,7 +23,8 @@ from rotorid.flights.selection import select_maneuvers
 from rotorid.models.library import library_model, rate_model, speed_damping
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import ParameterEstimate
-from rotorid.settings.settings import IdentifySettings, parse_segment
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.parsing import parse_segment
 from rotorid.typing import Axis
 from rotorid.verification.verification import Verification
 

@@ -12,13 +12,13 @@ from rotorid.documents.result import ResultDocument, result_document
 from rotorid.errors import InsufficientDataError
 from rotorid.identifying.identification import identify_motors
 from rotorid.io.registry import read
-from rotorid.settings.settings import MotorChoices
+from rotorid.settings.motors import MotorSettings
 
 INERTIA, LAG, THRUST = 0.05, 0.15, 0.03
 """How far identified values may lie from the truth."""
 
 
-def identified(paths: list[Path], choices: MotorChoices, mapping: Path | None = None) -> ResultDocument:
+def identified(paths: list[Path], choices: MotorSettings, mapping: Path | None = None) -> ResultDocument:
     return result_document(identify_motors([read(path, mapping=mapping) for path in paths], choices))
 
 
@@ -34,7 +34,7 @@ def kinds(document: ResultDocument) -> set[str]:
 def px4(unpacked: Callable[[str], Path]) -> ResultDocument:
     logs = [unpacked(f"px4_sitl/{name}") for name in ("roll.ulg", "pitch.ulg.xz", "yaw.ulg.xz", "thrust.ulg.xz")]
     # 0.1 N m of yaw torque for 5 N of thrust; rotors 0.2 m forward and right.
-    return identified(logs, MotorChoices(known={"m": 1.0, "kappa": 0.02}, arm_m=0.2 * 2.0**0.5))
+    return identified(logs, MotorSettings(known={"m": 1.0, "kappa": 0.02}, arm_m=0.2 * 2.0**0.5))
 
 
 def test_px4_inertia_lag_and_thrust(px4: ResultDocument) -> None:
@@ -62,7 +62,7 @@ def test_px4_writes_a_model_that_can_be_read_back(px4: ResultDocument) -> None:
 
 
 def test_px4_doublets_alone_tell_roll_and_pitch(unpacked: Callable[[str], Path]) -> None:
-    found = identified([unpacked("px4_sitl/verify.ulg.xz")], MotorChoices(known={"m": 1.0}, arm_m=0.2 * 2.0**0.5))
+    found = identified([unpacked("px4_sitl/verify.ulg.xz")], MotorSettings(known={"m": 1.0}, arm_m=0.2 * 2.0**0.5))
     assert value(found, "I_xx") == pytest.approx(0.025, rel=INERTIA)
     assert value(found, "I_yy") == pytest.approx(0.025, rel=INERTIA)
     assert "I_zz" not in found.parameters
@@ -77,7 +77,7 @@ def test_px4_doublets_alone_tell_roll_and_pitch(unpacked: Callable[[str], Path])
 def test_thrust_of_two_flights_agrees_within_what_is_stated(unpacked: Callable[[str], Path]) -> None:
     """Two accelerometers, or one on two days, differ by more than the noise of a flight."""
     one, other = (
-        identified([unpacked(f"ardupilot_sitl/{name}")], MotorChoices(known={"m": 3.0}, arm_m=0.35)).parameters["c_1"]
+        identified([unpacked(f"ardupilot_sitl/{name}")], MotorSettings(known={"m": 3.0}, arm_m=0.35)).parameters["c_1"]
         for name in ("x_calm_roll.BIN", "x_calm_thrust.BIN.xz")
     )
     assert one.std is not None
@@ -88,7 +88,7 @@ def test_thrust_of_two_flights_agrees_within_what_is_stated(unpacked: Callable[[
 @pytest.mark.slow
 def test_ardupilot_in_wind(unpacked: Callable[[str], Path]) -> None:
     logs = [unpacked(f"ardupilot_sitl/x_wind_{name}.BIN.xz") for name in ("rollpitch", "yawthrust")]
-    found = identified(logs, MotorChoices(known={"m": 3.0, "I_zz": 0.04594}, arm_m=0.35))
+    found = identified(logs, MotorSettings(known={"m": 3.0, "I_zz": 0.04594}, arm_m=0.35))
     assert value(found, "I_xx") == pytest.approx(0.02297, rel=INERTIA)
     assert value(found, "I_yy") == pytest.approx(0.02297, rel=INERTIA)
     assert value(found, "c_1") == pytest.approx(20.29, rel=THRUST)
@@ -103,7 +103,7 @@ def test_ardupilot_in_wind(unpacked: Callable[[str], Path]) -> None:
 @pytest.mark.slow
 def test_ardupilot_filtered_rates_tell_the_same_vehicle(unpacked: Callable[[str], Path]) -> None:
     """IMU and RATE pass the gyro filter of 20 Hz, which the model passes too."""
-    found = identified([unpacked("ardupilot_sitl/x_calm_verify.BIN.xz")], MotorChoices(known={"m": 3.0}, arm_m=0.35))
+    found = identified([unpacked("ardupilot_sitl/x_calm_verify.BIN.xz")], MotorSettings(known={"m": 3.0}, arm_m=0.35))
     assert value(found, "I_xx") == pytest.approx(0.02297, rel=INERTIA)
     assert value(found, "I_yy") == pytest.approx(0.02297, rel=INERTIA)
     assert {"known_filter", "motor_reconstruction"} <= kinds(found)
@@ -112,7 +112,7 @@ def test_ardupilot_filtered_rates_tell_the_same_vehicle(unpacked: Callable[[str]
 def test_crazyflie_lag_and_curve(shared_data: Path) -> None:
     thrust = Maneuver(axis="thrust", kind="other", start_s=35.0, stop_s=65.0, origin="given")
     known = {"m": 0.027, "tau_accel": 0.0}
-    found = identified([shared_data / "crazyflie" / "log10"], MotorChoices(known=known, segments=(thrust,)))
+    found = identified([shared_data / "crazyflie" / "log10"], MotorSettings(known=known, segments=(thrust,)))
     assert value(found, "T_motor") == pytest.approx(0.072, abs=0.003)
     for output in (0.2, 0.4, 0.6, 0.8, 0.9):
         thrust_n = value(found, "c_0") + value(found, "c_1") * output + value(found, "c_2") * output**2
@@ -122,7 +122,7 @@ def test_crazyflie_lag_and_curve(shared_data: Path) -> None:
 def test_motors_at_nine_hertz_are_no_ground_for_a_number(shared_data: Path) -> None:
     record = read(shared_data / "ardupilot" / "erle_brain3.BIN")
     with pytest.raises(InsufficientDataError, match="explain less than half of its motion") as refused:
-        identify_motors([record], MotorChoices(known={"m": 1.0}, arm_m=0.25))
+        identify_motors([record], MotorSettings(known={"m": 1.0}, arm_m=0.25))
     assert "rate_too_low" in {finding.kind for finding in refused.value.findings}
 
 
@@ -130,14 +130,14 @@ def test_what_is_explained_by_less_than_half_is_no_number(shared_data: Path) -> 
     """42 and 22 % were explained, and an inertia stated in kg m^2 of an arm and a mass that nobody knew."""
     record = read(shared_data / "ardupilot" / "beast_0036.BIN")
     with pytest.raises(InsufficientDataError, match="explain less than half") as refused:
-        identify_motors([record], MotorChoices())
+        identify_motors([record], MotorSettings())
     assert "poor_fit" in {finding.kind for finding in refused.value.findings}
 
 
 @pytest.fixture(scope="module")
 def iris(shared_data: Path) -> ResultDocument:
     mapping = Path(__file__).resolve().parents[2] / "docs" / "mappings" / "gazebo_iris.toml"
-    choices = MotorChoices(known={"m": 1.5, "kappa": 0.06}, layout="quad.x", arm_m=0.25)
+    choices = MotorSettings(known={"m": 1.5, "kappa": 0.06}, layout="quad.x", arm_m=0.25)
     return identified([shared_data / "iris_sim" / "quadrotor_model.csv"], choices, mapping)
 
 
@@ -183,7 +183,7 @@ def test_iris_inertia_of_yaw(iris: ResultDocument) -> None:
 
 def by_accelerations(unpacked: Callable[[str], Path], search: str | None = None) -> ResultDocument:
     log = read(unpacked("px4_sitl/verify.ulg.xz"))
-    chosen = MotorChoices(known={"m": 1.0}, arm_m=0.2 * 2.0**0.5, method="accelerations", search=search)
+    chosen = MotorSettings(known={"m": 1.0}, arm_m=0.2 * 2.0**0.5, method="accelerations", search=search)
     return result_document(identify_motors([log], chosen))
 
 

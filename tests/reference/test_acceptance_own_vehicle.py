@@ -12,11 +12,11 @@ import pytest
 import rotorid
 from rotorid.documents.vehicle import parse_vehicle, vehicle_toml
 from rotorid.flying.designs import design, plan_with
-from rotorid.flying.settings import DesignChoices, PlanChoices, SimulateChoices
+from rotorid.flying.settings import DesignSettings, PlanSettings, SimulateSettings
 from rotorid.flying.simulation import fly_run, simulate, write_run
 from rotorid.flying.user_vehicles import own_vehicle
 from rotorid.identifying.identification import identify_motors
-from rotorid.settings.settings import MotorChoices
+from rotorid.settings.motors import MotorSettings
 from rotorid.signal.motors import logged_outputs
 from rotorid.simulation.multirotor import PERFECT
 from rotorid.simulation.multirotor_flight import Aircraft, piloted
@@ -43,15 +43,17 @@ def quiet(craft: Aircraft) -> Aircraft:
 
 
 def test_a_vehicle_from_a_simulated_flight_answers_unseen_doublets(tmp_path: Path) -> None:
-    craft = SimulateChoices(vehicle=LIKE).aircraft
+    craft = SimulateSettings(vehicle=LIKE).aircraft
     sizes = {"roll": 0.07, "pitch": 0.07, "yaw": 0.12, "thrust": 0.08}
-    excited = PlanChoices(shape="multisine", entry="command", band_rad_s=(1.0, 60.0), duration_s=20.0)
-    flight = SimulateChoices(vehicle=LIKE, plan=plan_with(craft, excited, sizes), wind=Wind(turbulence_m_s=0.3), seed=5)
+    excited = PlanSettings(shape="multisine", entry="command", band_rad_s=(1.0, 60.0), duration_s=20.0)
+    flight = SimulateSettings(
+        vehicle=LIKE, plan=plan_with(craft, excited, sizes), wind=Wind(turbulence_m_s=0.3), seed=5
+    )
     write_run(tmp_path / "flight.ulg", fly_run(flight, 0), flight)
-    model = identify_motors([tmp_path / "flight.ulg"], MotorChoices(known={"m": 1.0}, arm_m=ARM_M))
+    model = identify_motors([tmp_path / "flight.ulg"], MotorSettings(known={"m": 1.0}, arm_m=ARM_M))
     own = through_a_file(own_vehicle([model], like=aircraft(LIKE), name="mine").aircraft)
 
-    unseen = plan_with(craft, PlanChoices(shape="doublet"), {"roll": 0.15, "pitch": 0.15, "yaw": 0.5, "thrust": 0.06})
+    unseen = plan_with(craft, PlanSettings(shape="doublet"), {"roll": 0.15, "pitch": 0.15, "yaw": 0.5, "thrust": 0.06})
     flown, predicted = (simulate(quiet(one), unseen, seed=1).columns for one in (aircraft(LIKE), own))
     for name in SHOWN:
         pair = (one[name] - one[name].mean() for one in (flown, predicted))
@@ -62,7 +64,7 @@ def test_a_vehicle_from_a_simulated_flight_answers_unseen_doublets(tmp_path: Pat
 def of_logs(unpacked: Unpacked) -> Aircraft:
     """From the logs of PX4's simulator, in which every axis was excited in a flight of its own."""
     logs = [unpacked(f"px4_sitl/{name}") for name in ("roll.ulg", "pitch.ulg.xz", "yaw.ulg.xz", "thrust.ulg.xz")]
-    model = identify_motors(logs, MotorChoices(known={"m": 1.0, "I_zz": 0.03}, arm_m=ARM_M))
+    model = identify_motors(logs, MotorSettings(known={"m": 1.0, "I_zz": 0.03}, arm_m=ARM_M))
     return through_a_file(own_vehicle([model], like=aircraft(LIKE), name="mine").aircraft)
 
 
@@ -121,11 +123,11 @@ def predicted_rate(
 def test_bounds_that_are_predicted_with_a_vehicle_from_logs_hold(of_logs: Aircraft, tmp_path: Path) -> None:
     """The plan is made with the vehicle from logs, and flown by the one that PX4's simulator has."""
     air = Wind(turbulence_m_s=0.5)
-    plan = PlanChoices(axes=("roll",), band_rad_s=(1.0, 50.0), duration_s=40.0, wind=air)
-    (made,) = design(DesignChoices(vehicle=of_logs, kinds=("pilot_sweep",), plan=plan, models=("rate.roll",)))
+    plan = PlanSettings(axes=("roll",), band_rad_s=(1.0, 50.0), duration_s=40.0, wind=air)
+    (made,) = design(DesignSettings(vehicle=of_logs, kinds=("pilot_sweep",), plan=plan, models=("rate.roll",)))
     prediction = made.told[0].prediction
     assert prediction is not None
-    flight = SimulateChoices(vehicle=LIKE, plan=made.planned.plan, wind=air, runs=4, seed=7)
+    flight = SimulateSettings(vehicle=LIKE, plan=made.planned.plan, wind=air, runs=4, seed=7)
     stated: dict[str, list[float]] = {one.name: [] for one in prediction.parameters}
     for number in range(flight.runs):
         path = tmp_path / f"{number}.ulg"

@@ -17,7 +17,9 @@ from rotorid.flights.measure import measure
 from rotorid.flights.selection import select_maneuvers
 from rotorid.identifying.identification import identify
 from rotorid.models.library import RATE_AXES, rate_model
-from rotorid.settings.settings import EstimateChoice, IdentifySettings, parse_segment
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.measuring import EstimateChoice
+from rotorid.settings.parsing import parse_segment
 from rotorid.signal.airborne import airborne
 from rotorid.typing import Axis
 

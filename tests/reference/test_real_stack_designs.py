@@ -15,7 +15,7 @@ from rotorid.data.record import Maneuver
 from rotorid.excitation.plan import sequence, together
 from rotorid.flying.designs import expected_values
 from rotorid.flying.flight_air import logged_air
-from rotorid.flying.settings import DesignChoices, PlanChoices
+from rotorid.flying.settings import DesignSettings, PlanSettings
 from rotorid.models.library import rate_model
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.prediction import predict
@@ -126,10 +126,10 @@ def test_a_limit_cycle_is_no_noise_of_the_gyroscopes(unpacked: Callable[[str], P
 
 @pytest.mark.parametrize("name", ["ap_x_wind_soft_wide", "ap_x_wind_soft_card_flight", "ap_x_wind_ordinary_hard"])
 def test_the_band_for_tune_is_one_that_was_flown_and_held(unpacked: Callable[[str], Path], name: str) -> None:
-    choices = DesignChoices(
+    choices = DesignSettings(
         vehicle="ardupilot_quad",
         kinds=("logarithmic_sweep",),
-        plan=PlanChoices(shape="logarithmic_sweep", axes=("roll", "pitch")),
+        plan=PlanSettings(shape="logarithmic_sweep", axes=("roll", "pitch")),
     )
     designed = designed_for_tune(choices, record=rotorid.read(unpacked(f"real_stacks/{name}.BIN.xz")))
     low, high = designed.plan.band_rad_s

@@ -25,7 +25,7 @@ from tests.reference.two_simulators import (
 import rotorid
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.loops.responses import Responses
-from rotorid.settings.settings import ResponseSettings
+from rotorid.settings.measuring import ResponseSettings
 from rotorid.simulation.wind import CALM, Wind
 from rotorid.typing import Axis, BoolArray, FloatArray
 from rotorid.verification.scores import theil_inequality

@@ -31,7 +31,7 @@ from tests.twins.motor_twins import VEHICLES, Twin, twin
 import rotorid
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.flying.settings import SimulateChoices
+from rotorid.flying.settings import SimulateSettings
 from rotorid.flying.simulation import truth_of
 from rotorid.identifying.identification import identify_motors
 
@@ -93,7 +93,7 @@ class Dropped(NamedTuple):
 
 def flown_truth(vehicle: str, record: FlightRecord) -> dict[str, float]:
     """What one flight shows of its vehicle."""
-    craft = SimulateChoices(vehicle=vehicle).aircraft
+    craft = SimulateSettings(vehicle=vehicle).aircraft
     truth = {name: true.value for name, true in truth_of(craft).items()}
     rotors = craft.vehicle.rotors
     if rotors.lag_down_s and rotors.lag_down_s != rotors.lag_up_s:

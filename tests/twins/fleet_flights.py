@@ -11,7 +11,7 @@ import numpy as np
 
 from rotorid import Wind, write_log
 from rotorid.flying.designs import plan_with
-from rotorid.flying.settings import PlanChoices
+from rotorid.flying.settings import PlanSettings
 from rotorid.simulation.multirotor_flight import Sortie, changed, fly_batch
 from rotorid.vehicles.catalog import aircraft
 
@@ -32,7 +32,7 @@ class Event:
 
 def plan() -> Any:
     craft = aircraft(VEHICLE)
-    choices = PlanChoices(
+    choices = PlanSettings(
         shape="pilot_sweep",
         axes=("roll", "pitch", "thrust"),
         band_rad_s=(0.6, 50.0),

@@ -13,11 +13,11 @@ import rotorid
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.data.record import FlightRecord
 from rotorid.flying.designs import plan_for, sweep_of
-from rotorid.flying.settings import PlanChoices, SimulateChoices
+from rotorid.flying.settings import PlanSettings, SimulateSettings
 from rotorid.flying.simulation import fly_run, write_run
 from rotorid.models.rotors import RotorLayout
 from rotorid.models.thrust_curve import ExpoCurve
-from rotorid.settings.settings import MotorChoices
+from rotorid.settings.motors import MotorSettings
 from rotorid.simulation.linearization import MOTION, hover_derivatives_of, linearize, rotor_slopes
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.simulation.wind import Wind
@@ -46,7 +46,7 @@ class Twin(NamedTuple):
     """
 
     record: FlightRecord
-    choices: MotorChoices
+    choices: MotorSettings
     truth: Mapping[str, float]
     step_s: float
 
@@ -54,20 +54,20 @@ class Twin(NamedTuple):
 def twin(vehicle: str, weather: str, seed: int, folder: Path, *, sweep_s: float = 30.0) -> Twin:
     """One flight of sweeps on all axes, written and read as a user would."""
     wind = GENTLE if (vehicle, weather) == ("s500", "wind") else WINDS[weather]
-    options = SimulateChoices(vehicle=vehicle, wind=wind, seed=seed, plan=_plan(vehicle, wind, sweep_s))
+    options = SimulateSettings(vehicle=vehicle, wind=wind, seed=seed, plan=_plan(vehicle, wind, sweep_s))
     path = folder / f"{vehicle}-{weather}-{seed}.{options.file_names[0].rpartition('.')[2]}"
     run = fly_run(options, 0)
     write_run(path, run, options)
     craft = options.aircraft
     rotors = craft.vehicle.rotors.layout
-    known = MotorChoices(known={"m": craft.vehicle.mass_kg}, layout=_written(rotors, craft, folder))
+    known = MotorSettings(known={"m": craft.vehicle.mass_kg}, layout=_written(rotors, craft, folder))
     return Twin(rotorid.read(path), known, truth_of(craft), 1.0 / craft.autopilot.rate_hz)
 
 
 @lru_cache
 def _plan(vehicle: str, wind: Wind, sweep_s: float) -> FlightPlan:
-    craft = SimulateChoices(vehicle=vehicle).aircraft
-    choices = PlanChoices(
+    craft = SimulateSettings(vehicle=vehicle).aircraft
+    choices = PlanSettings(
         shape=sweep_of(craft), entry="stick" if craft.autopilot.kind == "px4" else None, wind=wind, duration_s=sweep_s
     )
     return plan_for(craft, choices).plan

@@ -11,7 +11,7 @@ import pytest
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.excitation.plan import planned
 from rotorid.flying.flight_air import flown_as, logged_air
-from rotorid.flying.settings import DesignChoices, PlanChoices, SimulateChoices
+from rotorid.flying.settings import DesignSettings, PlanSettings, SimulateSettings
 from rotorid.flying.simulation import fly_run, write_run
 from rotorid.io.registry import read
 from rotorid.simulation.wind import Wind
@@ -37,7 +37,7 @@ SWEPT = FlightPlan(
 
 
 def log_of(vehicle: str, wind: Wind, folder: Path) -> Path:
-    choices = SimulateChoices(vehicle=vehicle, plan=SWEPT, duration_s=90.0, wind=wind, seed=3)
+    choices = SimulateSettings(vehicle=vehicle, plan=SWEPT, duration_s=90.0, wind=wind, seed=3)
     path = folder / choices.file_names[0]
     write_run(path, fly_run(choices, 0), choices)
     return path
@@ -45,7 +45,7 @@ def log_of(vehicle: str, wind: Wind, folder: Path) -> Path:
 
 @pytest.mark.parametrize("vehicle", ["px4_quad", "ardupilot_quad"])
 def test_wind_and_noise_come_back_out_of_a_log(vehicle: str, tmp_path: Path) -> None:
-    craft = SimulateChoices(vehicle=vehicle, duration_s=90.0).aircraft
+    craft = SimulateSettings(vehicle=vehicle, duration_s=90.0).aircraft
     air = logged_air(read(log_of(vehicle, BLOWS, tmp_path)), craft)
     assert air.wind is not None
     # Gusts of 0.8 m/s that last for 15 s leave the mean of 90 s open by some 0.8 / sqrt(90 / 30) m/s.
@@ -56,7 +56,7 @@ def test_wind_and_noise_come_back_out_of_a_log(vehicle: str, tmp_path: Path) -> 
 
 def test_a_plan_has_the_air_of_the_log_and_a_wind_that_was_given_stays(tmp_path: Path) -> None:
     record = read(log_of("px4_quad", BLOWS, tmp_path))
-    choices = DesignChoices(vehicle="px4_quad", kinds=("pilot_sweep",), plan=PlanChoices(axes=("roll",)))
+    choices = DesignSettings(vehicle="px4_quad", kinds=("pilot_sweep",), plan=PlanSettings(axes=("roll",)))
     noisier = replace(choices, gyro_noise_rad_s=0.5)
     found = flown_as(noisier, record)
     assert found.plan.wind.speed_m_s == pytest.approx(4.5, abs=1.2)

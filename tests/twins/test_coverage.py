@@ -30,7 +30,7 @@ from tests.twins.motor_twins import VEHICLES, truth_of, twin
 
 import rotorid
 from rotorid.errors import InsufficientDataError
-from rotorid.flying.settings import SimulateChoices
+from rotorid.flying.settings import SimulateSettings
 from rotorid.flying.simulation import truth_of as simulated_truth
 from rotorid.identifying.identification import identify_motors
 
@@ -125,7 +125,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 def test_truth_of_a_vehicle_is_what_it_is_made_of() -> None:
     """Slopes by linearization give the inertia that the simulation has."""
-    craft = SimulateChoices(vehicle="x500").aircraft
+    craft = SimulateSettings(vehicle="x500").aircraft
     found, inertia = truth_of(craft), np.diag(craft.vehicle.inertia_kg_m2)
     assert found["I_xx"] == pytest.approx(inertia[0], rel=1e-6)
     assert found["I_yy"] == pytest.approx(inertia[1], rel=1e-6)
@@ -135,7 +135,7 @@ def test_truth_of_a_vehicle_is_what_it_is_made_of() -> None:
 @pytest.mark.parametrize(("vehicle", "rate_ms", "thrust_ms"), [("px4_quad", 5.30, 9.14), ("ardupilot_quad", 2.5, 2.5)])
 def test_true_delays_are_those_that_the_log_shows(vehicle: str, rate_ms: float, thrust_ms: float) -> None:
     """Half a tick and PX4's low-passes of 56.4 and 30 Hz at 250 Hz; a tick of ArduPilot, whose log has means."""
-    found = simulated_truth(SimulateChoices(vehicle=vehicle).aircraft)
+    found = simulated_truth(SimulateSettings(vehicle=vehicle).aircraft)
     assert 1e3 * found["tau_roll"].value == pytest.approx(rate_ms, abs=0.01)
     assert 1e3 * found["tau_thrust"].value == pytest.approx(thrust_ms, abs=0.01)
 

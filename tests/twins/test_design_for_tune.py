@@ -13,7 +13,7 @@ import pytest
 
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flying.designs import plan_with
-from rotorid.flying.settings import DesignChoices, PlanChoices
+from rotorid.flying.settings import DesignSettings, PlanSettings
 from rotorid.io.registry import read, write_log
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import described
@@ -39,7 +39,7 @@ SOFT = {
 """Those of a real flight, in which `tune` asked for sweeps up to 98 rad/s after the usual ones up to 50."""
 
 
-def logged(craft: Aircraft, choices: DesignChoices, path: Path) -> Path:
+def logged(craft: Aircraft, choices: DesignSettings, path: Path) -> Path:
     """The log of the plan that is designed, flown in gusts of another draw."""
     plan = plan_with(craft, choices.plan, {"roll": 0.05, "pitch": 0.05})
     write_log(path, fly_multirotor(craft, plan, wind=GUSTY, seed=77), format="bin")
@@ -55,8 +55,8 @@ def bands_asked_for(path: Path) -> dict[str, float]:
 def test_tune_asks_for_no_wider_band_after_the_flight_that_was_designed_for_it(
     gains: Mapping[str, float], needed_rad_s: float, tmp_path: Path
 ) -> None:
-    plan = PlanChoices(shape="logarithmic_sweep", axes=("roll", "pitch"), duration_s=40.0, band_rad_s=(0.6, 30.0))
-    usual = DesignChoices(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=replace(plan, wind=GUSTY))
+    plan = PlanSettings(shape="logarithmic_sweep", axes=("roll", "pitch"), duration_s=40.0, band_rad_s=(0.6, 30.0))
+    usual = DesignSettings(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=replace(plan, wind=GUSTY))
     craft = usual.aircraft
     if gains:
         craft = with_gains(craft, {**craft.autopilot.parameters, **gains}, source="the gains")
@@ -77,8 +77,8 @@ def test_tune_asks_for_no_wider_band_after_the_flight_that_was_designed_for_it(
 
 
 def test_each_axis_has_the_band_of_its_own_loop(tmp_path: Path) -> None:
-    plan = PlanChoices(shape="logarithmic_sweep", axes=("roll", "yaw"), duration_s=20.0, wind=GUSTY)
-    choices = DesignChoices(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=plan)
+    plan = PlanSettings(shape="logarithmic_sweep", axes=("roll", "yaw"), duration_s=20.0, wind=GUSTY)
+    choices = DesignSettings(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=plan)
     hover = tmp_path / "hover.BIN"
     write_log(hover, fly_multirotor(choices.aircraft, duration_s=20.0, seed=5), format="bin")
     choices_for_tune = designed_for_tune(choices, record=read(hover))
@@ -96,8 +96,8 @@ def test_each_axis_has_the_band_of_its_own_loop(tmp_path: Path) -> None:
 
 
 def test_set_points_that_are_sent_end_where_a_period_has_ten_of_them(tmp_path: Path) -> None:
-    plan = PlanChoices(axes=("roll",), wind=GUSTY)
-    choices = DesignChoices(vehicle="px4_quad", kinds=("pilot_sweep",), plan=plan)
+    plan = PlanSettings(axes=("roll",), wind=GUSTY)
+    choices = DesignSettings(vehicle="px4_quad", kinds=("pilot_sweep",), plan=plan)
     hover = tmp_path / "hover.ulg"
     write_log(hover, fly_multirotor(choices.aircraft, duration_s=20.0, seed=5), format="ulg")
     designed = designed_for_tune(choices, record=read(hover))
@@ -112,7 +112,7 @@ def test_set_points_that_are_sent_end_where_a_period_has_ten_of_them(tmp_path: P
 
 
 def test_the_firmware_of_a_result_is_that_of_the_plan() -> None:
-    choices = DesignChoices(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=PlanChoices(axes=("roll",)))
+    choices = DesignSettings(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=PlanSettings(axes=("roll",)))
     flew = axis_controller(choices.aircraft.autopilot.parameters, "roll", firmware="ArduCopter V4.6.2")
     assert flew is not None
     known = ControllerSettings(**described([flew]), settings={"INS_GYRO_FILTER": 47.0})
@@ -125,6 +125,8 @@ def test_the_firmware_of_a_result_is_that_of_the_plan() -> None:
 
 def test_what_has_no_gains_is_refused() -> None:
     with pytest.raises(InsufficientDataError, match="holds no gains"):
-        designed_for_tune(DesignChoices(vehicle="px4_quad", kinds=("pilot_sweep",), plan=PlanChoices(axes=("roll",))))
+        designed_for_tune(DesignSettings(vehicle="px4_quad", kinds=("pilot_sweep",), plan=PlanSettings(axes=("roll",))))
     with pytest.raises(UsageError, match="a vehicle with gains"):
-        designed_for_tune(DesignChoices(vehicle="px4_quad", kinds=("pilot_sweep",), plan=PlanChoices(axes=("thrust",))))
+        designed_for_tune(
+            DesignSettings(vehicle="px4_quad", kinds=("pilot_sweep",), plan=PlanSettings(axes=("thrust",)))
+        )

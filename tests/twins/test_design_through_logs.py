@@ -11,7 +11,7 @@ import pytest
 from rotorid.data.flight_plan import Shape
 from rotorid.documents.result import result_document
 from rotorid.flying.designs import Designed, design
-from rotorid.flying.settings import DesignChoices, PlanChoices, SimulateChoices
+from rotorid.flying.settings import DesignSettings, PlanSettings, SimulateSettings
 from rotorid.flying.simulation import fly_run, write_run
 from rotorid.identifying.identification import identify
 from rotorid.io.registry import read
@@ -40,15 +40,15 @@ WITHIN = 0.25
 
 
 def planned(case: Case) -> Designed:
-    plan = PlanChoices(
+    plan = PlanSettings(
         shape=case.shape, axes=(case.axis,), band_rad_s=(1.0, 50.0), duration_s=case.duration_s, wind=case.wind
     )
-    return design(DesignChoices(vehicle=case.vehicle, kinds=(case.shape,), plan=plan, models=(case.model,)))[0]
+    return design(DesignSettings(vehicle=case.vehicle, kinds=(case.shape,), plan=plan, models=(case.model,)))[0]
 
 
 def flown(case: Case, told: Designed, folder: Path, runs: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Value and stated random deviation of every parameter that all flights of other seeds keep."""
-    choices = SimulateChoices(vehicle=case.vehicle, plan=told.planned.plan, wind=case.wind, runs=runs + 1, seed=7)
+    choices = SimulateSettings(vehicle=case.vehicle, plan=told.planned.plan, wind=case.wind, runs=runs + 1, seed=7)
     found = []
     for number in range(runs):
         log = folder / choices.file_names[number]

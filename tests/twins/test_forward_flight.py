@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rotorid.flying.designs import plan_for
-from rotorid.flying.settings import PlanChoices, SimulateChoices
+from rotorid.flying.settings import PlanSettings, SimulateSettings
 from rotorid.flying.simulation import everyday_plan, fly_run, truth_of, write_run
 from rotorid.flying.stitching import Stitched, stitch
 from rotorid.identifying.identification import identify
@@ -22,7 +22,7 @@ OUTPUTS = {"hover.longitudinal": ("q", "u", "w", "ax", "az"), "hover.lateral": (
 CRAFT = piloted(aircraft("forward_quad"))
 
 
-def flown(folder: Path, name: str, choices: SimulateChoices) -> Path:
+def flown(folder: Path, name: str, choices: SimulateSettings) -> Path:
     path = folder / name
     write_run(path, fly_run(choices, 0), choices)
     return path
@@ -31,7 +31,7 @@ def flown(folder: Path, name: str, choices: SimulateChoices) -> Path:
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[float, IdentifiedModel]]:
     folder = tmp_path_factory.mktemp("campaign")
-    wishes = PlanChoices(
+    wishes = PlanSettings(
         shape="logarithmic_sweep",
         axes=("roll", "pitch", "yaw", "thrust"),
         band_rad_s=(0.5, 40.0),
@@ -42,7 +42,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[float,
     plan = plan_for(CRAFT, wishes).plan
     found = {}
     for speed in SPEEDS:
-        choices = SimulateChoices(vehicle="forward_quad", plan=plan, speed_m_s=(speed, speed), seed=1)
+        choices = SimulateSettings(vehicle="forward_quad", plan=plan, speed_m_s=(speed, speed), seed=1)
         log = flown(folder, f"at-{speed:g}.ulg", choices)
         for model, outputs in OUTPUTS.items():
             found[f"{model}-{speed:g}"] = speed, identify([read(log)], model, outputs=outputs)
@@ -53,7 +53,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[float,
 @pytest.fixture(scope="module")
 def stitched(campaign: dict[str, tuple[float, IdentifiedModel]], tmp_path_factory: pytest.TempPathFactory) -> Stitched:
     plan = everyday_plan(CRAFT, duration_s=90.0, seed=5)
-    choices = SimulateChoices(vehicle="forward_quad", plan=plan, speed_m_s=(0.0, 8.0), seed=5)
+    choices = SimulateSettings(vehicle="forward_quad", plan=plan, speed_m_s=(0.0, 8.0), seed=5)
     log = flown(tmp_path_factory.mktemp("through"), "through.ulg", choices)
     return stitch({name: model for name, (_, model) in campaign.items()}, [read(log)])
 

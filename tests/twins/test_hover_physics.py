@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.flying.designs import plan_for
-from rotorid.flying.settings import PlanChoices
+from rotorid.flying.settings import PlanSettings
 from rotorid.flying.simulation import simulate
 from rotorid.identifying.identification import identify
 from rotorid.io.registry import write_log
@@ -29,7 +29,7 @@ AXES = ("roll", "pitch", "yaw", "thrust")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Thrust is swept gently: it goes with the square of the speed, and a large sweep moves its own mean."""
     craft = aircraft("hummingbird")
-    choices = PlanChoices(
+    choices = PlanSettings(
         shape="logarithmic_sweep", axes=AXES, amplitudes={"thrust": 0.06}, band_rad_s=(0.6, 50.0), duration_s=60.0
     )
     flight: SimulatedFlight = simulate(craft, plan_for(craft, choices).plan, seed=3)

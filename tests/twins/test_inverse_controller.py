@@ -18,7 +18,8 @@ from rotorid.identifying.identification import identify
 from rotorid.models.families import named_model
 from rotorid.models.library import rate_model
 from rotorid.models.structure import LinearStructure
-from rotorid.settings.settings import IdentifySettings, parse_segment
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.parsing import parse_segment
 from rotorid.typing import FloatArray
 
 RATE_HZ = 250.0

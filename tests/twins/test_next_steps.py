@@ -18,7 +18,7 @@ from rotorid.documents.vehicle import named_vehicle
 from rotorid.flying.designs import computed_for, has_room, plan_with
 from rotorid.flying.flight_air import flown_as
 from rotorid.flying.next_steps import KnownOfLog, next_steps, sweep_for_tune
-from rotorid.flying.settings import DesignChoices, PlanChoices
+from rotorid.flying.settings import DesignSettings, PlanSettings
 from rotorid.flying.simulation import everyday_plan, truth_of
 from rotorid.flying.user_vehicles import hovering_at
 from rotorid.io.registry import read, write_log
@@ -61,7 +61,7 @@ def failed(commands: Sequence[Sequence[str]]) -> dict[str, str]:
 def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """A table whose columns only a mapping names, with a name that needs quotes."""
     craft = changed(aircraft("px4_quad"), {"I_xx": 0.02})
-    choices = PlanChoices(axes=("roll",), duration_s=40.0, entry="command", amplitudes={"roll": 0.1})
+    choices = PlanSettings(axes=("roll",), duration_s=40.0, entry="command", amplitudes={"roll": 0.1})
     flight = fly_multirotor(craft, plan_with(craft, choices, {"roll": 0.1}), seed=3)
     columns = [flight.time_s, *(flight.columns[name] for name in ("roll_command", "roll_excitation", "p"))]
     header = "t,command,test,rate"
@@ -157,8 +157,8 @@ def test_a_vehicle_of_a_rate_model_answers_as_the_log_did(table: str) -> None:
     usual = truth_of(aircraft("px4_quad"))
     assert identified == pytest.approx(1.25 * usual["L_roll"].value, rel=0.03)
     assert truth_of(named.entry.aircraft)["M_pitch"].value == pytest.approx(usual["M_pitch"].value)
-    choices = DesignChoices(
-        vehicle=named.entry, kinds=("pilot_sweep",), plan=PlanChoices(axes=("roll",)), own=named.own
+    choices = DesignSettings(
+        vehicle=named.entry, kinds=("pilot_sweep",), plan=PlanSettings(axes=("roll",)), own=named.own
     )
     words = computed_for(choices)
     assert words == "computed for a simulated 1 kg quadrotor (px4_quad) with roll as in my flight.csv"
@@ -169,7 +169,7 @@ def test_a_vehicle_of_a_rate_model_answers_as_the_log_did(table: str) -> None:
 
 
 def test_a_vehicle_that_cannot_hover_has_no_room() -> None:
-    choices = DesignChoices(vehicle="px4_quad", kinds=("pilot_sweep",))
+    choices = DesignSettings(vehicle="px4_quad", kinds=("pilot_sweep",))
     assert has_room(choices)
     wild = {"MC_ROLLRATE_P": 3.0, "MC_ROLLRATE_D": 0.2}
     assert not has_room(replace(choices, gains=wild, gains_source="wild.ulg"))
@@ -180,7 +180,7 @@ def test_results_that_know_the_rotors_keep_them(tmp_path: Path) -> None:
     craft = hovering_at(aircraft("px4_quad"), 0.36)
     write_log(tmp_path / "a.ulg", fly_multirotor(craft, duration_s=40.0, seed=5), format="ulg")
     record = read(tmp_path / "a.ulg")
-    choices = DesignChoices(vehicle="px4_quad", kinds=("pilot_sweep",))
+    choices = DesignSettings(vehicle="px4_quad", kinds=("pilot_sweep",))
     assert flown_as(choices, record).hover_throttle == pytest.approx(0.36, abs=0.01)
     assert flown_as(replace(choices, changes={"m": 1.2}), record).hover_throttle is None
 

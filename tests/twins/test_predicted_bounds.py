@@ -22,11 +22,11 @@ from rotorid.models.library import RATE_AXES, library_model, rate_model
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.planning.aircraft import aircraft_loop
-from rotorid.planning.expected import FitChoices
+from rotorid.planning.expected import FitSettings
 from rotorid.planning.loop import vehicle_loop
 from rotorid.planning.prediction import Prediction, predict
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.simulation.hover_flight import Excitation, HoverVehicle, SensorNoise, fly
 from rotorid.simulation.multirotor_flight import fly_multirotor
 from rotorid.simulation.wind import Wind
@@ -94,7 +94,7 @@ class Case:
 
     def predicted(self) -> Prediction:
         loop = vehicle_loop(self.vehicle, turbulence_m_s=self.turbulence_m_s, noise=self.noise)
-        choices = FitChoices(band_rad_s=self.band_rad_s)
+        choices = FitSettings(band_rad_s=self.band_rad_s)
         return predict(self.structure, self.truth, loop, self.plan, choices=choices)
 
     def identified(self, seed: int) -> IdentifiedModel:

@@ -12,7 +12,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.documents.result import load, save
 from rotorid.documents.tune import tune_document
 from rotorid.flying.designs import plan_with
-from rotorid.flying.settings import DesignChoices, PlanChoices
+from rotorid.flying.settings import DesignSettings, PlanSettings
 from rotorid.io.registry import read, write_log
 from rotorid.proposing import tune
 from rotorid.proposing.bands import designed_for_tune
@@ -27,14 +27,14 @@ VEHICLES = [("ardupilot_quad", "bin", "command"), ("px4_quad", "ulg", "command")
 @pytest.fixture(scope="module", params=VEHICLES, ids=[name for name, *_ in VEHICLES])
 def flight(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[DesignChoices, FlightRecord, IdentifiedModel]:
+) -> tuple[DesignSettings, FlightRecord, IdentifiedModel]:
     """A sweep of roll in gusts, and its result as it is read from files."""
     vehicle, form, entry = request.param
     folder = tmp_path_factory.mktemp(vehicle)
-    plan = PlanChoices(
+    plan = PlanSettings(
         shape="logarithmic_sweep", axes=("roll",), duration_s=40.0, band_rad_s=(0.6, 60.0), entry=entry, wind=GUSTY
     )
-    choices = DesignChoices(vehicle=vehicle, kinds=("logarithmic_sweep",), plan=plan)
+    choices = DesignSettings(vehicle=vehicle, kinds=("logarithmic_sweep",), plan=plan)
     craft = choices.aircraft
     write_log(
         folder / f"flight.{form}",
@@ -47,7 +47,7 @@ def flight(
 
 
 def test_a_log_its_result_and_both_give_one_proposal(
-    flight: tuple[DesignChoices, FlightRecord, IdentifiedModel],
+    flight: tuple[DesignSettings, FlightRecord, IdentifiedModel],
 ) -> None:
     _, log, result = flight
     by_log, by_result, by_both = (
@@ -62,7 +62,7 @@ def test_a_log_its_result_and_both_give_one_proposal(
 
 
 def test_a_plan_is_for_the_band_that_tune_asks_for(
-    flight: tuple[DesignChoices, FlightRecord, IdentifiedModel],
+    flight: tuple[DesignSettings, FlightRecord, IdentifiedModel],
 ) -> None:
     choices, log, result = flight
     needed = tune(records=log, axes=("roll",)).axes["roll"].needed_rad_s
@@ -71,7 +71,7 @@ def test_a_plan_is_for_the_band_that_tune_asks_for(
 
 
 def test_a_result_without_the_filters_of_the_gyro_has_no_gains(
-    flight: tuple[DesignChoices, FlightRecord, IdentifiedModel],
+    flight: tuple[DesignSettings, FlightRecord, IdentifiedModel],
 ) -> None:
     """As older versions wrote them: gains of it would not be those of its log."""
     _, _, result = flight

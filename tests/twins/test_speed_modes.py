@@ -10,15 +10,15 @@ import rotorid
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.flying.designs import plan_for
-from rotorid.flying.settings import PlanChoices, SimulateChoices
+from rotorid.flying.settings import PlanSettings, SimulateSettings
 from rotorid.flying.simulation import fly_run, truth_of, write_run
 
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory: pytest.TempPathFactory) -> FlightRecord:
     """An X500 as it is swept when nothing else is asked for: its speed turns it up to 2 rad/s."""
-    craft = SimulateChoices(vehicle="x500").aircraft
-    choices = SimulateChoices(vehicle="x500", plan=plan_for(craft, PlanChoices(axes=("roll",))).plan, seed=1)
+    craft = SimulateSettings(vehicle="x500").aircraft
+    choices = SimulateSettings(vehicle="x500", plan=plan_for(craft, PlanSettings(axes=("roll",))).plan, seed=1)
     path = tmp_path_factory.mktemp("x500") / choices.file_names[0]
     write_run(path, fly_run(choices, 0), choices)
     return rotorid.read(path)
@@ -29,7 +29,7 @@ def test_a_rate_model_is_fitted_above_the_speed_modes(swept: FlightRecord) -> No
     (said,) = (one for one in found.findings if one.kind == "speed_modes_left_out")
     assert said.numbers["whole_cost"] > 100.0 > 50.0 >= said.numbers["average_cost"]
     assert 1.0 < said.numbers["low_rad_s"] < 8.0
-    truth = truth_of(SimulateChoices(vehicle="x500").aircraft)
+    truth = truth_of(SimulateSettings(vehicle="x500").aircraft)
     for name in ("L_roll", "T_motor"):
         one = found[name]
         assert one.lower is not None
@@ -55,9 +55,9 @@ def test_a_fit_in_time_that_misses_the_responses_is_refused(swept: FlightRecord,
 
 def test_a_fit_in_time_that_exchanges_lag_and_damping_is_refused(tmp_path: Path) -> None:
     """In gusts the noise of a px4_quad's yaw fits a motor of 1.2 s and a damping of 110/s better than the truth."""
-    craft = SimulateChoices(vehicle="px4_quad").aircraft
-    plan = plan_for(craft, PlanChoices(axes=("yaw",))).plan
-    choices = SimulateChoices(vehicle="px4_quad", plan=plan, seed=1)
+    craft = SimulateSettings(vehicle="px4_quad").aircraft
+    plan = plan_for(craft, PlanSettings(axes=("yaw",))).plan
+    choices = SimulateSettings(vehicle="px4_quad", plan=plan, seed=1)
     path = tmp_path / choices.file_names[0]
     write_run(path, fly_run(choices, 0), choices)
     with pytest.raises(InsufficientDataError, match="in time and 13") as refused:

@@ -24,7 +24,7 @@ from rotorid.fitting.motors.speed import measured_speed, motor_speed
 from rotorid.identifying.identification import identify_motors
 from rotorid.models.library import library_model
 from rotorid.models.motors import motor_parameters
-from rotorid.settings.settings import MotorChoices
+from rotorid.settings.motors import MotorSettings
 from rotorid.vehicles import aircraft, hummingbird
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 
@@ -226,7 +226,7 @@ def test_the_linear_model_of_motors_leads_in_yaw(
 def of_speeds(tmp_path_factory: pytest.TempPathFactory) -> rotorid.IdentifiedModel:
     """Of a flight whose log has speeds of rotors that weigh something."""
     log = with_speeds(tmp_path_factory.mktemp("speeds") / "speeds.csv", momentum=SHARE)
-    return identify_motors([rotorid.read(log)], MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M))
+    return identify_motors([rotorid.read(log)], MotorSettings(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M))
 
 
 SHARE = 0.003

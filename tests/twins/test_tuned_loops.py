@@ -20,7 +20,7 @@ from benchmarks.tuning_fleet import made
 import rotorid
 from rotorid.data.record import AXES
 from rotorid.documents.tune_check import load_foretold
-from rotorid.flying import PlanChoices, SimulateChoices, fly_run, plan_for, write_run
+from rotorid.flying import PlanSettings, SimulateSettings, fly_run, plan_for, write_run
 from rotorid.loops.rate_loops import loop_by_injection
 from rotorid.proposing import TuningProposal, check_tuning, tune
 from rotorid.report.files import write_tuning, write_tuning_check
@@ -54,10 +54,10 @@ def mistuned(vehicle: str, factors: tuple[float, float, float]) -> Aircraft:
 def fly(craft: Aircraft, folder: Path, *, seed: int) -> Path:
     """A sweep of roll, as a log."""
     plan = plan_for(
-        craft, PlanChoices(axes=("roll",), shape="logarithmic_sweep", band_rad_s=SWEPT_RAD_S, seed=seed)
+        craft, PlanSettings(axes=("roll",), shape="logarithmic_sweep", band_rad_s=SWEPT_RAD_S, seed=seed)
     ).plan
     entry = VehicleEntry(name=craft.name, summary="", source="", make=lambda: craft)
-    choices = SimulateChoices(vehicle=entry, plan=plan, seed=seed)
+    choices = SimulateSettings(vehicle=entry, plan=plan, seed=seed)
     suffix = ".ulg" if craft.autopilot.kind == "px4" else ".BIN"
     log = folder / f"flight_{seed}{suffix}"
     write_run(log, fly_run(choices, 0), choices)
@@ -249,6 +249,6 @@ def test_gains_that_count_as_unstable_swing_in_flight(tmp_path: Path) -> None:
         names = dict(zip(NAMES["px4"], gains.as_dict().values(), strict=True))
         flown = with_gains(craft, names, source="the test")
         entry = VehicleEntry(name=craft.name, summary="", source="", make=lambda flown=flown: flown)  # type: ignore[misc]
-        run = fly_run(SimulateChoices(vehicle=entry, duration_s=20.0, wind=Wind(turbulence_m_s=0.5), seed=1), 0)
+        run = fly_run(SimulateSettings(vehicle=entry, duration_s=20.0, wind=Wind(turbulence_m_s=0.5), seed=1), 0)
         roll = np.degrees(run.flown.columns["phi"])
         assert (np.std(roll[roll.size // 2 :]) < 3.0) == stable

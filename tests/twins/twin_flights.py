@@ -21,7 +21,7 @@ from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.flights.flights import Flight
 from rotorid.flights.measure import measure
 from rotorid.models.library import library_model
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.simulation.hover_flight import Excitation, fly
 from rotorid.simulation.linear_loop import LinearLoop, fly_linear
 from rotorid.typing import Axis, FloatArray

@@ -40,7 +40,7 @@ ALLOWED: Mapping[str, tuple[int, str]] = MappingProxyType(
             3,
             "tries three patterns for the number of a board, of which no other room may know",
         ),
-        "flying/settings.py:SimulateChoices.__post_init__": (
+        "flying/settings.py:SimulateSettings.__post_init__": (
             1,
             "one format names no rotors, so that their order is checked",
         ),

@@ -14,7 +14,6 @@ from typing import Any
 from rotorid.checking.motors import MotorPredictor, identified_motors, known_motors
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
-from rotorid.flights.given_controllers import GivenController
 from rotorid.flights.measure import Measured
 from rotorid.flights.segments import source_of
 from rotorid.io.documents import MOST_JSON_BYTES, DocumentError, parse_json, read_text
@@ -25,6 +24,7 @@ from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import structure_from_toml
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.provenance import LoggedManeuver, Provenance
+from rotorid.settings.given_controllers import GivenController
 from rotorid.typing import Axis
 
 RESULT, RESULTS, MODEL = "result.json", "results.json", "model.toml"

@@ -51,7 +51,9 @@ from rotorid.flights.selection import (
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import connected
 from rotorid.results.model import Verifications
-from rotorid.settings.settings import FlySettings, IdentifySettings, VerifySettings
+from rotorid.settings.flying import FlySettings
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.verifying import VerifySettings
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import Axis, FloatArray
 

@@ -42,7 +42,10 @@ from rotorid.models.families import MOTORS
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.rotors import RotorLayout
 from rotorid.results.model import IdentifiedModel, Verifications
-from rotorid.settings.settings import FlySettings, IdentifySettings, MotorChoices, VerifySettings
+from rotorid.settings.flying import FlySettings
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.motors import MotorSettings
+from rotorid.settings.verifying import VerifySettings
 from rotorid.typing import FloatArray
 from rotorid.verification.fixed_parameters import FixedParameterScores
 from rotorid.verification.scores import GOOD_TIC
@@ -82,7 +85,7 @@ class MotorPredictor(Immutable):
     kind: str
     axes: tuple[str, ...]
     reference_v: float | None = None
-    choices: MotorChoices = field(default_factory=MotorChoices)
+    choices: MotorSettings = field(default_factory=MotorSettings)
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -40,7 +40,9 @@ from rotorid.flights.selection import Selection, require_reached
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
 from rotorid.results.model import Segment, Verifications
-from rotorid.settings.settings import FlySettings, IdentifySettings, VerifySettings
+from rotorid.settings.flying import FlySettings
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.verifying import VerifySettings
 from rotorid.simulation.nonlinear import Scheme, simulate_nonlinear
 from rotorid.typing import FloatArray
 from rotorid.verification.fixed_parameters import FixedParameterScores

@@ -23,7 +23,9 @@ from rotorid.flights.selection import Selection, given_flights, require_reached
 from rotorid.models.parameter import ParameterSet
 from rotorid.results.model import Verifications
 from rotorid.results.provenance import Provenance
-from rotorid.settings.settings import FlySettings, IdentifySettings, VerifySettings
+from rotorid.settings.flying import FlySettings
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.verifying import VerifySettings
 from rotorid.typing import FloatArray
 from rotorid.verification.fixed_parameters import FixedParameterScores, OutputScore
 from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality

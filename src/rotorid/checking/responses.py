@@ -24,7 +24,7 @@ from rotorid.flights.segments import TimeRecords, time_records, with_surrounding
 from rotorid.flights.selection import Selection, select_records
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.results.model import Segment, Verifications
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.typing import FloatArray
 from rotorid.verification.scores import j_rms
 from rotorid.verification.verification import Verification

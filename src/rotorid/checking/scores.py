@@ -15,7 +15,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.segments import holds, require_channels, time_records
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.verification.fixed_parameters import FixedParameterScores, score_frozen
 from rotorid.verification.sampled import band_pass
 

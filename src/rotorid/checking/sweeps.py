@@ -27,7 +27,8 @@ from rotorid.models.structure import LinearStructure
 from rotorid.reduction.guided import fit_and_drop
 from rotorid.results.model import FrequencyCheck
 from rotorid.results.summary import PairCost
-from rotorid.settings.settings import IdentifySettings, MeasureSettings
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.measuring import MeasureSettings
 from rotorid.spectral.derived import selected
 from rotorid.typing import BoolArray, ComplexArray
 

@@ -10,7 +10,9 @@ import typer
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
 from rotorid.cli.options import ForPaper, Map, Only, Output
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.option import Option
+from rotorid.settings.parsing import PATHS
 
 if TYPE_CHECKING:
     from rotorid.documents.compare import CompareDocument
@@ -20,8 +22,9 @@ def compare_command(
     results: Annotated[list[Path], typer.Argument(help="Folders that identify wrote, or their result.json.")],
     *,
     log: Annotated[
-        list[Path] | None, typer.Option("--log", help="A log to score every model on, best an unseen one. Repeatable.")
-    ] = None,
+        tuple[Path, ...],
+        Option("--log", "A log to score every model on, best an unseen one. Repeatable.", text=PATHS),
+    ] = (),
     settings: Annotated[IdentifySettings, Only("segments", "shifts", "hold")],
     map: Map = None,
     output: Output,
@@ -35,7 +38,7 @@ def compare_command(
 
     entries = read_results(results)
     carry_out(
-        log or (),
+        log,
         mapping=map,
         output=output,
         folder=default_folder([_named(path) for path in results], "compare"),

@@ -12,7 +12,8 @@ from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
 from rotorid.cli.options import Logs, Map, Output
 from rotorid.data.quantity import with_interval
-from rotorid.settings.settings import MeasureSettings
+from rotorid.settings.measuring import MeasureSettings
+from rotorid.settings.option import Option
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
@@ -28,21 +29,11 @@ def delay_command(
     *,
     input: Annotated[
         str | None,
-        typer.Option(
-            "--input",
-            metavar="CHANNEL",
-            rich_help_panel="Channels",
-            help="What drives. [default: every set-point that moves]",
-        ),
+        Option("--input", "What drives. [default: every set-point that moves]", "Channels", metavar="CHANNEL"),
     ] = None,
     answer: Annotated[
         str | None,
-        typer.Option(
-            "--output",
-            metavar="CHANNEL",
-            rich_help_panel="Channels",
-            help="What answers. [default: what the set-point is of]",
-        ),
+        Option("--output", "What answers. [default: what the set-point is of]", "Channels", metavar="CHANNEL"),
     ] = None,
     settings: MeasureSettings,
     map: Map = None,

@@ -8,13 +8,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from rotorid.cli.command import print_if_asked, target_of, with_command
 from rotorid.cli.console import progress, say, tell
 from rotorid.cli.options import ForPaper, Only, Output
 from rotorid.cli.preferences import results_folder
 from rotorid.data.quantity import TWO_SIDED_95, error_columns
+from rotorid.settings.option import Option, Seed
 
 if TYPE_CHECKING:
     from rotorid.flying.demo import Demonstration
@@ -22,10 +21,9 @@ if TYPE_CHECKING:
 
 def demo_command(
     *,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of everything drawn at random.")] = 0,
+    seed: Seed = 0,
     keep_log: Annotated[
-        bool,
-        typer.Option("--keep-log", help="Keep the log of the flight, 56 MB; rotorid example px4 writes a smaller one."),
+        bool, Option("--keep-log", "Keep the log of the flight, 56 MB; rotorid example px4 writes a smaller one.")
     ] = False,
     output: Output,
     paper: Annotated[ForPaper, Only("pdf")],

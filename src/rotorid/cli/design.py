@@ -8,82 +8,66 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
-from rotorid.autopilots.registry import AUTOPILOTS
 from rotorid.cli.command import command_line, print_if_asked, target_of
 from rotorid.cli.console import print_findings, progress, say, tell
-from rotorid.cli.options import ForPaper, Only, Output, one_of, vehicle_names
+from rotorid.cli.options import ForPaper, Only, Output, one_of
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import Like, say_taken
 from rotorid.data.quantity import error_columns
 from rotorid.errors import UsageError
-from rotorid.flying.settings import Air, DesignChoices, PlanChoices, parse_shape, plan_choices
+from rotorid.flying.settings import (
+    Air,
+    AutopilotSettings,
+    DesignSettings,
+    PlanSettings,
+    parse_shape,
+    plan_settings,
+    vehicle_names,
+)
+from rotorid.proposing.settings import TUNED_AXES
+from rotorid.settings.option import Option
+from rotorid.settings.parsing import WORDS
 
 if TYPE_CHECKING:
-    from rotorid.data.flight_plan import Shape
     from rotorid.documents.design import DesignDocument, PlanSummaryDocument, PredictionDocument
-    from rotorid.vehicles.catalog import VehicleEntry
+    from rotorid.documents.vehicle import NamedVehicle
 
-
-_AUTOPILOTS = tuple(one.key for one in AUTOPILOTS if one.has_plan_files)
 _KINDS = ("sweep", "log_sweep", "multisine", "binary", "doublet", "2-1-1", "3-2-1-1")
+
+Kinds: TypeAlias = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="KIND...",
+        autocompletion=one_of(_KINDS),
+        help="sweep, log_sweep, multisine, binary, doublet, 2-1-1 or 3-2-1-1. Several are compared.",
+    ),
+]
+Vehicle: TypeAlias = Annotated[
+    tuple[str, ...],
+    Option(
+        "--vehicle",
+        "A vehicle of the library (see rotorid vehicles), a vehicle file .toml, or a result of identify; "
+        "several results join. Repeatable.",
+        "Vehicle and autopilot",
+        WORDS,
+        metavar="NAME|FILE.toml|RESULT",
+        words=vehicle_names,
+    ),
+]
 
 
 def design_command(
-    kinds: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="KIND...",
-            autocompletion=one_of(_KINDS),
-            help="sweep, log_sweep, multisine, binary, doublet, 2-1-1 or 3-2-1-1. Several are compared.",
-        ),
-    ],
+    kinds: Kinds,
     *,
-    vehicle: Annotated[
-        list[str],
-        typer.Option(
-            "--vehicle",
-            metavar="NAME|FILE.toml|RESULT",
-            autocompletion=one_of(vehicle_names),
-            rich_help_panel="Vehicle and autopilot",
-            help="A vehicle of the library (see rotorid vehicles), a vehicle file .toml, or a result of identify; "
-            "several results join. Repeatable.",
-        ),
-    ],
+    vehicle: Vehicle,
     like: Like = None,
-    design: Annotated[dict[str, Any], DesignChoices],
-    gains: Annotated[
-        Path | None,
-        typer.Option(
-            "--gains",
-            rich_help_panel="Vehicle and autopilot",
-            help="A log of your own autopilot: its gains, noise and wind. A wind above zero that you give stays.",
-        ),
-    ] = None,
-    tuned: Annotated[
-        Path | None,
-        typer.Option(
-            "--for-tune",
-            metavar="LOG|RESULT",
-            rich_help_panel="Vehicle and autopilot",
-            help="Sweep the band that tune needs from the gains of a log or a result; of a log also its noise and "
-            "wind, as --gains.",
-        ),
-    ] = None,
-    autopilot: Annotated[
-        str | None,
-        typer.Option(
-            "--for",
-            metavar="|".join(_AUTOPILOTS),
-            autocompletion=one_of(_AUTOPILOTS),
-            rich_help_panel="Vehicle and autopilot",
-            help="The autopilot to write files for. [default: the vehicle's]",
-        ),
-    ] = None,
-    plan: Annotated[dict[str, Any], PlanChoices],
+    design: Annotated[dict[str, Any], DesignSettings],
+    of_log: AutopilotSettings,
+    plan: Annotated[dict[str, Any], PlanSettings],
     air: Air,
     output: Output,
     paper: Annotated[ForPaper, Only("pdf")],
@@ -91,35 +75,15 @@ def design_command(
     """Plan a flight: test inputs as large as limits allow, what they will tell, files for pilot and autopilot."""
     from rotorid.documents.vehicle import named_vehicle
     from rotorid.flying.designs import design as plan_flights
-    from rotorid.flying.flight_air import flown_as
     from rotorid.io.folders import making
-    from rotorid.io.registry import read
     from rotorid.report.files import require_autopilot, to_json, write_design
 
-    require_autopilot(autopilot)
-    _require_one_band(tuned, gains, plan)
+    require_autopilot(of_log.autopilot)
+    _require_one_band(of_log, plan)
     named = named_vehicle(vehicle, like=like, given=design.pop("changes", None))
     if not output.quiet:
         say_taken(named)
-    choices = DesignChoices(
-        vehicle=named.entry,
-        changes=named.changes,
-        kinds=tuple(_shape(kind, named.entry) for kind in kinds),
-        plan=plan_choices(
-            named.entry,
-            inputs=design.get("inputs", ()),
-            models=design.get("models", ()),
-            wind=air.wind,
-            **plan,
-        ),
-        firmware=named.firmware,
-        own=named.own,
-        **design,
-    )
-    if tuned is not None:
-        choices = _for_tune(choices, tuned)
-    elif gains is not None:
-        choices = flown_as(choices, read(gains))
+    choices = _as_flown(_settings(named, kinds, design, plan, air), of_log)
     if not output.quiet:
         # Warnings are printed with the other findings.
         for remark in (one for one in choices.remarks if one.severity == "info"):
@@ -130,7 +94,7 @@ def design_command(
         designed = plan_flights(choices)
         tell("writing the files")
         with making(target) as made:
-            document = write_design(made.place, choices, designed, autopilot=autopilot, command=command_line())
+            document = write_design(made.place, choices, designed, autopilot=of_log.autopilot, command=command_line())
             print_if_asked(made.place, paper)
     if output.json:
         sys.stdout.write(to_json(document))
@@ -138,18 +102,48 @@ def design_command(
         _print(document, choices, vehicle, made.folder)
 
 
-def _require_one_band(tuned: Path | None, gains: Path | None, plan: dict[str, Any]) -> None:
+def _require_one_band(of_log: AutopilotSettings, plan: dict[str, Any]) -> None:
     """Refuse options that say twice what ``--for-tune`` says; of the axes it takes all that ``tune`` looks at."""
-    if tuned is None:
+    if of_log.tuned is None:
         return
-    if gains is not None or plan.get("band_rad_s") is not None:
-        twice = "--gains" if gains is not None else "--band"
+    if of_log.gains is not None or plan.get("band_rad_s") is not None:
+        twice = "--gains" if of_log.gains is not None else "--band"
         raise UsageError(f"--for-tune and {twice} came together", needed="one of them")
-    if plan.get("axes") is None:
-        plan["axes"] = ("roll", "pitch", "yaw")
+    plan.setdefault("axes", TUNED_AXES)
 
 
-def _for_tune(choices: DesignChoices, given: Path) -> DesignChoices:
+def _settings(
+    named: NamedVehicle, kinds: Sequence[str], design: dict[str, Any], plan: dict[str, Any], air: Air
+) -> DesignSettings:
+    """The design of a vehicle; a plain sweep is the one that its autopilot can fly."""
+    from rotorid.flying.designs import sweep_of
+
+    shapes = (sweep_of(named.entry.aircraft) if kind == "sweep" else parse_shape(kind) for kind in kinds)
+    channels = {"inputs": design.get("inputs", ()), "models": design.get("models", ())}
+    return DesignSettings(
+        vehicle=named.entry,
+        changes=named.changes,
+        kinds=tuple(shapes),
+        plan=plan_settings(named.entry, wind=air.wind, **channels, **plan),
+        firmware=named.firmware,
+        own=named.own,
+        **design,
+    )
+
+
+def _as_flown(choices: DesignSettings, of_log: AutopilotSettings) -> DesignSettings:
+    """A design with what a log or a result says of the vehicle that will fly."""
+    if of_log.tuned is not None:
+        return _for_tune(choices, of_log.tuned)
+    if of_log.gains is None:
+        return choices
+    from rotorid.flying.flight_air import flown_as
+    from rotorid.io.registry import read
+
+    return flown_as(choices, read(of_log.gains))
+
+
+def _for_tune(choices: DesignSettings, given: Path) -> DesignSettings:
     """The same design with the gains of a log or a result, and the band that they need."""
     from rotorid.documents.results import is_result, load_results
     from rotorid.io.registry import read
@@ -164,14 +158,7 @@ def _for_tune(choices: DesignChoices, given: Path) -> DesignChoices:
     return designed_for_tune(choices, models=models)
 
 
-def _shape(kind: str, vehicle: VehicleEntry) -> Shape:
-    """The shape that a kind names; a plain sweep is the one that the autopilot can fly."""
-    from rotorid.flying.designs import sweep_of
-
-    return sweep_of(vehicle.aircraft) if kind == "sweep" else parse_shape(kind)
-
-
-def _simulation(choices: DesignChoices, vehicle: Sequence[str], folder: Path, place: Path) -> str:
+def _simulation(choices: DesignSettings, vehicle: Sequence[str], folder: Path, place: Path) -> str:
     """The command that flies a plan in simulation: the vehicle and the wind that it was computed for."""
     from rotorid.report.files import VEHICLE_FILE
 
@@ -188,7 +175,7 @@ def _simulation(choices: DesignChoices, vehicle: Sequence[str], folder: Path, pl
     return shlex.join(words)
 
 
-def _print(document: DesignDocument, choices: DesignChoices, vehicle: Sequence[str], folder: Path) -> None:
+def _print(document: DesignDocument, choices: DesignSettings, vehicle: Sequence[str], folder: Path) -> None:
     from rotorid.cli.console import output_console
 
     console = output_console()

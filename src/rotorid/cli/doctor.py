@@ -8,13 +8,12 @@ import typer
 
 from rotorid.cli.installation import examine
 from rotorid.cli.options import Json
+from rotorid.settings.option import Option
 
 
 def doctor_command(
     *,
-    skip: Annotated[
-        bool, typer.Option("--no-self-test", help="Leave out the flight that is made and identified.")
-    ] = False,
+    skip: Annotated[bool, Option("--no-self-test", "Leave out the flight that is made and identified.")] = False,
     json: Json = False,
 ) -> None:
     """Say whether this installation is sound: versions, extras, cache, sandbox, and a flight made and identified."""

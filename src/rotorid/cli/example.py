@@ -13,6 +13,7 @@ import typer
 from rotorid.cli.command import command_line
 from rotorid.cli.console import output_console, progress
 from rotorid.cli.options import Output, one_of
+from rotorid.settings.option import Seed
 
 if TYPE_CHECKING:
     from rotorid.flying.examples import Example
@@ -32,7 +33,7 @@ def example_command(
         ),
     ] = None,
     *,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of everything drawn at random.")] = 0,
+    seed: Seed = 0,
     output: Output,
 ) -> None:
     """Write a small log, made by the simulator in seconds, and say what to try on it."""

@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from rotorid.cli.command import command_line
 from rotorid.cli.console import default_folder, output_console, print_findings, progress, tell
-from rotorid.cli.options import Output, measured, one_of
+from rotorid.cli.options import Output
+from rotorid.errors import UsageError
+from rotorid.exports.settings import DrawSettings, ExportSettings, TargetSettings
 
 if TYPE_CHECKING:
     from rotorid.documents.export import DrawsDocument, ExportDocument
-    from rotorid.exports.target import ExportChoices, Exported
+    from rotorid.exports.target import Exported
     from rotorid.flying.vehicle_from_results import JoinedVehicle
+    from rotorid.results.model import IdentifiedModel
 
 FILE = "export.json"
-
-
-def _targets() -> Iterable[str]:
-    from rotorid.exports.targets import TARGETS
-
-    return TARGETS
 
 
 def export_command(
@@ -32,96 +29,27 @@ def export_command(
         list[Path], typer.Argument(help="What identify wrote: folders, or result.json; several of one vehicle join.")
     ],
     *,
-    to: Annotated[
-        str,
-        typer.Option(
-            "--to",
-            metavar="TARGET",
-            help="px4-sih, ardupilot, gazebo, mujoco, rotorpy, urdf, matlab, control, fmu or json.",
-            autocompletion=one_of(_targets),
-            rich_help_panel="What is written",
-        ),
-    ],
-    known: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="NAME=VALUE",
-            rich_help_panel="Vehicle",
-            help="What the results do not hold, such as m=1.4. Repeatable.",
-        ),
-    ] = None,
-    layout: Annotated[
-        str | None,
-        typer.Option(
-            "--layout",
-            metavar="NAME|FILE.toml",
-            rich_help_panel="Vehicle",
-            help="quad.x, ..., or a file of rotors, where results hold none.",
-        ),
-    ] = None,
-    name: Annotated[
-        str, typer.Option("--name", metavar="NAME", rich_help_panel="What is written", help="Of the vehicle in files.")
-    ] = "vehicle",
-    delay_as_lag: Annotated[
-        bool,
-        typer.Option(
-            "--delay-as-lag",
-            rich_help_panel="What is written",
-            help="Add the delay to the lag, where a target has no delay.",
-        ),
-    ] = False,
-    pade: Annotated[
-        int | None,
-        typer.Option(
-            "--pade",
-            rich_help_panel="What is written",
-            help="Order of a Padé approximation: delays as states of a state space.",
-        ),
-    ] = None,
-    sample_rate: Annotated[
-        float | None,
-        measured("--sample-rate", "Hz", "Of discrete state spaces. [default: continuous]", heading="What is written"),
-    ] = None,
-    draws: Annotated[
-        int,
-        typer.Option(
-            "--draws",
-            rich_help_panel="What is written",
-            help="Write so many vehicles more, drawn from the covariance.",
-            min=0,
-            max=10000,
-        ),
-    ] = 0,
-    seed: Annotated[int, typer.Option("--seed", help="Of the draws.")] = 0,
+    what: TargetSettings,
+    form: Annotated[dict[str, Any], ExportSettings],
+    drawn: DrawSettings,
     output: Output,
 ) -> None:
     """Write an identified vehicle as files of a simulator or a tool, with what they hold of it."""
     from rotorid.documents.base import to_json
-    from rotorid.documents.export import DrawsDocument
     from rotorid.documents.results import load_results
-    from rotorid.exports.targets import export, export_draws, joined, target_named
-    from rotorid.flying.settings import parse_changes
+    from rotorid.exports.exporting import export, joined
     from rotorid.io.folders import making, target_folder
     from rotorid.report.files import result_kind
-    from rotorid.settings.settings import chosen_layout, require_seed
 
-    target_named(to)
-    require_seed(seed)
-    choices = _choices(name, delay_as_lag=delay_as_lag, pade=pade, sample_rate_hz=sample_rate)
-    given, rotors = parse_changes(known or []), None if layout is None else chosen_layout(layout)
-    target = target_folder(output.out, default_folder(results, f"export-{to}"), result_kind(FILE), force=output.force)
+    choices = _settings(form)
+    default = default_folder(results, f"export-{what.to}")
+    target = target_folder(output.out, default, result_kind(FILE), force=output.force)
     with progress(quiet=output.quiet):
         models = load_results(results)
-        vehicle = joined(models, choices, given=given, layout=rotors)
-        exported = export(vehicle, to, choices)
-        drawn: list[Exported] = []
-        counted: DrawsDocument | None = None
-        if draws:
-            tell(f"drawing {draws} vehicles")
-            drawn, redrawn = export_draws(models, to, choices, draws, seed=seed, given=given, layout=rotors)
-            counted = DrawsDocument(count=draws, seed=seed, redrawn=redrawn)
-        files = _files(exported, drawn)
+        vehicle = joined(models, choices, given=what.given, layout=what.layout)
+        exported = export(vehicle, what.to, choices)
+        more, counted = _drawn(models, what, choices, drawn)
+        files = _files(exported, more)
         document = _document(vehicle, exported, choices, files, counted)
         text = to_json(document)
         with making(target) as made:
@@ -132,26 +60,35 @@ def export_command(
         _print(document, made.folder)
 
 
-def _choices(name: str, *, delay_as_lag: bool, pade: int | None, sample_rate_hz: float | None) -> ExportChoices:
-    from rotorid.errors import UsageError
-    from rotorid.exports.target import ExportChoices
+def _settings(given: dict[str, Any]) -> ExportSettings:
+    """What was chosen: an order makes states of the delay."""
+    if "pade_order" in given:
+        if "delay" in given:
+            raise UsageError(
+                "--delay-as-lag and --pade came together", needed="one of them: a delay is a lag or states, not both"
+            )
+        given["delay"] = "states"
+    return ExportSettings(**given)
 
-    if delay_as_lag and pade is not None:
-        raise UsageError(
-            "--delay-as-lag and --pade came together", needed="one of them: a delay is a lag or states, not both"
-        )
-    return ExportChoices(
-        delay="lag" if delay_as_lag else "none" if pade is None else "states",
-        pade_order=3 if pade is None else pade,
-        sample_rate_hz=sample_rate_hz,
-        names=name,
+
+def _drawn(
+    models: Sequence[IdentifiedModel], what: TargetSettings, choices: ExportSettings, drawn: DrawSettings
+) -> tuple[list[Exported], DrawsDocument | None]:
+    """Further vehicles, drawn from the covariance of the results."""
+    from rotorid.documents.export import DrawsDocument
+    from rotorid.exports.exporting import export_draws
+
+    if not drawn.draws:
+        return [], None
+    tell(f"drawing {drawn.draws} vehicles")
+    vehicles, redrawn = export_draws(
+        models, what.to, choices, drawn.draws, seed=drawn.seed, given=what.given, layout=what.layout
     )
+    return vehicles, DrawsDocument(count=drawn.draws, seed=drawn.seed, redrawn=redrawn)
 
 
 def _files(exported: Exported, drawn: Sequence[Exported]) -> dict[str, str | bytes]:
     """All files by their paths, those of draws in numbered folders."""
-    from rotorid.errors import UsageError
-
     files = dict(exported.files)
     digits = len(str(len(drawn)))
     for number, one in enumerate(drawn, start=1):
@@ -168,7 +105,7 @@ def _files(exported: Exported, drawn: Sequence[Exported]) -> dict[str, str | byt
 def _document(
     vehicle: JoinedVehicle,
     exported: Exported,
-    choices: ExportChoices,
+    choices: ExportSettings,
     files: Mapping[str, str | bytes],
     draws: DrawsDocument | None,
 ) -> ExportDocument:

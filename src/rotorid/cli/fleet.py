@@ -15,12 +15,10 @@ from rotorid.cli.command import command_line, print_if_asked, require_printing
 from rotorid.cli.console import error_console, output_console, say
 from rotorid.cli.options import ForPaper, Only, Output
 from rotorid.cli.preferences import results_folder
-from rotorid.errors import UsageError
 from rotorid.fleets.settings import FleetSettings
 
 if TYPE_CHECKING:
     from rotorid.documents.fleet import FailedLogDocument, FleetDocument
-    from rotorid.fleets.engines import Engine
     from rotorid.fleets.runs import Fleet
 
 FILE, PAGE = "fleet.json", "fleet.html"
@@ -36,23 +34,6 @@ def fleet_command(
     ],
     *,
     settings: FleetSettings,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler",
-            metavar="ADDRESS",
-            rich_help_panel="Work",
-            help="Let a Dask cluster do it: tcp://HOST:8786.",
-        ),
-    ] = None,
-    resume: Annotated[
-        bool,
-        typer.Option(
-            "--resume/--again",
-            rich_help_panel="Work",
-            help="Go on from what is in the folder, or do all logs again.",
-        ),
-    ] = True,
     output: Annotated[Output, Only("out", "json", "quiet")],
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
@@ -61,17 +42,13 @@ def fleet_command(
     from rotorid.documents.fleet import fleet_document
     from rotorid.fleets.analysis import analyze
     from rotorid.fleets.runs import Fleet
-    from rotorid.fleets.table import JOURNAL
     from rotorid.io.files import write_atomically
     from rotorid.io.folders import scratch_folder
     from rotorid.report.fleet import render_fleet
 
     require_printing(paper)
     folder = output.out or results_folder() / "fleet"
-    if not resume:
-        _forget(folder / JOURNAL)
-    engine = _engine(scheduler, settings)
-    run = Fleet(paths, settings, folder, engine=engine)
+    run = Fleet(paths, settings, folder)
     try:
         with _bar(run, quiet=output.quiet) as count:
             try:
@@ -87,7 +64,7 @@ def fleet_command(
             analysis,
             failed=run.failures(),
             counts=run.counts(),
-            settings=settings.asked(),
+            settings=settings.as_json(),
             command=command_line(),
         )
         run.write_tables()
@@ -110,23 +87,6 @@ def fleet_command(
     if not document.done:
         say(f"rotorid: no log gave an answer; the reasons are on {folder / PAGE}, and as a table beside it")
         raise typer.Exit(1)
-
-
-def _forget(journal: Path) -> None:
-    try:
-        journal.unlink(missing_ok=True)
-    except OSError as error:
-        raise UsageError(f"{journal} cannot be removed: {error.strerror}", needed="a folder of one's own") from error
-
-
-def _engine(scheduler: str | None, settings: FleetSettings) -> Engine | None:
-    if scheduler is None:
-        return None
-    from rotorid.fleets.engines import Cluster, Limits
-
-    if settings.workers is not None:
-        raise UsageError("--workers came with --scheduler", needed="one of them: a cluster has its own workers")
-    return Cluster(scheduler, Limits(memory_bytes=settings.memory_bytes, timeout_s=settings.timeout_s))
 
 
 @contextmanager

@@ -6,17 +6,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import fmean, stdev
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from rotorid.cli.command import carry_out, read_logs, with_command
 from rotorid.cli.console import INKS, default_folder, output_console, print_findings
-from rotorid.cli.options import ForPaper, Logs, Map, Output, models_known, one_of
+from rotorid.cli.options import ForPaper, Logs, Map, Output
 from rotorid.data.quantity import error_columns, significant, with_error
 from rotorid.data.trust import BOUNDS_MEANING
 from rotorid.errors import UsageError
-from rotorid.settings.settings import ALL, IdentifySettings, asks_all, parse_names
+from rotorid.settings.identifying import IdentifySettings, ModelSettings
+from rotorid.settings.models import ALL, asks_all
 from rotorid.units import require_units
 
 if TYPE_CHECKING:
@@ -33,97 +32,25 @@ if TYPE_CHECKING:
 
 
 def identify_command(
-    logs: Logs,
-    model: Annotated[
-        list[str],
-        typer.Option(
-            "--model",
-            metavar="NAME|FILE.toml,...",
-            autocompletion=one_of(models_known),
-            rich_help_panel="Models",
-            help="hover.longitudinal, rate.roll, ... (see rotorid models), or FILE.toml. Several with commas or "
-            "repeated; all: every one that the logs may support.",
-        ),
-    ],
-    *,
-    verify: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--verify", rich_help_panel="Judging", help="A log kept unseen, to judge the model on. Repeatable."
-        ),
-    ] = None,
-    inputs: Annotated[
-        str | None,
-        typer.Option(
-            "--inputs",
-            metavar="CHANNEL,...",
-            rich_help_panel="Models",
-            help="Channels that drive response.*, transfer:m/n, black_box:N and black_box:auto.",
-        ),
-    ] = None,
-    decoupled: Annotated[
-        bool,
-        typer.Option(
-            "--decoupled", rich_help_panel="Models", help="A black box for each input and its output, side by side."
-        ),
-    ] = False,
-    cross_validate: Annotated[
-        str | None,
-        typer.Option(
-            "--cross-validate",
-            metavar="each|leave_one_out",
-            autocompletion=one_of(["each", "leave_one_out"]),
-            rich_help_panel="Judging",
-            help="each: identify on each log alone, score on all others. leave_one_out: on all but one, score on that "
-            "one.",
-        ),
-    ] = None,
-    settings: IdentifySettings,
-    map: Map = None,
-    output: Output,
-    paper: ForPaper,
+    logs: Logs, *, asked: ModelSettings, settings: IdentifySettings, map: Map = None, output: Output, paper: ForPaper
 ) -> None:
     """Identify a model from flight logs: responses, bounds, verification, report."""
     from rotorid.documents.result import refused_document, result_document
     from rotorid.identifying.cross_validation import cross_validated, parse_kind
-    from rotorid.identifying.families import require_choices
     from rotorid.identifying.identification import identify, refused
-    from rotorid.models.families import order_is_open
     from rotorid.models.nonlinear import NonlinearStructure
-    from rotorid.models.structure import LinearStructure
     from rotorid.report.files import write_results
     from rotorid.report.publication import of_model
-    from rotorid.settings.resolve import asked_model, read_model, require_known
 
-    kind = parse_kind(cross_validate)
-    models = [name for text in model for name in parse_names(text)]
-    if len(models) > 1 or asks_all(models):
-        if kind or inputs or decoupled:
-            raise UsageError(
-                "--cross-validate, --inputs or --decoupled came with several models",
-                needed="them with a single --model",
-            )
-        _identify_several(logs, models, verify=verify or (), settings=settings, map=map, output=output, paper=paper)
+    kind = parse_kind(asked.cross_validate)
+    if len(asked.models) > 1 or asks_all(asked.models):
+        _identify_several(logs, asked, settings=settings, map=map, output=output, paper=paper)
         return
-    (model_name,) = models
-    if kind and order_is_open(model_name):
-        raise UsageError(
-            f"--cross-validate came with {model_name}, which cross-validates orders by itself",
-            needed="black_box:N with the order that was found, to cross-validate that",
-        )
-    options = {"--cross-validate": cross_validate, "--inputs": inputs, "--decoupled": decoupled}
-    require_choices(model_name, settings, options=options)
-    wanted = read_model(model_name)
-    if not isinstance(wanted, NonlinearStructure):
-        drivers = parse_names(inputs) if inputs else ()
-        wanted = asked_model(model_name, inputs=drivers, outputs=settings.outputs, decoupled=decoupled)
-    _require_units([wanted], settings)
-    if isinstance(wanted, LinearStructure):
-        require_known(wanted, settings)
+    wanted = _wanted(asked, settings)
     name = wanted if isinstance(wanted, str) else wanted.name
 
     def compute(records: Sequence[FlightRecord]) -> IdentifiedModel:
-        unseen = list(read_logs(verify or (), map))
+        unseen = list(read_logs(asked.verify, map))
         result = identify(records, wanted, settings=settings, verify=unseen)
         if kind is None or isinstance(wanted, NonlinearStructure):
             return result
@@ -147,11 +74,34 @@ def identify_command(
     )
 
 
+def _wanted(asked: ModelSettings, settings: IdentifySettings) -> str | LinearStructure | NonlinearStructure:
+    """The structure, or the name of one that takes its channels from the logs; no log is read for wrong options."""
+    from rotorid.identifying.families import require_choices
+    from rotorid.models.families import order_is_open
+    from rotorid.models.nonlinear import NonlinearStructure
+    from rotorid.models.structure import LinearStructure
+    from rotorid.settings.resolve import asked_model, read_model, require_known
+
+    (model,) = asked.models
+    if asked.cross_validate and order_is_open(model):
+        raise UsageError(
+            f"--cross-validate came with {model}, which cross-validates orders by itself",
+            needed="black_box:N with the order that was found, to cross-validate that",
+        )
+    require_choices(model, settings, options=asked.beside)
+    wanted = read_model(model)
+    if not isinstance(wanted, NonlinearStructure):
+        wanted = asked_model(model, inputs=asked.inputs, outputs=settings.outputs, decoupled=asked.decoupled)
+    _require_units([wanted], settings)
+    if isinstance(wanted, LinearStructure):
+        require_known(wanted, settings)
+    return wanted
+
+
 def _identify_several(
     logs: Sequence[Path],
-    models: Sequence[str],
+    asked: ModelSettings,
     *,
-    verify: Sequence[Path],
     settings: IdentifySettings,
     map: Path | None,
     output: Output,
@@ -159,23 +109,15 @@ def _identify_several(
 ) -> None:
     """Several models into one folder: a folder for each with its files, one report, one ``results.json``."""
     from rotorid.documents.results import RESULTS, ResultsDocument, refused_results, results_document
-    from rotorid.identifying.identify_many import identify_several, none_stands, own_choices, require_known_by_any
+    from rotorid.identifying.identify_many import identify_several, none_stands
     from rotorid.report.several import write_several
-    from rotorid.settings.resolve import asked_model, require_known
 
-    asked: str | list[LinearStructure | str] = ALL
-    if not asks_all(models):
-        asked = [asked_model(name, outputs=settings.outputs) for name in models]
-        _require_units(asked, settings)
-        for structure in asked:
-            if not isinstance(structure, str):
-                require_known(structure, own_choices(structure, settings))
-        require_known_by_any(asked, settings)
+    models = _several(asked, settings)
     found: list[SeveralModels] = []
 
     def compute(records: Sequence[FlightRecord]) -> SeveralModels:
-        unseen = list(read_logs(verify, map))
-        several = identify_several(records, asked, settings=settings, verify=unseen)
+        unseen = list(read_logs(asked.verify, map))
+        several = identify_several(records, models, settings=settings, verify=unseen)
         found.append(replace(several, answers={name: with_command(answer) for name, answer in several.items()}))
         if not several.identified:
             raise none_stands(several, records)
@@ -190,13 +132,13 @@ def _identify_several(
             print_findings(shared)
         _print_end(document.results, folder)
 
-    title = f"{', '.join(models)} from {', '.join(log.name for log in logs)}"
+    title = f"{', '.join(asked.models)} from {', '.join(log.name for log in logs)}"
     carry_out(
         logs,
         mapping=map,
         output=output,
         paper=paper,
-        folder=default_folder(logs, "+".join(Path(name).stem if "/" in name else name for name in models)),
+        folder=default_folder(logs, "+".join(Path(name).stem if "/" in name else name for name in asked.models)),
         file=RESULTS,
         compute=compute,
         write=lambda folder, several: write_several(
@@ -206,6 +148,26 @@ def _identify_several(
         document=results_document,
         show=show,
     )
+
+
+def _several(asked: ModelSettings, settings: IdentifySettings) -> str | list[LinearStructure | str]:
+    """Several models, or ``all``; what none of them knows is refused."""
+    from rotorid.identifying.identify_many import own_choices, require_known_by_any
+    from rotorid.settings.resolve import asked_model, require_known
+
+    if any(asked.beside.values()):
+        raise UsageError(
+            "--cross-validate, --inputs or --decoupled came with several models", needed="them with a single --model"
+        )
+    if asks_all(asked.models):
+        return ALL
+    models = [asked_model(name, outputs=settings.outputs) for name in asked.models]
+    _require_units(models, settings)
+    for structure in models:
+        if not isinstance(structure, str):
+            require_known(structure, own_choices(structure, settings))
+    require_known_by_any(models, settings)
+    return models
 
 
 def _require_units(models: Iterable[str | LinearStructure | NonlinearStructure], settings: IdentifySettings) -> None:

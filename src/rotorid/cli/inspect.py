@@ -19,6 +19,7 @@ from rotorid.cli.options import AgainstPlan, ForPaper, Logs, Map, Only, Output
 from rotorid.data.findings import worst_first
 from rotorid.data.quantity import milliseconds, with_error
 from rotorid.errors import UsageError
+from rotorid.settings.option import Option
 from rotorid.signal.airborne import told_by
 
 if TYPE_CHECKING:
@@ -30,9 +31,7 @@ if TYPE_CHECKING:
     from rotorid.flights.consistency import ChannelSkew
     from rotorid.reviewing.inspection import Inspection, LoggedChannel
 
-Plot: TypeAlias = Annotated[
-    Path | None, typer.Option("--plot", help="Write a picture of the log: FILE.html or FILE.png.")
-]
+Plot: TypeAlias = Annotated[Path | None, Option("--plot", "Write a picture of the log: FILE.html or FILE.png.")]
 
 FILE, REPORT = "inspect.json", "report.html"
 _MOST_FINDINGS = 8
@@ -49,7 +48,7 @@ def inspect_command(
     plot: Plot = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="Folder for inspect.json and report.html. [default: nothing is written]"),
+        Option("--out", "Folder for inspect.json and report.html. [default: nothing is written]"),
     ] = None,
     output: Annotated[Output, Only("json", "quiet", "force")],
     paper: Annotated[ForPaper, Only("pdf")],

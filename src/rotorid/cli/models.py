@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from rotorid.cli.options import Json, models_known, one_of
-from rotorid.settings.settings import parse_names
+from rotorid.cli.options import Json, one_of
+from rotorid.settings.models import models_known
+from rotorid.settings.option import Option
+from rotorid.settings.parsing import NAMES
 
 if TYPE_CHECKING:
     from rotorid.models.families import Family
@@ -50,11 +52,13 @@ def models_command(
         ),
     ] = None,
     inputs: Annotated[
-        str | None, typer.Option("--inputs", metavar="CHANNEL,...", help="Of a model without its own.")
-    ] = None,
+        tuple[str, ...],
+        Option("--inputs", "Of a model without its own.", text=NAMES, metavar="CHANNEL,..."),
+    ] = (),
     outputs: Annotated[
-        str | None, typer.Option("--outputs", metavar="CHANNEL,...", help="Of a model without its own.")
-    ] = None,
+        tuple[str, ...],
+        Option("--outputs", "Of a model without its own.", text=NAMES, metavar="CHANNEL,..."),
+    ] = (),
     json: Json = False,
 ) -> None:
     """List the models of the library, or print one to begin a model of your own with."""
@@ -67,7 +71,7 @@ def models_command(
         else:
             _print_list()
         return
-    text, about, structure = _text(name, *(parse_names(text) if text else () for text in (inputs, outputs)))
+    text, about, structure = _text(name, inputs, outputs)
     if json:
         _write({"schema": SCHEMA, "models": [{**_Listed(name, about, structure).as_json(), "toml": text}]})
     else:

@@ -1,24 +1,35 @@
-"""Options of commands: those of settings, made from their fields, and the few that several commands share.
+"""Options of commands, made of the fields of settings, and the few that several commands share.
 
 A command is a function. Where one of its arguments is a class of settings, :func:`with_options` puts an option for
-every field with an :class:`~rotorid.settings.settings.Option` in its place, and hands the command the settings.
+every field with an :class:`~rotorid.settings.option.Option` in its place, and hands the command the settings; an
+argument with an option of its own is made in the same way.
 
 Numbers may be given with a unit. Options with a short list of words are completed by the shell.
 """
 
 import functools
 import inspect
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ForwardRef, Literal, TypeAlias, get_args, get_origin
 
 import typer
 
-from rotorid.settings.settings import Option, option_of, parse_names
+from rotorid.settings.option import Option, Text, option_of, words_of
 from rotorid.units import read_measure
 
-UNITS_OF_NAMES = {"_rad_s": "rad/s", "_m_s": "m/s", "_kg": "kg", "_rad": "rad", "_m": "m", "_s": "s", "_v": "V"}
+UNITS_OF_NAMES = {
+    "_rad_s": "rad/s",
+    "_m_s": "m/s",
+    "_hz": "Hz",
+    "_kg": "kg",
+    "_rad": "rad",
+    "_m": "m",
+    "_s": "s",
+    "_v": "V",
+}
 """The SI unit of a field by how its name ends; numbers of such fields may come with another unit of the same kind."""
 
 _CALLED = {
@@ -31,23 +42,6 @@ _CALLED = {
     "V": "VOLTS",
     "Hz": "HZ",
 }
-
-
-def measured(name: str, unit: str, help: str, *, heading: str | None = None) -> Any:
-    """An option that is a number in a unit, or comes with another one of the same kind.
-
-    Parameters
-    ----------
-    name, help, heading
-        As of an :class:`~rotorid.settings.settings.Option`.
-    unit
-        Of the number that the command is given.
-    """
-
-    def number(text: Any) -> float:
-        return read_measure(str(text), unit, came=f"{name} {str(text)!r} came")
-
-    return typer.Option(name, help=help, parser=number, metavar=_CALLED[unit], rich_help_panel=heading)
 
 
 def one_of(words: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
@@ -72,21 +66,6 @@ def one_of(words: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str]
     return complete
 
 
-def vehicle_names() -> Iterable[str]:
-    """Vehicles of the library."""
-    from rotorid.vehicles.catalog import VEHICLES
-
-    return VEHICLES
-
-
-def models_known() -> Iterable[str]:
-    """Models of the library that need no more than their name."""
-    from rotorid.models.families import known_names
-    from rotorid.settings.settings import ALL
-
-    return (*known_names(), ALL)
-
-
 Logs: TypeAlias = Annotated[
     list[Path],
     typer.Argument(
@@ -97,19 +76,18 @@ Log: TypeAlias = Annotated[
     Path, typer.Argument(help="A flight log: PX4, ArduPilot, Betaflight, Crazyflie, ROS, .mat, .csv and more.")
 ]
 Map: TypeAlias = Annotated[
-    Path | None,
-    typer.Option("--map", help="TOML file that names the channels of any other source.", rich_help_panel="Data"),
+    Path | None, Option("--map", "TOML file that names the channels of any other source.", "Data")
 ]
 AgainstPlan: TypeAlias = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--plan",
+        "Compare the log with a plan of rotorid design: its firmware, and what was flown.",
+        "Data",
         metavar="PLAN.json",
-        help="Compare the log with a plan of rotorid design: its firmware, and what was flown.",
-        rich_help_panel="Data",
     ),
 ]
-Json: TypeAlias = Annotated[bool, typer.Option("--json", help="Print the answer as JSON and nothing else.")]
+Json: TypeAlias = Annotated[bool, Option("--json", "Print the answer as JSON and nothing else.")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,16 +104,12 @@ class Output:
         Overwrite what is not rotorid's.
     """
 
-    out: Annotated[
-        Path | None, Option("--out", heading="Results", help="Folder for the results. [default: rotorid-out/NAME]")
-    ] = None
-    json: Annotated[bool, Option("--json", heading="Results", help="Print the result as JSON and nothing else.")] = (
-        False
+    out: Annotated[Path | None, Option("--out", "Folder for the results. [default: rotorid-out/NAME]", "Results")] = (
+        None
     )
-    quiet: Annotated[bool, Option("--quiet", heading="Results", help="Say nothing but errors.")] = False
-    force: Annotated[
-        bool, Option("--force", heading="Results", help="Overwrite files at --out that are not rotorid's.")
-    ] = False
+    json: Annotated[bool, Option("--json", "Print the result as JSON and nothing else.", "Results")] = False
+    quiet: Annotated[bool, Option("--quiet", "Say nothing but errors.", "Results")] = False
+    force: Annotated[bool, Option("--force", "Overwrite files at --out that are not rotorid's.", "Results")] = False
 
 
 def _format(text: str) -> str:
@@ -168,28 +142,25 @@ class ForPaper:
         Any,
         Option(
             "--figures",
-            heading="Results",
+            "Write every picture too, into figures.",
+            "Results",
+            Text("", _format),
             words=("svg", "pdf", "png"),
-            help="Write every picture too, into figures.",
-            parse=_format,
         ),
     ] = None
     tables: Annotated[
         Any,
         Option(
             "--tables",
-            heading="Results",
-            metavar="csv|tex|csv,tex",
+            "Write every table too, into tables.",
+            "Results",
+            Text("csv|tex|csv,tex", _formats),
             words=("csv", "tex"),
-            help="Write every table too, into tables.",
-            parse=_formats,
         ),
     ] = ()
     pdf: Annotated[
         bool,
-        Option(
-            "--pdf", heading="Results", help="Print the page as PDF too, by Chromium, Chrome or Edge on this machine."
-        ),
+        Option("--pdf", "Print the page as PDF too, by Chromium, Chrome or Edge on this machine.", "Results"),
     ] = False
 
 
@@ -205,6 +176,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 
     ``argument: Settings`` is given an instance; ``argument: Annotated[dict[str, Any], Settings]`` the fields that make
     one, for a class that needs more than options say. An option that was not given is left to the default of its field.
+    ``argument: Annotated[type, Option(...)]`` is an option by itself.
 
     Parameters
     ----------
@@ -212,23 +184,24 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
         The function behind a command.
     """
     parameters: list[inspect.Parameter] = []
-    groups: dict[str, tuple[Callable[..., Any], Mapping[str, Option]]] = {}
+    read: dict[str, tuple[Callable[..., Any], Sequence[Field[Any]]]] = {}
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
         kind, whole, only = _settings(parameter.annotation)
-        if kind is None:
+        if kind is not None:
+            items = [one for one in fields(kind) if option_of(one) and (not only or one.name in only)]
+            read[parameter.name] = kind if whole else dict, items
+        elif option_of(item := _field(parameter)) is not None:
+            items = [item]
+            read[parameter.name] = partial(_alone, item), items
+        else:
+            items = []
             parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
-            continue
-        options = {item.name: option for item in fields(kind) if (option := option_of(item)) is not None}
-        if only:
-            options = {name: options[name] for name in only}
-        parameters += [_parameter(item, options[item.name]) for item in fields(kind) if item.name in options]
-        groups[parameter.name] = kind if whole else dict, options
+        parameters += map(_parameter, items)
 
     @functools.wraps(command)
     def run(**given: Any) -> None:
-        for name, (make, options) in groups.items():
-            read = {field: given.pop(field) for field in options}
-            given[name] = make(**_parsed(read, options))
+        for name, (make, items) in read.items():
+            given[name] = make(**_parsed({item: given.pop(item.name) for item in items}))
         command(**given)
 
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -244,40 +217,61 @@ def _settings(annotation: Any) -> tuple[type[Any] | None, bool, tuple[str, ...]]
     return kind, kind is parts[0], only
 
 
-def _parameter(item: "Field[Any]", option: Option) -> inspect.Parameter:
+def _field(parameter: inspect.Parameter) -> "Field[Any]":
+    """An argument of a command as a field of settings is."""
+    item: Field[Any] = field(default=MISSING if parameter.default is parameter.empty else parameter.default)
+    item.name, item.type = parameter.name, parameter.annotation
+    return item
+
+
+def _alone(item: "Field[Any]", **read: Any) -> Any:
+    """The value of an argument that is an option by itself."""
+    return read.get(item.name, item.default)
+
+
+def _parameter(item: "Field[Any]") -> inspect.Parameter:
     """What the command line reads for a field."""
+    option = option_of(item)
+    assert option is not None
     required = item.default is MISSING and item.default_factory is MISSING
-    default = item.default if item.default is not MISSING and option.parse is None else None
-    if option.parse is not None:
-        default = option.default or (item.default if isinstance(item.default, str) else None)
     return inspect.Parameter(
         item.name,
         inspect.Parameter.KEYWORD_ONLY,
-        default=inspect.Parameter.empty if required else default,
-        annotation=Annotated[_read_as(item, option), _declared(item, option)],
+        default=inspect.Parameter.empty if required else _shown_default(item, option),
+        annotation=Annotated[_read_as(item, option, required=required), _declared(item, option)],
     )
+
+
+def _shown_default(item: "Field[Any]", option: Option) -> Any:
+    """What the command line reads where nothing is given, and its help shows."""
+    if option.gives is not None:
+        return False
+    if option.text is not None:
+        return option.default or (item.default if isinstance(item.default, str) else None)
+    return None if option.hidden_default or item.default is MISSING else item.default
 
 
 def _declared(item: "Field[Any]", option: Option) -> Any:
     """The option as Typer knows it."""
-    if option.parse is None and (unit := _unit(item)) is not None:
-        return measured(option.name, unit, option.help, heading=option.heading)
-    words = option.words or _words(item)
-    called = option.metavar or "|".join(words) or ("NAME,..." if option.parse is parse_names else None)
+    names = (option.name,) if option.also is None else (option.name, option.also)
+    shown: dict[str, Any] = {"help": option.help, "rich_help_panel": option.heading, "envvar": option.variable}
+    if option.text is None and (unit := _unit(item)) is not None:
+
+        def number(text: Any) -> float:
+            return read_measure(str(text), unit, came=f"{option.name} {str(text)!r} came")
+
+        return typer.Option(*names, parser=number, metavar=option.metavar or _CALLED[unit], **shown)
+    words = option.words or (words_of(item) if option.gives is None else ())
+    listed = "" if callable(words) else "|".join(words)
+    least, most = option.within or (None, None)
     return typer.Option(
-        option.name,
-        help=option.help,
-        metavar=called,
-        rich_help_panel=option.heading,
+        *names,
+        metavar=option.metavar or (option.text.form if option.text is not None else None) or listed or None,
         autocompletion=one_of(words) if words else None,
+        min=least,
+        max=most,
+        **shown,
     )
-
-
-def _words(item: "Field[Any]") -> tuple[str, ...]:
-    """The few words that a field takes by its type."""
-    kind = get_args(item.type)[0]
-    kind = next((part for part in get_args(kind) if get_origin(part) is Literal), kind)
-    return tuple(map(str, get_args(kind))) if get_origin(kind) is Literal else ()
 
 
 def _unit(item: "Field[Any]") -> str | None:
@@ -287,23 +281,32 @@ def _unit(item: "Field[Any]") -> str | None:
     return next((si for end, si in UNITS_OF_NAMES.items() if item.name.endswith(end)), None)
 
 
-def _read_as(item: "Field[Any]", option: Option) -> Any:
+def _read_as(item: "Field[Any]", option: Option, *, required: bool) -> Any:
     """The type by which the command line reads a text; one of a few words is text, which the settings check."""
-    if option.repeats:
-        return list[str] | None
     kind = get_args(item.type)[0]
-    if option.parse is None and get_origin(kind) is not Literal and not isinstance(kind, ForwardRef):
-        return kind
-    return str | None
+    if option.gives is not None:
+        return bool
+    if option.text is None and get_origin(kind) is not Literal and not isinstance(kind, ForwardRef):
+        return kind | None if option.hidden_default else kind
+    read = list[str] if option.text is not None and option.text.repeats else str
+    return read if required else read | None
 
 
-def _parsed(read: Mapping[str, Any], options: Mapping[str, Option]) -> dict[str, Any]:
+def _parsed(read: "Mapping[Field[Any], Any]") -> dict[str, Any]:
     """Fields by what the command line read; what was not given is left to the default of its field."""
     values = {}
-    for name, value in read.items():
-        parse = options[name].parse
-        if parse is None:
-            values[name] = value
-        elif value:
-            values[name] = parse(value)
+    for item, text in read.items():
+        option = option_of(item)
+        assert option is not None
+        if (value := _value(text, option)) is not MISSING:
+            values[item.name] = value
     return values
+
+
+def _value(read: Any, option: Option) -> Any:
+    """The value of what the command line read; ``MISSING`` where nothing was given."""
+    if option.gives is not None:
+        return option.gives if read else MISSING
+    if option.text is not None:
+        return option.text.parse(read) if read else MISSING
+    return MISSING if option.hidden_default and read is None else read

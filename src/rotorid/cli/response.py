@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
-
-import typer
 
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
 from rotorid.cli.options import ForPaper, Logs, Map, Output
 from rotorid.errors import UsageError
-from rotorid.settings.settings import ResponseSettings
+from rotorid.settings.measuring import ResponseSettings
+from rotorid.settings.option import Option, Text
+from rotorid.settings.parsing import parse_channels
 
 if TYPE_CHECKING:
     from rotorid.documents.response import LoopDocument, ResponseDocument
@@ -21,23 +22,23 @@ def response_command(
     logs: Logs,
     *,
     inputs: Annotated[
-        str | None,
-        typer.Option(
+        tuple[str, ...],
+        Option(
             "--inputs",
-            metavar="CHANNEL,...",
-            rich_help_panel="Channels",
-            help="What drives, such as roll_command. [default: the excited set-points, else commands]",
+            "What drives, such as roll_command. [default: the excited set-points, else commands]",
+            "Channels",
+            Text("CHANNEL,...", partial(parse_channels, option="--inputs")),
         ),
-    ] = None,
+    ] = (),
     outputs: Annotated[
-        str | None,
-        typer.Option(
+        tuple[str, ...],
+        Option(
             "--outputs",
-            metavar="CHANNEL,...",
-            rich_help_panel="Channels",
-            help="What answers, such as p,ay. [default: what answers the set-points]",
+            "What answers, such as p,ay. [default: what answers the set-points]",
+            "Channels",
+            Text("CHANNEL,...", partial(parse_channels, option="--outputs")),
         ),
-    ] = None,
+    ] = (),
     settings: ResponseSettings,
     map: Map = None,
     output: Output,
@@ -49,41 +50,28 @@ def response_command(
     from rotorid.report.files import write_responses
     from rotorid.report.publication import of_responses
 
-    if (inputs is None) is not (outputs is None):
+    if bool(inputs) is not bool(outputs):
         raise UsageError(
-            f"{'--outputs' if inputs is None else '--inputs'} came alone",
+            f"{'--inputs' if inputs else '--outputs'} came alone",
             needed="--inputs and --outputs, or neither for what was excited",
         )
-    channels = {
-        "inputs": () if inputs is None else _channels(inputs, "--inputs"),
-        "outputs": () if outputs is None else _channels(outputs, "--outputs"),
-    }
     title = f"Responses from {', '.join(log.name for log in logs)}"
     carry_out(
         logs,
         mapping=map,
         output=output,
-        folder=default_folder(logs, "-".join(["response", *channels["inputs"], *channels["outputs"]])),
+        folder=default_folder(logs, "-".join(["response", *inputs, *outputs])),
         file="response.json",
-        compute=lambda records: response(records, **channels, settings=settings),
+        compute=lambda records: response(records, inputs=inputs, outputs=outputs, settings=settings),
         write=lambda folder, result: write_responses(folder, result, title=title),
         refused=lambda error, records: response_document(
-            refused_response(error, records, **channels, settings=settings)
+            refused_response(error, records, inputs=inputs, outputs=outputs, settings=settings)
         ),
         document=response_document,
         show=_print,
         paper=paper,
         publication=of_responses,
     )
-
-
-def _channels(text: str, option: str) -> tuple[str, ...]:
-    names = tuple(part.strip() for part in text.split(","))
-    if not all(names) or len(set(names)) < len(names):
-        raise UsageError(
-            f"{option} {text!r} came", needed="channel names, each once, with commas between them: roll_command,p"
-        )
-    return names
 
 
 def _print(document: ResponseDocument, folder: Path) -> None:

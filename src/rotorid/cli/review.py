@@ -16,6 +16,8 @@ from rotorid.cli.folders import Found
 from rotorid.cli.inspect import plan_of
 from rotorid.cli.options import AgainstPlan, ForPaper, Logs, Map, Only, Output
 from rotorid.data.findings import worst_first
+from rotorid.reviewing.settings import ReviewSettings
+from rotorid.settings.option import Option
 
 if TYPE_CHECKING:
     from rotorid.data.findings import Finding
@@ -36,8 +38,8 @@ def review_command(
     *,
     map: Map = None,
     plan: AgainstPlan = None,
-    models: Annotated[bool, typer.Option("--models/--no-models", help="Identify models too; the longest part.")] = True,
-    show: Annotated[bool, typer.Option("--open", help="Show the page in the browser.")] = False,
+    settings: ReviewSettings,
+    show: Annotated[bool, Option("--open", "Show the page in the browser.")] = False,
     output: Output,
     paper: Annotated[ForPaper, Only("figures", "pdf")],
 ) -> None:
@@ -51,7 +53,7 @@ def review_command(
     target = target_of(output, default_folder(found.files, "review"), FILE, paper)
     wanted = plan_of(plan)
     with progress(quiet=output.quiet):
-        seen = [_against(wanted, record, review(record, models=models)) for record in found.records(map)]
+        seen = [_against(wanted, record, review(record, settings=settings)) for record in found.records(map)]
         if found.skipped:
             # Results are not named after what is no log.
             target = target_of(output, default_folder(found.read, "review"), FILE, paper)

@@ -12,13 +12,14 @@ import typer
 
 from rotorid.cli.console import say
 from rotorid.cli.preferences import results_folder
+from rotorid.settings.option import Option
 
 
 def run_command(
     project: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Project file that rotorid lab saved.")],
     *,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder for the steps. [default: rotorid-out/NAME]")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
+    out: Annotated[Path | None, Option("--out", "Folder for the steps. [default: rotorid-out/NAME]")] = None,
+    quiet: Annotated[bool, Option("--quiet", "Say nothing but errors.")] = False,
 ) -> None:
     """Carry out the steps of a project file; each goes into a folder step-N."""
     from rotorid.errors import UsageError

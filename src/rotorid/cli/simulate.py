@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
 from rotorid.cli.command import carry_out, command_line
 from rotorid.cli.console import default_folder, print_findings, progress
-from rotorid.cli.options import ForPaper, Map, Output, measured, one_of, vehicle_names
+from rotorid.cli.options import ForPaper, Map, Only, Output, one_of
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import Like, say_taken
 from rotorid.errors import UsageError
-from rotorid.flying.settings import Air, PlanChoices, SimulateChoices, plan_choices
-from rotorid.settings.settings import FlySettings, parse_segments
+from rotorid.flying.settings import Air, PlanSettings, SimulateSettings, plan_settings, vehicle_names
+from rotorid.settings.flying import FlySettings
+from rotorid.settings.option import Option, changed_options, options_given
+from rotorid.settings.parsing import PATHS
 
 if TYPE_CHECKING:
     from rotorid.data.flight_plan import Entry, FlightPlan
@@ -33,74 +36,102 @@ _HOVER_S = 60.0
 RIG = "rig"
 
 
+Vehicle: TypeAlias = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="VEHICLE...|RESULT...",
+        autocompletion=one_of(vehicle_names),
+        help="A vehicle of the library (see rotorid vehicles), a vehicle file .toml, or results of identify.",
+    ),
+]
+Plan: TypeAlias = Annotated[
+    str | None,
+    Option(
+        "--plan",
+        "plan.json of rotorid design, everyday for ordinary flying by stick, or none for a hover. [default: a "
+        "sweep and two doublets on every axis; of a vehicle behind set-points random binary signals on all]",
+        "Flight",
+        metavar="FILE|everyday|none",
+        words=(EVERYDAY, _NO_PLAN),
+    ),
+]
+ThroughLogs: TypeAlias = Annotated[
+    tuple[Path, ...],
+    Option(
+        "--log",
+        "Fly results of identify through the inputs of this log, beside what was measured there. Repeatable.",
+        "Through a log",
+        PATHS,
+    ),
+]
+
+
 def simulate_command(
-    vehicle: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="VEHICLE...|RESULT...",
-            autocompletion=one_of(vehicle_names),
-            help="A vehicle of the library (see rotorid vehicles), a vehicle file .toml, or results of identify.",
-        ),
-    ],
+    vehicle: Vehicle,
     *,
     like: Like = None,
-    plan: Annotated[
-        str | None,
-        typer.Option(
-            "--plan",
-            metavar="FILE|everyday|none",
-            autocompletion=one_of([EVERYDAY, _NO_PLAN]),
-            rich_help_panel="Flight",
-            help="plan.json of rotorid design, everyday for ordinary flying by stick, or none for a hover. [default: a "
-            "sweep and two doublets on every axis; of a vehicle behind set-points random binary signals on all]",
-        ),
-    ] = None,
-    log: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--log",
-            rich_help_panel="Through a log",
-            help="Fly results of identify through the inputs of this log, beside what was measured there. Repeatable.",
-        ),
-    ] = None,
+    plan: Plan = None,
+    log: ThroughLogs = (),
     map: Map = None,
-    segment: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--segment",
-            metavar="AXIS:START:STOP",
-            rich_help_panel="Through a log",
-            help="A stretch of --log to fly, in log seconds. Repeatable.",
-        ),
-    ] = None,
-    pieces: Annotated[
-        float | None,
-        measured(
-            "--pieces",
-            "s",
-            "With --log: after what time a simulation begins anew. [default: by model]",
-            heading="Through a log",
-        ),
-    ] = None,
-    flight: Annotated[dict[str, Any], SimulateChoices],
+    through: Annotated[dict[str, Any], FlySettings, Only("segments", "pieces_s")],
+    flight: Annotated[dict[str, Any], SimulateSettings],
     air: Air,
     output: Output,
     paper: ForPaper,
 ) -> None:
     """Fly a vehicle in simulation, and write its log as its autopilot would have; or a model through a log."""
+    of_flights = _of_flights(plan, flight, air)
     if log:
-        _refuse_of_logs(plan, like, air, flight)
-        settings = FlySettings(segments=parse_segments(segment or []), pieces_s=pieces, seed=flight["seed"])
+        _refuse(
+            [*of_flights, *(["--like"] if like is not None else [])],
+            "with --log",
+            needed="no more than --map, --segment, --pieces, --seed: a model flies through what the log holds",
+        )
+        settings = FlySettings(**through, seed=flight["seed"])
         _fly_log(vehicle, log, map=map, settings=settings, output=output, paper=paper)
         return
-    given = {"--map": map, "--segment": segment, "--pieces": pieces}
-    if wrong := [name for name, value in given.items() if value]:
-        raise UsageError(f"{', '.join(wrong)} came without --log", needed="the log that a model is flown through")
+    of_logs = [*(["--map"] if map is not None else []), *changed_options(FlySettings, through).values()]
+    _refuse(of_logs, "without --log", needed="the log that a model is flown through")
     if plan not in (None, _NO_PLAN, EVERYDAY) and like is None and (models := _fliers(vehicle)):
         _fly_plan(models, Path(plan or ""), vehicle, seed=flight["seed"], output=output, paper=paper)
         return
     if paper.figures or paper.tables or paper.pdf:
         raise UsageError("--figures, --tables or --pdf came for a simulated log", needed="--log, or identify")
+    _fly_vehicle(vehicle, like, plan, flight, air, output, of_flights)
+
+
+def _refuse(given: Sequence[str], where: str, *, needed: str) -> None:
+    """Refuse options that say nothing of what is asked.
+
+    Raises
+    ------
+    UsageError
+        Some were given.
+    """
+    if given:
+        raise UsageError(f"{', '.join(given)} came {where}", needed=needed)
+
+
+def _of_flights(plan: str | None, flight: dict[str, Any], air: Air) -> list[str]:
+    """Options of simulated flights that were given; a seed is of all."""
+    given = {name: value for name, value in flight.items() if name != "seed"}
+    return [
+        *(["--plan"] if plan is not None else []),
+        *changed_options(SimulateSettings, given).values(),
+        *options_given(air).values(),
+    ]
+
+
+def _fly_vehicle(
+    vehicle: list[str],
+    like: str | None,
+    plan: str | None,
+    flight: dict[str, Any],
+    air: Air,
+    output: Output,
+    of_flights: Sequence[str],
+) -> None:
+    """Fly a vehicle, or run the rig, and write its log."""
     from rotorid.documents.vehicle import named_vehicle
     from rotorid.io.folders import making, target_folder
     from rotorid.report.files import result_kind, to_json, write_rig_simulation, write_simulation
@@ -109,14 +140,18 @@ def simulate_command(
     default = results_folder() / named.entry.name
     target = target_folder(output.out, default, result_kind("simulation.json"), force=output.force)
     if named.entry.name == RIG and named.entry.make is None:
-        _refuse_of_the_rig(plan, air, flight)
+        _refuse(
+            of_flights,
+            "for the rig, which does not fly",
+            needed="no more than --seed and --out: two motors are swept for 120 s, and the log is CSV",
+        )
         with making(target) as made:
             document = write_rig_simulation(made.place, seed=flight["seed"], command=command_line())
     else:
         if plan == _NO_PLAN and flight["duration_s"] is None:
             flight["duration_s"] = _HOVER_S
         # Checked before the plan is made, which takes a while.
-        choices = SimulateChoices(vehicle=named.entry, wind=air.wind, **{**flight, "changes": named.changes})
+        choices = SimulateSettings(vehicle=named.entry, wind=air.wind, **{**flight, "changes": named.changes})
         if not output.quiet:
             say_taken(named)
         with progress(quiet=output.quiet):
@@ -127,39 +162,6 @@ def simulate_command(
         sys.stdout.write(to_json(document))
     elif not output.quiet:
         _print(document, made.folder)
-
-
-def _refuse_of_logs(plan: str | None, like: str | None, air: Air, flight: dict[str, Any]) -> None:
-    """A log says what the inputs are: no plan, no air, no numbers of a vehicle.
-
-    Raises
-    ------
-    UsageError
-        An option of simulated flights was given.
-    """
-    asked = {"--plan": plan is not None, "--like": like is not None, **_of_flights(air, flight)}
-    if given := [name for name, value in asked.items() if value]:
-        raise UsageError(
-            f"{', '.join(given)} came with --log",
-            needed="no more than --map, --segment, --pieces, --seed: a model flies through what the log holds",
-        )
-
-
-def _of_flights(air: Air, flight: dict[str, Any]) -> dict[str, bool]:
-    """Options of simulated flights, and whether they were given."""
-    usual = SimulateChoices(vehicle=RIG)
-    return {
-        "--duration": flight["duration_s"] is not None,
-        "--wind": air.mean_m_s != Air().mean_m_s,
-        "--height": air.height_m != Air().height_m,
-        "--turbulence": air.turbulence_m_s != Air().turbulence_m_s,
-        "--runs": flight["runs"] != usual.runs,
-        "--set": "changes" in flight,
-        "--vary": "vary" in flight,
-        "--format": flight["format"] is not None,
-        "--stick": flight["stick"] != usual.stick,
-        "--speed": flight.get("speed_m_s", usual.speed_m_s) != usual.speed_m_s,
-    }
 
 
 def _models(results: list[str]) -> list[IdentifiedModel]:
@@ -192,7 +194,13 @@ def _fliers(vehicle: list[str]) -> list[IdentifiedModel]:
 
 
 def _fly_log(
-    results: list[str], logs: list[Path], *, map: Path | None, settings: FlySettings, output: Output, paper: ForPaper
+    results: list[str],
+    logs: Sequence[Path],
+    *,
+    map: Path | None,
+    settings: FlySettings,
+    output: Output,
+    paper: ForPaper,
 ) -> None:
     """Fly an identified model through logs, and write what it did beside what was measured."""
     from rotorid.documents.flown import FLOWN, flown_document, refused_flown_document
@@ -267,23 +275,7 @@ def _print_flown(document: FlownDocument, folder: Path) -> None:
     console.print(f"signals: {folder / 'flown.npz'}", soft_wrap=True, markup=False)
 
 
-def _refuse_of_the_rig(plan: str | None, air: Air, flight: dict[str, Any]) -> None:
-    """The rig has one experiment of its own.
-
-    Raises
-    ------
-    UsageError
-        An option of flights was given.
-    """
-    asked = {"--plan": plan is not None, **_of_flights(air, flight)}
-    if given := [name for name, value in asked.items() if value]:
-        raise UsageError(
-            f"{', '.join(given)} came for the rig, which does not fly",
-            needed="no more than --seed and --out: two motors are swept for 120 s, and the log is CSV",
-        )
-
-
-def _plan(given: str | None, flight: SimulateChoices) -> FlightPlan | None:
+def _plan(given: str | None, flight: SimulateSettings) -> FlightPlan | None:
     """The plan that the user named, ordinary sticks, none, or test inputs and two doublets of each axis."""
     from rotorid.autopilots.registry import named
     from rotorid.documents.design import read_plan
@@ -300,11 +292,11 @@ def _plan(given: str | None, flight: SimulateChoices) -> FlightPlan | None:
     if given is not None:
         return read_plan(Path(given))
     if flight.entry.interface is not None:
-        wishes = plan_choices(flight.entry, shape="random_binary", doublets=True, wind=flight.wind, seed=flight.seed)
+        wishes = plan_settings(flight.entry, shape="random_binary", doublets=True, wind=flight.wind, seed=flight.seed)
         return plan_for(changed(flight.entry.aircraft, flight.changes), wishes).plan
     # A pilot flies what an autopilot does not add to its commands: sticks are its instrument.
     entry: Entry | None = None if named(craft.autopilot.kind).entry == "command" else "stick"
-    choices = PlanChoices(shape=sweep_of(craft), doublets=True, entry=entry, wind=flight.wind, seed=flight.seed)
+    choices = PlanSettings(shape=sweep_of(craft), doublets=True, entry=entry, wind=flight.wind, seed=flight.seed)
     return plan_for(craft, choices).plan
 
 

@@ -10,6 +10,9 @@ import typer
 from rotorid.cli.command import carry_out
 from rotorid.cli.options import ForPaper, Map, Only, Output
 from rotorid.cli.preferences import results_folder
+from rotorid.flying.settings import StitchSettings
+from rotorid.settings.option import Option
+from rotorid.settings.parsing import PATHS
 
 if TYPE_CHECKING:
     from rotorid.documents.stitched import StitchedDocument
@@ -25,37 +28,30 @@ def stitch_command(
     ],
     *,
     log: Annotated[
-        list[Path] | None,
-        typer.Option("--log", help="A flight through the speeds, to judge the stitched model on. Repeatable."),
-    ] = None,
-    controller: Annotated[
-        Path | None, typer.Option("--controller", help="TOML file with gains that the log does not hold.")
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the draws behind the spread of a flight.")] = 0,
+        tuple[Path, ...],
+        Option("--log", "A flight through the speeds, to judge the stitched model on. Repeatable.", text=PATHS),
+    ] = (),
+    settings: StitchSettings,
     map: Map = None,
     output: Output,
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Stitch models that were identified at several speeds into one over speed."""
     from rotorid.documents.stitched import read_models, stitched_document
-    from rotorid.flights.given_controllers import read_controllers
     from rotorid.flying.stitching import refused_flight, stitch
     from rotorid.report.stitched import JSON, write_stitched
-    from rotorid.settings.settings import require_seed
 
-    require_seed(seed)
     models = read_models(results)
-    controllers = read_controllers(controller) if controller else {}
     # Wrong results are told before any log is read.
-    stitched = stitch(models, seed=seed)
+    stitched = stitch(models, settings=settings)
     carry_out(
-        log or (),
+        log,
         mapping=map,
         output=output,
         paper=paper,
         folder=results_folder() / "stitch",
         file=JSON,
-        compute=lambda records: stitch(models, records, controllers=controllers, seed=seed),
+        compute=lambda records: stitch(models, records, settings=settings),
         write=lambda folder, found: write_stitched(folder, found, title=f"{len(models)} models over speed"),
         refused=lambda error, records: stitched_document(refused_flight(error, stitched, records)),
         document=stitched_document,

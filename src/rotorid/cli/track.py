@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder, output_console, print_findings
-from rotorid.cli.options import ForPaper, Log, Map, Only, Output, measured, one_of
+from rotorid.cli.options import ForPaper, Log, Map, Only, Output
 from rotorid.data.quantity import with_error
+from rotorid.identifying.settings import TrackSettings
+from rotorid.settings.option import Option
 
 if TYPE_CHECKING:
-    from rotorid.data.record import FlightRecord
     from rotorid.documents.track import TrackDocument
     from rotorid.identifying.tracking import FlightTracking
     from rotorid.results.model import IdentifiedModel
@@ -27,50 +25,23 @@ def track_command(
     *,
     model: Annotated[
         str,
-        typer.Option(
+        Option(
             "--model",
+            "rate.roll, rate.pitch or rate.yaw; or a result of identify of the same vehicle.",
             metavar="NAME|RESULT",
-            autocompletion=one_of(["rate.roll", "rate.pitch", "rate.yaw"]),
-            help="rate.roll, rate.pitch or rate.yaw; or a result of identify of the same vehicle.",
+            words=("rate.roll", "rate.pitch", "rate.yaw"),
         ),
     ] = "rate.roll",
-    first: Annotated[float, measured("--first", "s", "The part of the flight that all else is compared with.")] = 60.0,
-    step: Annotated[float, typer.Option("--step", help="Change of the gain that is looked for, as a share.")] = 0.13,
-    thrust_exponent: Annotated[
-        float | None,
-        typer.Option(
-            "--thrust-exponent",
-            help="Power of the thrust command by which the gain grows: 0 for linear thrust, 0.8 for quadratic. "
-            "[default: from the first seconds]",
-        ),
-    ] = None,
+    settings: TrackSettings,
     map: Map = None,
     output: Output,
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Follow a model through a flight: payload dropped, propellers damaged, battery sagging."""
     from rotorid.data.findings import refusal
-    from rotorid.documents.track import track_arrays, track_document
-    from rotorid.identifying.tracking import TrackChoices, track
-    from rotorid.io.files import write_atomically, write_npz
-    from rotorid.report.files import to_json, write_together
-    from rotorid.report.track import render_track
+    from rotorid.documents.track import track_document
+    from rotorid.identifying.tracking import track
     from rotorid.results.provenance import refused
-
-    choices = TrackChoices(first_s=first, step_share=step, thrust_exponent=thrust_exponent)
-
-    def compute(records: Sequence[FlightRecord]) -> FlightTracking:
-        return track(records[0], _model(model), first_s=first, thrust_exponent=thrust_exponent, step_share=step)
-
-    def write(folder: Path, found: FlightTracking) -> None:
-        write_together(
-            folder,
-            {
-                FILE: lambda path: write_atomically(path, to_json(track_document(found))),
-                "track.npz": lambda path: write_npz(path, track_arrays(found)),
-                "report.html": lambda path: write_atomically(path, render_track(found)),
-            },
-        )
 
     name = Path(model).name if Path(model).exists() else model
     carry_out(
@@ -80,13 +51,29 @@ def track_command(
         paper=paper,
         folder=default_folder(log, f"track-{name}"),
         file=FILE,
-        compute=compute,
-        write=write,
+        compute=lambda records: track(records[0], _model(model), settings=settings),
+        write=_write,
         refused=lambda error, records: track_document(
-            refused(error, records, choices, otherwise=refusal("not_identifiable", model, str(error)))
+            refused(error, records, settings, otherwise=refusal("not_identifiable", model, str(error)))
         ),
         document=track_document,
         show=_print,
+    )
+
+
+def _write(folder: Path, found: FlightTracking) -> None:
+    from rotorid.documents.track import track_arrays, track_document
+    from rotorid.io.files import write_atomically, write_npz
+    from rotorid.report.files import to_json, write_together
+    from rotorid.report.track import render_track
+
+    write_together(
+        folder,
+        {
+            FILE: lambda path: write_atomically(path, to_json(track_document(found))),
+            "track.npz": lambda path: write_npz(path, track_arrays(found)),
+            "report.html": lambda path: write_atomically(path, render_track(found)),
+        },
     )
 
 

@@ -10,19 +10,19 @@ import typer
 
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder, output_console, print_findings
-from rotorid.cli.options import ForPaper, Map, Only, Output, one_of
+from rotorid.cli.options import ForPaper, Map, Only, Output
 from rotorid.data.quantities import QUANTITIES
 from rotorid.errors import UsageError
+from rotorid.proposing.settings import TuneSettings
+from rotorid.settings.option import Option
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from rotorid.documents.tune import AxisTuneDocument, TuneDocument
     from rotorid.documents.tune_check import TuneCheckDocument
-    from rotorid.proposing.proposal import TuneSettings, TuningProposal
+    from rotorid.proposing.proposal import TuningProposal
     from rotorid.results.model import IdentifiedModel
-
-_GAINS = ("P", "I", "D", "A")
 
 _FURTHER_DATA = ("room_not_checked", "plant_of_choice", "thrust_range")
 """Kinds of remarks that say what a log, a result or a fit of motors adds to the gains, or what is missing of it."""
@@ -38,104 +38,22 @@ def tune_command(
         ),
     ],
     *,
-    axes: Annotated[
-        str | None,
-        typer.Option(
-            "--axes",
-            "--axis",
-            metavar="AXIS,...",
-            autocompletion=one_of(["roll", "pitch", "yaw"]),
-            rich_help_panel="Gains",
-            help="Axes to tune. [default: roll,pitch,yaw]",
-        ),
-    ] = None,
-    robustness: Annotated[
-        float,
-        typer.Option(
-            "--robustness",
-            rich_help_panel="Gains",
-            help="Largest sensitivity peak M_s of every loop: 1.4 soft, 1.7 recommended, 2 firm, 2.5 little reserve; "
-            "--check takes that of the proposal.",
-        ),
-    ] = 1.7,
-    noise: Annotated[
-        float,
-        typer.Option(
-            "--noise",
-            rich_help_panel="Gains",
-            help="Noise of the motors at most, as a factor on that of the flown gains.",
-        ),
-    ] = 2.0,
-    keep: Annotated[
-        str | None,
-        typer.Option(
-            "--keep",
-            metavar="GAIN,...",
-            autocompletion=one_of(_GAINS),
-            rich_help_panel="Gains",
-            help="Those that stay, of P, I, D and A (the angle).",
-        ),
-    ] = None,
-    only: Annotated[
-        str | None,
-        typer.Option(
-            "--only",
-            metavar="GAIN,...",
-            autocompletion=one_of(_GAINS),
-            rich_help_panel="Gains",
-            help="Those that may change; all others stay.",
-        ),
-    ] = None,
-    filters: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            rich_help_panel="Gains",
-            metavar="NAME=VALUE",
-            help="A filter that is to be flown, by the firmware's name. Repeatable.",
-        ),
-    ] = None,
+    settings: TuneSettings,
     check: Annotated[
         Path | None,
-        typer.Option(
-            "--check",
-            rich_help_panel="Judging",
-            metavar="PROPOSAL",
-            help="Folder that tune wrote: whether these logs fly as it foretold.",
+        Option(
+            "--check", "Folder that tune wrote: whether these logs fly as it foretold.", "Judging", metavar="PROPOSAL"
         ),
     ] = None,
-    scale: Annotated[
-        float | None,
-        typer.Option(
-            "--scale",
-            rich_help_panel="Judging",
-            help="How many times larger a helicopter of full scale is, for its guidelines.",
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the draws of likely plants.")] = 0,
     map: Map = None,
     output: Output,
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Propose gains that hold for every likely plant, and write files for the autopilot with a way back."""
     from rotorid.documents.tune import TUNE, refused_tune_document, tune_document
-    from rotorid.flying.settings import parse_assignments
-    from rotorid.proposing.filters import numbered
-    from rotorid.proposing.proposal import TUNED_AXES, TuneSettings, refused_tuning, tune
-    from rotorid.settings.settings import parse_names
+    from rotorid.proposing.proposal import refused_tuning, tune
 
-    stay = _staying(keep, only)
-    changed = parse_assignments([numbered(one) for one in filters or ()], option="--set", units={})
-    settings = TuneSettings(
-        axes=parse_names(axes) if axes else TUNED_AXES,  # type: ignore[arg-type]
-        robustness=robustness,
-        noise=noise,
-        keep=stay,
-        filters=changed,
-        scale=scale,
-        seed=seed,
-    )
-    models, logs = _told_apart(given)
+    models, logs = _models_and_logs(given)
     if check is not None:
         _check(check, models, logs, settings, map, output, paper)
         return
@@ -189,25 +107,7 @@ def _check(
     )
 
 
-def _staying(keep: str | None, only: str | None) -> tuple[str, ...]:
-    """Gains that stay.
-
-    Raises
-    ------
-    UsageError
-        Both lists came, or a gain is unknown.
-    """
-    from rotorid.settings.settings import parse_names
-
-    if keep and only:
-        raise UsageError("--keep and --only came together", needed="one of them")
-    named = parse_names(keep or only or "") if keep or only else ()
-    if wrong := [name for name in named if name not in _GAINS]:
-        raise UsageError(f"the gain {wrong[0]} came", needed="of P, I, D and A")
-    return tuple(name for name in _GAINS if name not in named) if only else named
-
-
-def _told_apart(given: Sequence[Path]) -> tuple[list[IdentifiedModel], list[Path]]:
+def _models_and_logs(given: Sequence[Path]) -> tuple[list[IdentifiedModel], list[Path]]:
     """Results, loaded, and logs."""
     from rotorid.documents.results import is_result, load_results
 

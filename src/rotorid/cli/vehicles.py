@@ -4,29 +4,22 @@ from __future__ import annotations
 
 import json as json_text
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
 from rotorid.cli.console import say
-from rotorid.cli.options import Json, one_of, vehicle_names
-from rotorid.flying.settings import parse_changes
+from rotorid.cli.options import Json, one_of
+from rotorid.flying.settings import LIKE_HELP, VehicleFileSettings, vehicle_names
+from rotorid.settings.option import Option, options_given
 
 if TYPE_CHECKING:
     from rotorid.documents.vehicle import NamedVehicle
 
 SCHEMA = "rotorid.vehicles/1"
-LIKE_HELP = "For results: a vehicle whose autopilot, sensors and missing numbers it has."
 Like: TypeAlias = Annotated[
     str | None,
-    typer.Option(
-        "--like",
-        metavar="NAME",
-        autocompletion=one_of(vehicle_names),
-        rich_help_panel="Vehicle and autopilot",
-        help=LIKE_HELP,
-    ),
+    Option("--like", LIKE_HELP, "Vehicle and autopilot", metavar="NAME", words=vehicle_names),
 ]
 
 
@@ -40,46 +33,31 @@ def vehicles_command(
         ),
     ] = None,
     *,
-    results: Annotated[
-        list[Path] | None,
-        typer.Option("--from", help="Folder or result.json of identify: print a vehicle file. Repeatable."),
-    ] = None,
-    like: Annotated[
-        str | None, typer.Option("--like", metavar="NAME", autocompletion=one_of(vehicle_names), help=LIKE_HELP)
-    ] = None,
-    known: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="NAME=VALUE", help="A number that was measured otherwise, such as m=1.4. Repeatable."
-        ),
-    ] = None,
-    name: Annotated[str | None, typer.Option("--name", metavar="NAME", help="Of the vehicle in the file.")] = None,
-    toml: Annotated[bool, typer.Option("--toml", help="Print the vehicle as a file.")] = False,
+    file: VehicleFileSettings,
     json: Json = False,
 ) -> None:
     """List the vehicles of the library, or print one, or one from results, as a file."""
     from rotorid.errors import UsageError
 
-    words = [*map(str, results or []), *(vehicles or [])]
+    words = [*map(str, file.results), *(vehicles or [])]
     if words:
-        if json or not (toml or results):
+        if json or not (file.toml or file.results):
             raise UsageError(
                 f"{' and '.join(words)} came{' with --json' if json else ''}", needed="--toml, which prints a file"
             )
-        _print_file(words, like, parse_changes(known or []), name)
-        return
-    given = {"--like": like, "--set": known, "--name": name, "--toml": toml or None}
-    if wrong := [option for option, value in given.items() if value is not None]:
-        raise UsageError(f"{', '.join(wrong)} came alone", needed="a vehicle, or results with --from")
-    _list(json=json)
+        _print_file(words, file)
+    elif wrong := options_given(file):
+        raise UsageError(f"{', '.join(wrong.values())} came alone", needed="a vehicle, or results with --from")
+    else:
+        _list(json=json)
 
 
-def _print_file(words: list[str], like: str | None, given: dict[str, float], name: str | None) -> None:
+def _print_file(words: list[str], file: VehicleFileSettings) -> None:
     """The vehicle file on standard output; what the results do not hold also on standard error."""
     from rotorid.documents.vehicle import named_vehicle
     from rotorid.errors import UsageError
 
-    named = named_vehicle(words, like=like, given=given, name=name)
+    named = named_vehicle(words, like=file.like, given=file.known, name=file.name)
     if named.changes:
         raise UsageError(
             f"--set {', '.join(named.changes)} came for a file", needed="numbers that results hold, or none"

@@ -10,7 +10,7 @@ import typer
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
 from rotorid.cli.options import ForPaper, Logs, Map, Output
-from rotorid.settings.settings import VerifySettings
+from rotorid.settings.verifying import VerifySettings
 
 if TYPE_CHECKING:
     from rotorid.documents.verify import VerifyDocument

@@ -45,6 +45,18 @@ BOUNDS_MEANING = (
 FITTED_SHARE = 0.7
 """Share of the octaves that were asked for, below which it is said that so little of them could be fitted."""
 
+ROBUSTNESS = 1.7
+"""Largest sensitivity peak of a loop that is asked of gains, unless another one is."""
+
+COMMAND_NOISE = 2.0
+"""Noise of the command that is asked of gains at most, as a factor on that of the flown ones."""
+
+REFERENCE_S = 60.0
+"""Beginning of a flight that all else is compared with, where a model is followed through it."""
+
+STEP_SHARE = 0.13
+"""The change of a gain that is looked for there, 15 % of inertia; larger ones are found sooner."""
+
 CERTAIN_SIGN = 2.0
 """Standard deviations from zero at which the sign of a value is certain."""
 

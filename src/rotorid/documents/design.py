@@ -15,7 +15,7 @@ from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
 from rotorid.documents.base import Document, FindingDocument, ManeuverDocument, ProvenanceDocument, checked
 from rotorid.errors import UsageError
 from rotorid.flying.designs import Designed, Told, best_of, computed_for
-from rotorid.flying.settings import DesignChoices
+from rotorid.flying.settings import DesignSettings
 from rotorid.flying.simulation import Simulation, flown_vehicle
 from rotorid.io import documents
 from rotorid.results.provenance import Provenance
@@ -263,7 +263,7 @@ class DesignDocument(Document):
 
 
 def design_document(
-    choices: DesignChoices,
+    choices: DesignSettings,
     designed: Sequence[Designed],
     written: Sequence[tuple[str, Sequence[str]]],
     *,

@@ -24,7 +24,7 @@ from rotorid.data.quantity import with_error
 from rotorid.documents.base import Document, checked
 from rotorid.errors import ModelError, RotoridError, UsageError
 from rotorid.flying.designs import computed_for
-from rotorid.flying.settings import DesignChoices
+from rotorid.flying.settings import DesignSettings
 from rotorid.flying.user_vehicles import OwnVehicle, own_vehicle
 from rotorid.flying.vehicle_from_results import MOTION, UNITS
 from rotorid.io import documents
@@ -505,7 +505,7 @@ def vehicle_toml(entry: VehicleEntry, *, base: str | None = None, comments: Sequ
     return "\n".join(lines) + "\n"
 
 
-def flown_vehicle_toml(choices: DesignChoices) -> str:
+def flown_vehicle_toml(choices: DesignSettings) -> str:
     """The vehicle that a plan was computed for, as a file: with the gains, noise and rotors that were taken for it.
 
     Parameters

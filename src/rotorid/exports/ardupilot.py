@@ -41,7 +41,8 @@ from rotorid.errors import ModelError
 from rotorid.exports.arrangement import Arranged, arranged, refuse_tilted
 from rotorid.exports.estimates import instead_of_default
 from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, VERTICAL, YAW, compared, identified_motion, linearized
-from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
+from rotorid.exports.settings import ExportSettings
+from rotorid.exports.target import Compared, Exported, Held, table_lines
 from rotorid.exports.thrust import HoverThrust, expo_thrust, full_thrust_words
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -139,7 +140,7 @@ class _Thrust:
         return self.hover_c * (1.0 - self.expo + 2.0 * self.expo * self.hover_c) / self.hover_share
 
 
-def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
+def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     """A frame as strict JSON, and a list of parameters.
 
     Parameters

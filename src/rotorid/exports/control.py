@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rotorid.exports.settings import ExportSettings
 from rotorid.exports.state_space import (
     NamedModel,
     compared_models,
@@ -20,7 +21,7 @@ from rotorid.exports.state_space import (
     measured,
     named_models,
 )
-from rotorid.exports.target import ExportChoices, Exported
+from rotorid.exports.target import Exported
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 NAME = "control"
 
 
-def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
+def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     """A Python file with a system for each model.
 
     Parameters

@@ -42,6 +42,7 @@ from rotorid.errors import UsageError
 from rotorid.exports.mujoco import own_slopes
 from rotorid.exports.px4_sih import delay_steps, lag_of
 from rotorid.exports.round_trip import DELAY, compared, identified_motion, linearized
+from rotorid.exports.settings import ExportSettings
 from rotorid.exports.state_space import (
     NamedModel,
     compared_models,
@@ -52,7 +53,7 @@ from rotorid.exports.state_space import (
     headed,
     named_models,
 )
-from rotorid.exports.target import Compared, ExportChoices, Exported
+from rotorid.exports.target import Compared, Exported
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -92,7 +93,7 @@ class _Unit(Immutable):
     starts: Mapping[str, float] = field(default_factory=dict)
 
 
-def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
+def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     """An FMU for each model and, where its scale is known, for the vehicle, and a script that compiles them.
 
     Parameters
@@ -154,7 +155,7 @@ def _linear(one: NamedModel) -> _Unit:
     )
 
 
-def _vehicle(name: str, vehicle: JoinedVehicle, body: Multirotor, choices: ExportChoices) -> _Unit:
+def _vehicle(name: str, vehicle: JoinedVehicle, body: Multirotor, choices: ExportSettings) -> _Unit:
     motors, air = body.rotors.layout.motor_names, body.aerodynamics
     assert air is not None
     sizes = {
@@ -190,7 +191,7 @@ def _vehicle(name: str, vehicle: JoinedVehicle, body: Multirotor, choices: Expor
     )
 
 
-def _said(vehicle: JoinedVehicle, choices: ExportChoices) -> list[str]:
+def _said(vehicle: JoinedVehicle, choices: ExportSettings) -> list[str]:
     """What became of the delay of the vehicle, and what it has not."""
     said, late = [], vehicle.numbers.get(DELAY)
     if late is not None and late.value > 0.0:
@@ -236,7 +237,7 @@ def _read(header: str, name: str) -> FloatArray:
     return np.array([float(text) for text in (found[1] or found[2]).split(",")])
 
 
-def _compared(vehicle: JoinedVehicle, body: Multirotor, header: str, choices: ExportChoices) -> tuple[Compared, ...]:
+def _compared(vehicle: JoinedVehicle, body: Multirotor, header: str, choices: ExportSettings) -> tuple[Compared, ...]:
     identified = own_slopes(vehicle, body, identified_motion(vehicle, body, lag_s=lag_of(vehicle, choices)))
     exported = linearized(
         lambda x, v, w: vehicle_accelerations(header, x, v, w),

@@ -34,16 +34,8 @@ from rotorid.errors import ModelError
 from rotorid.exports.arrangement import refuse_tilted
 from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.round_trip import HOVER, compared, identified_motion, linearized
-from rotorid.exports.target import (
-    EXACT_PERCENT,
-    Compared,
-    ExportChoices,
-    Exported,
-    Held,
-    number_text,
-    table_lines,
-    xml_comment,
-)
+from rotorid.exports.settings import ExportSettings
+from rotorid.exports.target import EXACT_PERCENT, Compared, Exported, Held, number_text, table_lines, xml_comment
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
 from rotorid.typing import FloatArray
 
@@ -145,7 +137,7 @@ def _about(place: FloatArray) -> FloatArray:
     return np.asarray(place @ place * np.eye(3) - np.outer(place, place))
 
 
-def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
+def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     """A model with its configuration, a world for it alone, and an airframe of PX4.
 
     Parameters
@@ -202,7 +194,7 @@ def _exact_hover(vehicle: JoinedVehicle) -> bool:
 def gazebo_vehicle(
     vehicle: JoinedVehicle,
     body: Multirotor,
-    choices: ExportChoices,
+    choices: ExportSettings,
     defaults: dict[str, VehicleNumber],
     findings: list[Finding],
 ) -> GazeboVehicle:
@@ -321,7 +313,7 @@ def gazebo_accelerations(
 
 
 def _compared(
-    vehicle: JoinedVehicle, body: Multirotor, model: GazeboVehicle, choices: ExportChoices, *, exact: bool
+    vehicle: JoinedVehicle, body: Multirotor, model: GazeboVehicle, choices: ExportSettings, *, exact: bool
 ) -> tuple[Compared, ...]:
     identified = identified_motion(vehicle, body, lag_s=lag_of(vehicle, choices))
     hover_rad_s = np.sqrt(vehicle.hover_force_n / model.thrust)
@@ -340,7 +332,7 @@ def _compared(
     return compared(vehicle, identified, exported, held, delay=choices.delay == "lag")
 
 
-def _left_out(vehicle: JoinedVehicle, choices: ExportChoices, model: GazeboVehicle) -> list[str]:
+def _left_out(vehicle: JoinedVehicle, choices: ExportSettings, model: GazeboVehicle) -> list[str]:
     said = ["Gazebo's rotors have no drag along their axis, and the body has none: Z_w and damping are left out."]
     words = "There is no delay: {} are left out; --delay-as-lag adds them to the lag."
     said += delay_words(vehicle, words, as_lag=choices.delay == "lag")

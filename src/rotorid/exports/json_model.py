@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rotorid.errors import ModelError, UsageError
-from rotorid.exports.target import Compared, ExportChoices, Exported
+from rotorid.exports.settings import ExportSettings
+from rotorid.exports.target import Compared, Exported
 
 if TYPE_CHECKING:
     from rotorid.documents.export import StateSpaceDocument
@@ -30,7 +31,7 @@ _DELAYS: Mapping[str, str] = {
 }
 
 
-def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
+def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     """One JSON file.
 
     Parameters
@@ -70,7 +71,7 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     )
 
 
-def _state_space(model: IdentifiedModel, choices: ExportChoices) -> StateSpaceDocument | None:
+def _state_space(model: IdentifiedModel, choices: ExportSettings) -> StateSpaceDocument | None:
     from rotorid.documents.export import StateSpaceDocument
 
     try:

@@ -20,6 +20,7 @@ import numpy as np
 
 from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.errors import UsageError
+from rotorid.exports.settings import ExportSettings
 from rotorid.exports.state_space import (
     LONGEST_NAME,
     NamedModel,
@@ -32,7 +33,7 @@ from rotorid.exports.state_space import (
     measured,
     named_models,
 )
-from rotorid.exports.target import ExportChoices, Exported
+from rotorid.exports.target import Exported
 from rotorid.simulation.rational_model import input_output_delays
 from rotorid.typing import FloatArray
 
@@ -49,7 +50,7 @@ _PLAIN = re.compile(r"[A-Za-z]\w*", re.ASCII)
 _OCTAVE = "exist('OCTAVE_VERSION', 'builtin')"
 
 
-def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
+def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     """A ``.mat`` file and a script.
 
     Parameters
@@ -94,12 +95,12 @@ def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
     )
 
 
-def own_delays(choices: ExportChoices) -> bool:
+def own_delays(choices: ExportSettings) -> bool:
     """Whether delays stay what they are."""
     return choices.sample_rate_hz is None and choices.delay != "lag"
 
 
-def _own_delay_words(models: Sequence[NamedModel], choices: ExportChoices) -> list[str]:
+def _own_delay_words(models: Sequence[NamedModel], choices: ExportSettings) -> list[str]:
     late = [one for one in models if one.delays_s.any()]
     if not late:
         return []
@@ -115,7 +116,7 @@ def _own_delay_words(models: Sequence[NamedModel], choices: ExportChoices) -> li
 # The script
 
 
-def _script(models: Sequence[NamedModel], choices: ExportChoices, head: Sequence[str]) -> str:
+def _script(models: Sequence[NamedModel], choices: ExportSettings, head: Sequence[str]) -> str:
     order = choices.pade_order if choices.delay == "states" else 0
     lines = [*_comment(head), f"if {_OCTAVE}", "  pkg load control", "end"]
     if own_delays(choices):
@@ -133,7 +134,7 @@ def _comment(lines: Sequence[str]) -> list[str]:
     return [f"% {line}".rstrip() for line in lines]
 
 
-def _model(one: NamedModel, choices: ExportChoices) -> Iterator[str]:
+def _model(one: NamedModel, choices: ExportSettings) -> Iterator[str]:
     system = one.plant if own_delays(choices) else one.exported
     structure = one.model.structure
     yield from _comment(description(one))
@@ -285,7 +286,7 @@ def _cells(names: Sequence[str]) -> str:
 # The .mat file
 
 
-def _mat(models: Sequence[NamedModel], choices: ExportChoices) -> bytes:
+def _mat(models: Sequence[NamedModel], choices: ExportSettings) -> bytes:
     from scipy.io import savemat
 
     # It writes to files that are open too, which its types do not say.
@@ -296,7 +297,7 @@ def _mat(models: Sequence[NamedModel], choices: ExportChoices) -> bytes:
     return _HEADER.ljust(_HEADER_BYTES) + raw[_HEADER_BYTES:]
 
 
-def _struct(one: NamedModel, choices: ExportChoices) -> Mapping[str, Any]:
+def _struct(one: NamedModel, choices: ExportSettings) -> Mapping[str, Any]:
     from rotorid import __version__
 
     model, own = one.model, own_delays(choices)

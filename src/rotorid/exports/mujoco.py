@@ -28,7 +28,8 @@ import numpy as np
 from rotorid.errors import ModelError
 from rotorid.exports.px4_sih import delay_steps, lag_of
 from rotorid.exports.round_trip import DELAY, HoverMotion, compared, identified_motion, linearized
-from rotorid.exports.target import Compared, ExportChoices, Exported, number_text, table_lines, xml_comment
+from rotorid.exports.settings import ExportSettings
+from rotorid.exports.target import Compared, Exported, number_text, table_lines, xml_comment
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -50,7 +51,7 @@ _TRIANGLE_ROUNDING = 1e-9
 _HEIGHT_M = 1.0
 
 
-def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
+def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     """A model with a keyframe in hover, and a loop that flies it.
 
     Parameters
@@ -334,7 +335,7 @@ def _read(text: str | None) -> FloatArray:
     return np.array((text or "").split(), dtype=np.float64)
 
 
-def _compared(vehicle: JoinedVehicle, body: Multirotor, text: str, choices: ExportChoices) -> tuple[Compared, ...]:
+def _compared(vehicle: JoinedVehicle, body: Multirotor, text: str, choices: ExportSettings) -> tuple[Compared, ...]:
     air = body.aerodynamics
     assert air is not None
     lag_s = lag_of(vehicle, choices)
@@ -347,7 +348,7 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, text: str, choices: Expo
     return tuple(replace(row, exported=late_s, held="approximated") if row.name == DELAY else row for row in rows)
 
 
-def _left_out(vehicle: JoinedVehicle, body: Multirotor, choices: ExportChoices) -> list[str]:
+def _left_out(vehicle: JoinedVehicle, body: Multirotor, choices: ExportSettings) -> list[str]:
     full = body.rotors.thrust_at(1.0)
     line = min(float(tangents(body).sum(axis=1).mean()), full)
     said = full_thrust_words("the tangent at hover, within that of no and of full output", line, full)

@@ -34,7 +34,8 @@ from rotorid.errors import ModelError
 from rotorid.exports.arrangement import Arranged, arranged, refuse_tilted
 from rotorid.exports.estimates import instead_of_default
 from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, YAW, compared, identified_motion, linearized
-from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
+from rotorid.exports.settings import ExportSettings
+from rotorid.exports.target import Compared, Exported, Held, table_lines
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words, sih_lag
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -102,7 +103,7 @@ FRAMES: Mapping[int, Frame] = {
 }
 
 
-def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
+def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     """Parameters of SIH as QGroundControl reads them and as lines for PX4's shell, and an airframe.
 
     Parameters
@@ -172,7 +173,7 @@ def sih_frame(layout: RotorLayout) -> tuple[Frame, Arranged]:
 
 
 def _parameters(
-    vehicle: JoinedVehicle, body: Multirotor, frame: Frame, choices: ExportChoices
+    vehicle: JoinedVehicle, body: Multirotor, frame: Frame, choices: ExportSettings
 ) -> tuple[dict[str, float], dict[str, VehicleNumber], list[Finding]]:
     """Values of the parameters as they are written, what was taken from SIH's own vehicle, remarks."""
     inertia, largest_n = body.inertia_kg_m2, vehicle.hover_slope_n
@@ -227,7 +228,7 @@ _SAME_HOVER = 0.02
 """Share of the hover output by which that of SIH may differ without a remark."""
 
 
-def lag_of(vehicle: JoinedVehicle, choices: ExportChoices) -> float | None:
+def lag_of(vehicle: JoinedVehicle, choices: ExportSettings) -> float | None:
     """The lag that a simulator should have, the delay included where that was chosen; ``None`` if neither is known."""
     lag, late = vehicle.numbers.get("T_motor"), vehicle.numbers.get("delay")
     added_s = max(late.value, 0.0) if late is not None and choices.delay == "lag" else 0.0
@@ -236,7 +237,7 @@ def lag_of(vehicle: JoinedVehicle, choices: ExportChoices) -> float | None:
     return lag.value + added_s
 
 
-def delay_steps(vehicle: JoinedVehicle, choices: ExportChoices, *, step_s: float) -> int:
+def delay_steps(vehicle: JoinedVehicle, choices: ExportSettings, *, step_s: float) -> int:
     """Whole steps of a simulator by which the commands are late; none where the lag holds the delay."""
     late = vehicle.numbers.get("delay")
     return 0 if late is None or choices.delay == "lag" else max(round(late.value / step_s), 0)
@@ -324,7 +325,7 @@ def _compared(
     body: Multirotor,
     placed: tuple[Frame, Arranged],
     parameters: Mapping[str, float],
-    choices: ExportChoices,
+    choices: ExportSettings,
 ) -> tuple[Compared, ...]:
     frame, rotors = placed
     identified = identified_motion(vehicle, body, lag_s=lag_of(vehicle, choices))
@@ -374,7 +375,7 @@ _SAME_PLACE = 0.005
 """Share of the arm by which rotors may stand off the places that SIH has for them."""
 
 
-def _left_out(vehicle: JoinedVehicle, choices: ExportChoices) -> list[str]:
+def _left_out(vehicle: JoinedVehicle, choices: ExportSettings) -> list[str]:
     said = []
     words = "SIH has no delay: {} are left out; --delay-as-lag adds them to the lag."
     said += delay_words(vehicle, words, as_lag=choices.delay == "lag")

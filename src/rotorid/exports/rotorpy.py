@@ -37,7 +37,8 @@ from rotorid.exports.arrangement import refuse_tilted
 from rotorid.exports.mujoco import FLU, own_slopes, tangents
 from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.round_trip import compared, identified_motion, linearized
-from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines
+from rotorid.exports.settings import ExportSettings
+from rotorid.exports.target import Compared, Exported, Held, table_lines
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
 from rotorid.typing import FloatArray
 
@@ -110,7 +111,7 @@ class SpeedVehicle(Immutable):
         return np.asarray(speed) / self.fastest_rad_s * (1.0 + self.shift) - self.shift
 
 
-def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
+def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     """A Python file with the dictionary that RotorPy's multirotor takes.
 
     Parameters
@@ -287,7 +288,7 @@ def _hover_speeds(body: Multirotor, model: SpeedVehicle) -> FloatArray:
 
 
 def _compared(
-    vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, choices: ExportChoices
+    vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, choices: ExportSettings
 ) -> tuple[Compared, ...]:
     identified = own_slopes(vehicle, body, identified_motion(vehicle, body, lag_s=lag_of(vehicle, choices)))
     exported = linearized(
@@ -311,7 +312,7 @@ def _held(vehicle: JoinedVehicle, model: SpeedVehicle) -> Mapping[str, Held]:
     return held
 
 
-def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, choices: ExportChoices) -> list[str]:
+def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, choices: ExportSettings) -> list[str]:
     said = [
         "RotorPy has one drag across the rotors, and no damping of rates but what the drag of the rotors makes: L_p, "
         "M_q and N_r follow from it.",

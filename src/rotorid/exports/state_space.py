@@ -23,7 +23,8 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
 from rotorid.errors import UsageError
-from rotorid.exports.target import Compared, ExportChoices, Held, table_lines
+from rotorid.exports.settings import ExportSettings
+from rotorid.exports.target import Compared, Held, table_lines
 from rotorid.simulation.rational_model import RationalModel, delay_error
 from rotorid.typing import FloatArray
 
@@ -85,7 +86,7 @@ class NamedModel(Immutable):
         return np.asarray(np.where(responds, late, 0.0))
 
 
-def named_models(vehicle: JoinedVehicle, choices: ExportChoices) -> tuple[NamedModel, ...]:
+def named_models(vehicle: JoinedVehicle, choices: ExportSettings) -> tuple[NamedModel, ...]:
     """The models of a vehicle under names that programs can have.
 
     Raises
@@ -131,7 +132,7 @@ def variable_name(name: str) -> str:
 
 
 def compared_models(
-    models: Sequence[NamedModel], choices: ExportChoices, *, own_delays: bool = False
+    models: Sequence[NamedModel], choices: ExportSettings, *, own_delays: bool = False
 ) -> tuple[Compared, ...]:
     """Rows of the round trip.
 
@@ -147,7 +148,7 @@ def compared_models(
     return tuple(row for one in models for row in _rows(one, choices, own_delays=own_delays))
 
 
-def _rows(one: NamedModel, choices: ExportChoices, *, own_delays: bool) -> Iterator[Compared]:
+def _rows(one: NamedModel, choices: ExportSettings, *, own_delays: bool) -> Iterator[Compared]:
     system, exported = one.model.system, one.exported
     middle = math.sqrt(one.band_rad_s[0] * one.band_rad_s[1])
     sampled: Held = "exact" if exported.sample_time_s is None else "approximated"
@@ -172,7 +173,7 @@ def _rows(one: NamedModel, choices: ExportChoices, *, own_delays: bool) -> Itera
         yield _delay_row(one, choices, own_delays=own_delays)
 
 
-def _delay_row(one: NamedModel, choices: ExportChoices, *, own_delays: bool) -> Compared:
+def _delay_row(one: NamedModel, choices: ExportSettings, *, own_delays: bool) -> Compared:
     top = one.band_rad_s[1]
     late = one.delays_s
     at = np.unravel_index(int(late.argmax()), late.shape)
@@ -206,7 +207,7 @@ def early(models: Sequence[NamedModel]) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def delay_words(models: Sequence[NamedModel], choices: ExportChoices) -> list[str]:
+def delay_words(models: Sequence[NamedModel], choices: ExportSettings) -> list[str]:
     """What became of the delays, in sentences."""
     late = [one for one in models if one.delays_s.max(initial=0.0) > _NOTHING_S]
     if not late:

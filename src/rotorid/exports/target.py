@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding
 from rotorid.data.quantity import with_error
-from rotorid.errors import ModelError, UsageError
+from rotorid.errors import ModelError
 
 if TYPE_CHECKING:
     from rotorid.flying.vehicle_from_results import VehicleNumber
@@ -132,53 +131,6 @@ class Exported(Immutable):
             place.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(place, content)
 
-
-@dataclass(frozen=True, kw_only=True)
-class ExportChoices(Immutable):
-    """What a person chooses of an export.
-
-    Parameters
-    ----------
-    delay
-        The delay from output to motion: as states by a Padé approximation, as a lag, or left out. Simulators of
-        vehicles know a lag alone, to which it is then added; those without a lag refuse it.
-    pade_order
-        Order of the approximation.
-    sample_rate_hz
-        Discrete state spaces at this rate; continuous without it.
-    names
-        What the vehicle is called in files: letters, digits and underscores, a letter first.
-
-    Raises
-    ------
-    UsageError
-        A number or the name is out of range.
-    """
-
-    delay: Literal["states", "lag", "none"] = "none"
-    pade_order: int = 3
-    sample_rate_hz: float | None = None
-    names: str = "vehicle"
-
-    def __post_init__(self) -> None:
-        allowed = self.names.isascii() and self.names.isidentifier() and not iskeyword(self.names)
-        if not (allowed and len(self.names) <= _LONGEST_NAME):
-            raise UsageError(
-                f"the name {self.names!r} came",
-                needed=f"letters, digits and underscores, a letter first, at most {_LONGEST_NAME}, and no keyword",
-                remedy="choose another with --name",
-            )
-        if not 1 <= self.pade_order <= _HIGHEST_ORDER:
-            raise UsageError(f"a Padé order of {self.pade_order} came", needed=f"1 to {_HIGHEST_ORDER}")
-        rate = self.sample_rate_hz
-        if rate is not None and not (math.isfinite(rate) and rate > 0.0):
-            raise UsageError(f"a sample rate of {rate:g} Hz came", needed="a positive number")
-
-
-_LONGEST_NAME = 40
-
-_HIGHEST_ORDER = 10
-"""Of a Padé approximation."""
 
 _WORDS: Mapping[Held, str] = {"exact": "exact", "approximated": "approximated", "not": "not held"}
 

@@ -40,7 +40,8 @@ from rotorid.exports.round_trip import (
     identified_motion,
     linearized,
 )
-from rotorid.exports.target import Compared, ExportChoices, Exported, Held, table_lines, xml_comment
+from rotorid.exports.settings import ExportSettings
+from rotorid.exports.target import Compared, Exported, Held, table_lines, xml_comment
 from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 
@@ -67,7 +68,7 @@ _USUAL_RADIUS_M = 0.0231348
 """Of the Crazyflie that comes with it."""
 
 
-def export(vehicle: JoinedVehicle, choices: ExportChoices) -> Exported:
+def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     """A URDF with properties.
 
     Parameters

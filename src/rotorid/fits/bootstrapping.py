@@ -14,7 +14,7 @@ from rotorid.errors import UsageError
 from rotorid.fitting.least_squares import Solution
 from rotorid.fitting.problem import Problem
 from rotorid.results.summary import BootstrapSummary, Correlation, Spread, finite
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.uncertainty.cramer_rao import Bounds, Weights
 from rotorid.uncertainty.resampling import SpreadTable
 

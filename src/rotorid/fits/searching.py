@@ -30,7 +30,7 @@ from rotorid.results.summary import (
 )
 from rotorid.search.result import Basin, Exchange, Progress, SearchResult
 from rotorid.search.spread import Repeated, SearchSpread, spread_over_starts
-from rotorid.settings.settings import EVALUATIONS, IdentifySettings
+from rotorid.settings.identifying import EVALUATIONS, IdentifySettings
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.resampling import SpreadTable

@@ -18,7 +18,7 @@ from typing import Any
 from rotorid import __version__
 from rotorid.data.display import visible
 from rotorid.errors import UsageError
-from rotorid.fleets.engines import Engine, Limits, Processes
+from rotorid.fleets.engines import Cluster, Engine, Limits, Processes
 from rotorid.fleets.identity import read_named, read_salt, time_of
 from rotorid.fleets.places import Place, places_of
 from rotorid.fleets.settings import FleetSettings
@@ -43,6 +43,7 @@ from rotorid.fleets.vehicles import separated
 from rotorid.fleets.work import Task
 from rotorid.io.files import sha256_of
 from rotorid.io.folders import scratch_folder
+from rotorid.settings.option import as_settings
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 _LOCK = "fleet.lock"
@@ -71,6 +72,9 @@ class Fleet:
     def __init__(
         self, paths: Iterable[str | Path], settings: FleetSettings, folder: Path, *, engine: Engine | None = None
     ) -> None:
+        self._limits = Limits(memory_bytes=settings.memory_bytes, timeout_s=settings.timeout_s)
+        if engine is None and settings.scheduler is not None:
+            engine = Cluster(settings.scheduler, self._limits)
         require_parquet()
         _require_models(settings.models)
         self.settings, self.folder = settings, folder
@@ -78,10 +82,12 @@ class Fleet:
         self.places = places_of(paths)
         require_folder(folder)
         self._claimed = _claim(folder)
+        if not settings.resume:
+            _forget(folder / JOURNAL)
         self._journal = Journal(folder / JOURNAL)
         self._journal.read()
         self._salt = read_salt(folder / SALT).decode("ascii", "replace")
-        self._hash = settings_hash(settings.asked())
+        self._hash = settings_hash(settings.as_json())
         self._engine = engine
         self.answers: dict[str, LogAnswer] = {}
         self.resumed = 0
@@ -92,8 +98,7 @@ class Fleet:
         """What carries it out."""
         if self._engine is None:
             cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-            limits = Limits(memory_bytes=self.settings.memory_bytes, timeout_s=self.settings.timeout_s)
-            self._engine = Processes(min(self.settings.workers or cores, len(self.places)), limits)
+            self._engine = Processes(min(self.settings.workers or cores, len(self.places)), self._limits)
         return self._engine
 
     def __iter__(self) -> Iterator[LogAnswer]:
@@ -121,7 +126,9 @@ class Fleet:
             self._journal.add(answer)
             yield answer
         _PROGRESS.info("reading logs", extra={"done": len(self.places) - len(missing), "total": len(self.places)})
-        tasks = (Task(place=one, asked=self.settings.asked(), settings=self._hash, salt=self._salt) for one in missing)
+        tasks = (
+            Task(place=one, asked=self.settings.as_json(), settings=self._hash, salt=self._salt) for one in missing
+        )
         running = self.engine.run(tasks) if missing else iter(())
         try:
             for answer in running:
@@ -284,6 +291,13 @@ def require_folder(folder: Path) -> None:
         require_table(folder / TABLE)
 
 
+def _forget(journal: Path) -> None:
+    try:
+        journal.unlink(missing_ok=True)
+    except OSError as error:
+        raise UsageError(f"{journal} cannot be removed: {error.strerror}", needed="a folder of one's own") from error
+
+
 def _claim(folder: Path) -> int | None:
     """A lock of the folder, which ends with the process; ``None`` where the system has none."""
     try:
@@ -352,7 +366,7 @@ def fleet(
     >>> import pandas  # doctest: +SKIP
     >>> table = pandas.DataFrame(fleet("logs", models=["rate.roll"], out="fleet"))  # doctest: +SKIP
     """
-    chosen = replace(settings or FleetSettings(), **options)
+    chosen = as_settings(FleetSettings, settings, options)
     _require_models(chosen.models)
     require_parquet()
     listed = [paths] if isinstance(paths, str | Path) else list(paths)

@@ -5,15 +5,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
-from rotorid.settings.settings import Option, parse_names
+from rotorid.settings.option import Option, Settings, Text, Written
+from rotorid.settings.parsing import NAMES
 
 USUAL_MODELS = ("rate.roll", "rate.pitch", "rate.yaw")
 """What most logs with sticks or test inputs can answer."""
 
 _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 _LEAST_MEMORY_BYTES = 512 << 20
+_MEMORY = "4GiB"
 
 
 def parse_memory(text: str) -> int:
@@ -31,8 +32,8 @@ def parse_memory(text: str) -> int:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FleetSettings(Immutable):
-    """Choices of a fleet.
+class FleetSettings(Settings):
+    """Choices of a fleet; with the same log, the same version and what a provenance holds of them, a row is the same.
 
     Parameters
     ----------
@@ -47,6 +48,10 @@ class FleetSettings(Immutable):
         Processes; as many as there are cores by default.
     memory_bytes, timeout_s
         What one log may use.
+    scheduler
+        Address of a Dask cluster that does the work.
+    resume
+        Whether to go on from what is in the folder.
     seed
         Of everything random.
 
@@ -57,52 +62,45 @@ class FleetSettings(Immutable):
     """
 
     models: Annotated[
-        Any,
-        Option(
-            "--models",
-            heading="Models",
-            help="Models with commas: rate.roll,physical.motors, ... or none.",
-            parse=parse_names,
-        ),
+        Any, Option("--models", "Models with commas: rate.roll,physical.motors, ... or none.", "Models", NAMES)
     ] = USUAL_MODELS
-    review: Annotated[bool, Option("--review", heading="Models", help="Also take the measures of rotorid review.")] = (
-        False
-    )
+    review: Annotated[bool, Option("--review", "Also take the measures of rotorid review.", "Models")] = False
     vehicles: Annotated[
         Path | None,
-        Option(
-            "--vehicles",
-            heading="Data",
-            help="CSV log,vehicle (and time, group), where the logs do not tell vehicles apart.",
-        ),
+        Option("--vehicles", "CSV log,vehicle (and time, group), where the logs do not tell vehicles apart.", "Data"),
+        Written("never"),
     ] = None
-    workers: Annotated[int | None, Option("--workers", heading="Work", help="Processes. [default: one a core]")] = None
+    workers: Annotated[
+        int | None, Option("--workers", "Processes. [default: one a core]", "Work"), Written("never")
+    ] = None
     memory_bytes: Annotated[
         Any,
-        Option(
-            "--memory",
-            heading="Work",
-            help="Most memory for one log.",
-            parse=parse_memory,
-            metavar="SIZE",
-            default="4GiB",
-        ),
-    ] = 4 << 30
-    timeout_s: Annotated[float, Option("--timeout", heading="Work", help="Most seconds for one log.")] = 600.0
-    seed: Annotated[int, Option("--seed", help="Seed of everything random.")] = 0
+        Option("--memory", "Most memory for one log.", "Work", Text("SIZE", parse_memory), default=_MEMORY),
+        Written("never"),
+    ] = parse_memory(_MEMORY)  # noqa: RUF009 - the number of a text
+    timeout_s: Annotated[float, Option("--timeout", "Most seconds for one log.", "Work"), Written("never")] = 600.0
+    seed: Annotated[int, Option("--seed", "Seed of everything random.")] = 0
+    scheduler: Annotated[
+        str | None,
+        Option("--scheduler", "Let a Dask cluster do it: tcp://HOST:8786.", "Work", metavar="ADDRESS"),
+        Written("never"),
+    ] = None
+    resume: Annotated[
+        bool,
+        Option("--resume/--again", "Go on from what is in the folder, or do all logs again.", "Work"),
+        Written("never"),
+    ] = True
 
     def __post_init__(self) -> None:
         models = tuple(name for name in self.models if name and name != "none")
         object.__setattr__(self, "models", tuple(dict.fromkeys(models)))
         if not self.models and not self.review:
             raise UsageError("nothing is asked of the logs", needed="--models or --review")
+        if self.workers is not None and self.scheduler is not None:
+            raise UsageError("--workers came with --scheduler", needed="one of them: a cluster has its own workers")
         if self.workers is not None and not 1 <= self.workers <= 1024:
             raise UsageError(f"{self.workers} workers came", needed="1 to 1024")
         if not self.timeout_s > 0.0:
             raise UsageError(f"a limit of {self.timeout_s:g} s came", needed="a time above zero")
         if self.memory_bytes < _LEAST_MEMORY_BYTES:
             raise UsageError(f"{self.memory_bytes >> 20} MiB for a log came", needed="512 MiB at least")
-
-    def asked(self) -> dict[str, Any]:
-        """What a row follows from: with the same log, the same version and this, it is the same row."""
-        return {"models": list(self.models), "review": self.review, "seed": self.seed}

@@ -21,7 +21,7 @@ from rotorid.flights.same_vehicle import aircraft_of, gains_of
 from rotorid.io.registry import read
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import ParameterEstimate
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.signal.airborne import airborne
 from rotorid.signal.stretch import stretch
 

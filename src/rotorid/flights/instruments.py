@@ -16,7 +16,7 @@ from rotorid.data.findings import Finding, warn
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.errors import ModelError, UsageError
 from rotorid.flights.flights import Flight
-from rotorid.settings.settings import MeasureSettings
+from rotorid.settings.measuring import MeasureSettings
 from rotorid.signal.airborne import Airborne, airborne_by_thrust, told_by
 from rotorid.signal.clock import even_step_s, missing_channel
 from rotorid.signal.excitations import (

@@ -38,7 +38,7 @@ from rotorid.flights.thrust_slope import curvature, with_slope_changes
 from rotorid.flights.tilt_errors import logged_angles, with_lean_errors
 from rotorid.flights.unchecked import unchecked_scales, with_unchecked_errors
 from rotorid.results.model import Segment
-from rotorid.settings.settings import CompositionChoice, MeasureSettings, TaperChoice
+from rotorid.settings.measuring import CompositionChoice, MeasureSettings, TaperChoice
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.spectral.composite import Composition
 from rotorid.spectral.derived import corrected

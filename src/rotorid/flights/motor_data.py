@@ -30,7 +30,7 @@ from rotorid.flights.segments import built
 from rotorid.flights.selection import described, each_once, require_inside
 from rotorid.models.autopilots.layouts import layout_of, mixer_of
 from rotorid.models.rotors import RotorLayout
-from rotorid.settings.settings import MotorChoices, chosen_layout
+from rotorid.settings.motors import MotorSettings, chosen_layout
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.signal.clock import interpolated, resample
 from rotorid.signal.excitations import find_excitations
@@ -325,7 +325,7 @@ class MotorData(NamedTuple):
 
 def motor_data(
     records: Sequence[FlightRecord],
-    choices: MotorChoices,
+    choices: MotorSettings,
     *,
     reference_v: float | None = None,
     layout: RotorLayout | None = None,
@@ -403,7 +403,7 @@ def _motor_history(record: FlightRecord, layout: RotorLayout) -> MotorHistory:
         ) from error
 
 
-def _layout(records: Sequence[FlightRecord], choices: MotorChoices) -> RotorLayout:
+def _layout(records: Sequence[FlightRecord], choices: MotorSettings) -> RotorLayout:
     formats = sorted({record.source.format for record in records})
     if len(formats) > 1:
         raise UsageError(
@@ -422,7 +422,7 @@ def _layout(records: Sequence[FlightRecord], choices: MotorChoices) -> RotorLayo
     return first.scaled(choices.arm_m) if choices.arm_m else first
 
 
-def _stretches(record: FlightRecord, choices: MotorChoices) -> tuple[list[Maneuver], list[Finding]]:
+def _stretches(record: FlightRecord, choices: MotorSettings) -> tuple[list[Maneuver], list[Finding]]:
     """What was given; else excitations, joined where they follow each other; else the flight."""
     if choices.segments:
         given = (Flight(record, one) for one in choices.segments)

@@ -26,7 +26,7 @@ from rotorid.flights.instruments import is_injection, while_flying
 from rotorid.models.families import family_of
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.results.model import Segment
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.signal.airborne import Airborne, airborne_by_thrust
 from rotorid.signal.clock import Conditioned, missing_channel, resample, source_topic
 from rotorid.signal.excitations import find_excitations

@@ -31,7 +31,8 @@ from rotorid.flights.instruments import (
 from rotorid.flights.supports import nothing_excites, ordinary_flights
 from rotorid.models.families import is_rate_model
 from rotorid.models.structure import LinearStructure
-from rotorid.settings.settings import IdentifySettings, MeasureSettings
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.measuring import MeasureSettings
 from rotorid.signal.airborne import airborne_by_thrust
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import (

@@ -21,7 +21,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import while_flying
 from rotorid.flights.measure import measure
-from rotorid.settings.settings import MeasureSettings
+from rotorid.settings.measuring import MeasureSettings
 from rotorid.signal.clock import resample
 from rotorid.signal.kinematics import ACCELERATIONS, EARTH_VELOCITIES, VELOCITIES
 from rotorid.signal.sensor_correction import (

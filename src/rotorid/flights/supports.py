@@ -25,7 +25,7 @@ from rotorid.flights.instruments import find_instrument, is_free, own_instrument
 from rotorid.flights.oscillations import limits_shown, motors_limited, reviewed_oscillations
 from rotorid.models.families import FAMILIES, RATE_AXIS, Needs, family_of, rate_model_of
 from rotorid.models.library import RATE_AXES, library_model
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.signal.airborne import airborne
 from rotorid.signal.excitations import (
     candidate_excitations,

@@ -10,9 +10,10 @@ from rotorid.flying.flown_models import FlownStretch as FlownStretch
 from rotorid.flying.flown_models import fly_log as fly_log
 from rotorid.flying.flown_models import fly_plan as fly_plan
 from rotorid.flying.model_from_results import joined_model as joined_model
-from rotorid.flying.settings import DesignChoices as DesignChoices
-from rotorid.flying.settings import PlanChoices as PlanChoices
-from rotorid.flying.settings import SimulateChoices as SimulateChoices
+from rotorid.flying.settings import DesignSettings as DesignSettings
+from rotorid.flying.settings import PlanSettings as PlanSettings
+from rotorid.flying.settings import SimulateSettings as SimulateSettings
+from rotorid.flying.settings import StitchSettings as StitchSettings
 from rotorid.flying.simulation import fly_run as fly_run
 from rotorid.flying.simulation import simulate as simulate
 from rotorid.flying.simulation import write_run as write_run

@@ -9,11 +9,12 @@ from pathlib import Path
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.data.record import FlightRecord
 from rotorid.flying.designs import plan_with
-from rotorid.flying.settings import PlanChoices
+from rotorid.flying.settings import PlanSettings
 from rotorid.flying.simulation import truth_of
 from rotorid.identifying.identification import identify
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings.settings import IdentifySettings, require_seed
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.option import require_seed
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.vehicles.catalog import aircraft as library_aircraft
 
@@ -67,7 +68,7 @@ def demo_plan(aircraft: Aircraft) -> FlightPlan:
 
     As large as keeps the tilt below 25°, found with :func:`rotorid.flying.designs.plan_for`.
     """
-    choices = PlanChoices(
+    choices = PlanSettings(
         shape="pilot_sweep", band_rad_s=SWEEP_BAND_RAD_S, duration_s=50.0, repeats=2, doublets=True, entry="stick"
     )
     return plan_with(aircraft, choices, SWEEP_STICKS, doublets=DOUBLET_STICKS, name="demonstration")

@@ -24,7 +24,7 @@ from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, inp
 from rotorid.data.record import AXES
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.excitation.plan import planned, sequence, together, uncorrelated_binaries
-from rotorid.flying.settings import DOUBLET_S, DesignChoices, PlanChoices
+from rotorid.flying.settings import DOUBLET_S, DesignSettings, PlanSettings
 from rotorid.flying.simulation import truth_of
 from rotorid.identifying.scope import INERTIAL
 from rotorid.io.registry import log_rate_hz
@@ -41,7 +41,7 @@ from rotorid.planning.amplitude import (
     usual_reached,
 )
 from rotorid.planning.duration import Shortest, shortest
-from rotorid.planning.expected import FitChoices
+from rotorid.planning.expected import FitSettings
 from rotorid.planning.loop import LoopModel
 from rotorid.planning.prediction import Prediction, predict
 from rotorid.planning.prior import Prior, with_prior
@@ -148,7 +148,7 @@ def sweep_of(aircraft: Aircraft) -> Shape:
     return named(aircraft.autopilot.kind).sweep
 
 
-def plan_for(aircraft: Aircraft, choices: PlanChoices, *, name: str = "") -> Planned:
+def plan_for(aircraft: Aircraft, choices: PlanSettings, *, name: str = "") -> Planned:
     """A plan whose inputs are as large as the limits allow, with a tenth to spare.
 
     Each axis is tried alone in the simulator, in several draws of noise and gusts, three of four of which keep the
@@ -224,7 +224,7 @@ _GUSTY_FLIGHTS, _NOISY_FLIGHTS = 8, 4
 """Draws of gusts that an amplitude is looked for with, and draws of noise alone, which move it less."""
 
 
-def _seeds(aircraft: Aircraft, choices: PlanChoices) -> range:
+def _seeds(aircraft: Aircraft, choices: PlanSettings) -> range:
     """Seeds of the draws; one where nothing that is drawn reaches the motors."""
     sensors = aircraft.sensors
     noisy = sensors.gyro_noise_rad_s or sensors.attitude_noise_rad or sensors.velocity_noise_m_s
@@ -234,7 +234,7 @@ def _seeds(aircraft: Aircraft, choices: PlanChoices) -> range:
 
 def _searched(
     aircraft: Aircraft,
-    choices: PlanChoices,
+    choices: PlanSettings,
     group: Sequence[Axis],
     shape: Shape,
     duration_s: float,
@@ -247,7 +247,7 @@ def _searched(
     return dict.fromkeys(group, _rounded(_MARGIN * common.value))
 
 
-def _together(aircraft: Aircraft, plan: FlightPlan, choices: PlanChoices) -> FlightPlan:
+def _together(aircraft: Aircraft, plan: FlightPlan, choices: PlanSettings) -> FlightPlan:
     """The whole plan, its inputs smaller by one factor where together they would pass a limit."""
     if choices.amplitudes.keys() >= set(choices.axes):
         return plan
@@ -266,7 +266,7 @@ def _together(aircraft: Aircraft, plan: FlightPlan, choices: PlanChoices) -> Fli
 
 
 def _largest(
-    aircraft: Aircraft, choices: PlanChoices, group: Sequence[Axis], shape: Shape, duration_s: float
+    aircraft: Aircraft, choices: PlanSettings, group: Sequence[Axis], shape: Shape, duration_s: float
 ) -> Amplitude:
     """Largest amplitude of axes that share it, each on its own."""
     length_s = min(duration_s, _LONGEST_LOOK_S)
@@ -296,7 +296,7 @@ def _all_scaled(plan: FlightPlan, factor: float) -> FlightPlan:
 
 def plan_with(
     aircraft: Aircraft,
-    choices: PlanChoices,
+    choices: PlanSettings,
     sizes: Mapping[str, float],
     *,
     doublets: Mapping[str, float] | None = None,
@@ -337,7 +337,7 @@ def plan_with(
 
 
 def _binaries(
-    aircraft: Aircraft, choices: PlanChoices, sizes: Mapping[str, float], *, repeat: int
+    aircraft: Aircraft, choices: PlanSettings, sizes: Mapping[str, float], *, repeat: int
 ) -> tuple[PlannedInput, ...]:
     """Random binary signals of all axes at the same time."""
     return uncorrelated_binaries(
@@ -352,7 +352,7 @@ def _binaries(
     )
 
 
-def _entry(aircraft: Aircraft, choices: PlanChoices, axis: Axis, shape: Shape) -> Entry:
+def _entry(aircraft: Aircraft, choices: PlanSettings, axis: Axis, shape: Shape) -> Entry:
     """Where a test input of an axis is added."""
     if choices.entry is not None:
         return choices.entry
@@ -361,7 +361,7 @@ def _entry(aircraft: Aircraft, choices: PlanChoices, axis: Axis, shape: Shape) -
     return by_hand(aircraft, axis) if shape in STEPS else default_entry(aircraft, axis)
 
 
-def _rate_hz(aircraft: Aircraft, choices: PlanChoices) -> float:
+def _rate_hz(aircraft: Aircraft, choices: PlanSettings) -> float:
     """Rate of the samples: what is sent and held has to switch between two turns of the loop."""
     return _SAMPLE_RATE_HZ if choices.interface is None else aircraft.autopilot.rate_hz
 
@@ -370,12 +370,12 @@ _SENT_DOUBLET_S = 1.2
 """Of a vehicle behind set-points, whose rate of climb answers in a third of a second."""
 
 
-def _doublet_s(choices: PlanChoices) -> float:
+def _doublet_s(choices: PlanSettings) -> float:
     """Length of a doublet, a whole number of what is sent one after the other."""
     return DOUBLET_S if choices.interface is None else _SENT_DOUBLET_S
 
 
-def _common_entry(aircraft: Aircraft, choices: PlanChoices) -> Entry:
+def _common_entry(aircraft: Aircraft, choices: PlanSettings) -> Entry:
     """Where inputs of several axes at the same time are added."""
     if choices.entry is not None:
         return choices.entry
@@ -394,7 +394,7 @@ def _common_entry(aircraft: Aircraft, choices: PlanChoices) -> Entry:
 
 def _input(
     aircraft: Aircraft,
-    choices: PlanChoices,
+    choices: PlanSettings,
     axis: Axis,
     shape: Shape,
     duration_s: float,
@@ -491,7 +491,7 @@ class Designed(Immutable):
         }
 
 
-def design(choices: DesignChoices) -> tuple[Designed, ...]:
+def design(choices: DesignSettings) -> tuple[Designed, ...]:
     """Plans of all kinds, each with what it will tell.
 
     Amplitudes are searched for in the nonlinear simulator; what the flight will tell follows from the linear loop about
@@ -526,7 +526,7 @@ _HOVER_S = 30.0
 _ROTORCRAFT: Mapping[int, str] = MappingProxyType({4: "quadrotor", 6: "hexarotor", 8: "octorotor"})
 
 
-def has_room(choices: DesignChoices) -> bool:
+def has_room(choices: DesignSettings) -> bool:
     """Whether a vehicle hovers within the limits of its plan in one draw of wind and noise, so that a test input fits.
 
     Parameters
@@ -541,7 +541,7 @@ def has_room(choices: DesignChoices) -> bool:
     return not reached(flight).beyond(choices.plan.limits)
 
 
-def computed_for(choices: DesignChoices) -> str:
+def computed_for(choices: DesignSettings) -> str:
     """Which vehicle a plan was computed for, in the words of its card.
 
     Parameters
@@ -551,7 +551,7 @@ def computed_for(choices: DesignChoices) -> str:
 
     Examples
     --------
-    >>> computed_for(DesignChoices(vehicle="px4_quad", kinds=("pilot_sweep",)))
+    >>> computed_for(DesignSettings(vehicle="px4_quad", kinds=("pilot_sweep",)))
     'computed for a simulated 1 kg quadrotor (px4_quad)'
     """
     from rotorid.vehicles.catalog import VEHICLES, aircraft
@@ -644,7 +644,7 @@ def best_of(designed: Sequence[Designed]) -> dict[str, str]:
 
 
 def _designed(
-    choices: DesignChoices,
+    choices: DesignSettings,
     craft: Aircraft,
     loop: LoopModel,
     models: Sequence[LinearStructure],
@@ -677,14 +677,14 @@ def as_flown(craft: Aircraft, plan: FlightPlan) -> FlightPlan:
     return shaped_plan(plan, craft.autopilot.shaping, craft.autopilot.rate_hz)
 
 
-def _outside(choices: DesignChoices, loop: LoopModel, model: LinearStructure) -> LoopModel:
+def _outside(choices: DesignSettings, loop: LoopModel, model: LinearStructure) -> LoopModel:
     """A loop as the set-points of a response model show it."""
     outside = setpoint_loop(loop, model.inputs, held=choices.entry.interface is not None)
     prior = choices.prior
     return outside if prior is None else with_known(outside, prior.structure, prior.values)
 
 
-def _told(choices: DesignChoices, craft: Aircraft, loop: LoopModel, model: LinearStructure, plan: FlightPlan) -> Told:
+def _told(choices: DesignSettings, craft: Aircraft, loop: LoopModel, model: LinearStructure, plan: FlightPlan) -> Told:
     try:
         if answers_setpoints(model):
             prediction = predict_responses(
@@ -700,7 +700,7 @@ def _told(choices: DesignChoices, craft: Aircraft, loop: LoopModel, model: Linea
 
 
 def _shortest(
-    choices: DesignChoices,
+    choices: DesignSettings,
     craft: Aircraft,
     loop: LoopModel,
     models: Sequence[LinearStructure],
@@ -735,13 +735,13 @@ def _shortest(
     return found
 
 
-def _believed(choices: DesignChoices, model: LinearStructure) -> dict[str, float]:
+def _believed(choices: DesignSettings, model: LinearStructure) -> dict[str, float]:
     """Values of a response model that a previous result has; others follow from the loop."""
     known = choices.prior.values if choices.prior is not None else {}
     return {name: known[name] for name in model.parameters.free if name in known}
 
 
-def _require_reachable(choices: DesignChoices, models: Sequence[LinearStructure]) -> None:
+def _require_reachable(choices: DesignSettings, models: Sequence[LinearStructure]) -> None:
     """Refuse models whose inputs the vehicle does not take, or the plan does not move.
 
     Raises
@@ -769,7 +769,7 @@ def _require_reachable(choices: DesignChoices, models: Sequence[LinearStructure]
             )
 
 
-def _setpoint_entry(choices: DesignChoices, axis: Axis) -> Entry:
+def _setpoint_entry(choices: DesignSettings, axis: Axis) -> Entry:
     """Where a set-point of an axis enters."""
     plan, interface = choices.plan, choices.entry.interface
     if plan.entry is not None:
@@ -777,17 +777,17 @@ def _setpoint_entry(choices: DesignChoices, axis: Axis) -> Entry:
     return "attitude_setpoint" if interface is None else interface.entries[axis]
 
 
-def _fit(choices: DesignChoices, model: LinearStructure) -> FitChoices:
+def _fit(choices: DesignSettings, model: LinearStructure) -> FitSettings:
     """How an identification would fit: outputs that sensors measure, unless others were asked for."""
     measured = tuple(name for name in model.outputs if name in INERTIAL)
     return choices.fit if choices.fit.outputs or not measured else replace(choices.fit, outputs=measured)
 
 
-def _wanted(choices: DesignChoices, model: LinearStructure) -> dict[str, float]:
+def _wanted(choices: DesignSettings, model: LinearStructure) -> dict[str, float]:
     return {name: percent for name, percent in choices.reach.items() if name in model.parameters.free}
 
 
-def _model(choices: DesignChoices, name: str) -> LinearStructure:
+def _model(choices: DesignSettings, name: str) -> LinearStructure:
     if choices.prior is not None and name == choices.prior.structure.name:
         return choices.prior.structure
     if family_of(name).of_plans:
@@ -795,13 +795,13 @@ def _model(choices: DesignChoices, name: str) -> LinearStructure:
     return named_model(name)
 
 
-def _setpoint_channels(choices: DesignChoices) -> tuple[str, ...]:
+def _setpoint_channels(choices: DesignSettings) -> tuple[str, ...]:
     """Set-points of the excited axes and what answers them, as a log will hold them."""
     names = [setpoint_of(axis, _setpoint_entry(choices, axis)) for axis in choices.plan.axes]
     return tuple(channel for name in names if name is not None for channel in (name, SETPOINTS[name].response))
 
 
-def _require_wanted(choices: DesignChoices, models: Sequence[LinearStructure]) -> None:
+def _require_wanted(choices: DesignSettings, models: Sequence[LinearStructure]) -> None:
     free = {name for model in models for name in model.parameters.free}
     if wrong := [name for name in choices.reach if name not in free]:
         raise UsageError(

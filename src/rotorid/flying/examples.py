@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from rotorid.data.base import Immutable
-from rotorid.flying.settings import PlanChoices, SimulateChoices
+from rotorid.flying.settings import PlanSettings, SimulateSettings
 from rotorid.models.parameter import no_such
 
 if TYPE_CHECKING:
@@ -61,11 +61,11 @@ class Example(Immutable):
     def __post_init__(self) -> None:
         self._set(sweeps=self.sweeps, doublets=self.doublets)
 
-    def choices(self, *, seed: int = 0) -> SimulateChoices:
+    def choices(self, *, seed: int = 0) -> SimulateSettings:
         """What is to be flown, as ``rotorid simulate`` would be told it."""
         from rotorid.vehicles.catalog import entry_of
 
-        return SimulateChoices(vehicle=entry_of(self.vehicle), plan=self.plan(seed=seed), seed=seed)
+        return SimulateSettings(vehicle=entry_of(self.vehicle), plan=self.plan(seed=seed), seed=seed)
 
     def plan(self, *, seed: int = 0) -> FlightPlan:
         """The test inputs: one on every axis, and two doublets of each that no model is fitted to.
@@ -81,7 +81,7 @@ class Example(Immutable):
 
         entry = entry_of(self.vehicle)
         interface = entry.interface
-        choices = PlanChoices(
+        choices = PlanSettings(
             shape=self.shape,
             axes=tuple(self.sweeps),  # type: ignore[arg-type]
             band_rad_s=self.band_rad_s if interface is None else interface.band_rad_s,

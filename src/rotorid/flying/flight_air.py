@@ -27,7 +27,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.flights.controllers import controllers_of
 from rotorid.flights.hover import hover_throttle
 from rotorid.flights.whole_flights import Flown, flown
-from rotorid.flying.settings import DesignChoices
+from rotorid.flying.settings import DesignSettings
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.signal.excitations import find_excitations
 from rotorid.simulation.multirotor import Multirotor, Sensors
@@ -117,7 +117,7 @@ def logged_air(record: FlightRecord, aircraft: Aircraft, *, height_m: float = 10
     return LoggedAir(wind=wind, gyro_noise_rad_s=noise, findings=tuple(found))
 
 
-def flown_as(choices: DesignChoices, record: FlightRecord) -> DesignChoices:
+def flown_as(choices: DesignSettings, record: FlightRecord) -> DesignSettings:
     """The choices of a design with the gains, the noise, the wind and the hover throttle of a log.
 
     The throttle of hover is that of the log where nobody knows the rotors better: not where results of its motors, or

@@ -35,6 +35,7 @@ from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.flights.flights import Flight
 from rotorid.flights.selection import require_inside, require_reached
+from rotorid.io.records import as_records
 from rotorid.models.equations import structure_from_equations
 from rotorid.models.families import family_of
 from rotorid.models.nonlinear import AXES as FLIGHT_AXES
@@ -44,7 +45,8 @@ from rotorid.models.structure import LinearStructure, connected
 from rotorid.planning.responses import SETPOINTS, setpoint_of
 from rotorid.results.model import IdentifiedModel, Records, Refused, bounds_of, parameter_estimates
 from rotorid.results.provenance import Provenance, provenance
-from rotorid.settings.settings import FlySettings, as_records, as_settings
+from rotorid.settings.flying import FlySettings
+from rotorid.settings.option import as_settings
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.verification.verification import Scores
@@ -168,7 +170,7 @@ def fly_log(
     settings
         Choices; everything has a default.
     **options
-        Fields of :class:`rotorid.settings.settings.FlySettings`, which go before ``settings``.
+        Fields of :class:`rotorid.flying.settings.FlySettings`, which go before ``settings``.
 
     Raises
     ------

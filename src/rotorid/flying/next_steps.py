@@ -169,9 +169,9 @@ def _accepted(entry: VehicleEntry, own: OwnVehicle | None, record: FlightRecord 
     """Whether a design would take a vehicle, with the gains, the noise and the wind of a log where there is one."""
     from rotorid.flying.designs import has_room
     from rotorid.flying.flight_air import flown_as
-    from rotorid.flying.settings import DesignChoices, plan_choices
+    from rotorid.flying.settings import DesignSettings, plan_settings
 
-    choices = DesignChoices(vehicle=entry, kinds=("pilot_sweep",), plan=plan_choices(entry), own=own)
+    choices = DesignSettings(vehicle=entry, kinds=("pilot_sweep",), plan=plan_settings(entry), own=own)
     if record is None:
         return has_room(choices)
     if record.source.mapping:

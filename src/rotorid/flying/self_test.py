@@ -10,7 +10,7 @@ from pathlib import Path
 from rotorid.flying.examples import EXAMPLES, Example
 from rotorid.flying.simulation import truth_of
 from rotorid.identifying.identification import identify
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 
 MODEL = "rate.roll"
 PARAMETERS = ("L_roll", "T_motor")

@@ -1,7 +1,7 @@
-"""What a user may choose about a planned or a simulated flight: inputs, limits, wind, vehicle."""
+"""What a user may choose about a planned or a simulated flight: inputs, limits, wind, vehicle; and a flown model."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -9,19 +9,28 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, TypeAlias, get_args
 
 from rotorid.autopilots.autopilot import LogFormat
-from rotorid.autopilots.registry import named
+from rotorid.autopilots.registry import AUTOPILOTS, named
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
-from rotorid.settings.settings import Option, parse_band, parse_names, require_seed
-from rotorid.units import read_measure, read_measures, writable
+from rotorid.settings.option import Option, Seed, Text, require_seed
+from rotorid.settings.parsing import (
+    BAND,
+    CONTROLLERS,
+    LISTED,
+    NAMES,
+    PATHS,
+    parse_assignments,
+)
+from rotorid.units import read_measures
 
 if TYPE_CHECKING:
     from rotorid.data.findings import Finding
     from rotorid.data.flight_plan import Entry, FlightPlan, Shape
     from rotorid.flying.user_vehicles import OwnVehicle
     from rotorid.planning.amplitude import Limits
-    from rotorid.planning.expected import FitChoices
+    from rotorid.planning.expected import FitSettings
     from rotorid.planning.prior import Prior
+    from rotorid.settings.given_controllers import GivenController
     from rotorid.simulation.multirotor_flight import Aircraft
     from rotorid.simulation.wind import Wind
     from rotorid.typing import Axis
@@ -66,40 +75,6 @@ _LIMITS = {
 }
 _UNITS_OF_LIMITS = {"tilt": "deg", "rate": "deg/s", "position": "m", "height": "m"}
 _DEGREES = ("tilt", "rate")
-
-
-def parse_assignments(
-    texts: Sequence[str], *, option: str, units: Mapping[str, str], otherwise: str | None = "1"
-) -> dict[str, float]:
-    """Read ``NAME=VALUE`` once or more.
-
-    Parameters
-    ----------
-    texts
-        What was written.
-    option
-        What an error names.
-    units, otherwise
-        What the answers are in: by name, and those of other names. None is written behind one that has no short name.
-        Without ``otherwise`` they are each a :class:`~rotorid.units.Measure`, whose unit is looked at later.
-
-    Examples
-    --------
-    >>> parse_assignments(["d=1500mm", "n=2"], option="--set", units={"d": "m"})
-    {'d': 1.5, 'n': 2.0}
-    """
-    numbers: dict[str, float] = {}
-    for text in texts:
-        name, sign, value = (part.strip() for part in text.partition("="))
-        came, known = f"{option} {text} came", units.get(name, otherwise)
-        unit = None if known is None else writable(known)
-        if not (name and sign):
-            raise UsageError(came, needed="NAME=VALUE with a finite number")
-        if name in numbers:
-            raise UsageError(f"{option} {name} came twice", needed="each name once")
-        needed = "NAME=VALUE with a finite number" + ("" if unit in (None, "1") else f", {name} in {unit}")
-        numbers[name] = read_measure(value, unit, came=came, needed=needed)
-    return numbers
 
 
 def parse_changes(texts: Sequence[str]) -> dict[str, float]:
@@ -156,11 +131,6 @@ def parse_shape(kind: str) -> "Shape":
     return known[kind]  # type: ignore[return-value]
 
 
-def _listed(texts: Sequence[str]) -> tuple[str, ...]:
-    """Names with commas between them, given once or more."""
-    return tuple(name.strip() for text in texts for name in text.split(","))
-
-
 def parse_axes(text: str) -> "tuple[Axis, ...]":
     """Read axes with commas between them; ``all`` is all four.
 
@@ -208,6 +178,13 @@ def parse_wind(text: str) -> tuple[float, float]:
     return blows[0], blows[1] if len(blows) > 1 else 0.0
 
 
+CHANGES = Text("NAME=VALUE", parse_changes, repeats=True)
+LIMITS = Text("NAME=VALUE", parse_limits, repeats=True)
+AXIS_NAMES = Text("AXIS,...", parse_axes)
+SPEED = Text("V|V:V", parse_speed)
+WIND = Text("NORTH[,EAST]", parse_wind)
+
+
 def _read_prior(path: str) -> "Prior":
     from rotorid.planning.prior import read_prior
 
@@ -226,25 +203,84 @@ def _usual_limits() -> "Limits":
     return Limits()
 
 
-def _usual_fit() -> "FitChoices":
-    from rotorid.planning.expected import FitChoices
+def _usual_fit() -> "FitSettings":
+    from rotorid.planning.expected import FitSettings
 
-    return FitChoices()
+    return FitSettings()
 
 
-Seed: TypeAlias = Annotated[int, Option("--seed", help="Seed of everything drawn at random.")]
 Changes: TypeAlias = Annotated[
     Mapping[str, float],
     Option(
         "--set",
-        heading="Vehicle and autopilot",
-        metavar="NAME=VALUE",
-        help="A number of the vehicle: m, I_xx, I_yy, I_zz, T_motor, T_motor_up, T_motor_down, kappa, tau in SI units; "
+        "A number of the vehicle: m, I_xx, I_yy, I_zz, T_motor, T_motor_up, T_motor_down, kappa, tau in SI units; "
         "thrust and drag as factors. Repeatable.",
-        parse=parse_changes,
-        repeats=True,
+        "Vehicle and autopilot",
+        CHANGES,
     ),
 ]
+
+
+LIKE_HELP = "For results: a vehicle whose autopilot, sensors and missing numbers it has."
+PLANNED = tuple(one.key for one in AUTOPILOTS if one.has_plan_files)
+"""Autopilots that files of a plan are written for."""
+
+
+def vehicle_names() -> Iterable[str]:
+    """Vehicles of the library."""
+    from rotorid.vehicles.catalog import VEHICLES
+
+    return VEHICLES
+
+
+@dataclass(frozen=True, kw_only=True)
+class VehicleFileSettings(Immutable):
+    """A vehicle file that is to be printed."""
+
+    results: Annotated[
+        tuple[Path, ...],
+        Option("--from", "Folder or result.json of identify: print a vehicle file. Repeatable.", text=PATHS),
+    ] = ()
+    like: Annotated[str | None, Option("--like", LIKE_HELP, metavar="NAME", words=vehicle_names)] = None
+    known: Annotated[
+        Mapping[str, float],
+        Option("--set", "A number that was measured otherwise, such as m=1.4. Repeatable.", text=CHANGES),
+    ] = field(default_factory=dict)
+    name: Annotated[str | None, Option("--name", "Of the vehicle in the file.", metavar="NAME")] = None
+    toml: Annotated[bool, Option("--toml", "Print the vehicle as a file.")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class AutopilotSettings(Immutable):
+    """What is taken from a log or a result of the vehicle that will fly, and for which autopilot files are written."""
+
+    gains: Annotated[
+        Path | None,
+        Option(
+            "--gains",
+            "A log of your own autopilot: its gains, noise and wind. A wind above zero that you give stays.",
+            "Vehicle and autopilot",
+        ),
+    ] = None
+    tuned: Annotated[
+        Path | None,
+        Option(
+            "--for-tune",
+            "Sweep the band that tune needs from the gains of a log or a result; of a log also its noise and "
+            "wind, as --gains.",
+            "Vehicle and autopilot",
+            metavar="LOG|RESULT",
+        ),
+    ] = None
+    autopilot: Annotated[
+        str | None,
+        Option(
+            "--for",
+            "The autopilot to write files for. [default: the vehicle's]",
+            "Vehicle and autopilot",
+            words=PLANNED,
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,21 +298,12 @@ class Air:
     """
 
     mean_m_s: Annotated[
-        tuple[float, float],
-        Option(
-            "--wind",
-            heading="Air",
-            metavar="NORTH[,EAST]",
-            help="Where the air moves, in m/s; one number blows north.",
-            parse=parse_wind,
-        ),
+        tuple[float, float], Option("--wind", "Where the air moves, in m/s; one number blows north.", "Air", WIND)
     ] = (0.0, 0.0)
     turbulence_m_s: Annotated[
-        float, Option("--turbulence", heading="Air", help="Standard deviation of horizontal gusts in m/s.")
+        float, Option("--turbulence", "Standard deviation of horizontal gusts in m/s.", "Air")
     ] = 0.0
-    height_m: Annotated[
-        float, Option("--height", heading="Air", help="Meters above ground, for the size of the gusts.")
-    ] = 10.0
+    height_m: Annotated[float, Option("--height", "Meters above ground, for the size of the gusts.", "Air")] = 10.0
 
     @property
     def wind(self) -> "Wind":
@@ -288,7 +315,7 @@ class Air:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanChoices(Immutable):
+class PlanSettings(Immutable):
     """What is to be flown.
 
     Parameters
@@ -329,76 +356,71 @@ class PlanChoices(Immutable):
         "tuple[Axis, ...]",
         Option(
             "--axis",
-            heading="Test inputs",
-            metavar="AXIS,...",
-            help="roll, pitch, yaw, thrust or all. [default: those of --inputs; all that a vehicle "
+            "roll, pitch, yaw, thrust or all. [default: those of --inputs; all that a vehicle "
             "behind set-points takes; else roll]",
-            parse=parse_axes,
+            "Test inputs",
+            AXIS_NAMES,
         ),
     ] = ("roll", "pitch", "yaw", "thrust")
     band_rad_s: Annotated[
         tuple[float, float],
         Option(
             "--band",
-            heading="Test inputs",
-            metavar="LO:HI",
-            help="In rad/s, or LO:HIHz. [default: 0.6:50; of a vehicle behind set-points what it follows]",
-            parse=parse_band,
+            "In rad/s, or LO:HIHz. [default: 0.6:50; of a vehicle behind set-points what it follows]",
+            "Test inputs",
+            BAND,
         ),
     ] = (0.6, 50.0)
     duration_s: Annotated[
         float | None,
         Option(
-            "--duration", heading="Test inputs", help="Of each test input. [default: 60, of steps 0.3 for each unit]"
+            "--duration",
+            f"Of each test input. [default: {_SWEEP_UNITS * _STEP_S:g}, of steps {_STEP_S:g} for each unit]",
+            "Test inputs",
         ),
     ] = None
-    repeats: Annotated[int, Option("--repeats", heading="Test inputs", help="How often each is flown.")] = 1
+    repeats: Annotated[int, Option("--repeats", "How often each is flown.", "Test inputs")] = 1
     entry: Annotated[
         "Entry | None",
         Option(
             "--entry",
+            "Where it is added. [default: what the autopilot can fly]",
+            "Test inputs",
             words=("command", "rate_setpoint", "attitude_setpoint", "stick"),
-            heading="Test inputs",
-            help="Where it is added. [default: what the autopilot can fly]",
         ),
     ] = None
     amplitudes: Annotated[
         Mapping[str, float],
         Option(
             "--amplitude",
-            heading="Test inputs",
-            metavar="AXIS=VALUE",
-            help="Instead of the largest one within the limits, in the unit of the entry: rad of an attitude, rad/s of "
+            "Instead of the largest one within the limits, in the unit of the entry: rad of an attitude, rad/s of "
             "a rate, else a fraction; or with a unit behind it. Repeatable.",
-            parse=partial(parse_assignments, option="--amplitude", units={}, otherwise=None),
-            repeats=True,
+            "Test inputs",
+            Text(
+                "AXIS=VALUE", partial(parse_assignments, option="--amplitude", units={}, otherwise=None), repeats=True
+            ),
         ),
     ] = field(default_factory=dict)
     limits: Annotated[
         "Limits",
         Option(
             "--limit",
-            heading="Test inputs",
-            metavar="NAME=VALUE",
-            help="What a flight may reach: tilt (deg), rate (deg/s), position (m), height (m), motor_low, motor_high. "
+            "What a flight may reach: tilt (deg), rate (deg/s), position (m), height (m), motor_low, motor_high. "
             "[default: tilt=25, rate=180, position=10, height=5, motor_low=0.05, motor_high=0.95] Repeatable.",
-            parse=parse_limits,
-            repeats=True,
+            "Test inputs",
+            LIMITS,
         ),
     ] = field(default_factory=_usual_limits)
     doublets: Annotated[
-        bool,
-        Option(
-            "--doublets", heading="Test inputs", help="Two doublets of each axis at the end, to verify the model on."
-        ),
+        bool, Option("--doublets", "Two doublets of each axis at the end, to verify the model on.", "Test inputs")
     ] = False
     together: Annotated[
         bool,
         Option(
             "--together",
-            heading="Test inputs",
-            help="Random binary signals on all axes at the same time, uncorrelated; always so for set-points that are "
+            "Random binary signals on all axes at the same time, uncorrelated; always so for set-points that are "
             "identified together.",
+            "Test inputs",
         ),
     ] = False
     interface: "Interface | None" = None
@@ -459,9 +481,9 @@ class PlanChoices(Immutable):
         return _UNITS_OF_STEPS.get(self.shape, _SWEEP_UNITS) * _STEP_S
 
 
-def plan_choices(
+def plan_settings(
     vehicle: "VehicleEntry", *, inputs: Sequence[str] = (), models: Sequence[str] = (), **wishes: object
-) -> PlanChoices:
+) -> PlanSettings:
     """Choices of a plan for a vehicle, what was not asked for as the vehicle and the inputs of a model ask for it.
 
     Parameters
@@ -473,7 +495,7 @@ def plan_choices(
     models
         What will be identified.
     **wishes
-        Fields of :class:`PlanChoices` that were given.
+        Fields of :class:`PlanSettings` that were given.
 
     Raises
     ------
@@ -483,9 +505,9 @@ def plan_choices(
     Examples
     --------
     >>> from rotorid.vehicles import VEHICLES
-    >>> plan_choices(VEHICLES["bebop"], shape="random_binary").axes
+    >>> plan_settings(VEHICLES["bebop"], shape="random_binary").axes
     ('roll', 'pitch', 'thrust')
-    >>> plan_choices(VEHICLES["x500"], inputs=["q_setpoint"]).entry
+    >>> plan_settings(VEHICLES["x500"], inputs=["q_setpoint"]).entry
     'rate_setpoint'
     """
     from rotorid.models.families import family_of
@@ -509,11 +531,11 @@ def plan_choices(
     given.setdefault("axes", tuple(dict.fromkeys(one.axis for one in answers)) or usual)
     if interface is not None or any(family_of(name).of_plans for name in models):
         given["together"] = True
-    return PlanChoices(interface=interface, **given)  # type: ignore[arg-type]
+    return PlanSettings(interface=interface, **given)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, kw_only=True)
-class DesignChoices(Immutable):
+class DesignSettings(Immutable):
     """What is to be designed.
 
     Parameters
@@ -555,48 +577,44 @@ class DesignChoices(Immutable):
 
     vehicle: "Vehicle"
     kinds: "tuple[Shape, ...]"
-    plan: PlanChoices = field(default_factory=PlanChoices)
+    plan: PlanSettings = field(default_factory=PlanSettings)
     models: Annotated[
         tuple[str, ...],
         Option(
             "--model",
-            heading="What the data will tell",
-            metavar="NAME,...",
-            help="What will be identified: rate.*, hover.*, response.* [default: the rate model of each axis; behind "
+            "What will be identified: rate.*, hover.*, response.* [default: the rate model of each axis; behind "
             "set-points response.second_order_delay] Repeatable.",
-            parse=_listed,
-            repeats=True,
+            "What the data will tell",
+            LISTED,
         ),
     ] = ()
     inputs: Annotated[
         tuple[str, ...],
         Option(
             "--inputs",
-            heading="What the data will tell",
+            "Of response.*: those that are excited.",
+            "What the data will tell",
+            NAMES,
             metavar="SETPOINT,...",
-            help="Of response.*: those that are excited.",
-            parse=parse_names,
         ),
     ] = ()
     outputs: Annotated[
         tuple[str, ...],
         Option(
             "--outputs",
-            heading="What the data will tell",
+            "Of response.*: one for each of --inputs.",
+            "What the data will tell",
+            NAMES,
             metavar="CHANNEL,...",
-            help="Of response.*: one for each of --inputs.",
-            parse=parse_names,
         ),
     ] = ()
     reach: Annotated[
         Mapping[str, float],
         Option(
             "--reach",
-            heading="What the data will tell",
-            metavar="NAME=PERCENT",
-            help="Largest standard deviation wanted; the shortest test input that reaches it is found. Repeatable.",
-            parse=partial(parse_percents, option="--reach"),
-            repeats=True,
+            "Largest standard deviation wanted; the shortest test input that reaches it is found. Repeatable.",
+            "What the data will tell",
+            Text("NAME=PERCENT", partial(parse_percents, option="--reach"), repeats=True),
         ),
     ] = field(default_factory=dict)
     changes: Changes = field(default_factory=dict)
@@ -604,10 +622,9 @@ class DesignChoices(Immutable):
         "Prior | None",
         Option(
             "--prior",
-            heading="What the data will tell",
-            metavar="<path>",
-            help="result.json of an earlier flight, or its folder: what is expected.",
-            parse=_read_prior,
+            "result.json of an earlier flight, or its folder: what is expected.",
+            "What the data will tell",
+            Text("<path>", _read_prior),
         ),
     ] = None
     gains: Mapping[str, float] = field(default_factory=dict)
@@ -617,7 +634,7 @@ class DesignChoices(Immutable):
     hover_throttle: float | None = None
     own: "OwnVehicle | None" = None
     remarks: "tuple[Finding, ...]" = ()
-    fit: "FitChoices" = field(default_factory=_usual_fit)
+    fit: "FitSettings" = field(default_factory=_usual_fit)
 
     def __post_init__(self) -> None:
         if not self.kinds or len(set(self.kinds)) < len(self.kinds):
@@ -683,7 +700,7 @@ class DesignChoices(Immutable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulateChoices(Immutable):
+class SimulateSettings(Immutable):
     """What is to be simulated.
 
     Parameters
@@ -715,7 +732,7 @@ class SimulateChoices(Immutable):
     vehicle: "Vehicle"
     plan: "FlightPlan | None" = None
     duration_s: Annotated[
-        float | None, Option("--duration", heading="Flight", help="How long to fly. [default: as long as the plan]")
+        float | None, Option("--duration", "How long to fly. [default: as long as the plan]", "Flight")
     ] = None
     wind: "Wind" = field(default_factory=_calm)
     changes: Changes = field(default_factory=dict)
@@ -723,36 +740,28 @@ class SimulateChoices(Immutable):
         Mapping[str, float],
         Option(
             "--vary",
-            heading="Flight",
-            metavar="NAME=PERCENT",
-            help="Draw a number of --set anew for every run. Repeatable.",
-            parse=partial(parse_percents, option="--vary"),
-            repeats=True,
+            "Draw a number of --set anew for every run. Repeatable.",
+            "Flight",
+            Text("NAME=PERCENT", partial(parse_percents, option="--vary"), repeats=True),
         ),
     ] = field(default_factory=dict)
-    runs: Annotated[
-        int, Option("--runs", heading="Flight", help="Flights, each with its own wind, noise and draws.")
-    ] = 1
+    runs: Annotated[int, Option("--runs", "Flights, each with its own wind, noise and draws.", "Flight")] = 1
     format: Annotated[
         "LogFormat | None",
         Option(
             "--format",
+            "Of the log. [default: that of the vehicle's autopilot]",
+            "Flight",
             words=get_args(LogFormat),
-            heading="Flight",
-            help="Of the log. [default: that of the vehicle's autopilot]",
         ),
     ] = None
     stick: Annotated[
-        float, Option("--stick", heading="Flight", help="Largest deflection with --plan everyday; 1 is full stick.")
+        float, Option("--stick", "Largest deflection with --plan everyday; 1 is full stick.", "Flight")
     ] = 0.5
     speed_m_s: Annotated[
         tuple[float, float],
         Option(
-            "--speed",
-            heading="Flight",
-            metavar="V|V:V",
-            help="Forward speed that is held, m/s; two: from the first to the last over the log.",
-            parse=parse_speed,
+            "--speed", "Forward speed that is held, m/s; two: from the first to the last over the log.", "Flight", SPEED
         ),
     ] = (0.0, 0.0)
     seed: Seed = 0
@@ -832,3 +841,31 @@ class SimulateChoices(Immutable):
             return (f"flight.{ending}",)
         digits = len(str(self.runs))
         return tuple(f"flight_{number:0{digits}d}.{ending}" for number in range(1, self.runs + 1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class StitchSettings(Immutable):
+    """Choices of one run of ``stitch``.
+
+    Parameters
+    ----------
+    controllers
+        Gains of those that the logs do not hold.
+    seed
+        Of the draws behind the spread of a flight.
+
+    Raises
+    ------
+    UsageError
+        The seed is negative.
+    """
+
+    controllers: Annotated[
+        "Mapping[Axis, GivenController]",
+        Option("--controller", "TOML file with gains that the log does not hold.", text=CONTROLLERS),
+    ] = field(default_factory=dict)
+    seed: Annotated[int, Option("--seed", "Of the draws behind the spread of a flight.")] = 0
+
+    def __post_init__(self) -> None:
+        require_seed(self.seed)
+        self._set(controllers=self.controllers)

@@ -22,7 +22,7 @@ from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, SimulatedFlight
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.excitation.sticks import everyday_stick
-from rotorid.flying.settings import SimulateChoices
+from rotorid.flying.settings import SimulateSettings
 from rotorid.io.files import sha256_of
 from rotorid.io.formats import WRITERS
 from rotorid.io.registry import write_log
@@ -30,7 +30,7 @@ from rotorid.io.tables.csv import write_csv
 from rotorid.models.library import library_model
 from rotorid.planning.amplitude import Reached, reached
 from rotorid.results.provenance import LoggedManeuver, Provenance
-from rotorid.settings.settings import require_seed
+from rotorid.settings.option import require_seed
 from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, seed_of
 from rotorid.typing import Axis
@@ -131,7 +131,7 @@ def simulate(vehicle: Vehicle, plan: FlightPlan | None = None, **options: Any) -
     plan
         What to fly; without one the vehicle hovers for ``duration_s``.
     **options
-        Fields of :class:`rotorid.flying.settings.SimulateChoices`: ``wind``, ``seed``, ``duration_s``,
+        Fields of :class:`rotorid.flying.settings.SimulateSettings`: ``wind``, ``seed``, ``duration_s``,
         ``speed_m_s``, ``changes``.
 
     Raises
@@ -149,10 +149,10 @@ def simulate(vehicle: Vehicle, plan: FlightPlan | None = None, **options: Any) -
     >>> flight.columns["p"].size  # doctest: +SKIP
     100
     """
-    return fly_run(SimulateChoices(vehicle=vehicle, plan=plan, **options), 0).flown
+    return fly_run(SimulateSettings(vehicle=vehicle, plan=plan, **options), 0).flown
 
 
-def fly_run(choices: SimulateChoices, number: int) -> Run:
+def fly_run(choices: SimulateSettings, number: int) -> Run:
     """Fly one of the runs, counted from zero; alone with the seed that its log names, it is the same."""
     # Short enough for a number in JSON to be exact.
     seed = choices.seed if choices.runs == 1 else seed_of(choices.seed, number) >> _SEED_BITS_LEFT_OUT
@@ -225,7 +225,7 @@ def everyday_plan(craft: Aircraft, *, duration_s: float = EVERYDAY_S, level: flo
     return FlightPlan(name="everyday", inputs=tuple(inputs), trim_s=0.0)
 
 
-def write_run(path: Path, run: Run, choices: SimulateChoices) -> SimulatedLog:
+def write_run(path: Path, run: Run, choices: SimulateSettings) -> SimulatedLog:
     """Write the log of a run, and say what it is."""
     shown = choices.entry.shown
     seen = run.flown if shown is None else shown(run.flown, np.random.default_rng([run.seed, 2]))
@@ -241,7 +241,9 @@ def write_run(path: Path, run: Run, choices: SimulateChoices) -> SimulatedLog:
     )
 
 
-def simulation_of(choices: SimulateChoices, logs: Sequence[SimulatedLog], *, command: Sequence[str] = ()) -> Simulation:
+def simulation_of(
+    choices: SimulateSettings, logs: Sequence[SimulatedLog], *, command: Sequence[str] = ()
+) -> Simulation:
     """What flew, what was true, and where the logs are."""
     craft = choices.aircraft
     start_s = WRITERS[choices.log_format].start_s
@@ -320,7 +322,7 @@ def flown_vehicle(known: VehicleEntry, craft: Aircraft, changes: Mapping[str, fl
     )
 
 
-def _drawn(choices: SimulateChoices, seed: int) -> dict[str, float]:
+def _drawn(choices: SimulateSettings, seed: int) -> dict[str, float]:
     """Numbers of a run: normal about what they are, cut at three deviations."""
     rng = np.random.default_rng([seed, 1])
     base = choices.aircraft

@@ -20,6 +20,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -28,12 +29,15 @@ from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.flights import longest_flight
-from rotorid.flights.given_controllers import Controllers, GivenController, doubts_of, no_controller
+from rotorid.flights.given_controllers import Controllers, doubts_of, no_controller
 from rotorid.flights.segments import built, with_ingredients
 from rotorid.flying.model_from_results import HALVES
+from rotorid.flying.settings import StitchSettings
 from rotorid.models.controller import stepped
 from rotorid.results.model import IdentifiedModel, bounds_of
 from rotorid.results.provenance import Provenance, hashes, logged
+from rotorid.settings.given_controllers import GivenController
+from rotorid.settings.option import as_settings
 from rotorid.signal.clock import resample
 from rotorid.simulation.stitched import (
     FORCES,
@@ -349,8 +353,8 @@ def stitch(
     models: Mapping[str, IdentifiedModel],
     records: Sequence[FlightRecord] = (),
     *,
-    controllers: Mapping[Axis, GivenController] | None = None,
-    seed: int = 0,
+    settings: StitchSettings | None = None,
+    **options: Any,
 ) -> Stitched:
     """Stitch models over speed, and judge them on flights through the speeds.
 
@@ -362,10 +366,10 @@ def stitch(
         phi0`` and of the mean commands.
     records
         Flights in which the speed changes, flown under controllers whose gains the log holds; both models are needed.
-    controllers
-        Gains of those that the logs do not hold.
-    seed
-        Of the draws behind the spread of a flight.
+    settings
+        Choices; everything has a default.
+    **options
+        Fields of :class:`rotorid.flying.settings.StitchSettings`, which go before ``settings``.
 
     Raises
     ------
@@ -382,18 +386,20 @@ def stitch(
     >>> stitched.curves["hover.longitudinal"]["X_u"].at(np.array([2.0]))  # doctest: +SKIP
     (array([-0.27]), array([0.012]))
     """
+    chosen = as_settings(StitchSettings, settings, options)
     points = _points(models)
     sources = [point.model.provenance for point in points]
     result = Stitched(
         points=points,
         findings=tuple(_dropped(points)),
         provenance=Provenance(
-            inputs={name: sha256 for one in sources for name, sha256 in one.inputs.items()} | hashes(records), seed=seed
+            inputs={name: sha256 for one in sources for name, sha256 in one.inputs.items()} | hashes(records),
+            seed=chosen.seed,
         ),
     )
     for number, record in enumerate(records):
         _PROGRESS.info("flying %s", record.source.name, extra={"done": number, "total": len(records)})
-        flown, findings = _through(result, record, controllers or {}, seed)
+        flown, findings = _through(result, record, chosen.controllers, chosen.seed)
         maneuver = Maneuver(axis="pitch", kind="other", start_s=flown.start_s, stop_s=flown.stop_s, origin="found")
         result = replace(
             result,

@@ -6,6 +6,7 @@ from rotorid.identifying.delays import delay as delay
 from rotorid.identifying.identification import identify as identify
 from rotorid.identifying.identification import identify_motors as identify_motors
 from rotorid.identifying.identify_many import identify_several as identify_several
+from rotorid.identifying.settings import TrackSettings as TrackSettings
 from rotorid.identifying.tracking import track as track
 from rotorid.identifying.verification import Verified as Verified
 from rotorid.identifying.verification import verify as verify

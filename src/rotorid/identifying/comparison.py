@@ -29,9 +29,11 @@ from rotorid.flights.selection import (
     each_once,
     require_inside,
 )
+from rotorid.io.records import as_records
 from rotorid.results.model import IdentifiedModel, Records
 from rotorid.results.provenance import Provenance
-from rotorid.settings.settings import IdentifySettings, as_records, as_settings
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.option import as_settings
 from rotorid.verification.fixed_parameters import FixedParameterScores, fit_percent
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -327,7 +329,7 @@ def compare(
     settings
         Segments, shifts and hold for the logs.
     **options
-        Fields of :class:`rotorid.settings.settings.IdentifySettings`, which go before ``settings``.
+        Fields of :class:`rotorid.settings.identifying.IdentifySettings`, which go before ``settings``.
 
     Raises
     ------

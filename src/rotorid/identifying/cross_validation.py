@@ -29,8 +29,8 @@ from rotorid.identifying.identification import identify
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import BestFold, CrossValidationSummary, FoldParameter, FoldSummary, SignalScore, finite
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import resolve_model
-from rotorid.settings.settings import IdentifySettings
 from rotorid.verification import fixed_parameters as engine
 from rotorid.verification.fixed_parameters import (
     CrossValidation,

@@ -25,9 +25,11 @@ from rotorid.flights.instruments import axes_of, find_instrument, is_command, is
 from rotorid.flights.measure import measure
 from rotorid.flights.segments import cut, histories, other_sources
 from rotorid.flights.selection import chosen_maneuvers, default_pairs, each_once
+from rotorid.io.records import as_records
 from rotorid.results.model import Records, Segment
 from rotorid.results.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
-from rotorid.settings.settings import MeasureSettings, as_records, as_settings
+from rotorid.settings.measuring import MeasureSettings
+from rotorid.settings.option import as_settings
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import excitation_signals
 from rotorid.typing import BoolArray
@@ -153,7 +155,7 @@ def delay(
     settings
         Choices; everything has a default.
     **options
-        Fields of :class:`rotorid.settings.settings.MeasureSettings`, which go before ``settings``.
+        Fields of :class:`rotorid.settings.measuring.MeasureSettings`, which go before ``settings``.
 
     Returns
     -------

@@ -20,15 +20,10 @@ from rotorid.models.derived import require_useful
 from rotorid.models.families import HOVER, LARGE_MOTION, MOTORS, family_of
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.structure import LinearStructure
+from rotorid.settings.identifying import IdentifySettings, MethodChoice
+from rotorid.settings.motors import MotorMethod, motor_settings
+from rotorid.settings.option import options_given, options_of
 from rotorid.settings.resolve import Model, read_model, resolve_model
-from rotorid.settings.settings import (
-    IdentifySettings,
-    MethodChoice,
-    MotorMethod,
-    motor_choices,
-    options_given,
-    options_of,
-)
 
 Read: TypeAlias = str | LinearStructure | NonlinearStructure
 """A model whose file was read: a structure, or a name of the library."""
@@ -55,7 +50,7 @@ class Fitting:
     method
         The method for a model, with the logs in which it finds its channels, and the choices of the run.
     choices
-        Fields of :class:`rotorid.settings.settings.IdentifySettings` that its models have.
+        Fields of :class:`rotorid.settings.identifying.IdentifySettings` that its models have.
     methods
         Words of ``--method`` that they take.
     only_with
@@ -136,7 +131,7 @@ _NOT_OF_MOTORS = _Refusal(
 FITTINGS: Mapping[str, Fitting] = {
     HOVER.name: replace(LINEAR, method=_hover, choices=tuple(name for name in _ALL if name != "curve")),
     MOTORS.name: Fitting(
-        method=lambda _, __, settings: Motors(motor_choices(settings)),
+        method=lambda _, __, settings: Motors(motor_settings(settings)),
         choices=(
             *_OF_ROTORS,
             *("fix", "segments", "seed", "method", "outputs", "bootstrap", "search", "evaluations", "runs"),
@@ -146,7 +141,7 @@ FITTINGS: Mapping[str, Fitting] = {
         no_choice=_NOT_OF_MOTORS,
         no_method=_Refusal("--method {wrong} came with {name}", f"one of auto, {', '.join(get_args(MotorMethod))}"),
         no_option=_NOT_OF_MOTORS,
-        check=lambda _, settings: motor_choices(settings),
+        check=lambda _, settings: motor_settings(settings),
     ),
     LARGE_MOTION.name: Fitting(
         method=_nonlinear,

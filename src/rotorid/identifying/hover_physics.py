@@ -16,7 +16,8 @@ from rotorid.models.autopilots.layouts import layout_of, mixer_of
 from rotorid.models.hover_layouts import GEOMETRY, HOVER, physical_hover
 from rotorid.models.rotors import RotorLayout
 from rotorid.models.structure import LinearStructure
-from rotorid.settings.settings import IdentifySettings, chosen_layout
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.motors import chosen_layout
 
 _WHAT: Mapping[str, str] = {
     "m": "mass m in kg (--fix m=VALUE)",

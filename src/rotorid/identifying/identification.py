@@ -19,17 +19,15 @@ from rotorid.identifying.derivation import derivation, derivation_findings
 from rotorid.identifying.families import logged_by_all, method_of
 from rotorid.identifying.methods import Fitted, Method, Prepared
 from rotorid.identifying.motors import Motors
+from rotorid.io.records import as_records
 from rotorid.models.families import family_of
 from rotorid.results.model import IdentifiedModel, Records, Refused, parameter_estimates, pole_estimates
-from rotorid.results.provenance import Choices, provenance
+from rotorid.results.provenance import provenance
 from rotorid.results.summary import ControllerSettings, ParameterEstimate, UnseenCombination
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.motors import MotorSettings
+from rotorid.settings.option import Settings, as_settings
 from rotorid.settings.resolve import Model, read_model, resolve_model
-from rotorid.settings.settings import (
-    IdentifySettings,
-    MotorChoices,
-    as_records,
-    as_settings,
-)
 
 DataT = TypeVar("DataT", bound=Prepared)
 FittedT = TypeVar("FittedT", bound=Fitted)
@@ -63,7 +61,7 @@ def identify(
     verify
         Further records, kept unseen, to judge the model on.
     **options
-        Fields of :class:`rotorid.settings.settings.IdentifySettings`, which go before ``settings``.
+        Fields of :class:`rotorid.settings.identifying.IdentifySettings`, which go before ``settings``.
 
     Returns
     -------
@@ -147,7 +145,7 @@ def controller_settings(records: Sequence[FlightRecord]) -> ControllerSettings |
     return next((known for record in records if (known := controllers_of(record).settings()) is not None), None)
 
 
-def _known(settings: Choices) -> Mapping[str, tuple[float, float]]:
+def _known(settings: Settings) -> Mapping[str, tuple[float, float]]:
     """What is known beside the parameters of a linear model."""
     return settings.known if isinstance(settings, IdentifySettings) else {}
 
@@ -169,7 +167,7 @@ def _require_numbers(model: str, parameters: Mapping[str, ParameterEstimate]) ->
         )
 
 
-def identify_motors(records: Records, choices: MotorChoices | None = None, *, verify: Records = ()) -> IdentifiedModel:
+def identify_motors(records: Records, choices: MotorSettings | None = None, *, verify: Records = ()) -> IdentifiedModel:
     """Identify inertia, thrust, motor lag and torque constant from motor outputs, gyros and accelerometer.
 
     The same as :func:`identify` of ``physical.motors``, with all choices that this model has.
@@ -190,7 +188,7 @@ def identify_motors(records: Records, choices: MotorChoices | None = None, *, ve
     UsageError, ModelError
         A choice is wrong.
     """
-    method = Motors(choices or MotorChoices())
+    method = Motors(choices or MotorSettings())
     return identify_by(method, as_records(records), verify=as_records(verify))
 
 

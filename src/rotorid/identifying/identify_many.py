@@ -16,13 +16,16 @@ from rotorid.flights.instruments import axes_of
 from rotorid.flights.supports import supported_models, supports
 from rotorid.identifying.families import own_settings
 from rotorid.identifying.identification import identify, refused
+from rotorid.io.records import as_records
 from rotorid.models.derived import useful_known
 from rotorid.models.parameter import no_such
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import IdentifiedModel, Records, Refused
 from rotorid.results.provenance import Provenance, provenance
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.models import ALL, asks_all
+from rotorid.settings.option import as_settings
 from rotorid.settings.resolve import asked_model
-from rotorid.settings.settings import ALL, IdentifySettings, as_records, as_settings, asks_all
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -101,7 +104,7 @@ def identify_several(
     models
         Names, files or structures; ``all`` for those that the logs may support (:func:`supported_models`).
     **options
-        Fields of :class:`rotorid.settings.settings.IdentifySettings`, which go before ``settings``.
+        Fields of :class:`rotorid.settings.identifying.IdentifySettings`, which go before ``settings``.
 
     Returns
     -------

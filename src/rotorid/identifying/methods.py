@@ -67,7 +67,6 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.reduction.guided import Step
 from rotorid.results.model import FittedData, Verifications, no_response
-from rotorid.results.provenance import Choices
 from rotorid.results.summary import (
     Checks,
     Cost,
@@ -82,7 +81,10 @@ from rotorid.results.summary import (
     ReductionStep,
     finite,
 )
-from rotorid.settings.settings import IdentifySettings, MeasureSettings, VerifySettings
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.measuring import MeasureSettings
+from rotorid.settings.option import Settings
+from rotorid.settings.verifying import VerifySettings
 from rotorid.signal.sensor_correction import SensorCorrection
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
@@ -169,7 +171,7 @@ class Method(Protocol[DataT, FittedT]):
     """A way to fit a model to flights."""
 
     @property
-    def settings(self) -> Choices:
+    def settings(self) -> Settings:
         """Choices of the run."""
         ...
 

@@ -33,7 +33,8 @@ from rotorid.results.summary import (
     RecordFit,
     Straightening,
 )
-from rotorid.settings.settings import MotorChoices, VerifySettings
+from rotorid.settings.motors import MotorSettings
+from rotorid.settings.verifying import VerifySettings
 from rotorid.signal.motors import linearization_of, logged_outputs, or_none
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 
@@ -48,7 +49,7 @@ class Motors:
         What is known of the vehicle, and how to read the logs.
     """
 
-    settings: MotorChoices
+    settings: MotorSettings
 
     def prepare(self, records: Sequence[FlightRecord]) -> MotorData:
         """Read the rotors from the log's parameters, and take the motors as fast as the log tells them."""

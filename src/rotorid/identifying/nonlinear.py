@@ -46,8 +46,9 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import FittedData, SimulatedRecord, Verifications, bounds_of, no_response
 from rotorid.results.summary import Checks, Derived, Fit, FitEnd
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import chosen_parameters
-from rotorid.settings.settings import IdentifySettings, VerifySettings
+from rotorid.settings.verifying import VerifySettings
 from rotorid.simulation.nonlinear import Scheme
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
 from rotorid.uncertainty.identifiability import unseen_combinations

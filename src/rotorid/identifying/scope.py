@@ -23,8 +23,8 @@ from rotorid.flights.segments import holds, require_channels
 from rotorid.flights.selection import Selection
 from rotorid.models.expression import Expression
 from rotorid.models.structure import LinearStructure, connected
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import require_known
-from rotorid.settings.settings import IdentifySettings
 from rotorid.signal.clock import resample
 from rotorid.signal.excitations import rich_excitations
 from rotorid.signal.kinematics import VELOCITIES, ingredients

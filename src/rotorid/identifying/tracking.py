@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,22 +22,24 @@ from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError
 from rotorid.flights.flights import Flight, longest_flight
 from rotorid.flights.instruments import find_instrument
 from rotorid.flights.same_vehicle import require_one_autopilot
 from rotorid.flights.supports import unsupported
 from rotorid.identifying.identification import identify
+from rotorid.identifying.settings import TrackSettings
+from rotorid.io.records import as_records
 from rotorid.models.families import RATE_AXIS
 from rotorid.models.parameter import no_such
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.provenance import Provenance, provenance
-from rotorid.settings.settings import as_records
+from rotorid.settings.option import as_settings
 from rotorid.signal.clock import resample
 from rotorid.signal.motors import motor_limits
 from rotorid.signal.stretch import stretch
 from rotorid.typing import Axis, FloatArray
-from rotorid.verification.tracking import BAND_HZ, RATE_HZ, STEP_SHARE, Tracking, require_length, track_gain
+from rotorid.verification.tracking import BAND_HZ, RATE_HZ, Tracking, require_length, track_gain
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -57,30 +60,6 @@ _TRIM_LASTS = 2
 
 _LEAST_LOST_S = 2.0
 """Less than that of a flight is lost at its ends."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrackChoices(Immutable):
-    """How a flight is followed; see :func:`track`.
-
-    Raises
-    ------
-    UsageError
-        The step is out of range.
-    """
-
-    first_s: float = 60.0
-    step_share: float = STEP_SHARE
-    thrust_exponent: float | None = None
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if not 0.02 <= self.step_share <= 0.5:
-            raise UsageError(f"--step {self.step_share:g} came", needed="a share from 0.02 to 0.5")
-
-    def as_json(self) -> dict[str, float | None]:
-        """All of them by name."""
-        return {"first_s": self.first_s, "step_share": self.step_share, "thrust_exponent": self.thrust_exponent}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,9 +129,8 @@ def track(
     record: FlightRecord | str | Path,
     model: str | IdentifiedModel = "rate.roll",
     *,
-    first_s: float = 60.0,
-    thrust_exponent: float | None = None,
-    step_share: float = STEP_SHARE,
+    settings: TrackSettings | None = None,
+    **options: Any,
 ) -> FlightTracking:
     """Follow the gain of a rate model through a flight.
 
@@ -163,13 +141,10 @@ def track(
     model
         ``rate.roll``, ``rate.pitch`` or ``rate.yaw``, identified on the beginning of the flight, or such a model of the
         same vehicle that was identified elsewhere.
-    first_s
-        Of the flight, what all else is compared with.
-    thrust_exponent
-        Power of the thrust command by which the gain grows, such as 0.8 for thrust that grows with its square; zero for
-        linear thrust. Where it is not known it is taken from the reference if the throttle moved there.
-    step_share
-        The change that is looked for; 13 % by default, as of a payload that adds 15 % of inertia.
+    settings
+        Choices; everything has a default.
+    **options
+        Fields of :class:`rotorid.identifying.settings.TrackSettings`, which go before ``settings``.
 
     Raises
     ------
@@ -183,17 +158,17 @@ def track(
     >>> found = track("flight.ulg", "rate.roll")  # doctest: +SKIP
     >>> found.tracking.steps  # doctest: +SKIP
     """
+    chosen = as_settings(TrackSettings, settings, options)
     (log,) = as_records(record)
     name = model if isinstance(model, str) else model.name
     axis = RATE_AXIS.get(name)
     if axis is None:
         raise no_such("model that can be followed", name, tuple(RATE_AXIS))
-    choices = TrackChoices(first_s=first_s, step_share=step_share, thrust_exponent=thrust_exponent)
     beside = require_one_autopilot([model], [log]) if isinstance(model, IdentifiedModel) else ()
     if not isinstance(model, IdentifiedModel) and (error := unsupported([log], name)):
         raise error
     start_s, stop_s = longest_flight(log, or_whole=False)
-    require_length(stop_s - start_s, first_s)
+    require_length(stop_s - start_s, chosen.first_s)
     maneuver = Maneuver(axis=axis, kind="other", start_s=start_s, stop_s=stop_s, origin="given")
     instrument = find_instrument([Flight(log, maneuver)], axis)
     if instrument is None:
@@ -206,8 +181,8 @@ def track(
     signals, left_out = _signals(log, piece, axis, instrument), tuple(_left_out(piece, start_s, stop_s))
     start_s, stop_s = piece.start_s, piece.start_s + piece.duration_s
     limits = motor_limits(log).during(((start_s, stop_s),)).remarks("the tracked flight")
-    require_length(piece.duration_s, first_s, what="flight without a gap")
-    fitted = model if isinstance(model, IdentifiedModel) else _reference(log, name, start_s, start_s + first_s)
+    require_length(piece.duration_s, chosen.first_s, what="flight without a gap")
+    fitted = model if isinstance(model, IdentifiedModel) else _reference(log, name, start_s, start_s + chosen.first_s)
     _PROGRESS.info(f"following {name}")
     tracking = track_gain(
         signals["command"],
@@ -215,10 +190,10 @@ def track(
         signals["stick"],
         predict=partial(predicted, fitted),
         thrust=signals.get("thrust"),
-        thrust_exponent=thrust_exponent,
+        thrust_exponent=chosen.thrust_exponent,
         start_s=start_s,
-        reference_s=first_s,
-        step_share=step_share,
+        reference_s=chosen.first_s,
+        step_share=chosen.step_share,
     )
     return FlightTracking(
         log=log.source.name,
@@ -227,14 +202,14 @@ def track(
         parameters={key: one.value for key, one in fitted.parameters.items()},
         given=isinstance(model, IdentifiedModel),
         instrument=instrument,
-        reference_s=(start_s, start_s + first_s),
+        reference_s=(start_s, start_s + chosen.first_s),
         tracking=tracking,
-        trims=tuple(_trims(log, start_s, stop_s, first_s)),
+        trims=tuple(_trims(log, start_s, stop_s, chosen.first_s)),
         # What was remarked on a model that was given is of other logs.
         findings=worst_first(
             [*log.findings, *left_out, *limits, *(beside if isinstance(model, IdentifiedModel) else _told(fitted))]
         ),
-        provenance=provenance([log], choices),
+        provenance=provenance([log], chosen),
     )
 
 

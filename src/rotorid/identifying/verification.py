@@ -19,10 +19,12 @@ from rotorid.flights.coverage import covered_by, trim_of
 from rotorid.flights.flights import Flight
 from rotorid.flights.segments import cut
 from rotorid.flights.selection import each_once, require_inside
+from rotorid.io.records import as_records
 from rotorid.results.model import IdentifiedModel, Records, Refused, Verifications
 from rotorid.results.provenance import Provenance, provenance
 from rotorid.results.summary import ManeuverCheck, Range, Trim
-from rotorid.settings.settings import VerifySettings, as_records, as_settings
+from rotorid.settings.option import as_settings
+from rotorid.settings.verifying import VerifySettings
 from rotorid.verification.verification import Verification
 
 Judged: TypeAlias = str | Path | Candidate | IdentifiedModel
@@ -87,7 +89,7 @@ def verify(
     settings
         Choices; everything has a default.
     **options
-        Fields of :class:`rotorid.settings.settings.VerifySettings`, which go before ``settings``.
+        Fields of :class:`rotorid.settings.verifying.VerifySettings`, which go before ``settings``.
 
     Raises
     ------

@@ -38,7 +38,8 @@ from rotorid.flights.segments import source_of
 from rotorid.flights.selection import by_stick, select_maneuvers
 from rotorid.flights.whole_flights import LEAST_MOTION_S, Flown, Instrument, loop_response
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings.settings import IdentifySettings, MeasureSettings
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.measuring import MeasureSettings
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.excitations import find_excitations, rich_excitations
 from rotorid.spectral.derived import LARGEST_ERROR, LEAST_COHERENCE, corrected, selected

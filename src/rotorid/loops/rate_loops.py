@@ -54,7 +54,7 @@ from rotorid.loops.plants import (
 from rotorid.models.autopilots.betaflight import TOP
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
-from rotorid.settings.settings import MeasureSettings
+from rotorid.settings.measuring import MeasureSettings
 from rotorid.signal.excitations import find_excitations
 from rotorid.spectral.derived import Estimated, with_model_error
 from rotorid.spectral.estimate import frequency_response

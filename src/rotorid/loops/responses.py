@@ -41,10 +41,12 @@ from rotorid.flights.selection import (
     whole_record,
 )
 from rotorid.flights.sensors import corrected_record, sensor_correction, with_sensor_errors
+from rotorid.io.records import as_records
 from rotorid.loops.rate_loops import AxisLoop, axis_loop, beyond_band
 from rotorid.results.model import Records, Segment
 from rotorid.results.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
-from rotorid.settings.settings import ResponseSettings, as_names, as_records, as_settings
+from rotorid.settings.measuring import ResponseSettings
+from rotorid.settings.option import as_names, as_settings
 from rotorid.signal.excitations import rich_excitations
 from rotorid.typing import Axis, BoolArray, FloatArray
 
@@ -414,7 +416,7 @@ def response(
     settings
         Choices; everything has a default.
     **options
-        Fields of :class:`rotorid.settings.settings.ResponseSettings`, which go before ``settings``.
+        Fields of :class:`rotorid.settings.measuring.ResponseSettings`, which go before ``settings``.
 
     Returns
     -------

@@ -1,13 +1,11 @@
-from rotorid.flights import GivenController as GivenController
-from rotorid.flights import read_controllers as read_controllers
-from rotorid.flying import DesignChoices as DesignChoices
 from rotorid.flying import Designed as Designed
+from rotorid.flying import DesignSettings as DesignSettings
 from rotorid.flying import FlownModel as FlownModel
 from rotorid.flying import FlownStretch as FlownStretch
 from rotorid.flying import JoinedVehicle as JoinedVehicle
 from rotorid.flying import OwnVehicle as OwnVehicle
-from rotorid.flying import PlanChoices as PlanChoices
-from rotorid.flying import SimulateChoices as SimulateChoices
+from rotorid.flying import PlanSettings as PlanSettings
+from rotorid.flying import SimulateSettings as SimulateSettings
 from rotorid.flying import SpeedCurve as SpeedCurve
 from rotorid.flying import Stitched as Stitched
 from rotorid.flying import StitchedPoint as StitchedPoint
@@ -50,8 +48,15 @@ from rotorid.results import IdentifiedModel as IdentifiedModel
 from rotorid.results import Segment as Segment
 from rotorid.reviewing import inspect as inspect
 from rotorid.settings import FlySettings as FlySettings
+from rotorid.settings import GivenController as GivenController
 from rotorid.settings import IdentifySettings as IdentifySettings
 from rotorid.settings import MeasureSettings as MeasureSettings
-from rotorid.settings import MotorChoices as MotorChoices
+from rotorid.settings import MotorSettings as MotorSettings
 from rotorid.settings import ResponseSettings as ResponseSettings
 from rotorid.settings import VerifySettings as VerifySettings
+from rotorid.settings import read_controllers as read_controllers
+
+DesignChoices = DesignSettings
+MotorChoices = MotorSettings
+PlanChoices = PlanSettings
+SimulateChoices = SimulateSettings

@@ -14,7 +14,7 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.structure import LinearStructure
-from rotorid.planning.expected import FitChoices
+from rotorid.planning.expected import FitSettings
 from rotorid.planning.loop import LoopModel
 from rotorid.planning.prediction import Prediction, predict
 from rotorid.typing import FloatArray
@@ -85,7 +85,7 @@ def shortest(
     *,
     shortest_s: float = 20.0,
     longest_s: float = 600.0,
-    choices: FitChoices | None = None,
+    choices: FitSettings | None = None,
     foretell: Callable[..., Prediction] = predict,
 ) -> Shortest:
     """Find the shortest flight after which every wanted parameter is known well enough.
@@ -262,7 +262,7 @@ def compare_plans(
     loop: LoopModel,
     plans: Sequence[FlightPlan],
     *,
-    choices: FitChoices | None = None,
+    choices: FitSettings | None = None,
 ) -> Comparison:
     """Predict several plans for the same vehicle and model.
 

@@ -399,7 +399,7 @@ WeightsChoice: TypeAlias = Literal["auto", "cifer", "covariance"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class FitChoices(Immutable):
+class FitSettings(Immutable):
     """How the flight will be identified; the defaults are those of an identification.
 
     Parameters
@@ -466,7 +466,7 @@ class ExpectedFit(NamedTuple):
     dropped: tuple[str, ...]
 
 
-def expected_fit(problem: FrequencyProblem, choices: FitChoices) -> ExpectedFit:
+def expected_fit(problem: FrequencyProblem, choices: FitSettings) -> ExpectedFit:
     """Fit from the parameters of a problem, which are those that are expected.
 
     Parameters
@@ -499,7 +499,7 @@ def usable(
     planned: Planned,
     axes: Sequence[Axis],
     band_rad_s: tuple[float, float],
-    choices: FitChoices,
+    choices: FitSettings,
 ) -> BoolArray:
     """Points that an identification would trust, shape ``(y, u, f)``.
 

@@ -31,7 +31,7 @@ from rotorid.fitting.problem import ResidualErrors
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.planning.expected import (
     ExpectedFit,
-    FitChoices,
+    FitSettings,
     Planned,
     as_planned,
     excited_channels,
@@ -332,7 +332,7 @@ def predict(
     loop: LoopModel,
     plan: FlightPlan,
     *,
-    choices: FitChoices | None = None,
+    choices: FitSettings | None = None,
 ) -> Prediction:
     """Say before a flight how well its identification will know every parameter.
 
@@ -381,7 +381,7 @@ def predict(
     >>> round(found["L_roll"].percent, 1), round(found["tau_roll"].percent)
     (0.8, 15)
     """
-    choices = choices or FitChoices()
+    choices = choices or FitSettings()
     structure = _scoped(structure, loop, plan, choices)
     _require_values(structure, values)
     known = {p.name: values[p.name] for p in structure.parameters if p.status == "free"}
@@ -423,7 +423,7 @@ def predict(
     )
 
 
-def _scoped(structure: LinearStructure, loop: LoopModel, plan: FlightPlan, choices: FitChoices) -> LinearStructure:
+def _scoped(structure: LinearStructure, loop: LoopModel, plan: FlightPlan, choices: FitSettings) -> LinearStructure:
     """The part of a structure that the loop has and the plan excites."""
     inputs = [name for name in structure.inputs if name in loop.inputs and _axis(name) in plan.axes]
     outputs = [name for name in choices.outputs or structure.outputs if choices.outputs or name in loop.outputs]

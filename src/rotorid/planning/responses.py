@@ -34,7 +34,7 @@ from rotorid.fitting.time.output_error import TimeData, TimeProblem, fit_output_
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.planning.expected import (
-    FitChoices,
+    FitSettings,
     Planned,
     as_planned,
     excited_flight,
@@ -222,7 +222,7 @@ def predict_responses(
     loop: LoopModel,
     plan: FlightPlan,
     *,
-    choices: FitChoices | None = None,
+    choices: FitSettings | None = None,
     seed: int = 0,
 ) -> Prediction:
     """Say before a flight what an output-error fit of its responses to set-points will know.
@@ -268,7 +268,7 @@ def predict_responses(
     >>> 0.15 < found["T_phi"].expected < 0.2, found["T_phi"].percent < 2.0
     (True, True)
     """
-    choices = choices or FitChoices()
+    choices = choices or FitSettings()
     structure = _scoped(structure, loop)
     axes = tuple(SETPOINTS[name].axis for name in structure.inputs)
     shown = as_planned(plan, axes, loop.log_rate_hz, declared=())

@@ -15,7 +15,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.controllers import controllers_of_result
 from rotorid.flying.designs import default_entry
 from rotorid.flying.flight_air import flown_as
-from rotorid.flying.settings import DesignChoices
+from rotorid.flying.settings import DesignSettings
 from rotorid.io.registry import log_rate_hz
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.planning.aircraft import aircraft_loop, rate_filters
@@ -23,7 +23,8 @@ from rotorid.planning.loop import LoopModel
 from rotorid.planning.prior import with_prior
 from rotorid.proposing.axis import known_axis
 from rotorid.proposing.flown_gains import at_ends, flown_controllers
-from rotorid.proposing.proposal import TUNED_AXES, TuneSettings, wishes_of
+from rotorid.proposing.proposal import wishes_of
+from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.results.model import IdentifiedModel
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.tuning.bands import LOWEST_RAD_S, band_of, crossover_rad_s, foreseen
@@ -39,8 +40,8 @@ _SENT_RAD_S = 2.0 * np.pi * 10.0
 
 
 def designed_for_tune(
-    choices: DesignChoices, *, record: FlightRecord | None = None, models: Sequence[IdentifiedModel] = ()
-) -> DesignChoices:
+    choices: DesignSettings, *, record: FlightRecord | None = None, models: Sequence[IdentifiedModel] = ()
+) -> DesignSettings:
     """Choices of a design whose sweeps have the band that ``tune`` needs from the gains of a log or a result.
 
     Each axis is swept over its own; axes at the same time over the widest. Gains, noise and wind are those of the log.
@@ -113,7 +114,7 @@ def _too_low(axis: Axis, needed_rad_s: float, most_rad_s: float, by: str) -> Fin
     )
 
 
-def _with_gains_of(choices: DesignChoices, models: Sequence[IdentifiedModel]) -> DesignChoices:
+def _with_gains_of(choices: DesignSettings, models: Sequence[IdentifiedModel]) -> DesignSettings:
     known = next((model.controller for model in models if model.controller is not None), None)
     if known is None:
         raise InsufficientDataError("the result holds no gains", needed="a log with the parameters of its autopilot")

@@ -22,12 +22,14 @@ from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord
+from rotorid.data.trust import ROBUSTNESS
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.io.records import as_records
 from rotorid.loops.rate_loops import loop_by_injection, shown_quantities
-from rotorid.proposing.proposal import AxisTuning, TuneSettings, tune
+from rotorid.proposing.proposal import AxisTuning, tune
+from rotorid.proposing.settings import TuneSettings
 from rotorid.results.model import IdentifiedModel, Records
 from rotorid.results.provenance import Provenance
-from rotorid.settings.settings import as_records
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
@@ -79,7 +81,7 @@ class Foretold(Immutable):
     whole: Mapping[str, Quantity]
     omega_rad_s: FloatArray | None = None
     loops: ComplexArray | None = None
-    robustness: float = 1.7
+    robustness: float = ROBUSTNESS
 
     def __post_init__(self) -> None:
         self._set(flown=self.flown, proposed=self.proposed, rate=self.rate, whole=self.whole)

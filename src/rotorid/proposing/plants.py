@@ -17,7 +17,8 @@ from rotorid.identifying.identification import identify
 from rotorid.loops.plants import MeasuredPlant, drawn_plant, plant_of_result
 from rotorid.models.families import rate_model_of
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings.settings import IdentifySettings, Setting
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.option import Setting
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.plant import UncertainPlant, uncertain_plant
 from rotorid.typing import Axis, ComplexArray, FloatArray

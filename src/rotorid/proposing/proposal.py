@@ -21,25 +21,28 @@ from rotorid.data.base import Immutable
 from rotorid.data.display import html_table, lines_of
 from rotorid.data.findings import Finding, Findings, refusal, remark, warn, worst_first
 from rotorid.data.record import FlightRecord
+from rotorid.data.trust import ROBUSTNESS
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.same_vehicle import require_one_autopilot
 from rotorid.flying.next_steps import sweep_for_tune
+from rotorid.io.records import as_records
 from rotorid.models.autopilots.gains import Parameter, parameters_of
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.proposing.axis import KnownAxis, gains_apart, known_axis, needed_rad_s
 from rotorid.proposing.filters import FilterPrice, changed_filters, prices
 from rotorid.proposing.flown_gains import FlownAxis, at_ends, flown_controllers, settings_records
+from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.proposing.shared_filters import require_filters_hold
 from rotorid.proposing.thrust import ThrustLinearization, linearization
 from rotorid.results.model import IdentifiedModel, Records, Refused
 from rotorid.results.provenance import Provenance, provenance
-from rotorid.settings.settings import Setting, as_records, require_seed
+from rotorid.settings.option import as_settings
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.files import parameter_files
 from rotorid.tuning.firmware import ranges_of, rounded, scaled, written
 from rotorid.tuning.loops import ControllerParts, Gains
-from rotorid.tuning.plant import DRAWS, UncertainPlant
+from rotorid.tuning.plant import UncertainPlant
 from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, flights_between, judged, propose, steps_beyond
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
@@ -48,79 +51,9 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 FULL_SCALE_M = 16.4
 """Diameter of the rotor of a helicopter for which guidelines were made."""
 
-TUNED_AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw")
 _NEARLY = 1.15
 _SAME_GAIN = 1e-3
 _STEP_RATE_HZ, _STEP_SAMPLES, _STEP_SHOWN_S = 250.0, 4096, 2.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class TuneSettings(Immutable):
-    """Choices of one run of ``tune``.
-
-    Parameters
-    ----------
-    axes
-        Those to look at; all by default.
-    robustness
-        Largest sensitivity peak M_s of the rate loop and of the whole one, on 95 of 100 likely plants.
-    noise
-        Noise of the command at most, as a factor on that of the flown gains.
-    keep
-        Gains that stay, of P, I, D and A.
-    filters
-        Filters that are to be flown, by the firmware's names, where they are not those of the log.
-    scale
-        How many times larger a helicopter of full scale is, for guidelines made for those; ``None`` where the fit of
-        ``physical.motors`` is to say, or none.
-    draws, seed
-        How many likely plants, and the seed of the draws. Of 50 the gains of equal plants differ by a step of the grid.
-
-    Raises
-    ------
-    UsageError
-        A number is out of range, or a gain is unknown.
-    """
-
-    axes: tuple[Axis, ...] = TUNED_AXES
-    robustness: float = 1.7
-    noise: float = 2.0
-    keep: tuple[str, ...] = ()
-    filters: Mapping[str, float] = field(default_factory=dict)
-    scale: float | None = None
-    draws: int = DRAWS
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        require_seed(self.seed)
-        if not 1.2 <= self.robustness <= 2.5:
-            raise UsageError(f"--robustness {self.robustness:g} came", needed="a largest M_s from 1.2 to 2.5")
-        if not 0.1 <= self.noise <= 10.0:
-            raise UsageError(f"--noise {self.noise:g} came", needed="a factor from 0.1 to 10")
-        if wrong := [name for name in self.keep if name not in "PIDA" or len(name) != 1]:
-            raise UsageError(f"--keep {wrong[0]} came", needed="of P, I, D and A")
-        if len(set(self.keep)) == 4:
-            raise UsageError("all gains stay", needed="at least one that may change")
-        if wrong_axes := [axis for axis in self.axes if axis not in TUNED_AXES]:
-            raise UsageError(f"the axis {wrong_axes[0]} came", needed="roll, pitch, yaw")
-        if self.scale is not None and not 1.0 <= self.scale <= 1000.0:
-            raise UsageError(f"--scale {self.scale:g} came", needed="full scale over the vehicle, from 1 to 1000")
-        if not 10 <= self.draws <= 1000:
-            raise UsageError(f"{self.draws} draws came", needed="10 to 1000")
-        self._set(axes=tuple(self.axes), keep=tuple(self.keep), filters=self.filters)
-
-    def as_json(self) -> dict[str, Setting]:
-        """The choices for the provenance of a result."""
-        return {
-            "axes": [str(axis) for axis in self.axes],
-            "robustness": self.robustness,
-            "noise": self.noise,
-            "keep": list(self.keep),
-            "filters": [f"{name}={value:g}" for name, value in self.filters.items()],
-            "scale": self.scale,
-            "draws": self.draws,
-            "seed": self.seed,
-        }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -257,7 +190,7 @@ class TuningProposal(Immutable):
     rollback_files: Mapping[str, str]
     findings: tuple[Finding, ...]
     provenance: Provenance
-    robustness: float = 1.7
+    robustness: float = ROBUSTNESS
 
     def __post_init__(self) -> None:
         self._set(axes=self.axes, files=self.files, rollback_files=self.rollback_files)
@@ -323,7 +256,7 @@ def tune(
     >>> proposal.axes["roll"].parameters["MC_ROLLRATE_P"]  # doctest: +SKIP
     (0.15, 0.21)
     """
-    chosen = replace(settings or TuneSettings(), **options)
+    chosen = as_settings(TuneSettings, settings, options)
     logs = as_records(records)
     given = (models,) if isinstance(models, IdentifiedModel) else tuple(models)
     if not given and not logs:

@@ -23,7 +23,7 @@ from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDE
 from rotorid.documents.design import DesignDocument
 from rotorid.errors import UsageError
 from rotorid.flying.designs import STEPS, Designed, Planned, Told, as_flown
-from rotorid.flying.settings import DesignChoices
+from rotorid.flying.settings import DesignSettings
 from rotorid.planning.amplitude import Amplitude, Limits, Reached
 from rotorid.planning.duration import Shortest
 from rotorid.planning.prediction import PredictedParameter, Prediction
@@ -330,7 +330,7 @@ def _percents(one: Designed) -> dict[tuple[str, str], float]:
     }
 
 
-def design_summary(designed: Sequence[Designed], choices: DesignChoices) -> tuple[str, ...]:
+def design_summary(designed: Sequence[Designed], choices: DesignSettings) -> tuple[str, ...]:
     """Which plan tells most, what each will tell, and the answers to what was asked for."""
     most = _best_sentences(compared(designed)) if len(designed) > 1 else []
     each = [_plan_sentence(one) for one in designed]
@@ -452,7 +452,7 @@ class ExpectedPictures:
     folded: tuple[Picture, ...]
 
 
-def flown(one: Designed, choices: DesignChoices) -> SimulatedFlight:
+def flown(one: Designed, choices: DesignSettings) -> SimulatedFlight:
     """One of the flights whose usual extremes the plan holds, once more: the first draw of wind and noise."""
     from rotorid.simulation.multirotor_flight import fly_multirotor
 
@@ -682,7 +682,7 @@ class PlanSection:
 
 
 def render_design(
-    designed: Sequence[Designed], choices: DesignChoices, *, title: str, document: DesignDocument | None = None
+    designed: Sequence[Designed], choices: DesignSettings, *, title: str, document: DesignDocument | None = None
 ) -> str:
     """The page as one HTML document, which holds everything it shows and lets no text of a model act.
 
@@ -727,7 +727,7 @@ def render_design(
     )
 
 
-def _plan_section(one: Designed, choices: DesignChoices, *, anchor: str) -> PlanSection:
+def _plan_section(one: Designed, choices: DesignSettings, *, anchor: str) -> PlanSection:
     plan = one.planned.plan
     durations = [
         duration_picture(found, one.wanted[model], key=f"{anchor}-duration-{number}")
@@ -752,7 +752,7 @@ def _plan_section(one: Designed, choices: DesignChoices, *, anchor: str) -> Plan
     )
 
 
-def _model_section(told: Told, choices: DesignChoices, *, anchor: str) -> ModelSection:
+def _model_section(told: Told, choices: DesignSettings, *, anchor: str) -> ModelSection:
     prediction = told.prediction
     if prediction is None:
         return ModelSection(

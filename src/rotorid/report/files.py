@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rotorid.documents.design import DesignDocument, SimulationDocument
     from rotorid.flying.designs import Designed
     from rotorid.flying.flown_models import FlownModel
-    from rotorid.flying.settings import DesignChoices, SimulateChoices
+    from rotorid.flying.settings import DesignSettings, SimulateSettings
     from rotorid.loops.responses import Responses
     from rotorid.plans.facts import FlightFacts
     from rotorid.proposing.check import CheckedTuning
@@ -259,7 +259,7 @@ VEHICLE_FILE = "vehicle.toml"
 
 def write_design(
     folder: Path,
-    choices: DesignChoices,
+    choices: DesignSettings,
     designed: Sequence[Designed],
     *,
     autopilot: str | None,
@@ -302,7 +302,7 @@ def write_design(
     return document
 
 
-def _title(designed: Sequence[Designed], choices: DesignChoices) -> str:
+def _title(designed: Sequence[Designed], choices: DesignSettings) -> str:
     return f"{'A flight plan' if len(designed) == 1 else f'{len(designed)} flight plans'} for {choices.entry.name}"
 
 
@@ -314,7 +314,7 @@ def require_autopilot(name: str | None) -> None:
 
 
 def _files(
-    one: Designed, choices: DesignChoices, autopilot: str, *, explicit: bool
+    one: Designed, choices: DesignSettings, autopilot: str, *, explicit: bool
 ) -> tuple[dict[str, str | bytes], list[Finding]]:
     """Files of a plan by name; what an autopilot cannot fly is remarked on, and an error where it was asked for."""
     from rotorid.documents.design import plan_document
@@ -345,7 +345,7 @@ def _unwritten(kind: str, what: str, error: UsageError) -> Finding:
     return warn("not_written", kind, f"{what}: {error}")
 
 
-def _facts(one: Designed, choices: DesignChoices, autopilot: str) -> FlightFacts:
+def _facts(one: Designed, choices: DesignSettings, autopilot: str) -> FlightFacts:
     from rotorid.flying.designs import computed_for
     from rotorid.plans.facts import HAND_CLIMB_M, FlightFacts, PredictedBound, throttle_by_hand
 
@@ -382,7 +382,7 @@ def _facts(one: Designed, choices: DesignChoices, autopilot: str) -> FlightFacts
 
 def write_simulation(
     folder: Path,
-    choices: SimulateChoices,
+    choices: SimulateSettings,
     *,
     command: Sequence[str],
 ) -> SimulationDocument:

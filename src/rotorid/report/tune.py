@@ -12,6 +12,7 @@ import numpy as np
 from rotorid.data.display import capital
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import MISSING, Quantity, with_ends
+from rotorid.data.trust import ROBUSTNESS
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.tune import (
     LIMIT_IS_KEPT,
@@ -240,8 +241,8 @@ def _check_pictures(axis: str, one: CheckedAxis) -> list[Picture]:
 
 
 def _limit(proposal: TuningProposal) -> float:
-    value = proposal.provenance.settings.get("robustness", 1.7)
-    return float(value) if isinstance(value, (int, float)) else 1.7
+    value = proposal.provenance.settings.get("robustness")
+    return float(value) if isinstance(value, (int, float)) else ROBUSTNESS
 
 
 def loops_for_page(one: AxisTuning, *, limit: float) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, overload
 
 from rotorid import __version__
 from rotorid.data.base import Immutable
@@ -12,24 +12,10 @@ from rotorid.data.findings import Finding, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.data.response import Estimate, FrequencyResponse
 from rotorid.errors import InsufficientDataError
+from rotorid.settings.option import Setting, Settings
 
 if TYPE_CHECKING:
     pass
-
-Setting: TypeAlias = str | int | float | bool | list[str] | list[float] | None
-
-
-class Choices(Protocol):
-    """Choices of a run."""
-
-    @property
-    def seed(self) -> int:
-        """Of everything random."""
-        ...
-
-    def as_json(self) -> Mapping[str, Setting]:
-        """All of them by name."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +87,7 @@ class Stretch(Protocol):
 
 def provenance(
     records: Sequence[FlightRecord],
-    settings: Choices,
+    settings: Settings,
     *,
     flights: Sequence[Stretch] = (),
     response: FrequencyResponse | None = None,
@@ -203,7 +189,7 @@ class Refused(Immutable):
 def refused(
     error: InsufficientDataError,
     records: Sequence[FlightRecord],
-    settings: Choices,
+    settings: Settings,
     *,
     otherwise: Finding,
     inputs: Sequence[str] = (),

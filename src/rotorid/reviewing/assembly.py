@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar, overload
+from typing import Any, TypeVar, overload
 
 from rotorid.autopilots.advice import flying_advice, logging_advice
 from rotorid.data.axes import RATE_OF
@@ -29,6 +29,7 @@ from rotorid.flights.supports import END_FIRST, foreign_vehicle, rate_support, s
 from rotorid.flights.whole_flights import Flown, flown
 from rotorid.flying.next_steps import KnownOfLog, LoopChannels, next_steps
 from rotorid.identifying.identify_many import identify_several
+from rotorid.io.records import as_records
 from rotorid.models.families import RATE_AXIS
 from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.reviewing.flight import flight, logging, vehicle
@@ -37,6 +38,7 @@ from rotorid.reviewing.loops import loops
 from rotorid.reviewing.margins import margins
 from rotorid.reviewing.motors import motors
 from rotorid.reviewing.noise import noise
+from rotorid.reviewing.settings import ReviewSettings
 from rotorid.reviewing.values import (
     FlightSummary,
     LoggingReview,
@@ -47,7 +49,7 @@ from rotorid.reviewing.values import (
     Review,
     Untold,
 )
-from rotorid.settings.settings import as_records
+from rotorid.settings.option import as_settings
 from rotorid.signal.oscillations import check_oscillations
 from rotorid.typing import Axis
 
@@ -59,13 +61,16 @@ Part = TypeVar("Part")
 
 
 @overload
-def review(  # type: ignore[overload-overlap]
-    records: FlightRecord | str | Path, *, models: bool = True
-) -> Review: ...
+def review(records: FlightRecord | str | Path, *, settings: ReviewSettings | None = None, **options: Any) -> Review: ...
 @overload
-def review(records: Sequence[FlightRecord | str | Path], *, models: bool = True) -> tuple[Review, ...]: ...
 def review(
-    records: FlightRecord | str | Path | Sequence[FlightRecord | str | Path], *, models: bool = True
+    records: Sequence[FlightRecord | str | Path], *, settings: ReviewSettings | None = None, **options: Any
+) -> tuple[Review, ...]: ...
+def review(
+    records: FlightRecord | str | Path | Sequence[FlightRecord | str | Path],
+    *,
+    settings: ReviewSettings | None = None,
+    **options: Any,
 ) -> Review | tuple[Review, ...]:
     """Review ordinary flights: loops as flown, margins, models, noise, motors, and what the logs cannot tell.
 
@@ -75,8 +80,10 @@ def review(
     ----------
     records
         A log or its file; several give a review each.
-    models
-        Whether models are identified too, which takes most of the time.
+    settings
+        Choices; everything has a default.
+    **options
+        Fields of :class:`rotorid.reviewing.settings.ReviewSettings`, which go before ``settings``.
 
     Returns
     -------
@@ -95,10 +102,11 @@ def review(
     >>> seen.loops["p"].numbers["rise_time_s"].value  # doctest: +SKIP
     0.031
     """
+    chosen = as_settings(ReviewSettings, settings, options)
     if isinstance(records, FlightRecord | str | Path):
         (record,) = as_records(records)
-        return _review(record, models=models)
-    return tuple(_review(record, models=models) for record in as_records(records))
+        return _review(record, models=chosen.models)
+    return tuple(_review(record, models=chosen.models) for record in as_records(records))
 
 
 def told_anything(seen: Review) -> bool:

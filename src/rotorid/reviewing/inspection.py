@@ -22,7 +22,7 @@ from rotorid.flights.supports import Support, ordinary_flights, segment_of, supp
 from rotorid.flying.next_steps import KnownOfLog, next_steps
 from rotorid.models.families import RATE_AXIS, family_of, rate_model_of
 from rotorid.results.provenance import LoggedManeuver, logged
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.signal.airborne import Airborne, airborne, told_by
 from rotorid.signal.battery import battery_voltages
 from rotorid.signal.excitations import (

@@ -1,6 +1,8 @@
-from rotorid.settings.settings import FlySettings as FlySettings
-from rotorid.settings.settings import IdentifySettings as IdentifySettings
-from rotorid.settings.settings import MeasureSettings as MeasureSettings
-from rotorid.settings.settings import MotorChoices as MotorChoices
-from rotorid.settings.settings import ResponseSettings as ResponseSettings
-from rotorid.settings.settings import VerifySettings as VerifySettings
+from rotorid.settings.flying import FlySettings as FlySettings
+from rotorid.settings.given_controllers import GivenController as GivenController
+from rotorid.settings.given_controllers import read_controllers as read_controllers
+from rotorid.settings.identifying import IdentifySettings as IdentifySettings
+from rotorid.settings.measuring import MeasureSettings as MeasureSettings
+from rotorid.settings.measuring import ResponseSettings as ResponseSettings
+from rotorid.settings.motors import MotorSettings as MotorSettings
+from rotorid.settings.verifying import VerifySettings as VerifySettings

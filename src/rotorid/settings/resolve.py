@@ -13,7 +13,7 @@ from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet, no_such
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import structure_from_toml
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 
 Model: TypeAlias = str | Path | LinearStructure | NonlinearStructure
 """A model as people name it: of the library, a TOML file, or a structure."""

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rotorid.data.base import Immutable
+from rotorid.data.trust import COMMAND_NOISE, ROBUSTNESS
 from rotorid.models.controller import RateController
 from rotorid.tuning.loops import (
     AttitudeFigures,
@@ -127,10 +128,10 @@ class Wishes(Immutable):
         The angle gain that is to be flown, where another axis has the same one; ``None`` where it is free.
     """
 
-    sensitivity_peak: float = 1.7
+    sensitivity_peak: float = ROBUSTNESS
     phase_margin_rad: float = float(np.radians(45.0))
     gain_margin: float = 2.0
-    noise: float = 2.0
+    noise: float = COMMAND_NOISE
     keep: tuple[str, ...] = ()
     most_up: float = _MOST_UP
     most_down: float = _MOST_DOWN

@@ -29,6 +29,7 @@ import numpy as np
 from scipy import linalg, signal
 
 from rotorid.data.base import Immutable, read_only
+from rotorid.data.trust import REFERENCE_S, STEP_SHARE
 from rotorid.errors import InsufficientDataError
 from rotorid.typing import FloatArray
 
@@ -37,9 +38,6 @@ RATE_HZ = 50.0
 
 BAND_HZ = (0.5, 6.0)
 """What of the prediction and of the rate is compared."""
-
-STEP_SHARE = 0.13
-"""The change that is looked for, 15 % of inertia; larger ones are found sooner."""
 
 LEAST_LEVEL = 0.15
 """Stick below which nothing is told."""
@@ -163,7 +161,7 @@ def track_gain(
     thrust: FloatArray | None = None,
     thrust_exponent: float | None = None,
     start_s: float = 0.0,
-    reference_s: float = 60.0,
+    reference_s: float = REFERENCE_S,
     step_share: float = STEP_SHARE,
 ) -> Tracking:
     """Follow the gain of a model through a flight.

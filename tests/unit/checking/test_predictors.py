@@ -23,10 +23,10 @@ from rotorid.data.record import FlightRecord
 from rotorid.flying import fly_log
 from rotorid.identifying import compare, identify, identify_motors, verify
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings import FlySettings, IdentifySettings, MotorChoices, VerifySettings
+from rotorid.settings import FlySettings, IdentifySettings, MotorSettings, VerifySettings
 from rotorid.vehicles.motor_flight import TRUTH
 
-CHOICES = MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M, method="accelerations")
+CHOICES = MotorSettings(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M, method="accelerations")
 VERBS = ("identifying/verification.py", "identifying/comparison.py", "identifying/cross_validation.py")
 
 

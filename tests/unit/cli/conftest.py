@@ -10,7 +10,7 @@ from tests.unit.cli.commands import ROLL, Ran, fly_roll_sweeps, rotorid
 from rotorid.identifying.identification import identify
 from rotorid.io.registry import read
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 
 
 @pytest.fixture(scope="session")

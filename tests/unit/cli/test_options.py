@@ -9,22 +9,34 @@ import typer
 from typer.testing import CliRunner
 
 from rotorid.cli.app import COMMANDS, Commands
-from rotorid.cli.options import Only, Output, with_options
+from rotorid.cli.options import ForPaper, Only, Output, with_options
 from rotorid.errors import UsageError
-from rotorid.flying.settings import Air, DesignChoices, PlanChoices, SimulateChoices
-from rotorid.settings.settings import (
-    IdentifySettings,
-    MeasureSettings,
-    Option,
-    ResponseSettings,
-    VerifySettings,
-    parse_band,
-    parse_fix,
+from rotorid.exports.settings import DrawSettings, ExportSettings, TargetSettings
+from rotorid.fleets.settings import FleetSettings
+from rotorid.flying.settings import (
+    Air,
+    AutopilotSettings,
+    DesignSettings,
+    PlanSettings,
+    SimulateSettings,
+    StitchSettings,
+    VehicleFileSettings,
 )
+from rotorid.identifying.settings import TrackSettings
+from rotorid.lab.settings import LabSettings
+from rotorid.proposing.settings import TuneSettings
+from rotorid.reviewing.settings import ReviewSettings
+from rotorid.settings.flying import FlySettings
+from rotorid.settings.identifying import IdentifySettings, ModelSettings
+from rotorid.settings.measuring import MeasureSettings, ResponseSettings
+from rotorid.settings.option import Option, option_of
+from rotorid.settings.parsing import BAND, FIXED
+from rotorid.settings.verifying import VerifySettings
 
 SETTINGS = (
-    MeasureSettings, ResponseSettings, VerifySettings, IdentifySettings, PlanChoices, DesignChoices, SimulateChoices,
-    Air, Output,
+    MeasureSettings, ResponseSettings, VerifySettings, IdentifySettings, ModelSettings, PlanSettings, DesignSettings,
+    SimulateSettings, AutopilotSettings, VehicleFileSettings, StitchSettings, FlySettings, TrackSettings, TuneSettings,
+    ReviewSettings, ExportSettings, TargetSettings, DrawSettings, FleetSettings, LabSettings, Air, Output, ForPaper,
 )  # fmt: skip
 
 
@@ -33,13 +45,11 @@ class Choices:
     """Some of everything that an option can be."""
 
     size: Annotated[int, Option("--size", help="How large.")] = 3
-    band_rad_s: Annotated[tuple[float, float], Option("--band", help="LO:HI.", parse=parse_band, default="1:60")] = (
+    band_rad_s: Annotated[tuple[float, float], Option("--band", "LO:HI.", text=BAND, default="1:60")] = (
         2.0,
         3.0,
     )
-    fix: Annotated[dict[str, float], Option("--fix", help="Repeatable.", parse=parse_fix, repeats=True)] = field(
-        default_factory=dict
-    )
+    fix: Annotated[dict[str, float], Option("--fix", "Repeatable.", text=FIXED)] = field(default_factory=dict)
     hidden: float = 1.5
 
 
@@ -94,7 +104,7 @@ def test_a_text_that_cannot_be_read_is_refused_in_words() -> None:
 
 @pytest.mark.parametrize("kind", SETTINGS, ids=lambda kind: kind.__name__)
 def test_every_option_is_named_and_explained_once(kind: type[Any]) -> None:
-    options = [more for item in fields(kind) for more in getattr(item.type, "__metadata__", ())]
+    options = [option for item in fields(kind) if (option := option_of(item)) is not None]
     assert options
     assert len({option.name for option in options}) == len(options)
     for option in options:

@@ -24,8 +24,8 @@ from rotorid.data.record import Maneuver
 from rotorid.errors import UsageError
 from rotorid.flights.measure import _beside_excitation
 from rotorid.flying.settings import (
-    PlanChoices,
-    SimulateChoices,
+    PlanSettings,
+    SimulateSettings,
     parse_changes,
     parse_limits,
     parse_percents,
@@ -34,8 +34,9 @@ from rotorid.flying.settings import (
 )
 from rotorid.models.motors import Curve
 from rotorid.report.printing import BROWSERS, print_pages
-from rotorid.settings.settings import (
-    IdentifySettings,
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.option import option_of
+from rotorid.settings.parsing import (
     parse_band,
     parse_constants,
     parse_fix,
@@ -207,12 +208,13 @@ def test_help_says_what_an_option_takes(command: str) -> None:
 
 @pytest.mark.parametrize(
     ("kind", "field", "words"),
-    [(IdentifySettings, "curve", ("auto", *get_args(Curve))), (SimulateChoices, "format", get_args(LogFormat)),
-     (PlanChoices, "entry", get_args(Entry))],
+    [(IdentifySettings, "curve", ("auto", *get_args(Curve))), (SimulateSettings, "format", get_args(LogFormat)),
+     (PlanSettings, "entry", get_args(Entry))],
 )  # fmt: skip
 def test_listed_words_are_all_that_there_are(kind: type, field: str, words: tuple[str, ...]) -> None:
     (item,) = [item for item in fields(kind) if item.name == field]
-    (option,) = item.type.__metadata__  # type: ignore[union-attr]
+    option = option_of(item)
+    assert option is not None
     assert option.words == words
 
 

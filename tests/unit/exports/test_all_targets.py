@@ -18,7 +18,7 @@ from tests.unit.exports.vehicles import SIH, sih
 from tests.unit.pipeline.test_joined import motors
 
 from rotorid.errors import ModelError, UsageError
-from rotorid.exports import TARGETS, ExportChoices, Exported, export
+from rotorid.exports import TARGETS, Exported, ExportSettings, export
 from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.models.rotors import library_layout
 
@@ -54,7 +54,7 @@ def parsed(name: str, content: str | bytes) -> None:
 
 @pytest.mark.parametrize("target", list(TARGETS))
 def test_files_parse_and_hold_the_round_trip(target: str) -> None:
-    exported = export(whole(), target, ExportChoices(names="bird"))
+    exported = export(whole(), target, ExportSettings(names="bird"))
     assert exported.target == target
     assert exported.start
     assert exported.compared
@@ -129,9 +129,9 @@ def test_names_of_logs_end_no_comment(target: str) -> None:
         ast.parse(text)
 
 
-@pytest.mark.parametrize("choices", [ExportChoices(delay="states"), ExportChoices(sample_rate_hz=100.0)])
+@pytest.mark.parametrize("choices", [ExportSettings(delay="states"), ExportSettings(sample_rate_hz=100.0)])
 @pytest.mark.parametrize("target", SCALED)
-def test_simulators_refuse_what_only_state_spaces_hold(target: str, choices: ExportChoices) -> None:
+def test_simulators_refuse_what_only_state_spaces_hold(target: str, choices: ExportSettings) -> None:
     with pytest.raises(UsageError, match="needed: a state space"):
         export(whole(), target, choices)
 
@@ -139,7 +139,7 @@ def test_simulators_refuse_what_only_state_spaces_hold(target: str, choices: Exp
 @pytest.mark.parametrize("target", ["ardupilot", "urdf"])
 def test_motors_without_a_lag_take_no_delay(target: str) -> None:
     with pytest.raises(UsageError, match="whose motors have no lag"):
-        export(whole(), target, ExportChoices(delay="lag"))
+        export(whole(), target, ExportSettings(delay="lag"))
 
 
 @pytest.mark.parametrize("target", ["px4-sih", "ardupilot", "gazebo", "rotorpy", "urdf"])

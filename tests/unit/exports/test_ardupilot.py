@@ -15,7 +15,7 @@ from tests.unit.exports.motion import STEP_S, doublet, inequality, own
 from tests.unit.exports.vehicles import SECOND, asymmetric, second, sih
 
 from rotorid.errors import ModelError
-from rotorid.exports import ExportChoices, Exported
+from rotorid.exports import Exported, ExportSettings
 from rotorid.exports.ardupilot import SITL_FRAMES, air_density, export, sitl_accelerations
 from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.models.rotors import library_layout
@@ -76,7 +76,7 @@ def row(exported: Exported, name: str) -> Any:
 
 
 def test_the_second_vehicle_has_its_numbers() -> None:
-    exported = export(second(), ExportChoices())
+    exported = export(second(), ExportSettings())
     table = frame(exported)
     assert table["propExpo"] == pytest.approx(0.12576, abs=5e-6)
     assert table["hoverThrOut"] == pytest.approx(0.41868, abs=5e-6)
@@ -88,7 +88,7 @@ def test_the_second_vehicle_has_its_numbers() -> None:
 
 
 def test_the_default_frame_comes_back() -> None:
-    exported = export(default_frame(), ExportChoices())
+    exported = export(default_frame(), ExportSettings())
     table = frame(exported)
     wanted = {"propExpo": 0.65, "hoverThrOut": 0.39, "mdrag_coef": 0.2, "diagonal_size": 0.35, "refSpd": 15.08}
     for name, value in wanted.items():
@@ -102,7 +102,7 @@ def test_the_default_frame_comes_back() -> None:
 
 
 def test_the_equations_have_the_drag_and_the_damping_of_the_default_frame() -> None:
-    table = frame(export(default_frame(), ExportChoices()))
+    table = frame(export(default_frame(), ExportSettings()))
     hover = np.full(4, 0.15 + 0.8 * 0.5508)
 
     def moved(velocity: list[float], rates: list[float]) -> Any:
@@ -122,7 +122,7 @@ def test_sitl_answers_a_doublet_as_the_vehicle_does(make: Any, axis: int) -> Non
     assert body is not None
     # What SITL makes of itself: drag along z and damping on three axes.
     known = {name: value for name, value in vehicle.numbers.items() if name not in ("X_u", "L_p")}
-    exported = export(vehicle, ExportChoices())
+    exported = export(vehicle, ExportSettings())
     table = frame(exported)
     same = joined_vehicle(
         [],
@@ -155,7 +155,7 @@ def _motion_of(table: dict[str, Any]) -> dict[str, float]:
 
 
 def test_an_asymmetric_vehicle_keeps_places_and_signs() -> None:
-    exported = export(asymmetric(), ExportChoices())
+    exported = export(asymmetric(), ExportSettings())
     table = frame(exported)
     assert table["motor1_position"] == [0.22, 0.16, -0.03]
     assert table["motor4_position"] == [-0.2, 0.15, -0.03]
@@ -196,7 +196,7 @@ def of_demands() -> JoinedVehicle:
 
 
 def test_demands_of_an_autopilot_take_its_own_curve() -> None:
-    exported = export(of_demands(), ExportChoices())
+    exported = export(of_demands(), ExportSettings())
     table = frame(exported)
     assert (table["propExpo"], table["spin_min"], table["spin_max"]) == (0.65, 0.15, 0.95)
     for name in ("vertical", "roll", "pitch", "yaw"):
@@ -229,7 +229,7 @@ def demanded(table: dict[str, Any], written: dict[str, float], demands: Any, alt
 def test_the_autopilot_in_sitl_hovers_and_turns_at_the_demands_of_the_flight(altitude_m: float) -> None:
     """Compensated for voltage in SITL as in flight, hover was off by 1.6 % and yaw by 2.7 %; the table said 0.00 %."""
     vehicle = of_demands()
-    exported = export(vehicle, ExportChoices())
+    exported = export(vehicle, ExportSettings())
     table, written = frame(exported), parameters(exported)
     hover = np.full(4, 0.363)
     assert demanded(table, written, hover, altitude_m)[2] == pytest.approx(-9.80665, rel=1e-3)
@@ -248,7 +248,7 @@ def test_the_autopilot_in_sitl_hovers_and_turns_at_the_demands_of_the_flight(alt
 
 
 def test_the_throttle_of_hover_is_what_the_autopilot_asks_for() -> None:
-    exported = export(default_frame(), ExportChoices())
+    exported = export(default_frame(), ExportSettings())
     table, written = frame(exported), parameters(exported)
     found = demanded(table, written, np.full(4, written["MOT_THST_HOVER"]), 593.0)
     assert found[2] == pytest.approx(-9.80665, rel=1e-3)
@@ -257,7 +257,7 @@ def test_the_throttle_of_hover_is_what_the_autopilot_asks_for() -> None:
 def test_a_curve_beyond_the_form_keeps_the_weight_and_says_so() -> None:
     # Flatter than a line through no thrust at spin_min.
     vehicle = joined_vehicle([], given=SECOND | {"c_0": 2.0, "c_1": 5.0, "c_2": 0.0}, layout=library_layout("quad.x"))
-    exported = export(vehicle, ExportChoices())
+    exported = export(vehicle, ExportSettings())
     assert row(exported, "hover output").difference_percent == pytest.approx(0.0, abs=1e-3)
     assert row(exported, "vertical acceleration per output").held == "approximated"
     assert "export_compromise" in {finding.kind for finding in exported.findings}
@@ -265,13 +265,13 @@ def test_a_curve_beyond_the_form_keeps_the_weight_and_says_so() -> None:
 
 def test_large_drag_lowers_the_reference_speed_and_not_the_drag() -> None:
     vehicle = second(X_u=-2.0)
-    exported = export(vehicle, ExportChoices())
+    exported = export(vehicle, ExportSettings())
     assert frame(exported)["refSpd"] < 15.08
     assert row(exported, "X_u").difference_percent == pytest.approx(0.0, abs=1e-3)
 
 
 def test_unknown_spins_span_the_whole_range() -> None:
-    exported = export(sih(), ExportChoices())
+    exported = export(sih(), ExportSettings())
     assert {"spin_min", "spin_max"} <= set(exported.defaults)
     assert row(exported, "roll acceleration per output").difference_percent == pytest.approx(0.0, abs=1e-3)
     written = parameters(exported)
@@ -281,7 +281,7 @@ def test_unknown_spins_span_the_whole_range() -> None:
 @pytest.mark.parametrize("one", SITL_FRAMES, ids=lambda one: one.layout)
 def test_every_frame_of_sitl_is_found(one: Any) -> None:
     vehicle = joined_vehicle([], given=SECOND, layout=library_layout(one.layout))
-    exported = export(vehicle, ExportChoices(names="it"))
+    exported = export(vehicle, ExportSettings(names="it"))
     assert f"--model {one.name}:it.json" in exported.start
     assert (parameters(exported)["FRAME_CLASS"], parameters(exported)["FRAME_TYPE"]) == (
         one.frame_class,
@@ -292,11 +292,11 @@ def test_every_frame_of_sitl_is_found(one: Any) -> None:
 
 def test_a_frame_that_sitl_does_not_have_is_refused() -> None:
     with pytest.raises(ModelError, match="no frame that SITL has"):
-        export(joined_vehicle([], given=SECOND, layout=library_layout("y6")), ExportChoices())
+        export(joined_vehicle([], given=SECOND, layout=library_layout("y6")), ExportSettings())
 
 
 @pytest.mark.parametrize(("spin_min", "spin_arm"), [(0.15, 0.1), (0.05, 0.05)])
 def test_motors_idle_below_the_output_of_thrust(spin_min: float, spin_arm: float) -> None:
-    text = export(second(spin_min=spin_min), ExportChoices()).files["vehicle.param"]
+    text = export(second(spin_min=spin_min), ExportSettings()).files["vehicle.param"]
     assert isinstance(text, str)
     assert f"MOT_SPIN_ARM,{spin_arm:g}\nMOT_SPIN_MIN,{spin_min:g}\n" in text

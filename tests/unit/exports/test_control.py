@@ -10,7 +10,7 @@ import pytest
 from tests.unit.exports.models import HOVER, OMEGA, ROLL, model, vehicle
 from tests.unit.exports.motion import imported
 
-from rotorid.exports import ExportChoices
+from rotorid.exports import ExportSettings
 from rotorid.exports.control import export
 from rotorid.exports.state_space import variable_name
 from rotorid.typing import ComplexArray
@@ -18,11 +18,11 @@ from rotorid.verification.scores import theil_inequality
 
 REASON = "python-control is not installed"
 CHOICES = {
-    "none": ExportChoices(),
-    "states": ExportChoices(delay="states", pade_order=4),
-    "lag": ExportChoices(delay="lag"),
-    "sampled": ExportChoices(delay="states", sample_rate_hz=100.0),
-    "sampled_none": ExportChoices(sample_rate_hz=100.0),
+    "none": ExportSettings(),
+    "states": ExportSettings(delay="states", pade_order=4),
+    "lag": ExportSettings(delay="lag"),
+    "sampled": ExportSettings(delay="states", sample_rate_hz=100.0),
+    "sampled_none": ExportSettings(sample_rate_hz=100.0),
 }
 
 

@@ -9,7 +9,7 @@ import pytest
 from tests.unit.exports.vehicles import SECOND, SIH
 from tests.unit.pipeline.test_joined import motors, result
 
-from rotorid.exports import ExportChoices, Exported, export
+from rotorid.exports import Exported, ExportSettings, export
 from rotorid.exports.ardupilot import export as to_ardupilot
 from rotorid.exports.px4_sih import export as to_sih
 from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber, joined_vehicle
@@ -50,7 +50,7 @@ def test_sih_takes_another_axis_where_its_own_vehicle_lies_far_away(
 
     A deviation that is not known excludes nothing.
     """
-    exported = to_sih(seen(SIH, *AXES, **{axis: (-0.45, std)}), ExportChoices())
+    exported = to_sih(seen(SIH, *AXES, **{axis: (-0.45, std)}), ExportSettings())
     assert (name in exported.defaults) != taken
     assert [one.where for one in exported.findings if one.kind == "export_compromise"] == [name] * taken
     if taken:
@@ -62,7 +62,7 @@ def test_sih_takes_another_axis_where_its_own_vehicle_lies_far_away(
 
 @pytest.mark.parametrize(("std", "taken"), [(0.02, True), (0.2, False)])
 def test_sitl_takes_the_drag_along_z_where_its_own_frame_lies_far_away(std: float, taken: bool) -> None:
-    exported = to_ardupilot(seen(SECOND, "X_u", Z_w=(-0.6, std)), ExportChoices())
+    exported = to_ardupilot(seen(SECOND, "X_u", Z_w=(-0.6, std)), ExportSettings())
     drag = next(one for one in exported.compared if one.name == "Z_w")
     assert ("mdrag_coef" in exported.defaults) != taken
     assert (abs(drag.difference_percent) < 1.0) == taken
@@ -72,7 +72,7 @@ def test_sitl_takes_the_drag_along_z_where_its_own_frame_lies_far_away(std: floa
 
 @pytest.mark.parametrize(("std", "taken"), [(0.3, True), (3.0, False)])
 def test_sitl_takes_a_damping_that_was_dropped(std: float, taken: bool) -> None:
-    exported = to_ardupilot(seen(SECOND, dropped=True, L_p=(-6.0, std)), ExportChoices())
+    exported = to_ardupilot(seen(SECOND, dropped=True, L_p=(-6.0, std)), ExportSettings())
     assert ("refRotRate" in exported.defaults) != taken
     table = json.loads(exported.files["vehicle.json"])
     assert (6.98132 / table["refRotRate"] > 1.0) == taken

@@ -20,7 +20,7 @@ from tests.unit.exports.models import HOVER, ROLL, model, vehicle
 from tests.unit.exports.motion import STEP_S, doublet, late, own
 from tests.unit.exports.vehicles import asymmetric, second, sih
 
-from rotorid.exports import ExportChoices, Exported
+from rotorid.exports import Exported, ExportSettings
 from rotorid.exports.fmu import export
 from rotorid.exports.state_space import variable_name
 from rotorid.flying.vehicle_from_results import JoinedVehicle
@@ -85,10 +85,10 @@ def flown(
 
 @pytest.mark.parametrize(
     ("choices", "count"),
-    [(ExportChoices(delay="lag"), 2), (ExportChoices(delay="states", sample_rate_hz=RATE_HZ), 1)],
+    [(ExportSettings(delay="lag"), 2), (ExportSettings(delay="states", sample_rate_hz=RATE_HZ), 1)],
     ids=["continuous", "sampled"],
 )
-def test_it_moves_as_rotorid_simulates_it(choices: ExportChoices, count: int, tmp_path: Path) -> None:
+def test_it_moves_as_rotorid_simulates_it(choices: ExportSettings, count: int, tmp_path: Path) -> None:
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
     found = vehicle(*[model(HOVER), model(ROLL)][:count])
     compiled(export(found, choices), tmp_path)
@@ -114,14 +114,14 @@ def test_it_moves_as_rotorid_simulates_it(choices: ExportChoices, count: int, tm
 @pytest.mark.parametrize(
     ("found", "choices", "steps"),
     [
-        (asymmetric(delay=0.006), ExportChoices(), 6),
-        (asymmetric(delay=0.006), ExportChoices(delay="lag"), 0),
-        (second(X_u=-0.2, Y_v=-0.3), ExportChoices(), 0),
+        (asymmetric(delay=0.006), ExportSettings(), 6),
+        (asymmetric(delay=0.006), ExportSettings(delay="lag"), 0),
+        (second(X_u=-0.2, Y_v=-0.3), ExportSettings(), 0),
     ],
     ids=["delayed", "lag", "at once"],
 )
 def test_the_vehicle_moves_as_rotorid_simulates_it(
-    found: JoinedVehicle, choices: ExportChoices, steps: int, tmp_path: Path
+    found: JoinedVehicle, choices: ExportSettings, steps: int, tmp_path: Path
 ) -> None:
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
     exported, body = export(found, choices), found.multirotor
@@ -141,7 +141,7 @@ def test_the_vehicle_moves_as_rotorid_simulates_it(
 def test_wind_and_angles_of_the_vehicle(tmp_path: Path) -> None:
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
     found = sih()
-    compiled(export(found, ExportChoices()), tmp_path)
+    compiled(export(found, ExportSettings()), tmp_path)
     body = found.multirotor
     assert body is not None
     names = (*body.rotors.layout.motor_names, "wind_north", "wind_east", "wind_down")
@@ -162,7 +162,7 @@ def test_fmpy_finds_nothing_wrong(tmp_path: Path) -> None:
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
     from fmpy.validation import validate_fmu
 
-    exported = export(vehicle(), ExportChoices(delay="states"))
+    exported = export(vehicle(), ExportSettings(delay="states"))
     exported.write(tmp_path)
     for name in ("vehicle_rate_roll.fmu", "vehicle_hover_two.fmu"):
         assert validate_fmu(str(tmp_path / name)) == []
@@ -171,7 +171,7 @@ def test_fmpy_finds_nothing_wrong(tmp_path: Path) -> None:
 
 
 def test_the_file_holds_sources_that_need_nothing() -> None:
-    exported = export(vehicle(), ExportChoices())
+    exported = export(vehicle(), ExportSettings())
     raw = exported.files["vehicle_hover_two.fmu"]
     assert isinstance(raw, bytes)
     with zipfile.ZipFile(io.BytesIO(raw)) as archive:
@@ -192,14 +192,14 @@ def test_the_file_holds_sources_that_need_nothing() -> None:
     assert [one.attrib["index"] for one in described.iter("Unknown")] == ["3", "4", "5", "3", "4", "5"]
     assert f'#define GUID "{described.attrib["guid"]}"' in header
     assert "hover.two: delay at 50 rad/s" in page
-    assert raw == export(vehicle(), ExportChoices()).files["vehicle_hover_two.fmu"]
+    assert raw == export(vehicle(), ExportSettings()).files["vehicle_hover_two.fmu"]
 
 
 @pytest.mark.parametrize("name", ["rate_roll", "vehicle"])
 def test_the_sources_have_no_warnings(name: str, tmp_path: Path) -> None:
     if COMPILER is None:
         pytest.skip("there is no C compiler")
-    exported = export(asymmetric() if name == "vehicle" else vehicle(), ExportChoices())
+    exported = export(asymmetric() if name == "vehicle" else vehicle(), ExportSettings())
     exported.write(tmp_path)
     with zipfile.ZipFile(tmp_path / next(iter(exported.files))) as archive:
         archive.extractall(tmp_path)

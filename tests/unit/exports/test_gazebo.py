@@ -13,7 +13,7 @@ from tests.unit.exports.motion import STEP_S, doublet, inequality, own
 from tests.unit.exports.vehicles import SECOND, asymmetric, second, sih
 
 from rotorid.errors import ModelError
-from rotorid.exports import ExportChoices, Exported
+from rotorid.exports import Exported, ExportSettings
 from rotorid.exports.gazebo import export
 from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.models.rotors import library_layout
@@ -110,7 +110,7 @@ def model_of(exported: Exported) -> Model:
 
 @pytest.mark.parametrize("vehicle", [sih(), second(T_motor=0.03), asymmetric()], ids=["sih", "second", "odd"])
 def test_the_links_together_are_the_vehicle(vehicle: JoinedVehicle) -> None:
-    model, body = model_of(export(vehicle, ExportChoices())), vehicle.multirotor
+    model, body = model_of(export(vehicle, ExportSettings())), vehicle.multirotor
     assert body is not None
     assert model.mass == pytest.approx(body.mass_kg)
     assert model.center == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
@@ -125,7 +125,7 @@ def test_the_links_together_are_the_vehicle(vehicle: JoinedVehicle) -> None:
 )
 def test_gazebo_answers_a_doublet_as_the_vehicle_does(vehicle: JoinedVehicle, axis: int) -> None:
     # What the plugin has of air: drag across, equal along x and y, at the rotors.
-    exported = export(vehicle, ExportChoices())
+    exported = export(vehicle, ExportSettings())
     rows = {one.name: one.exported for one in exported.compared}
     known = {name: one.value for name, one in vehicle.numbers.items()}
     model = model_of(exported)
@@ -153,7 +153,7 @@ def test_gazebo_answers_a_doublet_as_the_vehicle_does(vehicle: JoinedVehicle, ax
 
 
 def test_the_second_vehicle_has_its_numbers() -> None:
-    model = model_of(export(second(), ExportChoices()))
+    model = model_of(export(second(), ExportSettings()))
     # 144.28 before PX4 rounds it to a whole number; the constant moves with it.
     assert (model.slowest, model.fastest) == (144.0, 1000.0)
     assert number(model.plugins[0], "motorConstant") == pytest.approx(
@@ -163,7 +163,7 @@ def test_the_second_vehicle_has_its_numbers() -> None:
 
 def test_a_steep_curve_begins_at_zero_and_says_so() -> None:
     steep = joined_vehicle([], given=SECOND | {"c_0": -4.0, "c_1": 6.0, "c_2": 14.0}, layout=library_layout("quad.x"))
-    exported = export(steep, ExportChoices())
+    exported = export(steep, ExportSettings())
     assert model_of(exported).slowest == 0.0
     held = {one.name: one for one in exported.compared}
     assert held["hover output"].held == "approximated"
@@ -172,7 +172,7 @@ def test_a_steep_curve_begins_at_zero_and_says_so() -> None:
 
 
 def test_all_files_are_what_they_say() -> None:
-    exported = export(asymmetric(), ExportChoices(names="bird"))
+    exported = export(asymmetric(), ExportSettings(names="bird"))
     assert sorted(exported.files) == ["22002_gz_bird", "bird.world.sdf", "bird/model.config", "bird/model.sdf"]
     config = ElementTree.fromstring(text_of(exported, "model.config"))
     assert (config.tag, config.findtext("sdf")) == ("model", "model.sdf")
@@ -191,14 +191,14 @@ def test_all_files_are_what_they_say() -> None:
 def test_a_vehicle_of_grams_has_rotors_lighter_than_itself() -> None:
     tiny = SECOND | {"m": 0.03, "I_xx": 1.4e-5, "I_yy": 1.5e-5, "I_zz": 2.9e-5, "c_0": 0.0, "c_1": 0.0, "c_2": 0.15}
     model = model_of(
-        export(joined_vehicle([], given=tiny | {"arm": 0.046}, layout=library_layout("quad.x")), ExportChoices())
+        export(joined_vehicle([], given=tiny | {"arm": 0.046}, layout=library_layout("quad.x")), ExportSettings())
     )
     assert model.mass == pytest.approx(0.03)
 
 
 def test_whole_speeds_of_a_slow_rotor_move_the_hover_and_are_said() -> None:
-    exported = export(second(speed_max=40.0), ExportChoices())
+    exported = export(second(speed_max=40.0), ExportSettings())
     (hover,) = (one for one in exported.compared if one.name == "hover output")
     assert hover.held == "approximated"
     with pytest.raises(ModelError, match="from 0 to 1 rad/s; needed: at least 10 rad/s between them"):
-        export(second(speed_max=0.6), ExportChoices())
+        export(second(speed_max=0.6), ExportSettings())

@@ -11,7 +11,7 @@ import pytest
 from tests.unit.pipeline.test_joined import motors
 
 from rotorid.errors import UsageError
-from rotorid.exports import ExportChoices, Exported, export
+from rotorid.exports import Exported, ExportSettings, export
 from rotorid.models.library import rate_model
 from rotorid.results.model import IdentifiedModel
 
@@ -56,7 +56,7 @@ def test_the_matrices_answer_as_the_model(model: IdentifiedModel) -> None:
 
 @pytest.mark.parametrize("rate_hz", [None, 250.0])
 def test_the_state_space_is_continuous_or_sampled(model: IdentifiedModel, rate_hz: float | None) -> None:
-    space = written(export(model, "json", ExportChoices(sample_rate_hz=rate_hz)))["state_space"]
+    space = written(export(model, "json", ExportSettings(sample_rate_hz=rate_hz)))["state_space"]
     A, B, C, D = (np.array(space[name]) for name in "ABCD")
     assert space["sample_time_s"] == (None if rate_hz is None else pytest.approx(0.004))
     # Both have the gain of the model at rest, delays or none.
@@ -65,7 +65,7 @@ def test_the_state_space_is_continuous_or_sampled(model: IdentifiedModel, rate_h
 
 
 def test_what_becomes_of_delays_is_said(model: IdentifiedModel) -> None:
-    left_out, states = export(model, "json"), export(model, "json", ExportChoices(delay="states", pade_order=2))
+    left_out, states = export(model, "json"), export(model, "json", ExportSettings(delay="states", pade_order=2))
     assert "left out of the state space" in left_out.left_out[0]
     assert "they are states" in states.left_out[0]
     count = len(written(left_out)["state_space"]["A"])

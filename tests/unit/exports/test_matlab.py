@@ -16,13 +16,13 @@ from tests.unit.exports.models import HOVER, OMEGA, ROLL, model, vehicle
 from tests.unit.exports.vehicles import sih
 
 from rotorid.errors import UsageError
-from rotorid.exports import ExportChoices, Exported
+from rotorid.exports import Exported, ExportSettings
 from rotorid.exports.matlab import export
 from rotorid.typing import ComplexArray
 
-NONE, STATES = ExportChoices(), ExportChoices(delay="states", pade_order=3)
-LAG = ExportChoices(delay="lag")
-SAMPLED = ExportChoices(delay="states", sample_rate_hz=200.0)
+NONE, STATES = ExportSettings(), ExportSettings(delay="states", pade_order=3)
+LAG = ExportSettings(delay="lag")
+SAMPLED = ExportSettings(delay="states", sample_rate_hz=200.0)
 
 
 def script(exported: Exported) -> str:
@@ -163,7 +163,7 @@ def test_what_becomes_of_delays_is_said() -> None:
 
 def test_names_that_collide_are_refused() -> None:
     with pytest.raises(UsageError, match="would both be called rate_roll"):
-        export(vehicle(), ExportChoices(names="rate_roll"))
+        export(vehicle(), ExportSettings(names="rate_roll"))
     with pytest.raises(UsageError, match="two results would be called rate_roll"):
         export(vehicle(model(ROLL), model(HOVER, name="rate roll")), NONE)
     with pytest.raises(UsageError, match="no result came"):

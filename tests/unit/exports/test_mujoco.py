@@ -11,7 +11,7 @@ from tests.unit.exports.motion import doublet, imported, inequality, late, named
 from tests.unit.exports.vehicles import asymmetric, second, sih
 
 from rotorid.errors import ModelError
-from rotorid.exports import ExportChoices, Exported
+from rotorid.exports import Exported, ExportSettings
 from rotorid.exports.mujoco import FLU, export, mjcf
 from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.models.rotors import library_layout
@@ -48,7 +48,7 @@ STRAIGHT = {"c_0": 0.1, "c_1": 8.5, "c_2": 0.0, "delay": 0.0}
 )
 def test_it_hovers_and_answers_a_doublet_as_rotorid_does(vehicle: JoinedVehicle, share: float, tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason=REASON)
-    exported, body = export(vehicle, ExportChoices()), vehicle.multirotor
+    exported, body = export(vehicle, ExportSettings()), vehicle.multirotor
     assert body is not None
     still = flown(exported, tmp_path, np.tile(body.hover_shares, (300, 1)))
     assert max(np.abs(values).max() for values in still.values()) < 1e-5
@@ -62,7 +62,7 @@ def test_it_hovers_and_answers_a_doublet_as_rotorid_does(vehicle: JoinedVehicle,
 def test_the_delay_is_in_the_loop(tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason=REASON)
     vehicle = asymmetric(**STRAIGHT | {"delay": 0.006})
-    exported, body = export(vehicle, ExportChoices()), vehicle.multirotor
+    exported, body = export(vehicle, ExportSettings()), vehicle.multirotor
     assert body is not None
     outputs = doublet(body, 0)
     found = inequality(own(body, late(outputs, 6)), flown(exported, tmp_path, outputs))
@@ -74,7 +74,7 @@ def test_the_delay_is_in_the_loop(tmp_path: Path) -> None:
 def test_a_hexacopter_loads(tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco", reason=REASON)
     known = {"m": 2.0, "I_xx": 0.03, "I_yy": 0.03, "I_zz": 0.05, "c_2": 8.0, "kappa": 0.02, "arm": 0.3}
-    exported = export(joined_vehicle([], given=known, layout=library_layout("hexa.x")), ExportChoices(names="six"))
+    exported = export(joined_vehicle([], given=known, layout=library_layout("hexa.x")), ExportSettings(names="six"))
     model = mujoco.MjModel.from_xml_string(exported.files["six.xml"])
     assert (model.nu, model.na) == (6, 0)
     assert model.body("six").mass[0] == pytest.approx(2.0)
@@ -93,14 +93,14 @@ def test_products_of_inertia_and_torques_change_their_signs() -> None:
 
 
 def test_every_row_is_exact_but_the_delay() -> None:
-    rows = {row.name: row for row in export(asymmetric(), ExportChoices()).compared}
+    rows = {row.name: row for row in export(asymmetric(), ExportSettings()).compared}
     assert {name for name, row in rows.items() if row.held != "exact"} == {"delay"}
     # Hover differs, as the mean of unlike outputs does from the output for the mean thrust.
     assert all(abs(row.difference_percent) < (0.1 if name == "hover output" else 1e-5) for name, row in rows.items())
-    lagged = {row.name: row for row in export(asymmetric(), ExportChoices(delay="lag")).compared}
+    lagged = {row.name: row for row in export(asymmetric(), ExportSettings(delay="lag")).compared}
     assert lagged["motor lag and delay"].exported == pytest.approx(0.036)
 
 
 def test_an_inertia_of_no_body_is_refused() -> None:
     with pytest.raises(ModelError, match=r"no rigid body has such.*--set I_zz"):
-        export(asymmetric(I_zz=0.05), ExportChoices())
+        export(asymmetric(I_zz=0.05), ExportSettings())

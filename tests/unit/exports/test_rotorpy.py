@@ -16,7 +16,7 @@ from tests.unit.exports.motion import STEP_S, doublet, imported, inequality, nam
 from tests.unit.exports.vehicles import SIH, asymmetric, second, sih
 
 from rotorid.errors import ModelError
-from rotorid.exports import ExportChoices
+from rotorid.exports import ExportSettings
 from rotorid.exports.mujoco import FLU
 from rotorid.exports.rotorpy import export
 from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
@@ -26,7 +26,7 @@ from rotorid.typing import FloatArray
 
 def held() -> JoinedVehicle:
     """A vehicle whose damping is that which RotorPy's drag makes, so that all of it is held."""
-    rows = {row.name: row for row in export(sih(), ExportChoices()).compared}
+    rows = {row.name: row for row in export(sih(), ExportSettings()).compared}
     damping = {name: rows[name].exported for name in ("L_p", "M_q", "N_r")}
     return joined_vehicle([], given=SIH | damping, layout=library_layout("quad.x"))
 
@@ -50,7 +50,7 @@ def _advanced(
 
 def test_rotorpy_hovers_and_answers_a_doublet_as_rotorid_does(tmp_path: Path) -> None:
     vehicle = held()
-    module: Any = imported(export(vehicle, ExportChoices()), tmp_path, "vehicle_rotorpy.py")
+    module: Any = imported(export(vehicle, ExportSettings()), tmp_path, "vehicle_rotorpy.py")
     body = vehicle.multirotor
     assert body is not None
     # Its gravity is 0.03 % more: hover is at the speeds of its file.
@@ -66,7 +66,7 @@ def test_rotorpy_hovers_and_answers_a_doublet_as_rotorid_does(tmp_path: Path) ->
 
 def test_a_square_of_a_shifted_output_is_held_at_every_output(tmp_path: Path) -> None:
     vehicle = asymmetric()
-    module: Any = imported(export(vehicle, ExportChoices()), tmp_path, "vehicle_rotorpy.py")
+    module: Any = imported(export(vehicle, ExportSettings()), tmp_path, "vehicle_rotorpy.py")
     outputs = np.array([0.0, 0.3, 0.6, 1.0])
     # 0.1 + 2 x + 10 x^2 is a square.
     thrust = module.quad_params["k_eta"] * module.speeds(outputs) ** 2
@@ -76,7 +76,7 @@ def test_a_square_of_a_shifted_output_is_held_at_every_output(tmp_path: Path) ->
 
 def test_a_curve_steeper_than_a_square_keeps_force_and_slope_at_hover(tmp_path: Path) -> None:
     vehicle = second()
-    module: Any = imported(export(vehicle, ExportChoices()), tmp_path, "vehicle_rotorpy.py")
+    module: Any = imported(export(vehicle, ExportSettings()), tmp_path, "vehicle_rotorpy.py")
 
     def thrust(x: float) -> float:
         return float(module.quad_params["k_eta"] * module.speeds(x) ** 2)
@@ -87,7 +87,7 @@ def test_a_curve_steeper_than_a_square_keeps_force_and_slope_at_hover(tmp_path: 
 
 
 def test_signs_go_from_right_and_down_to_left_and_up(tmp_path: Path) -> None:
-    module: Any = imported(export(asymmetric(), ExportChoices()), tmp_path, "vehicle_rotorpy.py")
+    module: Any = imported(export(asymmetric(), ExportSettings()), tmp_path, "vehicle_rotorpy.py")
     found = module.quad_params
     assert [found[name] for name in ("Ixy", "Ixz", "Iyz")] == [-0.0012, 0.0017, 0.0009]
     np.testing.assert_allclose(found["rotor_pos"]["r1"], [-0.2, -0.15, 0.03])
@@ -97,7 +97,7 @@ def test_signs_go_from_right_and_down_to_left_and_up(tmp_path: Path) -> None:
 
 
 def test_rows_that_rotorpy_has_one_number_for_are_approximated() -> None:
-    rows = {row.name: row for row in export(asymmetric(M_u=0.7, L_v=-0.7 * 24 / 18), ExportChoices()).compared}
+    rows = {row.name: row for row in export(asymmetric(M_u=0.7, L_v=-0.7 * 24 / 18), ExportSettings()).compared}
     assert {name for name, row in rows.items() if row.held == "exact"} == {
         "vertical acceleration per output",
         "roll acceleration per output",
@@ -114,13 +114,13 @@ def test_rows_that_rotorpy_has_one_number_for_are_approximated() -> None:
 
 
 def test_what_was_not_identified_is_listed() -> None:
-    exported = export(second(), ExportChoices())
+    exported = export(second(), ExportSettings())
     assert set(exported.defaults) == {"tau_m", "rotor_speed_max"}
-    measured = export(second(speed_max=850.0, T_motor=0.02), ExportChoices())
+    measured = export(second(speed_max=850.0, T_motor=0.02), ExportSettings())
     assert not measured.defaults
 
 
 def test_six_rotors_are_refused() -> None:
     vehicle = joined_vehicle([], given=SIH, layout=library_layout("hexa.x"))
     with pytest.raises(ModelError, match="has 6 rotors; needed: four rotors"):
-        export(vehicle, ExportChoices())
+        export(vehicle, ExportSettings())

@@ -12,7 +12,7 @@ from tests.unit.pipeline.test_joined import hover, motors
 
 from rotorid import export as export_by_face
 from rotorid.errors import ModelError, UsageError
-from rotorid.exports import TARGETS, Compared, ExportChoices, Exported, export, export_draws, table_lines
+from rotorid.exports import TARGETS, Compared, Exported, ExportSettings, export, export_draws, table_lines
 from rotorid.exports.draws import drawn_model
 from rotorid.exports.round_trip import identified_motion, linearized
 
@@ -45,7 +45,7 @@ def test_the_table_says_what_is_not_held() -> None:
 @pytest.mark.parametrize("name", ["", "1st", "my-quad", "a b", "ä", "class", "x" * 41])
 def test_names_that_are_none(name: str) -> None:
     with pytest.raises(UsageError, match="--name"):
-        ExportChoices(names=name)
+        ExportSettings(names=name)
 
 
 def test_targets_are_all_there() -> None:
@@ -56,7 +56,7 @@ def test_targets_are_all_there() -> None:
 
 
 def test_the_face_exports_a_model() -> None:
-    exported = export_by_face(motors(I_zz=0.038), "gazebo", ExportChoices(names="bird"))
+    exported = export_by_face(motors(I_zz=0.038), "gazebo", ExportSettings(names="bird"))
     assert "bird/model.sdf" in exported.files
     assert exported.target == "gazebo"
 
@@ -97,14 +97,14 @@ def test_impossible_draws_are_drawn_again_and_counted() -> None:
     vague = motors(I_zz=0.038)
     scale = np.where(np.array(vague.bounds.names) == "I_xx", 100.0, 1.0)
     vague = replace(vague, bounds=replace(vague.bounds, covariance=vague.bounds.covariance * np.outer(scale, scale)))
-    made, redrawn = export_draws([vague], "ardupilot", ExportChoices(), 8)
+    made, redrawn = export_draws([vague], "ardupilot", ExportSettings(), 8)
     assert len(made) == 8
     assert redrawn > 0
 
 
 def test_draws_of_several_results_join_anew() -> None:
     made, _ = export_draws(
-        [motors(I_zz=0.038), hover(X_u=-0.3, M_u=1.1, M_q=-0.71)], "px4-sih", ExportChoices(), 4, seed=5
+        [motors(I_zz=0.038), hover(X_u=-0.3, M_u=1.1, M_q=-0.71)], "px4-sih", ExportSettings(), 4, seed=5
     )
     drag = [next(one.identified for one in exported.compared if one.name == "X_u") for exported in made]
     assert len(set(drag)) == 4
@@ -115,7 +115,7 @@ def test_files_are_written_into_their_folders(tmp_path: object) -> None:
     from pathlib import Path
 
     folder = Path(str(tmp_path)) / "made"
-    exported = export(sih(), "gazebo", ExportChoices(names="bird"))
+    exported = export(sih(), "gazebo", ExportSettings(names="bird"))
     exported.write(folder)
     found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     assert found == set(exported.files)

@@ -12,7 +12,7 @@ from tests.unit.exports.motion import STEP_S, doublet, inequality, named, own
 from tests.unit.exports.vehicles import SIH, asymmetric, second
 
 from rotorid.errors import ModelError
-from rotorid.exports import ExportChoices, Exported
+from rotorid.exports import Exported, ExportSettings
 from rotorid.exports.mujoco import FLU
 from rotorid.exports.urdf import export
 from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
@@ -69,7 +69,7 @@ def flown(reader: Reader, outputs: FloatArray, *, gravity: float) -> dict[str, F
 
 def test_the_reader_finds_everything_in_its_place() -> None:
     vehicle = asymmetric()
-    reader = Reader(export(vehicle, ExportChoices()))
+    reader = Reader(export(vehicle, ExportSettings()))
     assert reader.links == ["base_link", "prop0_link", "prop1_link", "prop2_link", "prop3_link", "center_of_mass_link"]
     assert reader.mass == 1.7
     np.testing.assert_allclose(reader.inertia, [0.018, 0.024, 0.035])
@@ -93,7 +93,7 @@ def straight() -> JoinedVehicle:
 
 def test_it_hovers_and_answers_a_doublet_as_rotorid_does() -> None:
     vehicle = straight()
-    reader, body = Reader(export(vehicle, ExportChoices())), vehicle.multirotor
+    reader, body = Reader(export(vehicle, ExportSettings())), vehicle.multirotor
     assert body is not None
     still = flown(reader, np.tile(body.hover_shares, (200, 1)), gravity=9.80665)
     assert max(np.abs(values).max() for values in still.values()) < 1e-6
@@ -106,14 +106,14 @@ def test_it_hovers_and_answers_a_doublet_as_rotorid_does() -> None:
 
 def test_full_speed_is_full_output() -> None:
     vehicle = straight()
-    reader = Reader(export(vehicle, ExportChoices()))
+    reader = Reader(export(vehicle, ExportSettings()))
     full = 4.0 * reader.properties["kf"] * reader.rpm(np.ones(4))[0] ** 2
     assert full == pytest.approx(4.0 * 12.1, rel=1e-6)
     assert reader.properties["thrust2weight"] == pytest.approx(full / (reader.mass * 9.8), rel=1e-6)
 
 
 def test_lag_and_damping_are_left_out_and_said() -> None:
-    exported = export(asymmetric(), ExportChoices())
+    exported = export(asymmetric(), ExportSettings())
     rows = {row.name: row for row in exported.compared}
     assert {rows[name].held for name in ("motor lag", "delay", "L_p", "M_q", "N_r", "M_u", "L_v")} == {"not"}
     said = " ".join(exported.left_out)
@@ -123,7 +123,7 @@ def test_lag_and_damping_are_left_out_and_said() -> None:
 
 
 def test_it_is_written_under_its_name(tmp_path: Path) -> None:
-    exported = export(second(), ExportChoices(names="tuned"))
+    exported = export(second(), ExportSettings(names="tuned"))
     exported.write(tmp_path)
     assert ElementTree.parse(tmp_path / "tuned.urdf").getroot().attrib["name"] == "tuned"
     assert "DroneModel.TUNED" in exported.start
@@ -133,4 +133,4 @@ def test_it_is_written_under_its_name(tmp_path: Path) -> None:
 def test_another_layout_is_refused(layout: str) -> None:
     vehicle = joined_vehicle([], given=SIH, layout=library_layout(layout))
     with pytest.raises(ModelError, match="which gym-pybullet-drones flies"):
-        export(vehicle, ExportChoices())
+        export(vehicle, ExportSettings())

@@ -15,7 +15,7 @@ from rotorid.models.state_space import StateSpace
 from rotorid.results.model import pole_estimates
 from rotorid.results.provenance import provenance
 from rotorid.results.summary import Checks, ParameterEstimate
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.uncertainty.propagation import Pole
 from rotorid.verification.verification import Scores
 

@@ -19,7 +19,8 @@ from rotorid.identifying.identification import identify
 from rotorid.models.library import response_model
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import BootstrapSummary
-from rotorid.settings.settings import IdentifySettings, parse_segment
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.parsing import parse_segment
 from rotorid.uncertainty.resampling import SpreadTable
 
 MODEL = "response.second_order_delay"

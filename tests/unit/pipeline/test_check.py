@@ -28,7 +28,8 @@ from rotorid.models.library import rate_model
 from rotorid.models.structure import LinearStructure
 from rotorid.reduction.guided import Reduced, fit_and_drop
 from rotorid.results.model import FrequencyCheck, Verifications
-from rotorid.settings.settings import IdentifySettings, parse_segment
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.parsing import parse_segment
 from rotorid.typing import Axis
 
 BAND = (12.0, 50.0)

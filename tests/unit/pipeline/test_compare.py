@@ -17,7 +17,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.flights import Flight
 from rotorid.identifying.comparison import Comparison, compare, refused_comparison
 from rotorid.report.files import to_json
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 
 
 @pytest.fixture(scope="module")

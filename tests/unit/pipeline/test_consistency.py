@@ -14,7 +14,7 @@ from rotorid.flights.consistency import Consistency, check_consistency, known_wo
 from rotorid.identifying.identification import identify
 from rotorid.io.registry import read
 from rotorid.reviewing.inspection import inspect
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import FloatArray
 

@@ -19,7 +19,8 @@ from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import CrossValidationSummary
-from rotorid.settings.settings import IdentifySettings, parse_segment
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.parsing import parse_segment
 from rotorid.verification.fixed_parameters import Kind
 
 SEEDS = (1, 2, 3)

@@ -11,7 +11,8 @@ from rotorid.documents.delay import DelayDocument, delay_document
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.selection import default_pairs
 from rotorid.identifying.delays import delay
-from rotorid.settings.settings import MeasureSettings, parse_segment
+from rotorid.settings.measuring import MeasureSettings
+from rotorid.settings.parsing import parse_segment
 from rotorid.typing import FloatArray
 
 DELAY_SAMPLES = 2.7

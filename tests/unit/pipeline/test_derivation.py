@@ -20,7 +20,8 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.report.identification import render_sections
 from rotorid.report.tables import as_csv, as_latex, result_tables
 from rotorid.results.summary import DerivedSummary, Range
-from rotorid.settings.settings import IdentifySettings, parse_known
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.parsing import parse_known
 from rotorid.uncertainty.cramer_rao import Bounds
 
 HEAVE = {"Z_thrust": -33.8, "Z_w": -0.59, "tau_thrust": 0.03, "T_motor": 0.024}

@@ -15,7 +15,7 @@ from rotorid.flights.instruments import find_instrument, is_free, while_flying
 from rotorid.flights.selection import select_maneuvers
 from rotorid.results.provenance import provenance
 from rotorid.reviewing.inspection import inspect
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.signal.airborne import airborne
 from rotorid.signal.excitations import find_excitations, still_declarations
 from rotorid.typing import FloatArray

@@ -26,7 +26,10 @@ from rotorid.identifying.verification import verify
 from rotorid.loops.responses import response
 from rotorid.models.library import response_model
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings.settings import IdentifySettings, MotorChoices, VerifySettings, parse_segment
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.motors import MotorSettings
+from rotorid.settings.parsing import parse_segment
+from rotorid.settings.verifying import VerifySettings
 
 OUTSIDE = (parse_segment("roll:900:990"),)
 SAYS = (
@@ -87,7 +90,7 @@ def test_it_is_one_error(run: Callable[[], object]) -> None:
 
 def test_it_is_the_same_for_motors(motors: FlightRecord) -> None:
     with pytest.raises(UsageError, match=SAYS):
-        identify_motors([motors], MotorChoices(layout="quad.x", segments=OUTSIDE))
+        identify_motors([motors], MotorSettings(layout="quad.x", segments=OUTSIDE))
 
 
 def test_it_is_the_same_for_a_model_that_is_judged_or_flown(linear: IdentifiedModel) -> None:
@@ -136,13 +139,13 @@ def test_a_log_that_never_flew_is_refused_alike(run: Callable[[FlightRecord], ob
 
 def test_motors_that_never_flew_are_refused_alike(motors: FlightRecord) -> None:
     with pytest.raises(InsufficientDataError, match="no flight of 2 s") as refused:
-        motor_data([replace(motors, status=GROUNDED)], MotorChoices(layout="quad.x"))
+        motor_data([replace(motors, status=GROUNDED)], MotorSettings(layout="quad.x"))
     assert [finding.kind for finding in refused.value.findings] == ["never_airborne"]
 
 
 def test_of_several_logs_of_motors_those_that_it_does_not_reach_take_no_part(motors: FlightRecord) -> None:
     later = tuple(replace(topic, time_s=topic.time_s + 100.0) for topic in motors.topics)
     other = replace(motors, topics=later, source=replace(motors.source, name="later.csv", sha256="later"))
-    choices = MotorChoices(layout="quad.x", segments=(parse_segment("roll:2:18"),))
+    choices = MotorSettings(layout="quad.x", segments=(parse_segment("roll:2:18"),))
     flights = motor_data([motors, other], choices).flights
     assert {flight.record.source.name for flight in flights} == {"motors.csv"}

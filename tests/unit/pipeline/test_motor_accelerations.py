@@ -12,10 +12,11 @@ from rotorid.errors import UsageError
 from rotorid.identifying.families import require_choices
 from rotorid.identifying.identification import identify, identify_motors
 from rotorid.io.registry import read
-from rotorid.settings.settings import IdentifySettings, MotorChoices
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.motors import MotorSettings
 from rotorid.vehicles.motor_flight import TRUTH
 
-CHOICES = MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M, method="accelerations")
+CHOICES = MotorSettings(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M, method="accelerations")
 
 
 @pytest.mark.slow

@@ -13,12 +13,12 @@ from rotorid.identifying.identification import identify_motors
 from rotorid.io.registry import read
 from rotorid.models.toml import from_toml
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings.settings import MotorChoices, chosen_layout
+from rotorid.settings.motors import MotorSettings, chosen_layout
 from rotorid.vehicles.motor_flight import TRUTH
 
 
-def choices(**more: object) -> MotorChoices:
-    return MotorChoices(**{"known": {"m": TRUTH["m"]}, "layout": "quad.x", "arm_m": ARM_M, **more})  # type: ignore[arg-type]
+def choices(**more: object) -> MotorSettings:
+    return MotorSettings(**{"known": {"m": TRUTH["m"]}, "layout": "quad.x", "arm_m": ARM_M, **more})  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -218,6 +218,6 @@ def test_wrong_knowledge_is_refused(log: Path, known: dict[str, float], said: st
 
 def test_wrong_choices_are_refused() -> None:
     with pytest.raises(UsageError, match="did you mean linear"):
-        MotorChoices(curve="linea")  # type: ignore[arg-type]
+        MotorSettings(curve="linea")  # type: ignore[arg-type]
     with pytest.raises(UsageError, match="a positive length"):
-        MotorChoices(arm_m=-0.1)
+        MotorSettings(arm_m=-0.1)

@@ -17,10 +17,10 @@ from rotorid.fits.motors.fitted import FittedMotors
 from rotorid.flights.motor_data import motor_data
 from rotorid.identifying.identification import identify_motors
 from rotorid.io.registry import read
-from rotorid.settings.settings import MotorChoices
+from rotorid.settings.motors import MotorSettings
 from rotorid.vehicles.motor_flight import TRUTH
 
-CHOICES = MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M)
+CHOICES = MotorSettings(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M)
 
 
 @pytest.fixture(scope="module")

@@ -14,10 +14,11 @@ from rotorid.fitting.motors.start import searched_motors
 from rotorid.identifying.identification import identify_motors
 from rotorid.io.registry import read
 from rotorid.models.motors import motor_parameters
-from rotorid.settings.settings import IdentifySettings, MotorChoices, motor_choices
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.motors import MotorSettings, motor_settings
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 
-CHOICES = MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M)
+CHOICES = MotorSettings(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M)
 
 
 @pytest.mark.slow
@@ -43,8 +44,8 @@ def test_the_problem_of_a_search_is_coarse_and_slow() -> None:
 
 
 def test_motors_take_the_options_of_a_search() -> None:
-    chosen = motor_choices(IdentifySettings(search="genetic:15x50", evaluations=50))
+    chosen = motor_settings(IdentifySettings(search="genetic:15x50", evaluations=50))
     assert chosen is not None
     assert (chosen.search, chosen.evaluations) == ("genetic:15x50", 50)
     with pytest.raises(UsageError, match="there is no search"):
-        MotorChoices(search="genetics")
+        MotorSettings(search="genetics")

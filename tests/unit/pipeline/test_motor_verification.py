@@ -16,10 +16,10 @@ from rotorid.identifying.identification import identify_motors
 from rotorid.identifying.verification import verify
 from rotorid.io.registry import read
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings.settings import MotorChoices
+from rotorid.settings.motors import MotorSettings
 from rotorid.vehicles.motor_flight import TRUTH
 
-CHOICES = MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M, method="accelerations")
+CHOICES = MotorSettings(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M, method="accelerations")
 
 
 @pytest.fixture(scope="module")

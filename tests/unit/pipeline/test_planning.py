@@ -8,7 +8,7 @@ import pytest
 
 from rotorid.errors import UsageError
 from rotorid.flying.designs import default_entry, equal_axes, plan_for, plan_with, sweep_of
-from rotorid.flying.settings import PlanChoices
+from rotorid.flying.settings import PlanSettings
 from rotorid.planning.amplitude import Limits, reached, usual_reached
 from rotorid.plans.ardupilot import system_id
 from rotorid.simulation.multirotor_flight import changed, fly_multirotor, piloted
@@ -16,7 +16,7 @@ from rotorid.simulation.wind import Wind
 from rotorid.vehicles.catalog import aircraft
 
 SIZES = {"roll": 0.1, "pitch": 0.1, "yaw": 0.1, "thrust": 0.1}
-SHORT = PlanChoices(shape="pilot_sweep", axes=("roll", "pitch"), band_rad_s=(2.0, 30.0), duration_s=15.0)
+SHORT = PlanSettings(shape="pilot_sweep", axes=("roll", "pitch"), band_rad_s=(2.0, 30.0), duration_s=15.0)
 
 
 def test_inputs_follow_each_other_with_doublets_of_both_signs_at_the_end() -> None:

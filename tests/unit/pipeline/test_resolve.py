@@ -10,8 +10,8 @@ from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.models.families import black_box_order, family_of, named_model, waits_for_logs
 from rotorid.models.library import RATE_AXES, rate_model
 from rotorid.models.toml import from_toml, to_toml
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import chosen_parameters, require_known, resolve_model
-from rotorid.settings.settings import IdentifySettings
 
 
 @pytest.mark.parametrize("name", RATE_AXES)

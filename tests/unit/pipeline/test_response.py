@@ -14,7 +14,8 @@ from rotorid.documents.response import ResponseDocument, response_document
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.loops.responses import Responses, refused_response, response, unit_of_ratio
 from rotorid.results.provenance import Refused
-from rotorid.settings.settings import ResponseSettings, parse_segment
+from rotorid.settings.measuring import ResponseSettings
+from rotorid.settings.parsing import parse_segment
 from rotorid.simulation.hover_flight import OUTPUTS, Flight, fly
 from rotorid.vehicles import s500
 from rotorid.vehicles.demo import SWEEPS, demo_plan

@@ -15,7 +15,8 @@ from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.fits.scatter import Alone, amplitude_dependences, disagreements
 from rotorid.identifying.identification import identify, identify_motors
 from rotorid.io.registry import read
-from rotorid.settings.settings import IdentifySettings, MotorChoices
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.motors import MotorSettings
 from rotorid.vehicles.motor_flight import TRUTH, flights
 
 
@@ -47,7 +48,7 @@ def test_two_flights_of_vehicles_that_differ_are_told_and_wider(tmp_path: Path) 
     first, second = flights(2, seed=31, duration_s=12.0)
     rates = second.rates.copy()
     rates[2] *= 0.5
-    choices = MotorChoices(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M)
+    choices = MotorSettings(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M)
     logs = [read(written(first, tmp_path / "a.csv")), read(written(replace(second, rates=rates), tmp_path / "b.csv"))]
     apart = identify_motors(logs, choices)
     told = {one.where for one in apart.findings if one.kind == "logs_disagree"}

@@ -15,7 +15,7 @@ from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.identifying.scope import Scoped, require_common_axes, scoped
 from rotorid.models.library import library_model, transfer_function
 from rotorid.models.structure import connected
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 
 LONGITUDINAL = library_model("hover.longitudinal")
 LATERAL = library_model("hover.lateral")

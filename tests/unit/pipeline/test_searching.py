@@ -38,7 +38,8 @@ from rotorid.reduction.guided import Reduced, fit_and_drop
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import SearchSummary
 from rotorid.search.result import Basin
-from rotorid.settings.settings import EVALUATIONS, IdentifySettings, parse_segment
+from rotorid.settings.identifying import EVALUATIONS, IdentifySettings
+from rotorid.settings.parsing import parse_segment
 from rotorid.uncertainty.cramer_rao import Bounds
 
 MODEL = "response.second_order_delay"

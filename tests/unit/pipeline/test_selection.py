@@ -20,7 +20,9 @@ from rotorid.flights.instruments import (
 )
 from rotorid.flights.measure import measure
 from rotorid.flights.selection import select_maneuvers
-from rotorid.settings.settings import IdentifySettings, as_records, parse_segment
+from rotorid.io.records import as_records
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.parsing import parse_segment
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import FloatArray
 

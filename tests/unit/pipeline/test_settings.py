@@ -11,11 +11,10 @@ import pytest
 from rotorid.data.record import Maneuver
 from rotorid.data.trust import DIRECT_COHERENCE, JOINT_COHERENCE
 from rotorid.errors import UsageError
-from rotorid.settings.settings import (
-    IdentifySettings,
-    as_names,
-    as_records,
-    as_settings,
+from rotorid.io.records import as_records
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.option import as_names, as_settings
+from rotorid.settings.parsing import (
     parse_band,
     parse_fix,
     parse_input_windows,

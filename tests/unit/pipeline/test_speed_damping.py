@@ -10,7 +10,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fits.frequency.speed_damping import FirstStep, first_step
 from rotorid.flights.flights import Flight
 from rotorid.models.library import library_model, rate_model
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.typing import Axis, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 

@@ -18,7 +18,7 @@ from rotorid.identifying.identify_many import identify_several, none_stands
 from rotorid.models.library import rate_model as structure_of
 from rotorid.proposing.plants import rate_model
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.simulation.wind import Wind
 from rotorid.typing import FloatArray
 

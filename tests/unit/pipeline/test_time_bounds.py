@@ -16,7 +16,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.segments import time_records
 from rotorid.identifying.identification import identify
 from rotorid.models.library import response_model
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 
 SECOND = "response.second_order_delay"
 WHOLE = Maneuver(axis="roll", start_s=3.0, stop_s=32.9, kind="other")

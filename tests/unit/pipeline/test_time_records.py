@@ -18,7 +18,8 @@ from rotorid.flights.selection import select_records
 from rotorid.identifying.identification import identify
 from rotorid.models.families import named_model
 from rotorid.models.library import response_model
-from rotorid.settings.settings import IdentifySettings, parse_segment
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.parsing import parse_segment
 from rotorid.typing import FloatArray
 
 SECOND = response_model("response.second_order_delay", [("phi_setpoint", "phi")])

@@ -16,7 +16,8 @@ from rotorid.fitting.time.output_error import Fitted, TimeData, TimeProblem
 from rotorid.identifying.identification import identify
 from rotorid.models.library import response_model
 from rotorid.results.model import IdentifiedModel
-from rotorid.settings.settings import IdentifySettings, parse_segment
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.parsing import parse_segment
 from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
 

@@ -11,7 +11,7 @@ from rotorid.errors import ModelError
 from rotorid.flights.flights import Flight
 from rotorid.identifying.scope import trimmed
 from rotorid.models.library import library_model, rate_model
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 
 STRUCTURE = library_model("hover.longitudinal")
 RATE_HZ = 50.0

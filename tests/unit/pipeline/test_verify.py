@@ -19,7 +19,8 @@ from rotorid.excitation.switching import doublet
 from rotorid.identifying.verification import verify
 from rotorid.models.library import rate_model
 from rotorid.models.toml import from_toml
-from rotorid.settings.settings import VerifySettings, parse_segment
+from rotorid.settings.parsing import parse_segment
+from rotorid.settings.verifying import VerifySettings
 from rotorid.simulation.hover_flight import STEP_RATE_HZ, Excitation, Flight, fly
 from rotorid.vehicles import s500
 from rotorid.vehicles.demo import demo_plan

@@ -13,11 +13,12 @@ from rotorid.checking.maneuvers import with_known_delays, with_known_filters
 from rotorid.data.record import FlightRecord, Source
 from rotorid.documents.verify import verify_document
 from rotorid.errors import UsageError
-from rotorid.flights.given_controllers import Controllers, GivenController, no_controller, read_controllers
+from rotorid.flights.given_controllers import Controllers, no_controller
 from rotorid.identifying.verification import verify
 from rotorid.models.controller import RateController
 from rotorid.models.library import rate_model
-from rotorid.settings.settings import VerifySettings
+from rotorid.settings.given_controllers import GivenController, read_controllers
+from rotorid.settings.verifying import VerifySettings
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.vehicles import s500
 

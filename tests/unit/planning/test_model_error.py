@@ -12,7 +12,7 @@ from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.problem import ResidualErrors
 from rotorid.planning.expected import (
     ExpectedFit,
-    FitChoices,
+    FitSettings,
     as_planned,
     expected_fit,
     expected_response,
@@ -21,7 +21,7 @@ from rotorid.planning.expected import (
 from rotorid.planning.prediction import _bounds, expected_inflation, scattering_errors
 from rotorid.spectral.windows import grid_rad_s
 
-CHOICES = FitChoices(band_rad_s=(2.0, 40.0))
+CHOICES = FitSettings(band_rad_s=(2.0, 40.0))
 
 
 def fitted(wrong: float = 0.0, *, noise: float = 0.05) -> tuple[ExpectedFit, ResidualErrors]:

@@ -12,7 +12,7 @@ from rotorid.data.flight_plan import FlightPlan
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.excitation.plan import together
 from rotorid.models.controller import RateController
-from rotorid.planning.expected import FitChoices
+from rotorid.planning.expected import FitSettings
 from rotorid.planning.loop import White, axis_loop, disturbances_of, vehicle_loop
 from rotorid.planning.prediction import Prediction, predict
 from rotorid.vehicles import s500
@@ -21,7 +21,7 @@ PLAN = sweeps({"roll": 0.1}, 40.0, count=2)
 NOISY = 0.3
 
 
-def predicted(*, noise: float = NOISY, plan: FlightPlan = PLAN, choices: FitChoices | None = None) -> Prediction:
+def predicted(*, noise: float = NOISY, plan: FlightPlan = PLAN, choices: FitSettings | None = None) -> Prediction:
     return predict(STRUCTURE, TRUTH, roll_loop(noise), plan, choices=choices)
 
 
@@ -45,7 +45,7 @@ def test_every_free_parameter_has_its_numbers() -> None:
 
 def test_twice_the_noise_is_twice_the_error() -> None:
     """Where noise rules and the points that are used stay the same, all errors are proportional to it."""
-    band = FitChoices(band_rad_s=(2.0, 20.0))
+    band = FitSettings(band_rad_s=(2.0, 20.0))
     calm, windy = (predicted(noise=level, choices=band) for level in (0.1, 0.2))
     assert np.array_equal(calm.used, windy.used)
     for one, other in zip(calm.parameters, windy.parameters, strict=True):
@@ -84,7 +84,7 @@ def test_a_fixed_parameter_needs_no_value_and_makes_the_others_surer() -> None:
 def test_a_direct_estimate_in_closed_loop_is_foretold_to_be_biased() -> None:
     controller = RateController(proportional_s=0.08, integral=0.1)
     loop = axis_loop(STRUCTURE, TRUTH, controller, White(std=(2.0,), sample_rate_hz=LOG_HZ), log_rate_hz=LOG_HZ)
-    direct = FitChoices(estimate="direct", coherence=0.1, band_rad_s=(3.0, 40.0))
+    direct = FitSettings(estimate="direct", coherence=0.1, band_rad_s=(3.0, 40.0))
     found = predict(STRUCTURE, TRUTH, loop, sweeps({"roll": 0.3}, 60.0, count=4), choices=direct)
     assert found.response.estimate == "direct"
     assert "biased_parameter" in [finding.kind for finding in found.findings]
@@ -112,7 +112,7 @@ def test_test_inputs_of_other_axes_do_not_stand_in_for_noise() -> None:
         for amplitudes in ({"roll": 0.03}, {"roll": 0.03, "yaw": 0.05})
     )
     loop, truth = vehicle_loop(s500.vehicle(), log_rate_hz=LOG_HZ), {**s500.TRUTH, "T_motor": 0.0}
-    choices = FitChoices(band_rad_s=(12.0, 40.0))
+    choices = FitSettings(band_rad_s=(12.0, 40.0))
     alone, along = (
         predict(STRUCTURE, truth, loop, FlightPlan(name="multisine", inputs=parts), choices=choices)
         for parts in (roll, both)
@@ -129,7 +129,7 @@ def test_too_small_a_test_input_is_refused_with_its_coherence() -> None:
 
 
 def test_a_short_flight_is_remarked_on() -> None:
-    wide = FitChoices(band_rad_s=(0.5, 50.0))
+    wide = FitSettings(band_rad_s=(0.5, 50.0))
     kinds = {finding.kind for finding in predicted(plan=sweeps({"roll": 0.1}, 15.0), choices=wide).findings}
     assert "record_too_short" in kinds
     assert kinds & {"uncertain_parameter", "insensitive_parameter"}
@@ -141,7 +141,7 @@ def test_values_and_names_are_asked_for() -> None:
     with pytest.raises(UsageError, match="excites pitch"):
         predict(STRUCTURE, TRUTH, roll_loop(), sweeps({"pitch": 0.1}, 20.0))
     with pytest.raises(UsageError, match="the estimate"):
-        FitChoices(estimate="both")  # type: ignore[arg-type]
+        FitSettings(estimate="both")  # type: ignore[arg-type]
 
 
 def test_the_disturbances_of_one_flight_serve_the_next() -> None:

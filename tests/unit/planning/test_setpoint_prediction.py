@@ -13,7 +13,7 @@ from rotorid.errors import UsageError
 from rotorid.excitation.plan import sequence, uncorrelated_binaries
 from rotorid.fitting.time.output_error import TimeData, TimeProblem, fit_output_error
 from rotorid.flying.designs import design
-from rotorid.flying.settings import DesignChoices, plan_choices
+from rotorid.flying.settings import DesignSettings, plan_settings
 from rotorid.models.library import response_model
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.planning.loop import LoopModel
@@ -154,10 +154,10 @@ def test_inputs_that_the_vehicle_does_not_have_end_in_a_sentence(wishes: Mapping
     models = given.pop("models", ("response.first_order_delay",))
     with pytest.raises(UsageError, match=words):
         design(
-            DesignChoices(
+            DesignSettings(
                 vehicle=bebop,
                 kinds=("random_binary",),
-                plan=plan_choices(bebop, inputs=channels.get("inputs", ()), models=models, **given),  # type: ignore[arg-type]
+                plan=plan_settings(bebop, inputs=channels.get("inputs", ()), models=models, **given),  # type: ignore[arg-type]
                 models=models,  # type: ignore[arg-type]
                 **channels,  # type: ignore[arg-type]
             )

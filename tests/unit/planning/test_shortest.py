@@ -11,11 +11,11 @@ from tests.unit.planning.plans import STRUCTURE, TRUTH, roll_loop, sweeps
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.errors import UsageError
 from rotorid.planning.duration import Shortest, shortest
-from rotorid.planning.expected import FitChoices
+from rotorid.planning.expected import FitSettings
 from rotorid.planning.prediction import predict
 
 LOOP = roll_loop(0.1)
-CHOICES = FitChoices(band_rad_s=(2.0, 40.0))
+CHOICES = FitSettings(band_rad_s=(2.0, 40.0))
 
 
 def plan_of(duration_s: float) -> FlightPlan:
@@ -56,7 +56,7 @@ def test_what_no_duration_reaches_is_named() -> None:
 def test_where_a_structure_does_not_fit_a_shorter_flight_may_do() -> None:
     """Bounds that are inflated beyond 70 s: 60 s are enough, and the longest flight is not."""
 
-    def inflated(*arguments: object, choices: FitChoices | None = None) -> SimpleNamespace:
+    def inflated(*arguments: object, choices: FitSettings | None = None) -> SimpleNamespace:
         plan = arguments[3]
         assert isinstance(plan, FlightPlan)
         duration_s = plan.inputs[0].maneuver.duration_s

@@ -18,7 +18,7 @@ from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
 from rotorid.errors import UsageError
 from rotorid.excitation.plan import planned, sequence, together
 from rotorid.flying.designs import Designed, Planned, Told
-from rotorid.flying.settings import DesignChoices, PlanChoices
+from rotorid.flying.settings import DesignSettings, PlanSettings
 from rotorid.planning.amplitude import Amplitude, Limits, Reached, reached
 from rotorid.planning.duration import Attempt, Shortest
 from rotorid.planning.prediction import PredictedParameter, Prediction
@@ -38,10 +38,10 @@ REACHED = Reached(
     motor_high=0.7,
     saturated=0.0,
 )
-CHOICES = DesignChoices(
+CHOICES = DesignSettings(
     vehicle="px4_quad",
     kinds=KINDS,
-    plan=PlanChoices(axes=("roll", "pitch"), wind=Wind(turbulence_m_s=0.5), repeats=2),
+    plan=PlanSettings(axes=("roll", "pitch"), wind=Wind(turbulence_m_s=0.5), repeats=2),
     reach={"L_roll": 1.5},
 )
 

@@ -22,7 +22,7 @@ from tests.unit.report.plan_sample import (
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
 from rotorid.flying.designs import Designed, Planned
-from rotorid.flying.settings import DesignChoices, PlanChoices
+from rotorid.flying.settings import DesignSettings, PlanSettings
 from rotorid.planning.amplitude import Reached
 from rotorid.plans.facts import HOLD, FlightFacts, PredictedBound, excited_s, throttle_by_hand
 from rotorid.report.files import _facts
@@ -198,7 +198,7 @@ def test_a_hand_on_the_throttle_has_two_meters_of_height(autopilot: str, climb_m
     )
     planned = Planned(plan=FlightPlan(name="one", inputs=(chirp("roll"),)), amplitudes={}, reached=reached)
     designed = Designed(kind="logarithmic_sweep", planned=planned, told=(), shortest={}, wanted={})
-    choices = DesignChoices(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=PlanChoices(axes=("roll",)))
+    choices = DesignSettings(vehicle="ardupilot_quad", kinds=("logarithmic_sweep",), plan=PlanSettings(axes=("roll",)))
     assert _facts(designed, choices, autopilot).climb_m == climb_m
 
 

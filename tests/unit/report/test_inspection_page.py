@@ -17,7 +17,7 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, T
 from rotorid.errors import UsageError
 from rotorid.report.inspection import log_picture, render_inspection, write_inspection
 from rotorid.reviewing.inspection import inspect
-from rotorid.settings.settings import parse_segment
+from rotorid.settings.parsing import parse_segment
 
 EVIL = "</script><script>alert(1)</script>[bold]"
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rotorid.errors import ModelError, UsageError
-from rotorid.flying.settings import SimulateChoices, parse_speed
+from rotorid.flying.settings import SimulateSettings, parse_speed
 from rotorid.flying.simulation import truth_of
 from rotorid.simulation import PERFECT, fly_multirotor, hover_derivatives_of, linearize, trimmed
 from rotorid.simulation.linearization import MOTION
@@ -76,4 +76,4 @@ def test_a_speed_that_is_none_is_refused(text: str) -> None:
 
 def test_a_speed_beyond_all_vehicles_is_refused() -> None:
     with pytest.raises(UsageError, match="a speed of -400 m/s came"):
-        SimulateChoices(vehicle="forward_quad", speed_m_s=(0.0, -400.0))
+        SimulateSettings(vehicle="forward_quad", speed_m_s=(0.0, -400.0))

@@ -18,7 +18,8 @@ from rotorid.models.controller import RateController
 from rotorid.proposing.axis import gains_apart
 from rotorid.proposing.check import Foretold, _which
 from rotorid.proposing.filters import changed_filters, numbered, prices, with_filters
-from rotorid.proposing.proposal import TuneSettings, _together
+from rotorid.proposing.proposal import _together
+from rotorid.proposing.settings import TuneSettings
 from rotorid.proposing.thrust import ThrustLinearization, linearization
 from rotorid.tuning import ControllerParts, Gains, attitude_figures, frequency_grid, quantities
 from rotorid.tuning.files import parameter_files

@@ -16,7 +16,7 @@ from rotorid.proposing import proposal
 from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.filters import with_filters
 from rotorid.proposing.flown_gains import FlownAxis
-from rotorid.proposing.proposal import TuneSettings
+from rotorid.proposing.settings import TuneSettings
 from rotorid.proposing.shared_filters import require_filters_hold
 from rotorid.tuning import Gains, Wishes, frequency_grid, uncertain_plant
 from rotorid.typing import Axis, ComplexArray, FloatArray

@@ -41,8 +41,8 @@ from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.reduction.guided import Step, fit_and_drop, reduce
 from rotorid.results.summary import Cost, PairCost
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import chosen_parameters
-from rotorid.settings.settings import IdentifySettings
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import (
     Bounds,

@@ -21,7 +21,8 @@ from rotorid.flights.instruments import open_loop
 from rotorid.flights.measure import Measured, logged_controllers
 from rotorid.models.families import is_rate_model
 from rotorid.models.structure import LinearStructure
-from rotorid.settings.settings import IdentifySettings, MeasureSettings
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.measuring import MeasureSettings
 from rotorid.typing import BoolArray, FloatArray
 
 _FED_BACK: Mapping[str, tuple[str, float]] = {

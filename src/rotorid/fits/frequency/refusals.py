@@ -34,7 +34,7 @@ from rotorid.fitting.least_squares import Outcome
 from rotorid.flights.measure import Measured
 from rotorid.models.families import family_of, lacks_speed_modes
 from rotorid.models.state_space import StateSpace
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.uncertainty.model_error import LARGEST_MODEL_ERROR
 
 WORST_PAIR_COST = 150.0

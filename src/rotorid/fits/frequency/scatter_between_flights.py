@@ -21,7 +21,7 @@ from rotorid.fitting.least_squares import Outcome
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import axes_of
 from rotorid.flights.measure import Measured, measure
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.typing import Axis
 from rotorid.uncertainty.cramer_rao import bounds
 

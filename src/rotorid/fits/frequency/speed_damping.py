@@ -23,7 +23,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.measure import measure
 from rotorid.models.library import speed_damping
 from rotorid.models.structure import LinearStructure
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.uncertainty.cramer_rao import (
     bounds,
 )

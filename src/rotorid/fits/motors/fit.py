@@ -42,7 +42,8 @@ from rotorid.models.motors import (
 )
 from rotorid.models.parameter import ParameterSet
 from rotorid.results.summary import Derived
-from rotorid.settings.settings import IdentifySettings, MotorChoices
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.motors import MotorSettings
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.colored import colored_apart
 from rotorid.uncertainty.cramer_rao import Bounds
@@ -128,7 +129,7 @@ _STAMPS_S = 0.01
 """Errors of stamps, and of the rate at which a filter is taken to work, stay below."""
 
 
-def fit_motor_data(data: MotorData, choices: MotorChoices) -> FittedMotors:
+def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
     """Fit what was excited, and bound it.
 
     Axes of which the motors then explain less than they leave are left out: what was seen there was the controller, or
@@ -179,7 +180,7 @@ _COMPARED = ("I_xx", "I_yy", "kappa_per_I_zz", "L_p", "M_q", "N_r", "Z_w", "T_mo
 """Of one curve of thrust only the sum counts, which two flights at different outputs need not share."""
 
 
-def _each_alone(fitted: FittedMotors, choices: MotorChoices) -> list[Alone]:
+def _each_alone(fitted: FittedMotors, choices: MotorSettings) -> list[Alone]:
     """What each log says by itself, of those that share an axis with another one."""
     data, problem = fitted.data, fitted.fit.problem
     counted: dict[str, set[str]] = {}
@@ -205,7 +206,7 @@ def _each_alone(fitted: FittedMotors, choices: MotorChoices) -> list[Alone]:
     return found
 
 
-def _bounded(data: MotorData, choices: MotorChoices, fit: MotorFit, curve: Curve) -> FittedMotors:
+def _bounded(data: MotorData, choices: MotorSettings, fit: MotorFit, curve: Curve) -> FittedMotors:
     """A fit with its bounds and what follows from it."""
     parameters = fit.parameters
     for name in set(parameters.free) - set(fit.moving):
@@ -298,7 +299,7 @@ def last_move(fitted: FittedMotors) -> float:
     )
 
 
-def _require_end(fitted: FittedMotors, choices: MotorChoices) -> None:
+def _require_end(fitted: FittedMotors, choices: MotorSettings) -> None:
     """Refuse a fit that has not come to its end, or came to one that physics does not allow.
 
     Raises
@@ -339,7 +340,7 @@ def _require_end(fitted: FittedMotors, choices: MotorChoices) -> None:
 
 def _fitted(
     data: MotorData,
-    choices: MotorChoices,
+    choices: MotorSettings,
     levers: FloatArray,
     axes: tuple[str, ...],
 ) -> tuple[MotorFit, Curve, Searched | None]:
@@ -360,7 +361,7 @@ def _fitted(
 
 
 def _by_increments(
-    data: MotorData, choices: MotorChoices, levers: FloatArray, axes: tuple[str, ...], curve: Curve, *, heavy: bool
+    data: MotorData, choices: MotorSettings, levers: FloatArray, axes: tuple[str, ...], curve: Curve, *, heavy: bool
 ) -> tuple[MotorFit, Curve, Searched | None]:
     """The fit of increments, with what yaw has besides torque where the data ask for it.
 
@@ -431,13 +432,13 @@ _CERTAIN = 3.0
 """Deviations from nothing of what yaw has beside torque: less is no spin-up, and no delay of its own."""
 
 
-def _may_spin_up(choices: MotorChoices) -> bool:
+def _may_spin_up(choices: MotorSettings) -> bool:
     """Whether rotors may turn the vehicle by speeding up: not in the published cost, and not where it is known."""
     return choices.method != "accelerations" and SPIN_UP not in choices.known
 
 
 def _with_yaw_parameter(
-    parts: _Parts, name: str, fit: MotorFit, data: MotorData, choices: MotorChoices
+    parts: _Parts, name: str, fit: MotorFit, data: MotorData, choices: MotorSettings
 ) -> _Parts | None:
     """The model with one more parameter of yaw; ``None`` where it cannot have it, or has it already."""
     if "r" not in fit.problem.axes or name in fit.parameters.names:
@@ -479,7 +480,7 @@ def _start_of_yaw_parameter(
     return {**values, name: here + step}
 
 
-def _yaw_parameter_is_certain(fit: MotorFit, name: str, data: MotorData, choices: MotorChoices, curve: Curve) -> bool:
+def _yaw_parameter_is_certain(fit: MotorFit, name: str, data: MotorData, choices: MotorSettings, curve: Curve) -> bool:
     """Whether a parameter of yaw lies three deviations from nothing, model error included."""
     bounds = _bounded(data, choices, fit, curve).bounds
     if name not in bounds.names:
@@ -492,7 +493,7 @@ def _yaw_parameter_is_certain(fit: MotorFit, name: str, data: MotorData, choices
 
 
 def _by_accelerations(
-    data: MotorData, choices: MotorChoices, levers: FloatArray, axes: tuple[str, ...], curve: Curve
+    data: MotorData, choices: MotorSettings, levers: FloatArray, axes: tuple[str, ...], curve: Curve
 ) -> tuple[MotorFit, Curve, Searched | None]:
     """The fit of absolute errors of accelerations, see :mod:`rotorid.fitting.motors.accelerations`."""
 
@@ -529,12 +530,12 @@ def _by_accelerations(
     return fit, curve, search
 
 
-def _searched(problem: MotorProblem, choices: MotorChoices) -> Searched | None:
+def _searched(problem: MotorProblem, choices: MotorSettings) -> Searched | None:
     """The search that was asked for, on slow motion."""
     return None if choices.search is None else _run_search(searched_motors(problem), choices)
 
 
-def _run_search(problem: MotorProblem, choices: MotorChoices) -> Searched | None:
+def _run_search(problem: MotorProblem, choices: MotorSettings) -> Searched | None:
     if choices.search is None:
         return None
     settings = IdentifySettings(
@@ -558,7 +559,7 @@ def _lag_unseen(fit: MotorFit) -> bool:
     return late_s < 0.0 and lag_s + late_s <= 0.5 / min(one.sample_rate_hz for one in fit.problem.records)
 
 
-def _curve(choices: MotorChoices, data: MotorData, axes: tuple[str, ...]) -> Curve:
+def _curve(choices: MotorSettings, data: MotorData, axes: tuple[str, ...]) -> Curve:
     if choices.curve != "auto":
         return choices.curve
     if data.straightened:
@@ -629,7 +630,7 @@ def _std(bounds: Bounds, gradient: Mapping[str, float]) -> float:
     return float(np.sqrt(slopes @ bounds.covariance @ slopes))
 
 
-def physical_contradictions(identified: FittedMotors, choices: MotorChoices) -> list[Finding]:
+def physical_contradictions(identified: FittedMotors, choices: MotorSettings) -> list[Finding]:
     """What no vehicle is: inertia, thrust and torque that contradict each other or the weight that flew."""
     data, values = identified.data, identified.parameters.values
     if scale_of(choices.known, identified.axes) is None:

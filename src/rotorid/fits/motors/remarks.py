@@ -22,7 +22,7 @@ from rotorid.models.motors import (
     scale_of,
     yaw_range,
 )
-from rotorid.settings.settings import MotorChoices
+from rotorid.settings.motors import MotorSettings
 
 _GOOD_PERCENT = 50.0
 """Of the motion of an axis: where motors explain less, that is remarked on."""
@@ -35,7 +35,7 @@ _DOUBTFUL = 0.2
 
 
 def judge_motors(
-    identified: FittedMotors, choices: MotorChoices, fit_percent: Mapping[str, float]
+    identified: FittedMotors, choices: MotorSettings, fit_percent: Mapping[str, float]
 ) -> tuple[Finding, ...]:
     """Remarks on what was excited, what stays undetermined, and what physics does not allow."""
     return (
@@ -105,7 +105,7 @@ def _assumed(identified: FittedMotors) -> Iterator[Finding]:
     )
 
 
-def _doubted(identified: FittedMotors, choices: MotorChoices) -> Iterator[Finding]:
+def _doubted(identified: FittedMotors, choices: MotorSettings) -> Iterator[Finding]:
     """A curve that was named and leaves of the specific force what another curve would explain."""
     if choices.curve in ("auto", "polynomial") or "az" not in identified.axes:
         return
@@ -122,7 +122,7 @@ def _doubted(identified: FittedMotors, choices: MotorChoices) -> Iterator[Findin
     )
 
 
-def _unused(identified: FittedMotors, choices: MotorChoices) -> Iterator[Finding]:
+def _unused(identified: FittedMotors, choices: MotorSettings) -> Iterator[Finding]:
     names = [name for name in choices.known if name not in identified.parameters.names]
     if names:
         yield warn(
@@ -133,7 +133,7 @@ def _unused(identified: FittedMotors, choices: MotorChoices) -> Iterator[Finding
         )
 
 
-def _scale(identified: FittedMotors, choices: MotorChoices) -> Iterator[Finding]:
+def _scale(identified: FittedMotors, choices: MotorSettings) -> Iterator[Finding]:
     if scale_of(choices.known, identified.axes) is not None:
         return
     yield warn(
@@ -213,7 +213,7 @@ def _judged_parameters(identified: FittedMotors) -> Iterator[Finding]:
             yield finding
 
 
-def _merit(identified: FittedMotors, choices: MotorChoices) -> list[Finding]:
+def _merit(identified: FittedMotors, choices: MotorSettings) -> list[Finding]:
     """The figure of merit of the rotors, where their speed was measured and their size is known."""
     data = identified.data
     weighed = scale_of(choices.known, identified.axes) is not None

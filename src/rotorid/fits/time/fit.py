@@ -41,8 +41,8 @@ from rotorid.models.families import black_box_order, family_of
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import SimulatedRecord
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import chosen_parameters
-from rotorid.settings.settings import IdentifySettings
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
 

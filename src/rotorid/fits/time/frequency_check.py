@@ -24,7 +24,7 @@ from rotorid.flights.measure import Measured, measure
 from rotorid.flights.segments import TimeRecords
 from rotorid.models.structure import LinearStructure
 from rotorid.results.summary import Compared
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.typing import ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds, bounds
 

@@ -10,7 +10,7 @@ from rotorid.flights.segments import TimeRecords
 from rotorid.models.black_box import black_box, black_box_pairs
 from rotorid.models.structure import LinearStructure
 from rotorid.results.summary import OrderChoice, OrderRow, finite
-from rotorid.settings.settings import IdentifySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.verification.orders import HIGHEST_ORDER, OrderComparison, compare_orders
 
 _PROGRESS = logging.getLogger("rotorid.progress")

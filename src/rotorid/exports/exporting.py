@@ -1,0 +1,175 @@
+"""The verb ``export``: a vehicle in the files of a target, and vehicles drawn from the covariance of its results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from rotorid.errors import ModelError, UsageError
+from rotorid.exports.settings import ExportSettings
+from rotorid.exports.target import Exported
+from rotorid.exports.targets import Target, target_named
+
+if TYPE_CHECKING:
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
+    from rotorid.models.rotors import RotorLayout
+    from rotorid.results.model import IdentifiedModel
+
+
+def export(
+    what: JoinedVehicle | IdentifiedModel | Sequence[IdentifiedModel],
+    target: str,
+    choices: ExportSettings | None = None,
+    *,
+    given: Mapping[str, float] | None = None,
+    layout: RotorLayout | None = None,
+) -> Exported:
+    """A vehicle in the files of another tool.
+
+    Parameters
+    ----------
+    what
+        An identified model, several of one vehicle, or what was joined from them.
+    target
+        Name of the target, see :data:`rotorid.exports.targets.TARGETS`.
+    choices
+        Delay, rate, name.
+    given, layout
+        Numbers and rotors that the results do not hold, for :func:`rotorid.flying.vehicle_from_results.joined_vehicle`.
+
+    Raises
+    ------
+    UsageError
+        There is no such target, it needs a number that is not known, or it has no place for a choice.
+    ModelError
+        The target cannot hold the vehicle.
+
+    Examples
+    --------
+    >>> from rotorid.models.rotors import library_layout
+    >>> known = {"m": 1.2, "I_xx": 0.012, "I_yy": 0.012, "I_zz": 0.02, "c_2": 9.0, "kappa": 0.02, "arm": 0.25}
+    >>> exported = export([], "gazebo", given=known, layout=library_layout("quad.x"))
+    >>> sorted(exported.files)
+    ['22002_gz_vehicle', 'vehicle.world.sdf', 'vehicle/model.config', 'vehicle/model.sdf']
+    """
+    found, chosen = target_named(target), choices or ExportSettings()
+    _require_held(found, chosen)
+    vehicle = joined(what, chosen, given=given, layout=layout)
+    if found.name in _OF_BOTH_HALVES:
+        vehicle = _with_both_halves(vehicle)
+    made: Exported = import_module(f"rotorid.exports.{found.module}").export(vehicle, chosen)
+    return made
+
+
+_OF_BOTH_HALVES = ("matlab", "control", "json")
+"""Targets that hold any number of linear models."""
+
+
+def _with_both_halves(vehicle: JoinedVehicle) -> JoinedVehicle:
+    """The vehicle with the model of its whole motion after those of both halves of it."""
+    from rotorid.flying.model_from_results import joined_halves
+
+    whole = joined_halves(vehicle.models)
+    if whole is None:
+        return vehicle
+    return replace(vehicle, models=(*vehicle.models, whole), findings=(*vehicle.findings, *whole.findings))
+
+
+def _require_held(target: Target, choices: ExportSettings) -> None:
+    """Refuse choices that the target has no place for, so that no answer says that they were heeded."""
+    if target.scale and choices.delay == "states":
+        raise UsageError(
+            f"delays as states came for {target.name}",
+            needed="a state space: matlab, control, fmu or json",
+            remedy="--delay-as-lag in place of --pade" if target.lag else "leave --pade out",
+        )
+    if target.scale and choices.sample_rate_hz is not None:
+        raise UsageError(
+            f"a sample rate came for {target.name}",
+            needed="a state space: matlab, control, fmu or json",
+            remedy="leave --sample-rate out",
+        )
+    if choices.delay == "lag" and not target.lag:
+        raise UsageError(
+            f"a delay as lag came for {target.name}, whose motors have no lag",
+            needed="a target with one",
+            remedy="leave --delay-as-lag out",
+        )
+
+
+def export_draws(
+    models: Sequence[IdentifiedModel],
+    target: str,
+    choices: ExportSettings,
+    count: int,
+    *,
+    seed: int = 0,
+    given: Mapping[str, float] | None = None,
+    layout: RotorLayout | None = None,
+) -> tuple[list[Exported], int]:
+    """Vehicles drawn from the covariance of the results, and how many draws were impossible.
+
+    Parameters
+    ----------
+    models, target, choices, given, layout
+        As for :func:`export`.
+    count
+        How many vehicles.
+    seed
+        Of the draws.
+
+    Raises
+    ------
+    ModelError
+        Hardly any draw is a vehicle.
+    """
+    import numpy as np
+
+    from rotorid.exports.draws import draws, require_possible
+    from rotorid.flying.vehicle_from_results import joined_vehicle
+
+    def made(drawn: Sequence[IdentifiedModel]) -> Exported:
+        vehicle = joined_vehicle(drawn, given=given, name=choices.names, layout=layout)
+        require_possible(vehicle)
+        return export(vehicle, target, choices)
+
+    return draws(models, count, made, rng=np.random.default_rng(seed))
+
+
+def joined(
+    what: JoinedVehicle | IdentifiedModel | Sequence[IdentifiedModel],
+    choices: ExportSettings,
+    *,
+    given: Mapping[str, float] | None = None,
+    layout: RotorLayout | None = None,
+) -> JoinedVehicle:
+    """What is exported, under the name that was chosen, with draws for the intervals of what follows from it."""
+    from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
+
+    if isinstance(what, JoinedVehicle):
+        return what
+    models = what if isinstance(what, Sequence) else [what]
+    vehicle = joined_vehicle(models, given=given, name=choices.names, layout=layout)
+    if vehicle.multirotor is None or not any(model.bounds.names for model in models):
+        return vehicle
+    import numpy as np
+
+    from rotorid.exports.draws import draws, require_possible
+
+    def made(drawn: Sequence[IdentifiedModel]) -> JoinedVehicle:
+        one = joined_vehicle(drawn, given=given, name=choices.names, layout=layout)
+        require_possible(one)
+        return one
+
+    try:
+        drawn, _ = draws(models, _DRAWS, made, rng=np.random.default_rng(0))
+    except ModelError:
+        # Known too badly for an interval: the numbers themselves are written with their own.
+        return vehicle
+    return replace(vehicle, draws=tuple(drawn))
+
+
+_DRAWS = 100
+"""Of which a standard deviation is known to 7 %."""

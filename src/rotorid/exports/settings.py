@@ -1,0 +1,147 @@
+"""Choices of ``export``."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from keyword import iskeyword
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from rotorid.data.base import Immutable
+from rotorid.errors import UsageError
+from rotorid.exports.targets import TARGETS, target_named
+from rotorid.flying.settings import CHANGES
+from rotorid.settings.option import Option, Text, require_seed, require_words
+
+if TYPE_CHECKING:
+    from rotorid.models.rotors import RotorLayout
+
+_LONGEST_NAME = 40
+
+_HIGHEST_ORDER = 10
+"""Of a Padé approximation."""
+
+_MOST_DRAWS = 10_000
+
+
+def parse_target(name: str) -> str:
+    """The name of a target that there is."""
+    return target_named(name).name
+
+
+def parse_layout(text: str) -> "RotorLayout":
+    """A layout of the library, or of a file of rotors."""
+    from rotorid.settings.motors import chosen_layout
+
+    return chosen_layout(text)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportSettings(Immutable):
+    """What a person chooses of an export.
+
+    Parameters
+    ----------
+    names
+        What the vehicle is called in files: letters, digits and underscores, a letter first.
+    delay
+        The delay from output to motion: as states by a Padé approximation, as a lag, or left out. Simulators of
+        vehicles know a lag alone, to which it is then added; those without a lag refuse it.
+    pade_order
+        Order of the approximation.
+    sample_rate_hz
+        Discrete state spaces at this rate; continuous without it.
+
+    Raises
+    ------
+    UsageError
+        A number or the name is out of range.
+    """
+
+    names: Annotated[str, Option("--name", "Of the vehicle in files.", "What is written", metavar="NAME")] = "vehicle"
+    delay: Annotated[
+        Literal["states", "lag", "none"],
+        Option(
+            "--delay-as-lag", "Add the delay to the lag, where a target has no delay.", "What is written", gives="lag"
+        ),
+    ] = "none"
+    pade_order: Annotated[
+        int,
+        Option(
+            "--pade",
+            "Order of a Padé approximation: delays as states of a state space.",
+            "What is written",
+            hidden_default=True,
+        ),
+    ] = 3
+    sample_rate_hz: Annotated[
+        float | None, Option("--sample-rate", "Of discrete state spaces. [default: continuous]", "What is written")
+    ] = None
+
+    def __post_init__(self) -> None:
+        allowed = self.names.isascii() and self.names.isidentifier() and not iskeyword(self.names)
+        if not (allowed and len(self.names) <= _LONGEST_NAME):
+            raise UsageError(
+                f"the name {self.names!r} came",
+                needed=f"letters, digits and underscores, a letter first, at most {_LONGEST_NAME}, and no keyword",
+                remedy="choose another with --name",
+            )
+        require_words(self)
+        if not 1 <= self.pade_order <= _HIGHEST_ORDER:
+            raise UsageError(f"a Padé order of {self.pade_order} came", needed=f"1 to {_HIGHEST_ORDER}")
+        rate = self.sample_rate_hz
+        if rate is not None and not (math.isfinite(rate) and rate > 0.0):
+            raise UsageError(f"a sample rate of {rate:g} Hz came", needed="a positive number")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetSettings(Immutable):
+    """What is exported, and to which tool."""
+
+    to: Annotated[
+        str,
+        Option(
+            "--to",
+            "px4-sih, ardupilot, gazebo, mujoco, rotorpy, urdf, matlab, control, fmu or json.",
+            "What is written",
+            Text("TARGET", parse_target),
+            words=tuple(TARGETS),
+        ),
+    ]
+    given: Annotated[
+        Mapping[str, float],
+        Option("--set", "What the results do not hold, such as m=1.4. Repeatable.", "Vehicle", CHANGES),
+    ] = field(default_factory=dict)
+    layout: Annotated[
+        "RotorLayout | None",
+        Option(
+            "--layout",
+            "quad.x, ..., or a file of rotors, where results hold none.",
+            "Vehicle",
+            Text("NAME|FILE.toml", parse_layout),
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawSettings(Immutable):
+    """Further vehicles, drawn from the covariance of the results.
+
+    Raises
+    ------
+    UsageError
+        The seed is negative.
+    """
+
+    draws: Annotated[
+        int,
+        Option(
+            "--draws",
+            "Write so many vehicles more, drawn from the covariance.",
+            "What is written",
+            within=(0, _MOST_DRAWS),
+        ),
+    ] = 0
+    seed: Annotated[int, Option("--seed", "Of the draws.")] = 0
+
+    def __post_init__(self) -> None:
+        require_seed(self.seed)

@@ -1,0 +1,47 @@
+"""Choices of ``track``."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from rotorid.data.trust import REFERENCE_S, STEP_SHARE
+from rotorid.errors import UsageError
+from rotorid.settings.option import Option, Settings
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackSettings(Settings):
+    """How a model is followed through a flight.
+
+    Parameters
+    ----------
+    first_s
+        Of the flight, what all else is compared with.
+    step_share
+        The change that is looked for; 13 % by default, as of a payload that adds 15 % of inertia.
+    thrust_exponent
+        Power of the thrust command by which the gain grows, such as 0.8 for thrust that grows with its square; zero for
+        linear thrust. Where it is not known it is taken from the reference if the throttle moved there.
+    seed
+        Of everything random; there is nothing.
+
+    Raises
+    ------
+    UsageError
+        The step is out of range.
+    """
+
+    first_s: Annotated[float, Option("--first", "The part of the flight that all else is compared with.")] = REFERENCE_S
+    step_share: Annotated[float, Option("--step", "Change of the gain that is looked for, as a share.")] = STEP_SHARE
+    thrust_exponent: Annotated[
+        float | None,
+        Option(
+            "--thrust-exponent",
+            "Power of the thrust command by which the gain grows: 0 for linear thrust, 0.8 for quadratic. "
+            "[default: from the first seconds]",
+        ),
+    ] = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0.02 <= self.step_share <= 0.5:
+            raise UsageError(f"--step {self.step_share:g} came", needed="a share from 0.02 to 0.5")

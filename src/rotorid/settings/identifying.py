@@ -1,0 +1,362 @@
+"""Choices of ``identify``: which models, and how they are fitted."""
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+
+from rotorid.data.base import Immutable
+from rotorid.errors import UsageError
+from rotorid.settings.measuring import MeasureSettings
+from rotorid.settings.models import models_known
+from rotorid.settings.option import Option, Written, as_names
+from rotorid.settings.parsing import (
+    CONSTANTS,
+    FIXED,
+    KNOWN,
+    LISTED,
+    NAMES,
+    PAIRS,
+    PATHS,
+    TIES,
+    WEIGHTS,
+    WORDS,
+)
+
+if TYPE_CHECKING:
+    from rotorid.settings.motors import ChosenCurve
+
+WeightsChoice: TypeAlias = Literal["auto", "cifer", "covariance"]
+SpeedDamping: TypeAlias = Literal["joint", "two_step"]
+MethodChoice: TypeAlias = Literal[
+    "auto", "frequency", "output_error", "prediction_error", "equation_error", "accelerations"
+]
+HoldChoice: TypeAlias = Literal["auto", "zero", "first"]
+
+EVALUATIONS = 2000
+"""Budget of a search unless another is asked for."""
+
+_FEWEST_RUNS = 2
+
+
+def require_search(search: str | None, evaluations: int | None, starts: str, runs: int | None = None) -> None:
+    """Refuse searches that there are not, and options that need one.
+
+    Parameters
+    ----------
+    search
+        A name of :func:`rotorid.search.catalog.searches` with its options.
+    evaluations
+        Its budget, where one was asked for.
+    starts
+        The design of starts, ``default`` for none.
+    runs
+        How often it is repeated, where that was asked for.
+
+    Raises
+    ------
+    UsageError
+        There is no such search, or what came does not go together.
+    """
+    if search is None:
+        if evaluations is not None:
+            raise UsageError("--evaluations came without a search", needed="--search NAME beside it")
+        if runs is not None:
+            raise UsageError("--runs came without a search", needed="--search NAME beside it, such as genetic:15x50")
+        return
+    if runs is not None and runs < _FEWEST_RUNS:
+        raise UsageError(f"{runs} runs of a search came", needed="two or more, and some hundred for a table")
+    if starts != "default":
+        raise UsageError("--search and --starts came", needed="one of them: a design of starts is a search too")
+    if evaluations is not None and evaluations < 1:
+        raise UsageError(f"a budget of {evaluations} evaluations came", needed="1 or more")
+    from rotorid.search.catalog import search as known
+
+    known(search)
+
+
+def require_runs(runs: int | None) -> None:
+    """Refuse a bootstrap of less than two runs.
+
+    Raises
+    ------
+    UsageError
+        There are fewer.
+    """
+    if runs is not None and runs < _FEWEST_RUNS:
+        raise UsageError(f"a bootstrap of {runs} runs came", needed="two or more, and some hundred for intervals")
+
+
+_STARTS = re.compile(r"default|central|(sobol|random):[1-9]\d*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifySettings(MeasureSettings):
+    """Choices of one run of ``identify``.
+
+    Parameters
+    ----------
+    band_rad_s, windows_s, input_windows_s, composition, taper, overlap
+        As in :class:`MeasureSettings`.
+    coherence, estimate, instruments, segments, shifts, seed
+        As in :class:`MeasureSettings`.
+    fix
+        Parameters held at given values.
+    known
+        Value and standard deviation of what no log tells, such as an inertia or the speed of the rotors, from which
+        more follows; see :mod:`rotorid.models.derived`.
+    ties
+        Parameters that follow others: name to an expression such as ``-L_p``.
+    correct_filters
+        Take known filters of the autopilot off the outputs, so that the model is that of the vehicle alone.
+    correct_sensors
+        Estimate scale, bias, misalignment and place of rate gyros and accelerometer by the kinematics, and take them
+        out before anything is measured.
+    free
+        Parameters to free again that the model holds.
+    constants
+        Constants of the model, such as the trim ``theta0``, in place of what the record shows.
+    outputs
+        Outputs to fit; by default those that the log holds as sensors measured them.
+    pairs
+        Responses ``output/input`` to fit, each with its band or ``None``; by default all that are coherent.
+    pair_weights
+        Response to a factor on its cost.
+    weights
+        ``cifer`` minimizes CIFER's cost; ``covariance`` goes on from there with weights made of the measured covariance
+        of all errors; ``auto`` does so where several outputs are fitted.
+    reduce
+        Drop step by step what the data do not show.
+    speed_damping
+        ``two_step`` takes X_u and Y_v from the responses of u_dot to theta and v_dot to phi before everything else.
+    method
+        ``frequency`` fits responses; ``output_error``, ``prediction_error`` and ``equation_error`` fit time histories;
+        ``auto`` takes output error for responses to set-points and black boxes, and responses for all other models.
+    hold
+        What inputs do between their samples in a time-domain fit: ``zero`` order, ``first`` order, or ``auto``: zero
+        for commands that stand in the log at the rate of the fit, first for all others.
+    pieces_s
+        Length of the pieces in which a time-domain fit begins anew; by default whole records for stable models.
+    starts
+        Where time-domain searches begin: ``default``, ``central`` (composite design), ``sobol:N`` or ``random:N``.
+    search
+        A global search before the fit, by its name in :func:`rotorid.search.catalog.searches` with its options.
+    evaluations
+        Its budget; by default 2000.
+    runs
+        How often the search is repeated from other seeds, to tell how far its answers lie apart.
+    bootstrap
+        Refits to noise drawn anew, beside the stated standard deviations.
+    layout, arm_m, curve, rotor_diameter_m
+        Of ``physical.motors``, as in :class:`MotorSettings`; all but ``curve`` of ``physical.hover`` too, which has its
+        arm and the diameter of its propellers from them.
+    """
+
+    fix: Annotated[Mapping[str, float], Option("--fix", "A parameter to hold. Repeatable.", "Models", FIXED)] = field(
+        default_factory=dict
+    )
+    known: Annotated[
+        Mapping[str, tuple[float, float]],
+        Option(
+            "--known",
+            "What no log tells, such as I_zz=0.012:0.0004; motors, rotors and thrust follow with it. Repeatable.",
+            "Models",
+            KNOWN,
+        ),
+        Written("given"),
+    ] = field(default_factory=dict)
+    ties: Annotated[
+        Mapping[str, str], Option("--tie", "A parameter that follows others. Repeatable.", "Models", TIES)
+    ] = field(default_factory=dict)
+    correct_filters: Annotated[
+        bool,
+        Option("--correct-filters", "Take known filters of the autopilot off the outputs, out of the model.", "Data"),
+        Written("given"),
+    ] = False
+    correct_sensors: Annotated[
+        bool,
+        Option(
+            "--correct-sensors",
+            "Take scale, bias, misalignment and place of the sensors out, as attitude and velocity tell them.",
+            "Data",
+        ),
+        Written("given"),
+    ] = False
+    free: Annotated[
+        tuple[str, ...], Option("--free", "A held parameter of the model, to be fitted. Repeatable.", "Models", WORDS)
+    ] = ()
+    constants: Annotated[
+        Mapping[str, float], Option("--constant", "A constant, such as the trim. Repeatable.", "Models", CONSTANTS)
+    ] = field(default_factory=dict)
+    outputs: Annotated[
+        tuple[str, ...],
+        Option("--outputs", "Channels to fit. [default: sensors]", "Models", NAMES, metavar="CHANNEL,..."),
+    ] = ()
+    pairs: Annotated[
+        Mapping[str, tuple[float, float] | None],
+        Option("--pair", "A response to fit, and no others. Repeatable.", "Models", PAIRS),
+    ] = field(default_factory=dict)
+    pair_weights: Annotated[
+        Mapping[str, float], Option("--weight", "A factor on the cost of a response. Repeatable.", "Models", WEIGHTS)
+    ] = field(default_factory=dict)
+    weights: Annotated[
+        WeightsChoice,
+        Option(
+            "--weights",
+            "How the cost weighs errors: covariance is that of all errors, auto goes by the number of outputs.",
+            "Models",
+        ),
+    ] = "auto"
+    reduce: Annotated[bool, Option("--reduce", "Drop step by step what the data do not show.", "Models")] = False
+    speed_damping: Annotated[
+        SpeedDamping, Option("--speed-damping", "X_u and Y_v: with all else, or before it.", "Models")
+    ] = "joint"
+    method: Annotated[
+        MethodChoice,
+        Option(
+            "--method",
+            "How to fit; auto is output_error for response.* and black_box:N, and frequency for others. "
+            "physical.motors has prediction_error or accelerations.",
+            "Fit",
+        ),
+    ] = "auto"
+    hold: Annotated[
+        HoldChoice, Option("--hold", "Order of hold between samples, in time; auto is zero for logged commands.", "Fit")
+    ] = "auto"
+    pieces_s: Annotated[
+        float | None,
+        Option("--pieces", "Seconds after which a fit in time begins anew. [default: as growing modes need]", "Fit"),
+    ] = None
+    starts: Annotated[
+        str, Option("--starts", "Where searches in time begin.", "Fit", metavar="default|central|sobol:N|random:N")
+    ] = "default"
+    search: Annotated[
+        str | None,
+        Option(
+            "--search",
+            "A global search before the fit: evolution[:POPULATION] (when in doubt), cma[:POPULATION], "
+            "genetic[:POPULATIONxGENERATIONS], kmeans[:CANDIDATES], sobol[:STARTS], random[:STARTS] or central. "
+            "[default: none, the starts of the model]",
+            "Fit",
+            metavar="NAME[:OPTIONS]",
+        ),
+    ] = None
+    evaluations: Annotated[
+        int | None, Option("--evaluations", f"Costs that --search may compute. [default: {EVALUATIONS}]", "Fit")
+    ] = None
+    runs: Annotated[
+        int | None,
+        Option("--runs", "Repeat --search from so many seeds: mean, spread, extremes.", "Fit"),
+        Written("given"),
+    ] = None
+    bootstrap: Annotated[
+        int | None, Option("--bootstrap", "Refits to noise drawn anew, for spreads and intervals: 200 and more.", "Fit")
+    ] = None
+    layout: Annotated[
+        str | None,
+        Option(
+            "--layout",
+            "Of physical.*: quad.x, hexa.plus, ..., or a file of rotors. [default: as the log says]",
+            "Models in physical parameters",
+            metavar="NAME|FILE.toml",
+        ),
+        Written("never"),
+    ] = None
+    arm_m: Annotated[
+        float | None,
+        Option(
+            "--arm",
+            "Of physical.*: meters from the center of gravity to the farthest rotor.",
+            "Models in physical parameters",
+        ),
+        Written("never"),
+    ] = None
+    curve: Annotated[
+        "ChosenCurve",
+        Option(
+            "--curve",
+            "Of physical.motors: thrust by output.",
+            "Models in physical parameters",
+            words=("auto", "linear", "quadratic", "affine", "polynomial"),
+        ),
+        Written("never"),
+    ] = "auto"
+    rotor_diameter_m: Annotated[
+        float | None,
+        Option(
+            "--rotor-diameter",
+            "In meters: checks the thrust of rotors whose speed is logged; D of physical.hover.",
+            "Models in physical parameters",
+        ),
+        Written("never"),
+    ] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        mappings = ("fix", "known", "ties", "constants", "pairs", "pair_weights")
+        self._set(
+            free=as_names(self.free), outputs=as_names(self.outputs), **{name: getattr(self, name) for name in mappings}
+        )
+        for name in {*self.fix, *self.ties, *self.free}:
+            if sum(name in group for group in (self.fix, self.ties, self.free)) > 1:
+                raise UsageError(f"{name} is to be two things at once", needed="one of --fix, --tie and --free")
+        if self.pieces_s is not None and not 0.0 < self.pieces_s < math.inf:
+            raise UsageError(f"pieces of {self.pieces_s:g} s came", needed="a length above 0 s")
+        if not _STARTS.fullmatch(self.starts):
+            raise UsageError(f"the starts {self.starts!r} came", needed="default, central, sobol:N or random:N")
+        require_search(self.search, self.evaluations, self.starts, self.runs)
+        require_runs(self.bootstrap)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelSettings(Immutable):
+    """What is identified, and judged on what."""
+
+    models: Annotated[
+        tuple[str, ...],
+        Option(
+            "--model",
+            "hover.longitudinal, rate.roll, ... (see rotorid models), or FILE.toml. Several with commas or "
+            "repeated; all: every one that the logs may support.",
+            "Models",
+            LISTED,
+            metavar="NAME|FILE.toml,...",
+            words=models_known,
+        ),
+    ]
+    verify: Annotated[
+        tuple[Path, ...], Option("--verify", "A log kept unseen, to judge the model on. Repeatable.", "Judging", PATHS)
+    ] = ()
+    inputs: Annotated[
+        tuple[str, ...],
+        Option(
+            "--inputs",
+            "Channels that drive response.*, transfer:m/n, black_box:N and black_box:auto.",
+            "Models",
+            NAMES,
+            metavar="CHANNEL,...",
+        ),
+    ] = ()
+    decoupled: Annotated[
+        bool, Option("--decoupled", "A black box for each input and its output, side by side.", "Models")
+    ] = False
+    cross_validate: Annotated[
+        str | None,
+        Option(
+            "--cross-validate",
+            "each: identify on each log alone, score on all others. leave_one_out: on all but one, score on that one.",
+            "Judging",
+            words=("each", "leave_one_out"),
+        ),
+    ] = None
+
+    @property
+    def beside(self) -> dict[str, object]:
+        """Options of one linear model alone."""
+        return {
+            "--cross-validate": self.cross_validate,
+            "--inputs": self.inputs,
+            "--decoupled": self.decoupled,
+        }

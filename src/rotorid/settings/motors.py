@@ -1,0 +1,177 @@
+"""Choices of ``physical.motors``."""
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, Union, get_args
+
+from rotorid.errors import UsageError
+from rotorid.io.documents import read_text
+from rotorid.settings.identifying import IdentifySettings, require_search
+from rotorid.settings.option import Settings, Written
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from rotorid.data.record import Maneuver
+    from rotorid.models.motors import Curve
+    from rotorid.models.rotors import RotorLayout
+
+MotorMethod: TypeAlias = Literal["prediction_error", "accelerations"]
+
+FROM_ANGLES = ("phi", "theta", "psi", "down")
+"""Channels that are differentiated twice where gyros or accelerometer are missing, or where they are asked for."""
+
+ChosenCurve: TypeAlias = Union[Literal["auto"], "Curve"]
+"""``auto``: linear for demands of thrust, quadratic for speeds, and for outputs all that the flight can tell."""
+
+
+def _rounded(known: Mapping[str, float]) -> list[str]:
+    return [f"{name}={value:g}" for name, value in known.items()]
+
+
+def _rounded_segments(segments: "Iterable[Maneuver]") -> list[str]:
+    return [f"{one.axis}:{one.start_s:g}:{one.stop_s:g}" for one in segments]
+
+
+def _file_name(layout: str | None) -> str | None:
+    return Path(layout).name if layout else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorSettings(Settings):
+    """Choices of one run.
+
+    Parameters
+    ----------
+    known
+        Values that were measured otherwise, by parameter.
+    layout
+        Name of a layout or a TOML file of rotors; what the log says by default.
+    arm_m
+        Horizontal distance of the farthest rotor from the center of gravity.
+    curve
+        Thrust of a rotor by its output.
+    rotor_diameter_m
+        Of each rotor, to judge its figure of merit where speeds were measured.
+    segments
+        Stretches to use instead of the excitations that are found.
+    voltage
+        Whether thrust follows the voltage of the battery, where outputs of motors were logged.
+    bootstrap
+        Refits to noise drawn anew, beside the stated standard deviations.
+    search
+        A global search for a start, with its options, as ``genetic:15x50``.
+    evaluations
+        Its budget.
+    runs
+        How often it is repeated from other seeds.
+    method
+        ``prediction_error``, or ``accelerations``: the sum of absolute errors of accelerations.
+    outputs
+        Angles and height in place of gyros and accelerometer, for ``accelerations`` alone.
+    seed
+        Of what a bootstrap or a search draws.
+
+    Raises
+    ------
+    UsageError
+        A length is not positive, or there is no such curve or search.
+    """
+
+    known: Annotated[Mapping[str, float], Written(write=_rounded)] = field(default_factory=dict)
+    layout: Annotated[str | None, Written(write=_file_name)] = None
+    arm_m: Annotated[float | None, Written()] = None
+    curve: Annotated[ChosenCurve, Written()] = "auto"
+    rotor_diameter_m: Annotated[float | None, Written()] = None
+    segments: Annotated["tuple[Maneuver, ...]", Written(write=_rounded_segments)] = ()
+    voltage: Annotated[bool, Written()] = True
+    # Held only where there is one, as the values do not depend on it.
+    bootstrap: Annotated[int | None, Written("given")] = None
+    search: Annotated[str | None, Written("given")] = None
+    evaluations: Annotated[int | None, Written("given")] = None
+    runs: Annotated[int | None, Written("given")] = None
+    method: Annotated[MotorMethod, Written("given")] = "prediction_error"
+    outputs: Annotated[tuple[str, ...], Written("given")] = ()
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_search(self.search, self.evaluations, "default", self.runs)
+        if self.method not in get_args(MotorMethod):
+            raise UsageError(
+                f"the method {self.method!r} came with physical.motors", needed=" or ".join(get_args(MotorMethod))
+            )
+        if self.method == "accelerations" and self.bootstrap is not None:
+            raise UsageError(
+                "--bootstrap came with --method accelerations, which has none",
+                needed="--runs N beside --search NAME, or --method prediction_error",
+            )
+        if self.outputs and (self.method != "accelerations" or not set(self.outputs) <= set(FROM_ANGLES)):
+            raise UsageError(
+                f"--outputs {','.join(self.outputs)} came with physical.motors",
+                needed=f"--method accelerations and {','.join(FROM_ANGLES)}, or some of them, to be differentiated",
+                remedy="leave --outputs out for gyros and accelerometer",
+            )
+        for name, length_m in (("an arm", self.arm_m), ("a rotor diameter", self.rotor_diameter_m)):
+            if length_m is not None and not length_m > 0.0:
+                raise UsageError(f"{name} of {length_m:g} m came", needed="a positive length")
+        from rotorid.models.motors import CURVE_TERMS
+
+        if self.curve not in ("auto", *CURVE_TERMS):
+            near = difflib.get_close_matches(self.curve, ["auto", *CURVE_TERMS], n=1)
+            raise UsageError(
+                f"the curve {self.curve!r} came",
+                needed=f"auto, {', '.join(CURVE_TERMS)}",
+                remedy=f"did you mean {near[0]}?" if near else "",
+            )
+
+
+def motor_settings(settings: IdentifySettings) -> MotorSettings:
+    """What of the choices of a run is about ``physical.motors``.
+
+    Raises
+    ------
+    UsageError
+        A choice is impossible.
+    """
+    return MotorSettings(
+        known=settings.fix,
+        layout=settings.layout,
+        arm_m=settings.arm_m,
+        curve=settings.curve,
+        rotor_diameter_m=settings.rotor_diameter_m,
+        segments=settings.segments,
+        seed=settings.seed,
+        bootstrap=settings.bootstrap,
+        search=settings.search,
+        evaluations=settings.evaluations,
+        runs=settings.runs,
+        method="accelerations" if settings.method == "accelerations" else "prediction_error",
+        outputs=settings.outputs,
+    )
+
+
+def chosen_layout(text: str) -> "RotorLayout":
+    """A layout of the library by its name, or that of a TOML file.
+
+    Raises
+    ------
+    UsageError
+        There is neither; the nearest name is suggested.
+    ModelError
+        The file does not describe rotors.
+    """
+    from rotorid.models.rotors import layout_from_toml, layout_names, library_layout
+
+    if text in layout_names():
+        return library_layout(text)
+    path = Path(text)
+    if path.suffix != ".toml":
+        near = difflib.get_close_matches(text, layout_names(), n=1)
+        raise UsageError(
+            f"there is no layout {text!r}",
+            needed=f"a TOML file, or one of {', '.join(layout_names())}",
+            remedy=f"did you mean {near[0]}?" if near else "",
+        )
+    return layout_from_toml(read_text(path, needed="a TOML file of [[rotor]] tables"), where=path.name)
