@@ -9,7 +9,7 @@ accelerometer has its zero. Rates are integrals of these accelerations, begun an
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from typing import Any, ClassVar
 
@@ -35,9 +35,8 @@ from rotorid.fits.motors.motion import Motion, motions, scores, simulated_record
 from rotorid.fitting.motors.excitation import excitations
 from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.flights.flights import Flight
-from rotorid.flights.motor_data import MotorData, motor_data
+from rotorid.flights.motor_data import MotorData, motor_data, rotors_of
 from rotorid.flights.selection import Selection, require_reached
-from rotorid.models.autopilots.layouts import layout_of
 from rotorid.models.families import MOTORS
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.rotors import RotorLayout
@@ -74,7 +73,7 @@ class MotorPredictor(Immutable):
     reference_v
         Voltage at which thrust is told; ``None`` where it is no matter.
     choices
-        How logs are read.
+        How the fitted logs were read; ``None`` where that is not known.
     """
 
     about_trim: ClassVar[bool] = False
@@ -85,7 +84,7 @@ class MotorPredictor(Immutable):
     kind: str
     axes: tuple[str, ...]
     reference_v: float | None = None
-    choices: MotorSettings = field(default_factory=MotorSettings)
+    choices: MotorSettings | None = None
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -169,23 +168,28 @@ class MotorPredictor(Immutable):
         InsufficientDataError
             It tells no motors or no motion, is of another vehicle, or tells the motors in another way.
         """
+        choices = replace(self.choices or MotorChoices(), segments=tuple(segments))
+        needed, name = "a log of the vehicle that was identified", record.source.name
         try:
-            of_log = layout_of(record)
+            of_log = rotors_of([record], choices)
         except (InsufficientDataError, UsageError, ModelError):
-            of_log = None
-        if of_log is not None and not np.array_equal(of_log.spins, self.layout.spins):
+            of_log = self.layout
+        if not np.array_equal(of_log.spins, self.layout.spins):
             raise InsufficientDataError(
-                f"{record.source.name} is of {of_log.name}, and the result of {self.layout.name}",
-                needed="a log of the vehicle that was identified",
+                f"{name} is of {of_log.name}, and the result of {self.layout.name}", needed=needed
             )
-        choices = replace(self.choices, segments=tuple(segments))
+        # An arm that was given is not in the log.
+        if self.choices is not None and not np.allclose(of_log.positions, self.layout.positions):
+            raise InsufficientDataError(
+                f"the rotors of {name} are in other places than those of the result", needed=needed
+            )
         try:
             data = motor_data([record], choices, reference_v=self.reference_v, layout=self.layout)
         except UsageError as error:
             raise InsufficientDataError(error.came, needed=error.needed, remedy=error.remedy) from error
         if data.kind != self.kind:
             raise InsufficientDataError(
-                f"{record.source.name} tells motors as {data.kind.replace('_', ' ')}",
+                f"{name} tells motors as {data.kind.replace('_', ' ')}",
                 needed=f"a log that tells them as {self.kind.replace('_', ' ')}, as those of the result did",
             )
         return data

@@ -357,7 +357,7 @@ def motor_data(
         made = [from_angles(record, choices.outputs) for record in records]
         records = [record for record, _ in made]
         differentiated += [finding for _, told in made for finding in told]
-    layout = layout or _layout(records, choices)
+    layout = layout or rotors_of(records, choices)
     findings: list[Finding] = [*layout.findings, *differentiated]
     flown: list[FlownMotors] = []
     for record in records:
@@ -403,7 +403,16 @@ def _motor_history(record: FlightRecord, layout: RotorLayout) -> MotorHistory:
         ) from error
 
 
-def _layout(records: Sequence[FlightRecord], choices: MotorSettings) -> RotorLayout:
+def rotors_of(records: Sequence[FlightRecord], choices: MotorSettings) -> RotorLayout:
+    """The rotors that were chosen, or those of the logs.
+
+    Raises
+    ------
+    InsufficientDataError
+        A log does not tell them.
+    UsageError
+        Logs are of different vehicles.
+    """
     formats = sorted({record.source.format for record in records})
     if len(formats) > 1:
         raise UsageError(

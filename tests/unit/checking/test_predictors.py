@@ -15,7 +15,7 @@ from tests.unit.pipeline.response_flight import flight as roll_flight
 import rotorid
 from rotorid.checking.candidate import candidate_model
 from rotorid.checking.linear import LinearPredictor
-from rotorid.checking.motors import MotorPredictor
+from rotorid.checking.motors import MotorPredictor, identified_motors
 from rotorid.checking.nonlinear import NonlinearPredictor
 from rotorid.checking.predictors import predictor_of
 from rotorid.data.findings import Finding
@@ -78,6 +78,17 @@ def test_identify_and_verify_refuse_a_log_in_one_sentence(
     first, second = (_not_verified(one.findings) for one in (within, after))
     assert first == second
     assert "speeds.csv tells motors as speed" in first[0]
+
+
+def test_a_log_with_its_rotors_in_other_places_judges_nothing(
+    motors: IdentifiedModel, motor_log: Callable[[int], FlightRecord]
+) -> None:
+    vehicle = identified_motors(motors)
+    assert vehicle is not None
+    wider = replace(vehicle, choices=replace(CHOICES, arm_m=2.0 * ARM_M))
+    with pytest.raises(rotorid.InsufficientDataError, match=r"rotors of flight2\.csv are in other places"):
+        wider.data(motor_log(2), ())
+    assert vehicle.data(motor_log(2), ()).layout is vehicle.layout
 
 
 def _not_verified(findings: Sequence[Finding]) -> list[str]:
