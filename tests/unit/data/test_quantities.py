@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from rotorid.reviewing.values import LoopReview, MotorReview, NoiseReview, Revie
 
 SOURCE = Path(rotorid.__file__).parent
 TABLE = SOURCE / "data" / "quantities.py"
+DOCS = Path(__file__).resolve().parents[3] / "docs" / "review.md"
+CARDS = "\n".join(line for line in DOCS.read_text(encoding="utf-8").splitlines() if line.startswith("|"))
 MADE = FigureOfMerit(
     words="jerkiness",
     unit="%",
@@ -87,6 +90,15 @@ def _words(value: ast.expr) -> bool:
     """Whether a value is, or begins with, a text that is more than a unit or a name of a field."""
     first = value.elts[0] if isinstance(value, ast.Tuple) and value.elts else value
     return isinstance(first, ast.Constant) and isinstance(first.value, str) and " " in first.value
+
+
+@pytest.mark.parametrize("name", [name for name, row in QUANTITIES.items() if row.card and name != "clipping_share"])
+def test_the_docs_of_the_cards_name_each_limit(name: str) -> None:
+    row = QUANTITIES[name]
+    limit = f"{100.0 * row.limit:g} %" if row.per else row.limit_text()
+    assert re.search(rf"(?<![\d.]){re.escape(limit)}(?![\d.]\d)", CARDS), (
+        f"docs/review.md names {limit}, of {row.words}"
+    )
 
 
 @pytest.fixture
