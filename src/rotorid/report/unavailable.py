@@ -32,6 +32,7 @@ _PARTS: Mapping[str, str] = MappingProxyType(
         "noise.maps.before": "noise before the filters",
         "noise.maps.throttle": "noise against throttle",
         "noise.peaks": "lines in the noise",
+        "step": "step response",
         "vehicle.kind": "kind of vehicle",
         "vehicle.frame": "frame",
     }
@@ -69,7 +70,7 @@ def untold_words(name: str) -> tuple[str, str]:
 
 def _number_words(name: str) -> str:
     row = figure(name)
-    return {"step": "step response"}.get(name, name) if row is None else row.words
+    return _PARTS.get(name, name) if row is None else row.words
 
 
 def of_numbers(thing: str, numbers: list[str]) -> str:

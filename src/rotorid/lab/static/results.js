@@ -234,6 +234,12 @@ function findings(body, found) {
 }
 
 const rateInterval = (one) => within(shownRate(one));
+const shownFigure = (name, one) => (name.endsWith("_rad_s") ? rateInterval(one) : within(one));
+/** A row for each figure that any of the columns holds. */
+function figures(caption, columns) {
+  const names = new Set(columns.flatMap(([, one]) => Object.keys(one).filter((name) => one[name]?.unit !== undefined)));
+  return tableOf(caption, ["", ...columns.map(([name]) => name)], [...names].map((name) => [words(name), ...columns.map(([, one]) => shownFigure(name, one[name]))]));
+}
 
 /** Which points of a response the tables count: fitted ones of a model, usable ones of a measurement. */
 const usedOf = (curves, i, j) => (curves.fitted ?? curves.used)?.[i][j].map(Boolean) ?? curves["values.re"][i][j].map((value) => value !== null);
@@ -262,17 +268,16 @@ const SHOWS = {
     for (const one of told.reviews ?? [told]) {
       body.append(make("div", "", { class: "cards" }, ...(one.cards ?? []).map((card) => make("div", "", { class: CLASSES[card.color] ?? "" }, make("b", card.title), make("span", card.word ?? "", { class: CLASSES[card.color] ?? "soft" }), make("span", ` ${card.number ?? ""}`, { class: "figure" }), make("p", card.sentence, { class: "soft" })))));
       const loops = Object.entries(one.loops ?? {}), margins = Object.entries(one.margins ?? {});
-      if (loops.length) body.append(tableOf("Loops", ["loop", `bandwidth (−3 dB) in ${unitText()}`, "delay in s", "overshoot in %"], loops.map(([name, loop]) => [name, rateInterval(loop.bandwidth_3db_rad_s), within(loop.delay_s), within(loop.overshoot_percent)])));
-      if (margins.length) body.append(tableOf("Margins", ["axis", `crossover in ${unitText()}`, "phase margin in deg", "gain margin in dB", "peak of sensitivity"], margins.map(([name, margin]) => [name, rateInterval(margin.crossover_rad_s), within(margin.phase_margin_deg), within(margin.gain_margin_db), within(margin.sensitivity_peak)])));
+      if (loops.length) body.append(figures("Loops", loops));
+      if (margins.length) body.append(figures("Margins", margins));
       if (one.cannot_tell?.length) body.append(make("details", "", {}, make("summary", `What this log cannot tell: ${one.cannot_tell.length}`), make("ul", "", {}, ...one.cannot_tell.map((row) => make("li", `${row.what}: ${row.why} ${row.remedy ? `To see it: ${row.remedy}.` : ""}`)))));
     }
   },
   tune(body, told, k) {
     for (const [axis, one] of Object.entries(told.axes ?? {})) {
       const gains = Object.entries(one.gains ?? {}), rows = Object.keys(one.flown ?? {}).filter((name) => one.proposed?.[name]);
-      const shown = (name, value) => (name.endsWith("_rad_s") ? rateInterval(value) : within(value));
       body.append(tableOf(`${axis}: gains`, ["parameter", "flown", "proposed"], gains.map(([name, gain]) => [name, number(gain.flown), number(gain.proposed)])));
-      body.append(tableOf(`${axis}: rate loop, for every likely vehicle`, ["", "flown", "proposed"], rows.map((name) => [words(name), shown(name, one.flown[name]), shown(name, one.proposed[name])])));
+      body.append(tableOf(`${axis}: rate loop, for every likely vehicle`, ["", "flown", "proposed"], rows.map((name) => [words(name), shownFigure(name, one.flown[name]), shownFigure(name, one.proposed[name])])));
       for (const sentence of [...(one.reasons ?? []), ...(one.notes ?? [])]) body.append(make("p", typeof sentence === "string" ? sentence : sentence.message ?? "", { class: "soft" }));
     }
     body.append(make("p", "", {}, make("a", "Move every gain by hand, with the margins beside it", { href: `/api/steps/${k}/report`, target: "_blank", rel: "noopener" })));
