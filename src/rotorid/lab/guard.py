@@ -6,9 +6,13 @@ session. The address that is printed carries a token, which a browser exchanges 
 """
 
 import hmac
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import MutableMapping
 from typing import Any
 from urllib.parse import parse_qs
+
+from starlette.datastructures import Headers
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 BODY_BYTES = 1 << 16
 """Largest body of a request."""
@@ -34,14 +38,7 @@ _MOST_QUERY, _MOST_FIELDS = 4096, 20
 """Longest query, in bytes, and most fields in it."""
 
 # From a file or another site a redirection would not carry the cookie; from this page the way on does.
-_WAY_IN = (
-    b'<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0;url=/"><title>rotorid lab</title>'
-)
-
-Scope = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
-Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
-App = Callable[[Scope, Receive, Send], Awaitable[None]]
+_WAY_IN = '<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0;url=/"><title>rotorid lab</title>'
 
 
 class Guard:
@@ -64,7 +61,7 @@ class Guard:
     """
 
     def __init__(
-        self, app: App, *, token: str, secret: str, hosts: frozenset[str], cookie: str, once: bool = False
+        self, app: ASGIApp, *, token: str, secret: str, hosts: frozenset[str], cookie: str, once: bool = False
     ) -> None:
         self._app, self._token, self._secret = app, token, secret
         self._hosts, self._cookie = hosts, cookie
@@ -90,63 +87,61 @@ class Guard:
                 message["headers"] = [*kept, *(() if own else _OWN_PAGE), *_HEADERS]
             await send(message)
 
-        headers: dict[bytes, list[bytes]] = {}
-        for name, value in scope["headers"]:
-            headers.setdefault(name.lower(), []).append(value)
-        hosts = [value.decode("latin-1").lower() for value in headers.get(b"host", [])]
-        if len(hosts) != 1 or hosts[0] not in self._hosts:
-            await _refuse(answer, 421, "This server has another name.")
-            return
-        if self._is_foreign(scope["method"], hosts[0], headers):
-            await _refuse(answer, 403, "Another page asked.")
-            return
-        if scope["path"] == "/" and scope["method"] == "GET" and _is(self._token, _fields(scope).get("token", [])):
-            await self._let_in(answer, headers)
-            return
-        if not _is(self._secret, _cookies(headers.get(b"cookie", []), self._cookie)):
-            await _refuse(
-                answer,
-                401,
-                "Open the address that rotorid lab printed, which lets one browser in. If another browser used it, go "
-                "on in that one, or start rotorid lab again.",
-            )
-            return
-        if not self._fits(scope, headers):
-            await _say(answer, 413, "The request is too large.")
+        own = self._own_answer(scope, Headers(scope=scope))
+        if own is not None:
+            await own(scope, receive, answer)
             return
         try:
             await self._app(scope, _limited(receive, scope["path"]), answer)
         except TooLargeError:
             if not begun:
-                await _say(answer, 413, "The request is too large.")
+                await PlainTextResponse(_TOO_LARGE, 413)(scope, receive, answer)
         except Exception:
             # The application says what went wrong; what failed even there is this server's own matter.
             if not begun:
-                await _say(answer, 500, "The server could not answer that.")
+                await PlainTextResponse("The server could not answer that.", 500)(scope, receive, answer)
 
-    async def _let_in(self, answer: Send, headers: dict[bytes, list[bytes]]) -> None:
+    def _own_answer(self, scope: Scope, headers: Headers) -> Response | None:
+        """What the guard answers by itself; ``None`` passes the request on."""
+        hosts = [host.lower() for host in headers.getlist("host")]
+        if len(hosts) != 1 or hosts[0] not in self._hosts:
+            return _refusal(421, "This server has another name.")
+        if self._is_foreign(scope["method"], hosts[0], headers):
+            return _refusal(403, "Another page asked.")
+        if scope["path"] == "/" and scope["method"] == "GET" and _is(self._token, _fields(scope).get("token", [])):
+            return self._let_in(headers)
+        if not _is(self._secret, _cookies(headers.getlist("cookie"), self._cookie)):
+            return _refusal(
+                401,
+                "Open the address that rotorid lab printed, which lets one browser in. If another browser used it, go "
+                "on in that one, or start rotorid lab again.",
+            )
+        return None if self._fits(scope, headers) else PlainTextResponse(_TOO_LARGE, 413)
+
+    def _let_in(self, headers: Headers) -> Response:
         """Give the cookie, and lead on to the page; who has the cookie already is led on alone."""
         cookie = f"{self._cookie}={self._secret}; Path=/; HttpOnly; SameSite=Strict"
-        given = () if self._once and self._used else ((b"set-cookie", cookie.encode()),)
+        given = {} if self._once and self._used else {"set-cookie": cookie}
         self._used = True
-        if headers.get(b"sec-fetch-site") in ([b"none"], [b"same-origin"]):
-            await _answer(answer, 303, b"", (b"location", b"/"), *given)
-        else:
-            await _answer(answer, 200, _WAY_IN, (b"content-type", b"text/html; charset=utf-8"), *given)
+        if headers.getlist("sec-fetch-site") in (["none"], ["same-origin"]):
+            return Response(status_code=303, headers={"location": "/", **given})
+        return HTMLResponse(_WAY_IN, headers=given)
 
     @staticmethod
-    def _is_foreign(method: str, host: str, headers: dict[bytes, list[bytes]]) -> bool:
+    def _is_foreign(method: str, host: str, headers: Headers) -> bool:
         """Whether a page of another origin asked, or had its visitor's browser ask."""
-        origins = [value.decode("latin-1").lower() for value in headers.get(b"origin", [])]
-        site = headers.get(b"sec-fetch-site", [b"none"])[0]
-        own = all(origin == f"http://{host}" for origin in origins)
-        return not own or (method not in ("GET", "HEAD") and site not in (b"same-origin", b"none"))
+        own = all(origin.lower() == f"http://{host}" for origin in headers.getlist("origin"))
+        site = headers.get("sec-fetch-site", "none")
+        return not own or (method not in ("GET", "HEAD") and site not in ("same-origin", "none"))
 
     @staticmethod
-    def _fits(scope: Scope, headers: dict[bytes, list[bytes]]) -> bool:
+    def _fits(scope: Scope, headers: Headers) -> bool:
         most = UPLOAD_BYTES if scope["path"] == "/api/upload" else BODY_BYTES
-        length = headers.get(b"content-length", [b"0"])[-1]
-        return length.isdigit() and len(length) < 16 and int(length) <= most
+        length = (headers.getlist("content-length") or ["0"])[-1]
+        return length.isascii() and length.isdigit() and len(length) < 16 and int(length) <= most
+
+
+_TOO_LARGE = "The request is too large."
 
 
 class TooLargeError(Exception):
@@ -179,21 +174,11 @@ def _limited(receive: Receive, path: str) -> Receive:
     return counted
 
 
-def _cookies(values: list[bytes], name: str) -> list[str]:
-    pairs = (part.strip().partition("=") for value in values for part in value.decode("latin-1").split(";"))
+def _cookies(values: list[str], name: str) -> list[str]:
+    pairs = (part.strip().partition("=") for value in values for part in value.split(";"))
     return [value for key, _, value in pairs if key == name]
 
 
-async def _refuse(send: Send, status: int, sentence: str) -> None:
-    """Say no to a stranger, and keep no connection for one."""
-    await _say(send, status, sentence, (b"connection", b"close"))
-
-
-async def _say(send: Send, status: int, sentence: str, *headers: tuple[bytes, bytes]) -> None:
-    await _answer(send, status, sentence.encode(), (b"content-type", b"text/plain; charset=utf-8"), *headers)
-
-
-async def _answer(send: Send, status: int, body: bytes, *headers: tuple[bytes, bytes]) -> None:
-    shown = [(b"content-length", str(len(body)).encode()), *headers]
-    await send({"type": "http.response.start", "status": status, "headers": shown})
-    await send({"type": "http.response.body", "body": body})
+def _refusal(status: int, sentence: str) -> Response:
+    """What a stranger is told, for whom no connection is kept."""
+    return PlainTextResponse(sentence, status, {"connection": "close"})

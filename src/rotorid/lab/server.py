@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from rotorid.errors import RotoridError, UsageError
-from rotorid.lab.guard import App, Guard, TooLargeError
+from rotorid.lab.guard import Guard, TooLargeError
 from rotorid.lab.session import OpenLog, Ran, Session, curves, document, parts
 from rotorid.lab.steps import Step, first_wrong
 from rotorid.lab.tracks import Tracks, listed
@@ -17,6 +17,7 @@ from rotorid.lab.workers import Job
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
+    from starlette.types import ASGIApp
 
 STATIC = Path(__file__).resolve().parent / "static"
 # A report carries its own scripts: they run in an origin of their own, which may ask this server for nothing.
@@ -45,7 +46,7 @@ def lab_app(
     cookie: str = "rotorid_lab",
     once: bool = False,
     preferred: Mapping[str, str] | None = None,
-) -> App:
+) -> "ASGIApp":
     """The guarded application of a session; ``preferred`` is how the page looks first."""
     from fastapi import FastAPI
     from fastapi.responses import FileResponse, JSONResponse, Response

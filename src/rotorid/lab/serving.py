@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rotorid.errors import UsageError
-from rotorid.lab.guard import App
 from rotorid.lab.steps import Project, read_project
 
 if TYPE_CHECKING:
     import uvicorn
+    from starlette.types import ASGIApp
 
     from rotorid.lab.session import Session
 
@@ -172,7 +172,7 @@ def door_to(address: str, place: Path) -> Path:
     return door
 
 
-def server_of(app: App) -> "uvicorn.Server":
+def server_of(app: "ASGIApp") -> "uvicorn.Server":
     """A server for an application, whose slow clients hold up nobody."""
     import uvicorn
 
