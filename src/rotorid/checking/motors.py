@@ -168,7 +168,7 @@ class MotorPredictor(Immutable):
         InsufficientDataError
             It tells no motors or no motion, is of another vehicle, or tells the motors in another way.
         """
-        choices = replace(self.choices or MotorChoices(), segments=tuple(segments))
+        choices = replace(self.choices or MotorSettings(), segments=tuple(segments))
         needed, name = "a log of the vehicle that was identified", record.source.name
         try:
             of_log = rotors_of([record], choices)
