@@ -16,7 +16,7 @@ from rotorid.data.trust import (
     INSENSITIVITY_GUIDELINE_PERCENT,
     LARGEST_RANDOM_ERROR,
 )
-from rotorid.fits.frequency.data_requirements import main_pairs
+from rotorid.fits.data_requirements import main_pairs
 from rotorid.fitting.frequency.problem import (
     ACCEPTABLE_COST,
     EXCELLENT_COST,

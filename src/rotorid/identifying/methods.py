@@ -24,7 +24,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.fits.bootstrapping import bootstrap, require_bootstrap
-from rotorid.fits.frequency.data_requirements import require_known_gain
+from rotorid.fits.data_requirements import require_known_gain
 from rotorid.fits.frequency.fit import FrequencyFit, cost_of
 from rotorid.fits.frequency.inverse import Screened, pose_screened
 from rotorid.fits.frequency.refusals import fit_sound

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rotorid.errors import InsufficientDataError
-from rotorid.fits.frequency.data_requirements import require_known_gain
+from rotorid.fits.data_requirements import require_known_gain
 from rotorid.fits.frequency.refusals import _pushed_on_by_speed, _unsound
 from rotorid.fits.remarks import judge_parameters, judge_structure
 from rotorid.fitting.least_squares import Outcome

@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.findings import warn
 from rotorid.errors import InsufficientDataError
-from rotorid.fits.frequency.data_requirements import require_known_gain
+from rotorid.fits.data_requirements import require_known_gain
 from rotorid.models.library import rate_model
 
 PARAMETERS = rate_model("rate.roll").parameters.with_values({"L_roll": 136.0})

@@ -2,7 +2,7 @@ r"""A fit in the frequency domain: from measured responses to a model with bound
 
 :func:`pose` chooses the points, and :func:`fit_with_bounds` fits, drops what the data do not show, and bounds the rest:
 first in CIFER's cost, by which it is decided what is dropped, then with weights made of the covariance of all errors.
-What cannot be fitted at all is refused before (:mod:`~rotorid.fits.frequency.data_requirements`), what does not hold
+What cannot be fitted at all is refused before (:mod:`~rotorid.fits.data_requirements`), what does not hold
 after (:mod:`~rotorid.fits.frequency.refusals`).
 """
 
@@ -18,7 +18,7 @@ from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.quantity import with_error
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fits.bootstrapping import Bootstrap
-from rotorid.fits.frequency.data_requirements import main_pairs, require_known_gain, require_support
+from rotorid.fits.data_requirements import main_pairs, require_known_gain, require_support
 from rotorid.fits.remarks import NO_BOUND, judge_band, judge_fit, judge_parameters, judge_structure
 from rotorid.fits.searching import Searched, judge_minima, searched
 from rotorid.fitting.frequency.fit import fit_frequency, refine, weights_of

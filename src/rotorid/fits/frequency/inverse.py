@@ -11,7 +11,7 @@ import numpy as np
 from rotorid.data.findings import Finding, Severity, warn
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
-from rotorid.fits.frequency.data_requirements import require_support
+from rotorid.fits.data_requirements import require_support
 from rotorid.fits.frequency.fit import pose
 from rotorid.fitting.frequency.problem import EXCELLENT_COST, FrequencyProblem
 from rotorid.fitting.inverse_controller import SubBand, inverse_controller

@@ -16,7 +16,7 @@ from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.quantity import with_error
 from rotorid.data.trust import CERTAIN_SIGN
 from rotorid.errors import InsufficientDataError
-from rotorid.fits.frequency.data_requirements import main_pairs
+from rotorid.fits.data_requirements import main_pairs
 from rotorid.fits.frequency.fit import FrequencyFit, fit_with_bounds
 from rotorid.fits.frequency.speed_damping import FIRST_RESPONSES
 from rotorid.fitting.frequency.problem import (

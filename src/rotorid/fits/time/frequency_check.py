@@ -14,7 +14,7 @@ from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.quantity import significant, with_error
 from rotorid.data.trust import CERTAIN_SIGN
 from rotorid.errors import InsufficientDataError, ModelError
-from rotorid.fits.frequency.data_requirements import require_known_gain
+from rotorid.fits.data_requirements import require_known_gain
 from rotorid.fits.frequency.fit import FrequencyFit, fit_with_bounds, grown
 from rotorid.fits.frequency.inverse import pose_screened, require_vehicle
 from rotorid.fits.time.fit import TimeFit
