@@ -43,6 +43,16 @@ def damaged(record: FlightRecord, name: str) -> FlightRecord:
 @pytest.mark.parametrize("name", ["SCHED_LOOP_RATE", "MOT_THST_EXPO", "MOT_SPIN_MIN"])
 def test_a_parameter_that_is_no_number(flight: FlightRecord, name: str) -> None:
     assert name in flight.parameters
+    ends_no_verb(flight, name)
+
+
+@pytest.mark.parametrize("name", ["INS_GYRO_RATE", "FRAME_CLASS", "LOG_BITMASK"])
+def test_a_parameter_that_names_or_counts_and_is_no_number(flight: FlightRecord, name: str) -> None:
+    # The rate counts where the sensor is read faster.
+    ends_no_verb(replace(flight, parameters={**flight.parameters, "INS_FAST_SAMPLE": 1.0}), name)
+
+
+def ends_no_verb(flight: FlightRecord, name: str) -> None:
     record = replace(flight, parameters={**flight.parameters, name: float("nan")})
     assert "rate.roll" in inspect(record).supports
     assert review(record, models=False).flight.flights
