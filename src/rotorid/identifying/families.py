@@ -30,7 +30,7 @@ Read: TypeAlias = str | LinearStructure | NonlinearStructure
 
 
 class _Refusal(NamedTuple):
-    """What is said of a choice that a family does not have, with ``{wrong}``, ``{name}`` and ``{had}``."""
+    """Sentences on a choice ``{wrong}`` that a model ``{name}`` does not have; it takes ``{had}`` and ``{methods}``."""
 
     came: str
     needed: str
@@ -39,6 +39,12 @@ class _Refusal(NamedTuple):
     def error(self, **words: str) -> UsageError:
         came, needed, remedy = (text.format(**words) for text in self)
         return UsageError(came, needed=needed, remedy=remedy)
+
+
+_NO_CHOICE = _Refusal(
+    "{wrong} came with {name}, which has no such choice", "{had}, --verify", "leave it out, or choose another model"
+)
+_NO_METHOD = _Refusal("--method {wrong} came with {name}", "one of {methods}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,8 +71,8 @@ class Fitting:
     method: Callable[[Read, Sequence[FlightRecord], IdentifySettings], Method[Any, Any]]
     choices: Sequence[str]
     methods: Sequence[str]
-    no_choice: _Refusal
-    no_method: _Refusal
+    no_choice: _Refusal = _NO_CHOICE
+    no_method: _Refusal = _NO_METHOD
     no_option: _Refusal | None = None
     only_with: Mapping[str, str] = field(default_factory=dict)
     check: Callable[[Read, IdentifySettings], object] = lambda _, __: None
@@ -124,10 +130,6 @@ LINEAR = Fitting(
     no_method=_Refusal("--method {wrong} came with {name}", f"it with {MOTORS.name} alone"),
 )
 
-_NOT_OF_MOTORS = _Refusal(
-    "{wrong} came with {name}, which has no such choice", "{had}, --verify", "leave it out, or choose another model"
-)
-
 FITTINGS: Mapping[str, Fitting] = {
     HOVER.name: replace(LINEAR, method=_hover, choices=tuple(name for name in _ALL if name != "curve")),
     MOTORS.name: Fitting(
@@ -138,9 +140,7 @@ FITTINGS: Mapping[str, Fitting] = {
         ),
         methods=("auto", *get_args(MotorMethod)),
         only_with={"outputs": "accelerations"},
-        no_choice=_NOT_OF_MOTORS,
-        no_method=_Refusal("--method {wrong} came with {name}", f"one of auto, {', '.join(get_args(MotorMethod))}"),
-        no_option=_NOT_OF_MOTORS,
+        no_option=_NO_CHOICE,
         check=lambda _, settings: motor_settings(settings),
     ),
     LARGE_MOTION.name: Fitting(
@@ -172,10 +172,9 @@ FITTINGS: Mapping[str, Fitting] = {
 def fitting_of(model: Read) -> Fitting:
     """How a model is fitted."""
     family = family_of(model)
-    # A structure has its channels and its rotors; only a name waits for those of the logs.
-    if isinstance(model, LinearStructure) and family.make is not None:
-        return LINEAR
-    return FITTINGS.get(family.name, LINEAR)
+    # A structure has its channels and rotors already, and the small motion of a nonlinear model is linear.
+    made = isinstance(model, LinearStructure) and family.make is not None
+    return LINEAR if made and (family.by_logs or family.nonlinear) else FITTINGS.get(family.name, LINEAR)
 
 
 def method_of(model: Model, records: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
@@ -221,7 +220,7 @@ def require_choices(model: Model, settings: IdentifySettings, *, options: Mappin
     fitting = fitting_of(read)
     named = read if isinstance(read, NonlinearStructure) else model
     words = {"name": named if isinstance(named, str) else getattr(named, "name", str(named))}
-    words["had"] = ", ".join(options_of(IdentifySettings, fitting.choices))
+    words |= {"had": ", ".join(options_of(IdentifySettings, fitting.choices)), "methods": ", ".join(fitting.methods)}
     given = [option for option, value in (options or {}).items() if value]
     if fitting.no_option is not None and given:
         raise fitting.no_option.error(wrong=" and ".join(given), **words)
