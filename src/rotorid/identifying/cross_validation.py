@@ -10,9 +10,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations, count
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from rotorid.checking.scores import common_band, common_horizon_s, score_flights
 from rotorid.checking.sweeps import nothing_left
@@ -126,8 +127,8 @@ def cross_validate(
         )
         return identify(kept, chosen)
 
-    def score(model: IdentifiedModel, group: _Group) -> tuple[FixedParameterScores, ...]:
-        return score_flights(model.structure, group.flights, settings)
+    def score(model: IdentifiedModel, group: _Group, **within: Any) -> tuple[FixedParameterScores, ...]:
+        return score_flights(model.structure, group.flights, settings, **within)
 
     folds = count()
 
@@ -141,10 +142,7 @@ def cross_validate(
     band_rad_s = common_band([fold.model for fold in found.folds if fold.model])
     if horizon_s is not None or band_rad_s is not None:
         # Known only when all models are: what they have in common.
-        def alike(model: IdentifiedModel, group: _Group) -> tuple[FixedParameterScores, ...]:
-            return score_flights(model.structure, group.flights, settings, horizon_s=horizon_s, band_rad_s=band_rad_s)
-
-        found = engine.rescored(found, groups, alike)
+        found = engine.rescored(found, groups, partial(score, horizon_s=horizon_s, band_rad_s=band_rad_s))
     return CrossValidated(
         summary=summary_of(found, tuple(_parameters(fold.model) for fold in found.folds), band_rad_s),
         found=found,

@@ -27,7 +27,7 @@ from rotorid.settings.option import as_settings
 from rotorid.settings.verifying import VerifySettings
 from rotorid.verification.verification import Verification
 
-Judged: TypeAlias = str | Path | Candidate | IdentifiedModel
+ModelSource: TypeAlias = str | Path | Candidate | IdentifiedModel
 """A model to judge, or where it was written."""
 
 _QUIET_S = 1.5
@@ -66,7 +66,7 @@ class Verified(Immutable):
 
 
 def verify(
-    model: Judged,
+    model: ModelSource,
     records: Records,
     *,
     settings: VerifySettings | None = None,
@@ -140,7 +140,7 @@ def _seen(candidate: Candidate, flights: Sequence[Flight]) -> list[Finding]:
     return [] if known is None else [seen_data(one) for one in flights if has_seen(known, one)]
 
 
-def chosen(model: Judged, settings: VerifySettings) -> Candidate:
+def chosen(model: ModelSource, settings: VerifySettings) -> Candidate:
     """The model that is meant, with the band and the controllers that were asked for."""
     if isinstance(model, IdentifiedModel):
         model = candidate_model(model)
@@ -171,7 +171,7 @@ def _trim(check: Verification, flights: Sequence[Flight]) -> Trim | None:
 def refused_verification(
     error: InsufficientDataError,
     records: Sequence[FlightRecord],
-    model: Judged,
+    model: ModelSource,
     *,
     settings: VerifySettings,
 ) -> Refused:
