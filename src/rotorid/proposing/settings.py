@@ -2,15 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from rotorid.data.trust import COMMAND_NOISE, ROBUSTNESS
 from rotorid.errors import UsageError
 from rotorid.settings.option import Option, Settings, Text, Written, require_seed
 from rotorid.settings.parsing import NAMES, parse_assignments
-from rotorid.typing import Axis
 
-TUNED_AXES: tuple[Axis, ...] = ("roll", "pitch", "yaw")
+if TYPE_CHECKING:
+    from rotorid.typing import Axis
+
+TUNED_AXES: "tuple[Axis, ...]" = ("roll", "pitch", "yaw")
 GAINS = ("P", "I", "D", "A")
 """A is that of the angle."""
 
@@ -72,7 +74,7 @@ class TuneSettings(Settings):
     """
 
     axes: Annotated[
-        tuple[Axis, ...],
+        "tuple[Axis, ...]",
         Option(
             "--axes",
             f"Axes to tune. [default: {','.join(TUNED_AXES)}]",

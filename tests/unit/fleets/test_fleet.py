@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -45,6 +46,26 @@ def test_a_log_once_done_is_not_done_again(tmp_path: Path) -> None:
     assert (again.resumed, len(again.rows())) == (3, 4)
     moved = shutil.move(tmp_path / "logs", tmp_path / "elsewhere")
     assert run(Path(moved), tmp_path / "out").resumed == 4
+
+
+def test_all_logs_are_done_again_where_that_is_asked_for(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 2)
+    run(tmp_path / "logs", tmp_path / "out")
+    again = run(tmp_path / "logs", tmp_path / "out", replace(SETTINGS, resume=False))
+    assert (again.resumed, len(again.rows())) == (0, 2)
+
+
+def test_wrong_use_forgets_nothing_that_was_done(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 2)
+    run(tmp_path / "logs", tmp_path / "out")
+    with pytest.raises(UsageError):
+        run(tmp_path / "nowhere", tmp_path / "out", replace(SETTINGS, resume=False))
+    assert run(tmp_path / "logs", tmp_path / "out").resumed == 2
+
+
+def test_a_cluster_has_its_own_workers() -> None:
+    with pytest.raises(UsageError, match="--workers came with --scheduler"):
+        FleetSettings(workers=2, scheduler="tcp://10.0.0.1:8786")
 
 
 def test_a_log_that_changed_is_done_again_and_so_are_other_questions(tmp_path: Path) -> None:

@@ -1,0 +1,108 @@
+"""What a choice is stands on its field: how it is read, refused and held by a provenance."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import pytest
+
+import rotorid
+from rotorid.errors import UsageError
+from rotorid.exports.settings import ExportSettings
+from rotorid.fleets import FleetSettings, fleet
+from rotorid.flying import StitchSettings
+from rotorid.flying.settings import PlanSettings
+from rotorid.identifying import TrackSettings
+from rotorid.planning.amplitude import Limits
+from rotorid.proposing import TuneSettings
+from rotorid.reviewing import ReviewSettings
+from rotorid.settings import FlySettings, IdentifySettings, MeasureSettings, MotorSettings, VerifySettings
+from rotorid.settings.option import as_settings, option_of
+from rotorid.settings.parsing import parse_segments
+
+ALWAYS = {
+    MeasureSettings: "band_rad_s windows_s coherence estimate instruments segments shifts",
+    FlySettings: "segments pieces_s hold seed",
+    TrackSettings: "first_s step_share thrust_exponent",
+    TuneSettings: "axes robustness noise keep filters scale draws seed",
+    MotorSettings: "known layout arm_m curve rotor_diameter_m segments voltage",
+    FleetSettings: "models review seed",
+}
+
+
+@pytest.mark.parametrize("kind", ALWAYS, ids=lambda kind: kind.__name__)
+def test_a_provenance_holds_what_every_run_tells_in_the_order_of_the_fields(kind: type[Any]) -> None:
+    assert list(kind().as_json()) == ALWAYS[kind].split()
+
+
+def test_what_few_runs_know_of_is_held_where_it_was_given_at_the_end() -> None:
+    asked = IdentifySettings(overlap=0.5, known={"I_zz": (0.012, 0.0004)}, correct_sensors=True).as_json()
+    assert list(asked)[-3:] == ["overlap", "known", "correct_sensors"]
+    assert asked["known"] == ["I_zz=0.012:0.0004"]
+    assert "bootstrap" not in MotorSettings().as_json()
+    assert MotorSettings(bootstrap=200).as_json()["bootstrap"] == 200
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("segments", parse_segments(["roll:1.5:20.25", "yaw:1606123456.789:1606123556.25"])),
+        ("shifts", {"q": 0.0037}),
+        ("input_windows_s", {"roll_command": (14.0, 9.5)}),
+        ("pairs", {"q/pitch_command": (3.0, 45.5), "az/thrust_command": None}),
+        ("known", {"I_zz": (0.012, 0.0004)}),
+        ("fix", {"L_p": -1.23456789012}),
+        ("ties", {"tau_pitch": "tau_roll"}),
+    ],
+)
+def test_what_a_provenance_holds_reads_back_as_the_same_choice(field: str, value: Any) -> None:
+    (item,) = [item for item in fields(IdentifySettings) if item.name == field]
+    option = option_of(item)
+    assert option is not None
+    assert option.text is not None
+    assert option.text.parse(IdentifySettings(**{field: value}).as_json()[field]) == value
+
+
+@pytest.mark.parametrize("verb", [rotorid.track, rotorid.tune, rotorid.review, rotorid.stitch, fleet])
+def test_every_verb_suggests_the_name_of_a_choice(verb: Any) -> None:
+    slips = {"track": "frist_s", "tune": "robustnes", "review": "model", "stitch": "sede", "fleet": "worker"}
+    with pytest.raises(TypeError, match=r"there is no option '.*'; did you mean "):
+        verb({}, **{slips[verb.__name__]: 1})
+
+
+def test_gains_that_may_change_are_held_as_those_that_stay() -> None:
+    settings = TuneSettings(only=("P", "D"))
+    assert (settings.keep, settings.only) == (("I", "A"), ())
+    assert as_settings(TuneSettings, settings, {"noise": 1.0}).keep == ("I", "A")
+    with pytest.raises(UsageError, match="--keep and --only came together"):
+        TuneSettings(keep=("P",), only=("D",))
+    with pytest.raises(UsageError, match="the gain X came; needed: of P, I, D and A"):
+        TuneSettings(only=("X",))
+
+
+def test_one_of_few_words_is_refused_by_every_class() -> None:
+    for make, said in (
+        (lambda: ExportSettings(delay="foo"), "the delay 'foo' came; needed: one of states, lag, none"),  # type: ignore[arg-type]
+        (lambda: FlySettings(hold="second"), "the hold 'second' came; needed: one of auto, zero, first"),  # type: ignore[arg-type]
+        (lambda: VerifySettings(taper="box"), "the taper 'box' came; needed: one of hann, half_sine"),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(UsageError, match=said):
+            make()
+
+
+def test_limits_in_the_help_are_those_in_force() -> None:
+    (item,) = [item for item in fields(PlanSettings) if item.name == "limits"]
+    option = option_of(item)
+    assert option is not None
+    assert option.text is not None
+    written = option.help.partition("[default: ")[2].partition("]")[0]
+    assert option.text.parse(written.split(", ")) == Limits()
+    assert (StitchSettings().seed, ReviewSettings().models) == (0, True)
+
+
+def test_old_names_are_deprecated_and_still_there() -> None:
+    with pytest.warns(DeprecationWarning, match=r"use rotorid\.MotorSettings"):
+        assert rotorid.MotorChoices is MotorSettings
+    with pytest.warns(DeprecationWarning, match=r"use rotorid\.exports\.ExportSettings"):
+        assert rotorid.exports.ExportChoices is ExportSettings
