@@ -12,7 +12,7 @@ from rotorid.cli.command import print_if_asked, target_of, with_command
 from rotorid.cli.console import progress, say, tell
 from rotorid.cli.options import ForPaper, Only, Output
 from rotorid.cli.preferences import results_folder
-from rotorid.data.quantity import TWO_SIDED_95, error_columns
+from rotorid.data.quantity import TWO_SIDED_95, error_columns, significant
 from rotorid.settings.option import Option, Seed
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def _print(demo: Demonstration, folder: Path) -> None:
                 name,
                 "dropped" if parameter.status == "dropped" else value,
                 std,
-                "" if truth is None else f"{truth:.5g}",
+                "" if truth is None else significant(truth, digits=5),
                 parameter.unit,
                 f"{distances[name]:+.1f} σ" if name in distances else "",
             )

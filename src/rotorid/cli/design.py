@@ -17,7 +17,7 @@ from rotorid.cli.console import print_findings, progress, say, tell
 from rotorid.cli.options import ForPaper, Only, Output, one_of
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import Like, say_taken
-from rotorid.data.quantity import error_columns
+from rotorid.data.quantity import error_columns, significant
 from rotorid.errors import UsageError
 from rotorid.flying.settings import (
     Air,
@@ -248,7 +248,7 @@ def _print_prediction(prediction: PredictionDocument) -> None:
         off = abs(one.expected - one.value) / one.std if one.std > 0.0 else 0.0
         table.add_row(
             name,
-            f"{one.value:.5g}",
+            significant(one.value, digits=5),
             *error_columns(one.expected, one.std, digits=5),
             one.unit,
             "" if one.percent is None else f"{one.percent:.2g}",

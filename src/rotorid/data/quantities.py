@@ -168,12 +168,7 @@ _LOOPS = {
         keeps_sign=True,
     ),
     "delay_s": FigureOfMerit(
-        words="delay",
-        detail="until half of the step",
-        unit="ms",
-        factor=1e3,
-        remedy=_MOVE,
-        keeps_sign=True,
+        words="delay", detail="until half of the step", unit="ms", factor=1e3, remedy=_MOVE, keeps_sign=True
     ),
     "overshoot_percent": FigureOfMerit(
         words="overshoot",
