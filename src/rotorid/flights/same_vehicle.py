@@ -1,4 +1,4 @@
-"""Are logs of one vehicle? What they say of autopilot, frame and gains, where both say it.
+"""Are logs, and models of logs, of one vehicle? What they say of autopilot, frame and gains, where both say it.
 
 What one log leaves out is not different: only two names that contradict each other make two vehicles. Gains may change
 from flight to flight of one vehicle, and then loops and margins change with them; derivatives do not.

@@ -29,6 +29,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rotorid.autopilots.registry import by_gains
 from rotorid.errors import UsageError
 from rotorid.models.rotors import UP, RotorLayout, library_layout
 from rotorid.simulation.autopilot import Autopilot, Guidance, RateLoop, Three
@@ -388,7 +389,8 @@ def with_gains(aircraft: Aircraft, parameters: Mapping[str, float], *, source: s
     (0.08, 0.15, 0.2)
     """
     own = aircraft.autopilot
-    kind = "px4" if "MC_ROLLRATE_P" in parameters else "ardupilot" if "ATC_RAT_RLL_P" in parameters else ""
+    found = by_gains(parameters)
+    kind = found.key if found.takes_gains else ""
     if kind != own.kind:
         raise UsageError(
             f"{source} holds {f'gains of {kind}' if kind else 'no gains'}, and {aircraft.name} flies {own.kind}",

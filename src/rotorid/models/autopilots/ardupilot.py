@@ -20,12 +20,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from rotorid.autopilots.ardupilot.autopilot import ARDUPILOT
 from rotorid.models.autopilots.settings import AxisController, present
 from rotorid.models.controller import RateController
 from rotorid.models.loop_filter import LoopFilter
 from rotorid.typing import Axis
 
-NAME = "ArduPilot"
+NAME = ARDUPILOT.name
 
 _AXES: Mapping[Axis, str] = MappingProxyType({"roll": "RLL", "pitch": "PIT", "yaw": "YAW"})
 _GAINS = ("P", "I", "D", "FF", "D_FF", "IMAX", "SMAX", "PDMX")

@@ -24,6 +24,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
+from rotorid.autopilots.betaflight.autopilot import BETAFLIGHT
 from rotorid.autopilots.numbers import whole
 from rotorid.models.autopilots.betaflight_settings import (
     NAMED_BY_NUMBER,
@@ -36,7 +37,7 @@ from rotorid.models.controller import RateController
 from rotorid.models.loop_filter import FilterKind, LoopFilter
 from rotorid.typing import Axis
 
-NAME = "Betaflight"
+NAME = BETAFLIGHT.name
 OLDEST: Version = (4, 0)
 """Older versions have other scales and another derivative."""
 

@@ -18,12 +18,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from rotorid.autopilots.px4.autopilot import PX4
 from rotorid.models.autopilots.settings import AxisController, Version, present, version_of
 from rotorid.models.controller import RateController
 from rotorid.models.loop_filter import LoopFilter
 from rotorid.typing import Axis
 
-NAME = "PX4"
+NAME = PX4.name
 
 _AXES: Mapping[Axis, tuple[str, str]] = MappingProxyType(
     {"roll": ("ROLL", "RR"), "pitch": ("PITCH", "PR"), "yaw": ("YAW", "YR")}

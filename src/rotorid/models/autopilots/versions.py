@@ -12,6 +12,8 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+from rotorid.autopilots.betaflight.autopilot import BETAFLIGHT
+from rotorid.autopilots.px4.autopilot import PX4
 from rotorid.autopilots.px4.versions import firmware_shown
 from rotorid.models.autopilots import betaflight, px4
 from rotorid.models.autopilots.betaflight_settings import NAMED_BY_NUMBER
@@ -55,8 +57,8 @@ def _betaflight_shown(firmware: str, names: Iterable[str]) -> str:
 
 
 _ALL = (
-    _Generations(px4.NAME, "MC_ROLLRATE_P", (px4.ALPHA_SINCE,), firmware_shown),
-    _Generations(betaflight.NAME, "rollPID_P", betaflight.CHANGES, _betaflight_shown),
+    _Generations(PX4.name, PX4.gain, (px4.ALPHA_SINCE,), firmware_shown),
+    _Generations(BETAFLIGHT.name, BETAFLIGHT.gain, betaflight.CHANGES, _betaflight_shown),
 )
 """ArduPilot's parameters have another name wherever their meaning changed, so that its version decides nothing."""
 
