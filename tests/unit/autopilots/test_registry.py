@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 
@@ -150,3 +152,8 @@ def test_an_unknown_sampling_rate_is_the_usual_one() -> None:
     parameters = {"INS_GYRO_FILTER": 20.0, "INS_FAST_SAMPLE": 1.0}
     usual = controller_filters(record("ArduPilot DataFlash", **parameters))
     assert controller_filters(record("ArduPilot DataFlash", **parameters, INS_GYRO_RATE=math.nan)) == usual
+
+
+def test_the_registry_loads_no_arrays() -> None:
+    code = "import sys, rotorid.autopilots.registry; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rotorid.autopilots.autopilot import BY_DSHOT, Advice, Autopilot, Card, Log, sweep_by_stick
+from rotorid.autopilots.betaflight import advice
 
 if TYPE_CHECKING:
     from rotorid.autopilots.passages import Passage
@@ -33,33 +34,23 @@ def _thrust() -> ThrustParameter:
 
 
 def _logging(record: FlightRecord, _rate_hz: float, channels: tuple[str, ...]) -> str:
-    from rotorid.autopilots.betaflight.advice import field_advice
-
-    return field_advice(record.source.firmware, channels)
+    return advice.field_advice(record.source.firmware, channels)
 
 
 def _sensors(record: FlightRecord, _rate_hz: float) -> str:
-    from rotorid.autopilots.betaflight.advice import rate_advice
-
-    return rate_advice(record.source.firmware)
+    return advice.rate_advice(record.source.firmware)
 
 
 def _raw_gyro(record: FlightRecord) -> str:
-    from rotorid.autopilots.betaflight.advice import raw_gyro_advice
-
-    return raw_gyro_advice(record.source.firmware)
+    return advice.raw_gyro_advice(record.source.firmware)
 
 
 def _motors(record: FlightRecord) -> str:
-    from rotorid.autopilots.betaflight.advice import field_advice
-
-    return field_advice(record.source.firmware, ("motor_1",))
+    return advice.field_advice(record.source.firmware, ("motor_1",))
 
 
 def _gaps(record: FlightRecord) -> str:
-    from rotorid.autopilots.betaflight.advice import gap_advice
-
-    return gap_advice(record.source.firmware)
+    return advice.gap_advice(record.source.firmware)
 
 
 def _hand_on_throttle(_plan: FlightPlan) -> bool:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rotorid.autopilots.autopilot import BY_DSHOT, Advice, Autopilot, Card, Log, sweep_by_stick
+from rotorid.autopilots.px4 import advice
+from rotorid.autopilots.px4.versions import firmware_shown
 
 if TYPE_CHECKING:
     from rotorid.autopilots.passages import Passage
@@ -35,40 +37,28 @@ def _thrust() -> ThrustParameter:
 
 def _firmware(record: FlightRecord) -> str:
     """The firmware by its name, and by what the log holds: builds without tags call themselves 1.8.0."""
-    from rotorid.autopilots.px4.versions import firmware_shown
-
     sources = (channel.source.partition("[")[0] for topic in record.topics for channel in topic.channels)
     return firmware_shown(record.source.firmware, (*sources, *record.parameters))
 
 
 def _logging(record: FlightRecord, _rate_hz: float, _channels: tuple[str, ...] = ()) -> str:
-    from rotorid.autopilots.px4.advice import logging_advice
-
-    return logging_advice(record.parameters, _firmware(record))
+    return advice.logging_advice(record.parameters, _firmware(record))
 
 
 def _raw_gyro(record: FlightRecord) -> str:
-    from rotorid.autopilots.px4.advice import raw_gyro_advice
-
-    return raw_gyro_advice(record.parameters, _firmware(record))
+    return advice.raw_gyro_advice(record.parameters, _firmware(record))
 
 
 def _motors(record: FlightRecord) -> str:
-    from rotorid.autopilots.px4.advice import motor_advice
-
-    return motor_advice(record.parameters, _firmware(record))
+    return advice.motor_advice(record.parameters, _firmware(record))
 
 
 def _gaps(record: FlightRecord) -> str:
-    from rotorid.autopilots.px4.advice import gap_advice
-
-    return gap_advice(record.parameters)
+    return advice.gap_advice(record.parameters)
 
 
 def _wind(record: FlightRecord) -> str:
-    from rotorid.autopilots.px4.advice import wind_advice
-
-    return wind_advice(record.parameters)
+    return advice.wind_advice(record.parameters)
 
 
 def _how(_plan: FlightPlan, _flown: Sequence[PlannedInput], _firmware: str) -> str:
