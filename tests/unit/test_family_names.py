@@ -26,7 +26,7 @@ ROOMS = ("models/", "identifying/families.py")
 
 ALLOWED: dict[str, tuple[int, str]] = {
     "flying/stitching.py": (4, "longitudinal and lateral motion of one vehicle are what is stitched, and nothing else"),
-    "settings/settings.py": (1, "the word for all models, asked in one function"),
+    "settings/models.py": (1, "the word for all models, asked in one function"),
     "vehicles/hummingbird.py": (1, "the published values of one vehicle, by the models that have them"),
 }
 """File to how many comparisons it holds, and why."""

@@ -1,0 +1,62 @@
+"""Which method fits a model, and which choices it takes."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import pytest
+
+from rotorid.errors import UsageError
+from rotorid.identifying.families import FITTINGS, LINEAR, fitting_of, method_of, own_settings, require_choices
+from rotorid.identifying.methods import Frequency, InTime
+from rotorid.identifying.motors import Motors
+from rotorid.identifying.nonlinear import Nonlinear
+from rotorid.models.families import FAMILIES
+from rotorid.models.library import library_model, nonlinear_model, rate_model, response_model
+from rotorid.models.nonlinear import linear_of
+from rotorid.settings.identifying import IdentifySettings
+
+
+def test_the_choices_of_a_family_are_fields_of_the_settings() -> None:
+    known = {one.name for one in fields(IdentifySettings)}
+    assert set(FITTINGS) <= {family.name for family in FAMILIES}
+    for fitting in (LINEAR, *FITTINGS.values()):
+        assert {*fitting.choices, *fitting.only_with} <= known
+
+
+@pytest.mark.parametrize(
+    ("model", "method"),
+    [
+        ("rate.roll", Frequency),
+        (rate_model("rate.roll"), Frequency),
+        (response_model("response.first_order", [("phi_setpoint", "phi")]), InTime),
+        ("physical.motors", Motors),
+        ("drag.linear", Nonlinear),
+        (nonlinear_model("drag.linear"), Nonlinear),
+    ],
+    ids=str,
+)
+def test_a_model_by_its_name_or_as_a_structure_has_the_method_of_its_family(model: object, method: type) -> None:
+    assert isinstance(method_of(model, [], IdentifySettings()), method)  # type: ignore[arg-type]
+
+
+def test_a_structure_of_a_family_that_waits_for_logs_is_fitted_as_it_is() -> None:
+    assert fitting_of(library_model("physical.hover")) is LINEAR
+    assert fitting_of(linear_of(nonlinear_model("flight.first_order"))) is LINEAR
+
+
+def test_each_family_says_what_it_does_not_take() -> None:
+    for model, said in (
+        ("rate.roll", "--arm came with rate.roll; needed: them with physical.motors alone"),
+        ("drag.linear", "--arm came with drag.linear, which is nonlinear and has no such choice"),
+    ):
+        with pytest.raises(UsageError, match=said):
+            require_choices(model, IdentifySettings(arm_m=0.2))
+    with pytest.raises(UsageError, match=r"--inputs and --decoupled came with drag\.linear, which is nonlinear"):
+        require_choices("drag.linear", IdentifySettings(), options={"--inputs": "u", "--decoupled": True})
+
+
+def test_choices_that_a_model_does_not_have_are_left_out_for_it() -> None:
+    asked = IdentifySettings(arm_m=0.2, reduce=True, method="output_error", outputs=("p",))
+    assert own_settings("rate.roll", asked) == IdentifySettings(reduce=True, method="output_error", outputs=("p",))
+    assert own_settings("physical.motors", asked) == IdentifySettings(arm_m=0.2)
