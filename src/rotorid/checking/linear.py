@@ -248,12 +248,12 @@ def _lacking(record: FlightRecord, channels: Sequence[str]) -> str:
 def _judged(candidate: Candidate, logs: Sequence[UnseenLog], settings: VerifySettings) -> Verifications:
     """What the logs say; whatever fails leaves the others standing."""
     parts: list[Verifications] = []
-    heard: list[UnseenLog] = []
+    judged: list[UnseenLog] = []
     causes = [(log, log.cause) for log in logs if log.cause]
     for members, attempt in _attempts(candidate, logs, settings):
         try:
             parts.append(attempt())
-            heard += members
+            judged += members
         except InsufficientDataError as error:
             causes += [(log, error.came.rstrip(".")) for log in members]
     frequency: dict[str, float] = {}
@@ -264,7 +264,7 @@ def _judged(candidate: Candidate, logs: Sequence[UnseenLog], settings: VerifySet
         frequency=frequency,
         findings=(
             *(finding for part in parts for finding in part.findings),
-            *(not_verified(log.record, cause, part=log in heard) for log, cause in causes),
+            *(not_verified(log.record, cause, part=log in judged) for log, cause in causes),
         ),
         sweeps=tuple(item for part in parts for item in part.sweeps),
     )
@@ -288,14 +288,14 @@ def _attempts(
 
 def _maneuvers(candidate: Candidate, log: UnseenLog, settings: VerifySettings) -> Verifications:
     checks, findings = predict_maneuvers(candidate, log.short, settings, outputs=log.outputs)
-    told = excited_outputs(checks, candidate)
-    if not told:
+    excited = excited_outputs(checks, candidate)
+    if not excited:
         raise InsufficientDataError("its short maneuvers move no output more than it moves before them")
     # Only what tells about the model is remarked on.
-    said = [finding for check in checks for finding in remarks_on(check)]
-    data = [finding for finding in findings if finding not in said]
-    remarks = [finding for check in told for finding in remarks_on(check)]
-    return Verifications(maneuvers=told, findings=(*_without(candidate, [log], log.outputs), *data, *remarks))
+    on_checks = [finding for check in checks for finding in remarks_on(check)]
+    data = [finding for finding in findings if finding not in on_checks]
+    remarks = [finding for check in excited for finding in remarks_on(check)]
+    return Verifications(maneuvers=excited, findings=(*_without(candidate, [log], log.outputs), *data, *remarks))
 
 
 def _sweeps(candidate: Candidate, logs: Sequence[UnseenLog], settings: VerifySettings) -> Verifications:

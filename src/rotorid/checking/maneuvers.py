@@ -303,9 +303,11 @@ def predict_maneuvers(
         history = _within(segment.history, start_s - REST_S, stop_s + REST_S)
         if history is None or history.duration_s < _SHORTEST_S:
             continue
-        check, said = _predicted(candidate, segment, history, _around(segment, short), controllers, outputs, settings)
+        check, on_check = _predicted(
+            candidate, segment, history, _around(segment, short), controllers, outputs, settings
+        )
         checks.append(check)
-        remarks += [finding for finding in said if finding not in remarks]
+        remarks += [finding for finding in on_check if finding not in remarks]
     if not checks:
         raise InsufficientDataError(
             f"its unseen maneuvers leave less than {_SHORTEST_S:g} s of data without a gap", needed="a longer maneuver"
@@ -405,14 +407,14 @@ def _other_source(candidate: Candidate, segment: Segment, outputs: Sequence[str]
 def remarks_on(check: Verification) -> list[Finding]:
     """What to say about one maneuver: a poor prediction, or an open loop that diverges as it must."""
     found = verdict(check)
-    said = [_filtered(check)] if check.low_pass_rad_s is not None else []
+    remarks = [_filtered(check)] if check.low_pass_rad_s is not None else []
     if found == "disturbed":
-        return [*said, _disturbed(check)]
+        return [*remarks, _disturbed(check)]
     if found == "diverges":
-        return [*said, _diverges(check)]
+        return [*remarks, _diverges(check)]
     if found == "poor":
-        return [*said, *(_poor_ahead(check) if judged_horizon(check) else _poor(check))]
-    return said
+        return [*remarks, *(_poor_ahead(check) if judged_horizon(check) else _poor(check))]
+    return remarks
 
 
 def _where(check: Verification) -> str:
@@ -551,8 +553,8 @@ def excited_outputs(checks: Sequence[Verification], candidate: Candidate) -> tup
     for check in checks:
         for name, values in zip(check.output_names, check.measured, strict=True):
             largest[name] = max(largest.get(name, 0.0), float(values.std()))
-    told = (replace(check, moved=_excited(check, candidate, largest)) for check in checks)
-    return tuple(check for check in told if check.moved)
+    excited = (replace(check, moved=_excited(check, candidate, largest)) for check in checks)
+    return tuple(check for check in excited if check.moved)
 
 
 def _excited(check: Verification, candidate: Candidate, largest: Mapping[str, float]) -> tuple[str, ...]:

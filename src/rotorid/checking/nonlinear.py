@@ -93,11 +93,11 @@ class NonlinearPredictor:
             raise InsufficientDataError(
                 f"it holds none of {', '.join(equations.outputs)}", needed="an output of the model to begin at"
             )
-        seen = equations.select(outputs)
+        logged = equations.select(outputs)
         flights = whole_flights([record], settings.segments)
-        records = flown_records(seen, flights, IdentifySettings(hold=settings.hold))
+        records = flown_records(logged, flights, IdentifySettings(hold=settings.hold))
         found = [
-            self._simulation(segment, data, seen, Scheme(hold=records.hold), settings.pieces_s)
+            self._simulation(segment, data, logged, Scheme(hold=records.hold), settings.pieces_s)
             for segment, data in zip(records.segments, records.data, strict=True)
         ]
         return found, [*_remarks(records), *missing_outputs(equations.outputs, outputs, record)]
@@ -110,15 +110,15 @@ class NonlinearPredictor:
                 f"{record.source.name} holds none of {', '.join(whole.outputs)}",
                 needed="a log with an output of the model",
             )
-        seen = whole.select(outputs)
-        records = flown_records(seen, flights)
-        problem = _held_problem(seen, whole.parameters, records.data, Scheme(hold=records.hold))
+        logged = whole.select(outputs)
+        records = flown_records(logged, flights)
+        problem = _held_problem(logged, whole.parameters, records.data, Scheme(hold=records.hold))
         fit = fit_nonlinear(problem, rounds=_START_ROUNDS)
         pairs = zip(records.segments, fit.problem.predicted(fit.solution.theta), strict=True)
         left = [name for name in whole.outputs if name not in outputs]
         return Predictions(
             found=Verifications(
-                maneuvers=tuple(_verification(segment, one.record, one.predicted, seen) for segment, one in pairs),
+                maneuvers=tuple(_verification(segment, one.record, one.predicted, logged) for segment, one in pairs),
                 findings=(
                     *_remarks(records),
                     *(
@@ -131,11 +131,11 @@ class NonlinearPredictor:
         )
 
     def _simulation(
-        self, segment: Segment, data: TimeData, seen: NonlinearStructure, scheme: Scheme, pieces_s: float | None
+        self, segment: Segment, data: TimeData, logged: NonlinearStructure, scheme: Scheme, pieces_s: float | None
     ) -> Simulation:
         equations = self.equations
         pieces = [data] if pieces_s is None else list(data.pieces(pieces_s))
-        starts = self._starts(pieces, seen, scheme)
+        starts = self._starts(pieces, logged, scheme)
 
         def outputs_at(values: Mapping[str, float]) -> FloatArray:
             rows = [
@@ -153,7 +153,7 @@ class NonlinearPredictor:
             return np.hstack(rows)
 
         measured = np.full((len(equations.outputs), data.samples), np.nan)
-        for name, values in zip(seen.outputs, data.outputs, strict=True):
+        for name, values in zip(logged.outputs, data.outputs, strict=True):
             measured[equations.outputs.index(name)] = values
         return Simulation(
             record=segment.record,
@@ -168,17 +168,17 @@ class NonlinearPredictor:
             held=scheme.hold == "zero",
         )
 
-    def _starts(self, pieces: Sequence[TimeData], seen: NonlinearStructure, scheme: Scheme) -> FloatArray:
+    def _starts(self, pieces: Sequence[TimeData], logged: NonlinearStructure, scheme: Scheme) -> FloatArray:
         """Where each piece begins, shape ``(pieces, x)``: as fits what was measured, else as its first sample says."""
         equations = self.equations
-        problem = _held_problem(seen, equations.parameters, pieces, scheme)
+        problem = _held_problem(logged, equations.parameters, pieces, scheme)
         found = fit_nonlinear(problem, rounds=_START_ROUNDS).estimate.starts
         whole = np.zeros((len(pieces), len(equations.states)))
         for number, piece in enumerate(pieces):
-            first = dict(zip(seen.outputs, piece.outputs[:, 0].tolist(), strict=True))
-            first |= dict(zip(seen.inputs, piece.inputs[:, 0].tolist(), strict=True))
+            first = dict(zip(logged.outputs, piece.outputs[:, 0].tolist(), strict=True))
+            first |= dict(zip(logged.inputs, piece.inputs[:, 0].tolist(), strict=True))
             whole[number] = _measured_start(equations, first)
-            for state, value in zip(seen.states, found[number], strict=True):
+            for state, value in zip(logged.states, found[number], strict=True):
                 whole[number, equations.states.index(state)] = value
         return whole
 
@@ -214,8 +214,8 @@ def _held_problem(
 def _measured_start(equations: NonlinearStructure, first: Mapping[str, float]) -> FloatArray:
     """What a first sample says of the states; zero where an output that says it was not measured."""
     known = {**equations.constants, **first}
-    told = {state: one for state, one in equations.starts.items() if one.names <= set(known)}
-    return np.array([told[state].evaluate(known) if state in told else 0.0 for state in equations.states])
+    starts = {state: one for state, one in equations.starts.items() if one.names <= set(known)}
+    return np.array([starts[state].evaluate(known) if state in starts else 0.0 for state in equations.states])
 
 
 def _verification(
@@ -223,7 +223,7 @@ def _verification(
 ) -> Verification:
     time_s = segment.history.time_s
     driven = [name for name, row in zip(structure.inputs, data.inputs, strict=True) if np.ptp(row) > 0.0]
-    moved, seen = structure.reached(driven), zip(structure.outputs, structure.output_equations, strict=True)
+    moved, outputs = structure.reached(driven), zip(structure.outputs, structure.output_equations, strict=True)
     return Verification(
         record=segment.record,
         maneuver=between(segment.maneuver, time_s),
@@ -237,7 +237,7 @@ def _verification(
             name: output_scores(measured, simulated)
             for name, measured, simulated in zip(structure.outputs, data.outputs, predicted, strict=True)
         },
-        moved=tuple(name for name, one in seen if one.names & (moved | set(driven)) or not driven),
+        moved=tuple(name for name, one in outputs if one.names & (moved | set(driven)) or not driven),
     )
 
 

@@ -74,15 +74,15 @@ class FittedResponses:
         """A further log; what of it was fitted is no test."""
         _PROGRESS.info(f"simulating {record.source.name}")
         structure = self.fitted.structure
-        seen: list[Finding] = []
+        fitted_too: list[Finding] = []
         try:
             flights = select_records(structure, [record], replace(self.settings, segments=())).selection.fitted
             new = [flight for flight in flights if not fitted.fits(flight)]
-            seen += [seen_data(flight) for flight in flights if fitted.fits(flight)]
+            fitted_too += [seen_data(flight) for flight in flights if fitted.fits(flight)]
             checks = self._simulated(structure, new) if new else []
         except (InsufficientDataError, ModelError) as error:
-            return Verifications(findings=(*seen, not_verified(record, error.came)))
-        return _remarked(checks, seen)
+            return Verifications(findings=(*fitted_too, not_verified(record, error.came)))
+        return _remarked(checks, fitted_too)
 
     def _short(self, flight: Flight) -> Verifications:
         """A doublet or multistep of a fitted log, by the responses to the set-points that it moves."""
@@ -121,9 +121,9 @@ class FittedResponses:
         ]
 
 
-def _remarked(checks: Sequence[Verification], seen: Sequence[Finding] = ()) -> Verifications:
+def _remarked(checks: Sequence[Verification], others: Sequence[Finding] = ()) -> Verifications:
     remarks = (finding for check in checks for finding in remarks_on(check))
-    return Verifications(maneuvers=tuple(checks), findings=(*seen, *remarks))
+    return Verifications(maneuvers=tuple(checks), findings=(*others, *remarks))
 
 
 def estimated_shifts(problem: TimeProblem, predicted: Sequence[Simulated]) -> list[FloatArray]:
