@@ -104,5 +104,5 @@ def test_limits_in_the_help_are_those_in_force() -> None:
 def test_old_names_are_deprecated_and_still_there() -> None:
     with pytest.warns(DeprecationWarning, match=r"use rotorid\.MotorSettings"):
         assert rotorid.MotorChoices is MotorSettings
-    with pytest.warns(DeprecationWarning, match=r"use rotorid\.exports\.ExportSettings"):
-        assert rotorid.exports.ExportChoices is ExportSettings
+    with pytest.warns(DeprecationWarning, match=r"use rotorid\.ExportSettings"):
+        assert rotorid.ExportChoices is ExportSettings
