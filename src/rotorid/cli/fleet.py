@@ -43,22 +43,13 @@ def fleet_command(
     from rotorid.fleets.analysis import analyze
     from rotorid.fleets.runs import Fleet
     from rotorid.io.files import write_atomically
-    from rotorid.io.folders import scratch_folder
     from rotorid.report.fleet import render_fleet
 
     require_printing(paper)
     folder = output.out or results_folder() / "fleet"
     run = Fleet(paths, settings, folder)
     try:
-        with _bar(run, quiet=output.quiet) as count:
-            try:
-                for answer in run:
-                    count(bool(answer.rows))
-            except KeyboardInterrupt:
-                # What is done is kept: the tables hold it, and the next run goes on from there.
-                run.write_tables()
-                say(f"rotorid: ended after {len(run.answers)} of {len(run.places)} logs; the same command goes on")
-                raise
+        _read(run, quiet=output.quiet)
         analysis = analyze(run.logged_rows(), groups=run.groups(), gains=run.gains())
         document = fleet_document(
             analysis,
@@ -74,12 +65,7 @@ def fleet_command(
         write_atomically(folder / FILE, text)
     finally:
         run.close()
-    # Beside other pages of the folder, which are nobody's wish.
-    with scratch_folder() as scratch:
-        write_atomically(scratch / PAGE, page)
-        print_if_asked(scratch, paper)
-        for printed in scratch.glob("*.pdf"):
-            write_atomically(folder / printed.name, printed.read_bytes())
+    _print_page(folder, page, paper)
     if output.json:
         sys.stdout.write(text)
     elif not output.quiet:
@@ -87,6 +73,30 @@ def fleet_command(
     if not document.done:
         say(f"rotorid: no log gave an answer; the reasons are on {folder / PAGE}, and as a table beside it")
         raise typer.Exit(1)
+
+
+def _read(run: Fleet, *, quiet: bool) -> None:
+    """All logs; what is done where somebody ends it is in the tables, and the next run goes on from there."""
+    with _bar(run, quiet=quiet) as count:
+        try:
+            for answer in run:
+                count(bool(answer.rows))
+        except KeyboardInterrupt:
+            run.write_tables()
+            say(f"rotorid: ended after {len(run.answers)} of {len(run.places)} logs; the same command goes on")
+            raise
+
+
+def _print_page(folder: Path, page: str, paper: ForPaper) -> None:
+    """The page on paper where that was asked for; other pages of the folder are nobody's wish."""
+    from rotorid.io.files import write_atomically
+    from rotorid.io.folders import scratch_folder
+
+    with scratch_folder() as scratch:
+        write_atomically(scratch / PAGE, page)
+        print_if_asked(scratch, paper)
+        for printed in scratch.glob("*.pdf"):
+            write_atomically(folder / printed.name, printed.read_bytes())
 
 
 @contextmanager

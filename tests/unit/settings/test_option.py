@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 import rotorid
+from rotorid.cli.app import Commands
 from rotorid.errors import UsageError
 from rotorid.exports.settings import ExportSettings
+from rotorid.exports.targets import TARGETS
 from rotorid.fleets import FleetSettings, fleet
 from rotorid.flying import StitchSettings
 from rotorid.flying.settings import PlanSettings
 from rotorid.identifying import TrackSettings
+from rotorid.lab.steps import Segment, Step, arguments
 from rotorid.planning.amplitude import Limits
 from rotorid.proposing import TuneSettings
+from rotorid.proposing.settings import GAINS
 from rotorid.reviewing import ReviewSettings
 from rotorid.settings import FlySettings, IdentifySettings, MeasureSettings, MotorSettings, VerifySettings
+from rotorid.settings.identifying import MethodChoice
 from rotorid.settings.option import as_settings, option_of
 from rotorid.settings.parsing import parse_segments
 
@@ -106,3 +111,21 @@ def test_old_names_are_deprecated_and_still_there() -> None:
         assert rotorid.MotorChoices is MotorSettings
     with pytest.warns(DeprecationWarning, match=r"use rotorid\.ExportSettings"):
         assert rotorid.ExportChoices is ExportSettings
+
+
+@pytest.mark.parametrize("verb", ["review", "response", "identify", "verify", "tune", "export"])
+def test_a_step_of_a_project_file_has_options_of_its_command(verb: Any) -> None:
+    step = Step(
+        verb=verb, logs=(1,), verify=(1,), models=("rate.roll",), inputs=("p",), outputs=("q",), instrument=("r",),
+        segments=(Segment(axis="roll", start_s=1.0, stop_s=2.0),), band_rad_s=(1.0, 40.0), reduce=True,
+        method="frequency", robustness=2.0, noise=1.5, keep=("P",), values={"m": 1.2},
+    )  # fmt: skip
+    known = {name for item in Commands()[verb].params for name in item.opts}
+    assert {word for word in arguments(step, ["a.ulg"], []) if word.startswith("--")} <= known
+
+
+def test_words_of_a_project_file_are_those_of_the_settings() -> None:
+    kinds = {name: get_args(item.annotation) for name, item in Step.model_fields.items()}
+    assert kinds["to"] == tuple(TARGETS)
+    assert set(kinds["method"]) == {*get_args(MethodChoice)} - {"accelerations"}
+    assert get_args(kinds["keep"][0]) == GAINS
