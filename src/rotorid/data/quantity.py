@@ -133,7 +133,7 @@ def with_interval(value: float | None, lower: float | None, upper: float | None)
     half = _larger_half(value, lower, upper)
     if not half > _ROUNDING * abs(value):
         return significant(value), ""
-    decimals = min(max(_decimals(half), 0), _MOST_DECIMALS)
+    decimals = min(_decimals(half), _MOST_DECIMALS)
     return _fixed(value, decimals), " to ".join(_end(end, decimals) for end in (lower, upper))
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import rotorid
-from rotorid.data.quantity import beyond, error_columns, with_ends, with_error, with_half, with_interval
+from rotorid.data.quantity import beyond, error_columns, rounded_ends, with_ends, with_error, with_half, with_interval
 
 SOURCE = Path(rotorid.__file__).parent
 RULE = SOURCE / "data" / "quantity.py"
@@ -41,6 +41,8 @@ def test_ends_of_an_interval_end_at_the_same_digit() -> None:
     assert with_half(12.346, 12.0, 12.69, "ms") == "12.3 ± 0.3 ms"
     assert with_half(12.346, 12.0, 15.0, "ms") == with_ends(12.346, 12.0, 15.0, "ms") == "12.3 ms (12.0 to 15.0 ms)"
     assert with_ends(12.346, None, None, "ms") == "12.3 ms"
+    assert (with_ends(127.3, 96.0, 158.0), with_half(127.3, 96.0, 158.0)) == ("130 (100 to 160)", "130 ± 30")
+    assert rounded_ends(127.3, 96.0, 158.0) == (100.0, 160.0)
 
 
 def test_a_number_beyond_its_limit_is_printed_beyond_it() -> None:

@@ -126,7 +126,7 @@ def card_of(review: Review, key: str) -> Card:
 def test_a_loop_is_called_safe_only_where_its_whole_interval_is() -> None:
     wide = Quantity(value=26.3, std=28.4, lower=-7.4, upper=104.1, unit="deg")
     unsure = card_of(margins_of(phase_margin_deg=wide), "margins")
-    assert (unsure.state, unsure.number) == ("cannot", "roll phase margin 26° (−7 to 104°)")
+    assert (unsure.state, unsure.number) == ("cannot", "roll phase margin 30° (−10 to 100°)")
     assert "roll" in unsure.sentence
     assert "To measure it: move the roll stick for 30 s" in unsure.sentence
     narrow = card_of(margins_of(phase_margin_deg=Quantity.normal(60.0, 2.0, "deg")), "margins")
