@@ -97,6 +97,26 @@ def test_durations_are_those_of_a_report(tmp_path: Path) -> None:
     assert durations_of(report) == {"tests/unit/near/test_csv.py": 1.3}
 
 
+@pytest.mark.parametrize(
+    ("module", "test"),
+    [
+        ("cli/compare", "cli/test_compare_command"),  # a command, which its table loads
+        ("exports/json_model", "exports/test_json_model"),  # a target of the same kind
+        ("fleets/worker", "fleets/test_runs"),  # started as a process
+        ("flights/supports", "flights/test_supports"),
+        ("identifying/nonlinear", "identifying/test_nonlinear"),  # reached by a table of methods
+        ("io/ardupilot/text", "io/ardupilot/test_text"),  # a format, named in a string
+        ("io/sandbox_worker", "io/test_sandbox"),  # started as a process
+        ("io/tables/steps", "io/tables/test_steps"),  # steps of a mapping
+        ("lab/connections", "lab/test_connections"),
+        ("search/acceleration_kernels", "search/test_acceleration"),
+        ("signal/stretch", "identifying/test_tracking"),
+    ],
+)
+def test_the_tests_of_a_module_are_among_the_first(tree: Tree, module: str, test: str) -> None:
+    assert f"tests/unit/{test}.py" in tree.choose([f"src/rotorid/{module}.py"]).chosen[:3]
+
+
 def test_every_module_chooses_a_test(tree: Tree) -> None:
     source = [file.path for file in tree.files.values() if file.path.startswith("src/")]
     assert [path for path in source if not tree.choose([path]).chosen] == []

@@ -17,7 +17,7 @@ from tests.browser.test_fleet_in_chromium import page_of
 from tests.browser.test_tuning_in_chromium import proposed
 from tests.fleet_logs import table_of
 from tests.unit.cli.commands import rotorid
-from tests.unit.pipeline.test_stitching import SPEEDS, both
+from tests.unit.flying.test_stitching import SPEEDS, both
 from tests.unit.report.hover_sample import hover_identification
 from tests.unit.report.made_reviews import made_review
 from tests.unit.report.test_design_page import CHOICES, designed

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.unit.pipeline.controller_readers import readings, verdicts
+from tests.unit.flights.controller_readers import readings, verdicts
 
 import rotorid
 from rotorid.data.axes import RATE_OF

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from tests.twins.coverage import flown_truth
 from tests.twins.motor_twins import Twin, twin
 from tests.twins.twin_flights import BAND, HUMMINGBIRD_YAW, flown, plan
-from tests.unit.pipeline.motor_logs import ARM_M, with_speeds
+from tests.unit.identifying.motor_logs import ARM_M, with_speeds
 
 import rotorid
 from rotorid.data.record import FlightRecord, MotorRecord

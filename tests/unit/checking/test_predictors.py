@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.unit.pipeline.large_motion import large_motion
-from tests.unit.pipeline.motor_logs import ARM_M, flight, with_speeds
-from tests.unit.pipeline.response_flight import flight as roll_flight
+from tests.unit.checking.large_motion import large_motion
+from tests.unit.checking.response_flight import flight as roll_flight
+from tests.unit.identifying.motor_logs import ARM_M, flight, with_speeds
 
 import rotorid
 from rotorid.checking.candidate import candidate_model

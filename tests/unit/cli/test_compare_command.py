@@ -8,8 +8,8 @@ from shutil import copytree
 
 import pytest
 from tests.unit.cli.commands import ROLL, Ran, rotorid
-from tests.unit.pipeline.response_twins import flight as response_flight
-from tests.unit.pipeline.response_twins import written
+from tests.unit.identifying.response_twins import flight as response_flight
+from tests.unit.identifying.response_twins import written
 
 from rotorid.documents.compare import CompareDocument
 from rotorid.documents.result import load

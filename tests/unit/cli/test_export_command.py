@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.unit.cli.commands import Ran, rotorid
-from tests.unit.pipeline.test_joined import hover, motors
+from tests.unit.flying.test_vehicle_from_results import hover, motors
 
 from rotorid.documents.export import ExportDocument, ModelsDocument
 from rotorid.documents.result import save

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.checking.response_flight import TRUTH, flight
 from tests.unit.cli.commands import rotorid
-from tests.unit.pipeline.response_flight import TRUTH, flight
 
 from rotorid.io.tables.csv import write_csv
 from rotorid.settings.resolve import resolve_model

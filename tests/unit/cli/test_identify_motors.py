@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from tests.unit.cli.commands import Ran, rotorid
-from tests.unit.pipeline.motor_logs import flight
+from tests.unit.identifying.motor_logs import flight
 
 
 @pytest.fixture(scope="module")

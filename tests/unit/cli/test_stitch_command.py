@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from tests.unit.cli.commands import rotorid
-from tests.unit.pipeline.test_stitching import LONGITUDINAL, identified
+from tests.unit.flying.test_stitching import LONGITUDINAL, identified
 
 from rotorid.documents.result import save
 from rotorid.documents.stitched import StitchedDocument

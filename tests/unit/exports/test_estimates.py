@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 from tests.unit.exports.vehicles import SECOND, SIH
-from tests.unit.pipeline.test_joined import motors, result
+from tests.unit.flying.test_vehicle_from_results import motors, result
 
 from rotorid.exports import Exported, ExportSettings, export
 from rotorid.exports.ardupilot import export as to_ardupilot

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.unit.pipeline.test_joined import motors
+from tests.unit.flying.test_vehicle_from_results import motors
 
 from rotorid.errors import UsageError
 from rotorid.exports import Exported, ExportSettings, export

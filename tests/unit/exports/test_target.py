@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.unit.exports.vehicles import sih
-from tests.unit.pipeline.test_joined import hover, motors
+from tests.unit.flying.test_vehicle_from_results import hover, motors
 
 from rotorid import export as export_by_face
 from rotorid.errors import ModelError, UsageError

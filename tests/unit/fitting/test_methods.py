@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.unit.fitting.test_nonlinear_problem import problem as sled
+from tests.unit.fitting.time.test_nonlinear import problem as sled
 from tests.unit.search.problems import Valleys, oscillator_problem, rate_problem
 
 from rotorid.errors import UsageError

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.unit.pipeline.response_twins import flight, written
+from tests.unit.identifying.response_twins import flight, written
 from tests.unit.report.page_parser import Page
 
 from rotorid.documents.compare import CrossValidatedDocument, compare_document, read_results

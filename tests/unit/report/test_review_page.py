@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from tests.unit.pipeline.test_joined import result
+from tests.unit.flying.test_vehicle_from_results import result
 from tests.unit.report.made_reviews import made_review, noise_map, untold_review
 
 from rotorid.data.findings import remark

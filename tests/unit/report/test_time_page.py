@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tests.unit.pipeline.response_flight import flight
+from tests.unit.checking.response_flight import flight
 from tests.unit.report.sample import HOSTILE, shown_with
 
 from rotorid.identifying.identification import identify

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from tests.unit.cli.commands import rotorid
-from tests.unit.pipeline.response_twins import flight
+from tests.unit.identifying.response_twins import flight
 
 from rotorid.documents.result import identified_model, result_document
 from rotorid.errors import InsufficientDataError, UsageError

@@ -1,0 +1,91 @@
+"""What a fit in time states of values that responses, or nothing at all, leave without a bound."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pytest
+from tests.unit.checking.response_flight import flight
+
+from rotorid.data.record import Maneuver
+from rotorid.errors import InsufficientDataError
+from rotorid.fits.time.fit import TimeFit, fit_in_time
+from rotorid.fits.time.refusals import require_bounds
+from rotorid.flights.flights import Flight
+from rotorid.flights.segments import time_records
+from rotorid.identifying.identification import identify
+from rotorid.models.library import response_model
+from rotorid.settings.identifying import IdentifySettings
+
+SECOND = "response.second_order_delay"
+WHOLE = Maneuver(axis="roll", start_s=3.0, stop_s=32.9, kind="other")
+LAGS = {"K_phi": 0.99, "omega_phi": 21.7, "zeta_phi": 2.0, "tau_phi": 0.03}
+"""Two lags of 180 and 12 ms: the second one is shorter than the samples of a log at 20 Hz."""
+
+
+@pytest.mark.parametrize("seed", [4, 6, 8, 11])
+def test_where_responses_run_away_their_errors_count_at_the_values_in_time(seed: int) -> None:
+    found = identify([flight(seed=seed, samples=520, noise=0.003, truth=LAGS, rate_hz=20.0)], SECOND)
+    for name, one in found.parameters.items():
+        assert one.std is not None
+        assert abs(one.value - LAGS[name]) < 2.0 * one.std
+        assert one.std < one.value
+    assert "not_identifiable" not in {finding.kind for finding in found.findings}
+
+
+@pytest.mark.parametrize("method", ["output_error", "prediction_error"])
+def test_a_second_lag_that_is_none_is_refused(method: str) -> None:
+    first = {"K_phi": 0.95, "T_phi": 0.25, "tau_phi": 0.06}
+    log = flight(noise=0.002, form="response.first_order_delay", truth=first)
+    with pytest.raises(InsufficientDataError, match="beyond the sample rate of 50 Hz") as refused:
+        identify([log], SECOND, method=method)
+    assert [finding.kind for finding in refused.value.findings] == ["impossible_physics"]
+    assert "an order less" in str(refused.value)
+    assert identify([log], "response.first_order_delay", method=method).parameters["T_phi"].value == pytest.approx(
+        0.25, abs=0.01
+    )
+
+
+def test_a_zero_and_a_pole_that_cancel_are_refused() -> None:
+    log = flight(seed=3, noise=0.003, form="response.first_order", truth={"K_phi": 0.95, "T_phi": 0.25})
+    with pytest.raises(InsufficientDataError, match="nothing bounds omega_phi") as refused:
+        identify([log], "response.second_order_zero", method="output_error")
+    assert {finding.kind for finding in refused.value.findings} == {"not_identifiable"}
+
+
+@pytest.fixture(scope="module")
+def fitted() -> TimeFit:
+    """Of a second-order response."""
+    structure = response_model(SECOND, [("phi_setpoint", "phi")])
+    records = time_records(structure, [Flight(flight(), WHOLE)], IdentifySettings())
+    return fit_in_time(structure, records, IdentifySettings(), method="output_error")
+
+
+def with_deviation(fitted: TimeFit, name: str, times: float) -> TimeFit:
+    """The same, with a parameter that is many times less certain than it is large, and than it would be alone."""
+    bounds, row = fitted.bounds, fitted.bounds.names.index(name)
+    std = times * abs(fitted.parameters[name].value)
+    covariance, cramer_rao = bounds.covariance.copy(), bounds.cramer_rao.copy()
+    covariance[row, row] = std**2
+    cramer_rao[row] = 100.0 * bounds.insensitivity[row]
+    return replace(fitted, bounds=replace(bounds, covariance=covariance, cramer_rao=cramer_rao))
+
+
+def require(fitted: TimeFit, couplings: Sequence[str] = ()) -> None:
+    require_bounds(fitted.parameters, fitted.bounds, couplings)
+
+
+def test_a_value_that_others_take_over_is_refused(fitted: TimeFit) -> None:
+    require(fitted)
+    require(with_deviation(fitted, "zeta_phi", 9.0))
+    require(with_deviation(fitted, "zeta_phi", 11.0), couplings=["zeta_phi"])
+    with pytest.raises(InsufficientDataError, match="nothing bounds zeta_phi") as refused:
+        require(with_deviation(fitted, "zeta_phi", 11.0))
+    (finding,) = refused.value.findings
+    assert (finding.kind, finding.where) == ("not_identifiable", "zeta_phi")
+
+
+def test_a_small_value_that_is_known_by_itself_is_not_without_bound(fitted: TimeFit) -> None:
+    wide = with_deviation(fitted, "zeta_phi", 11.0)
+    require(replace(wide, bounds=replace(wide.bounds, cramer_rao=2.0 * wide.bounds.insensitivity)))

@@ -1,0 +1,68 @@
+"""The page about mappings and the mappings beside it say what the code does."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rotorid.io.registry import read
+from rotorid.io.tables.mapping import ANGLES, BODY_VECTORS, EARTH_VECTORS, QUATERNION, parse_mapping, read_mapping
+
+DOCS = Path(__file__).resolve().parents[4] / "docs"
+PAGE = (DOCS / "mapping.md").read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("number", range(len(EXAMPLES)))
+def test_every_example_is_understood(number: int) -> None:
+    document = tomllib.loads(EXAMPLES[number])
+    if number == 0:
+        # The first one shows channels alone, before the page comes to the clock.
+        assert all("time" in table for table in document["channels"].values())
+    assert parse_mapping(document, f"example {number}").files == (
+        ("", "output.csv") if "output.csv" in EXAMPLES[number] else ("",)
+    )
+
+
+@pytest.mark.parametrize("path", sorted((DOCS / "mappings").glob("*.toml")), ids=lambda path: path.name)
+def test_every_mapping_is_understood(path: Path) -> None:
+    assert read_mapping(path).files[0] == ""
+
+
+def test_every_vector_stands_on_the_page() -> None:
+    listed = dict(re.findall(r"^\| `(\w+)` \| `([a-z_ ]+)` \| (?:`frame`|`world`|both)", PAGE, flags=re.MULTILINE))
+    known = {**BODY_VECTORS, **EARTH_VECTORS, **ANGLES, QUATERNION: ANGLES["attitude"]}
+    assert {name: tuple(channels.split()) for name, channels in listed.items()} == known
+
+
+def test_motion_capture_is_turned(tmp_path: Path) -> None:
+    header = "t,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z,x,y,z,roll,pitch,yaw,u_pitch,baro"
+    # Level, 2 m east, 3 m north, 5 m up, nose to the north-east, turning left at 90 deg/s, pushed nose down.
+    (tmp_path / "flight.csv").write_text(f"{header}\n1500,0,0,90,0,0,1,2,3,5,0,10,45,0.2,512\n")
+    record = read(tmp_path / "flight.csv", mapping=DOCS / "mappings" / "motion_capture_enu.toml")
+    (topic,) = record.topics
+    found = {channel.name: float(topic.values[row, 0]) for row, channel in enumerate(topic.channels)}
+    assert topic.time_s.tolist() == [1.5]
+    assert found == pytest.approx(
+        {
+            "p": 0.0,
+            "q": 0.0,
+            "r": -np.pi / 2,
+            "ax": 0.0,
+            "ay": 0.0,
+            "az": -9.80665,
+            "north": 3.0,
+            "east": 2.0,
+            "down": -5.0,
+            "phi": 0.0,
+            "theta": -np.deg2rad(10.0),
+            "psi": np.pi / 4,
+            "pitch_command": -0.2,
+            "pressure_altitude": 5.12,
+        },
+        abs=1e-12,
+    )
