@@ -264,17 +264,14 @@ SEEN = {
     "PX4 ULog": (
         (PX4_GYRO, "vehicle_acceleration.xyz[0]", "sensor_combined.gyro_rad[0]"),
         (*PX4, "IMU_INTEG_RATE", "IMU_GYRO_DNF_EN"),
-        True,
     ),
     "ArduPilot DataFlash": (
         ("RATE.R", "SIDD.Gx", "SIDD.Ax"),
         (*ARDUPILOT, "INS_FAST_SAMPLE", "INS_GYRO_RATE", *(f"INS_HNTCH_{name}" for name in NOTCH)),
-        False,
     ),
     "Betaflight blackbox": (
         ("gyroADC[0]",),
         (*BETAFLIGHT, "gyro_notch_hz_0", "gyro_notch_cutoff_0", "features"),
-        False,
     ),
 }
 
@@ -282,9 +279,8 @@ SEEN = {
 @pytest.mark.parametrize("log_format", SEEN)
 @given(data=st.data())
 def test_no_parameter_of_a_damaged_log_raises(log_format: str, data: st.DataObject) -> None:
-    sources, parameters, unchecked = SEEN[log_format]
-    # Readers let only numbers through, but for PX4's.
-    number = st.floats(allow_nan=unchecked, allow_infinity=unchecked) | st.sampled_from([0.0, 1.0, 3.0, 40.0, 400.0])
+    sources, parameters = SEEN[log_format]
+    number = st.floats() | st.sampled_from([0.0, 1.0, 3.0, 40.0, 400.0])
     values = data.draw(st.dictionaries(st.sampled_from(parameters), number))
     flight = record(log_format, values, firmware="Betaflight 4.5.1")
     for source in sources:
