@@ -44,7 +44,7 @@ class Task(Immutable):
     place
         Where it is.
     asked
-        As :meth:`rotorid.fleets.FleetSettings.asked` gives it.
+        What ``as_json`` of :class:`rotorid.fleets.FleetSettings` gives.
     settings
         Its hash.
     salt

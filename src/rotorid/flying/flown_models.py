@@ -170,7 +170,7 @@ def fly_log(
     settings
         Choices; everything has a default.
     **options
-        Fields of :class:`rotorid.flying.settings.FlySettings`, which go before ``settings``.
+        Fields of :class:`rotorid.settings.FlySettings`, which go before ``settings``.
 
     Raises
     ------
