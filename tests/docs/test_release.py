@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
-from tests.docs.release import notes
+from tests.docs.release import CHANGELOG, UNRELEASED, notes, sections
+
+from rotorid import __version__
 
 TEXT = "# Changes\n\n## Unreleased\n\n## 1.1.0 (2026-11-29)\n\n### New\n\n- All.\n\n## 1.0.0 (2026-11-22)\n"
+
+
+def test_the_newest_dated_section_is_that_of_the_package_and_what_is_not_released_is_on_top() -> None:
+    unreleased, *released = sections(CHANGELOG.read_text("utf-8"))
+    assert (unreleased.version, unreleased.released) == (UNRELEASED, None)
+    assert released[0].version == __version__
+    days = [one.released for one in released if one.released is not None]
+    assert len(days) == len(released)
+    assert all(newer >= older for newer, older in pairwise(days))
 
 
 def test_a_tag_prints_its_section() -> None:
