@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +10,7 @@ from rotorid.cli.console import default_folder
 from rotorid.cli.options import ForPaper, Logs, Map, Output
 from rotorid.errors import UsageError
 from rotorid.settings.measuring import ResponseSettings
-from rotorid.settings.option import Option, Text
+from rotorid.settings.option import Option
 from rotorid.settings.parsing import parse_channels
 
 if TYPE_CHECKING:
@@ -22,23 +21,23 @@ def response_command(
     logs: Logs,
     *,
     inputs: Annotated[
-        tuple[str, ...],
+        str | None,
         Option(
             "--inputs",
             "What drives, such as roll_command. [default: the excited set-points, else commands]",
             "Channels",
-            Text("CHANNEL,...", partial(parse_channels, option="--inputs")),
+            metavar="CHANNEL,...",
         ),
-    ] = (),
+    ] = None,
     outputs: Annotated[
-        tuple[str, ...],
+        str | None,
         Option(
             "--outputs",
             "What answers, such as p,ay. [default: what answers the set-points]",
             "Channels",
-            Text("CHANNEL,...", partial(parse_channels, option="--outputs")),
+            metavar="CHANNEL,...",
         ),
-    ] = (),
+    ] = None,
     settings: ResponseSettings,
     map: Map = None,
     output: Output,
@@ -50,22 +49,24 @@ def response_command(
     from rotorid.report.files import write_responses
     from rotorid.report.publication import of_responses
 
-    if bool(inputs) is not bool(outputs):
+    if (inputs is None) is not (outputs is None):
         raise UsageError(
-            f"{'--inputs' if inputs else '--outputs'} came alone",
+            f"{'--outputs' if inputs is None else '--inputs'} came alone",
             needed="--inputs and --outputs, or neither for what was excited",
         )
+    drivers = () if inputs is None else parse_channels(inputs, option="--inputs")
+    answers = () if outputs is None else parse_channels(outputs, option="--outputs")
     title = f"Responses from {', '.join(log.name for log in logs)}"
     carry_out(
         logs,
         mapping=map,
         output=output,
-        folder=default_folder(logs, "-".join(["response", *inputs, *outputs])),
+        folder=default_folder(logs, "-".join(["response", *drivers, *answers])),
         file="response.json",
-        compute=lambda records: response(records, inputs=inputs, outputs=outputs, settings=settings),
+        compute=lambda records: response(records, inputs=drivers, outputs=answers, settings=settings),
         write=lambda folder, result: write_responses(folder, result, title=title),
         refused=lambda error, records: response_document(
-            refused_response(error, records, inputs=inputs, outputs=outputs, settings=settings)
+            refused_response(error, records, inputs=drivers, outputs=answers, settings=settings)
         ),
         document=response_document,
         show=_print,
