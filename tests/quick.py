@@ -32,8 +32,8 @@ LONG = (
     *(f"tests/{folder}/" for folder in ("agreement", "browser", "peers", "reference", "twins")),
     *(f"tests/docs/test_{what}.py" for what in ("package", "site", "tutorials")),
 )
-BUDGET_S = 60.0
-"""Of what is chosen, one file after the other: on two cores half of it passes, and ten seconds before the first."""
+BUDGET_S = 45.0
+"""Of what is chosen, one file after the other: two cores need half of it, and some seconds to begin."""
 SHORT_S = 0.5
 """Of a file that is not in the table."""
 DURATIONS = "tests/durations.json"
