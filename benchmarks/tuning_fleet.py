@@ -183,12 +183,12 @@ def judge(row: Row, first: Any, second: Any) -> None:
         row.axis,
         exact,
         start,
-        parts=ControllerParts(controller=start, omega_rad_s=omega, seen=parts.seen, logged=parts.logged),
+        parts=ControllerParts(controller=start, omega_rad_s=omega, filters=parts.filters, logged=parts.logged),
         wishes=Wishes(ranges=ranges_of(controller), noise=2.0),
     ).proposed
     row.stiffness = float(best.attitude_rms[0] / after.attitude_rms[0])
     row.sluggish = bool(before.attitude_rms[0] > SLUGGISH * best.attitude_rms[0])
-    seen = true * parts.seen
+    seen = true * parts.filters
     near = (omega > 4.0) & (omega < 60.0)
     simple = integrating_plant(omega[near], seen[near])
     late = controller.controller.derivative_cutoff_hz

@@ -179,10 +179,10 @@ def read_measure(text: str, unit: str | None = None, *, came: str = "", needed: 
     (250.0, 20.0)
     """
     quoted = came or f"{text!r} came"
-    alone = "a number" if unit in (None, "1") else f"a number in {unit}, or with its unit behind it"
+    accepted = "a number" if unit in (None, "1") else f"a number in {unit}, or with its unit behind it"
     found = _MEASURE.fullmatch(text.strip())
     if found is None or not math.isfinite(float(found[1])):
-        raise UsageError(quoted, needed=needed or alone)
+        raise UsageError(quoted, needed=needed or accepted)
     number, written = float(found[1]), found[2].strip()
     wanted = None if unit is None else parse_unit(unit)
     if not written:
@@ -195,7 +195,7 @@ def read_measure(text: str, unit: str | None = None, *, came: str = "", needed: 
     except UsageError as error:
         raise UsageError(f"{quoted}: {error.came}", needed=error.needed, remedy=error.remedy) from None
     if wanted is not None and given.si != wanted.si:
-        raise UsageError(f"{why} in {given.si}", needed=needed or alone)
+        raise UsageError(f"{why} in {given.si}", needed=needed or accepted)
     # Decimal factors of ten are written as they are read: 20 cm is 0.2 m.
     value = float(f"{number * (given.factor / (wanted.factor if wanted else 1.0)):.15g}")
     return value if wanted is not None else Measure(value, given.si)
@@ -225,13 +225,13 @@ def read_measures(text: str, unit: str, between: str, *, came: str = "", needed:
     """
     parts = [part.strip() for part in text.split(between)]
     found = [_MEASURE.fullmatch(part) for part in parts]
-    written = {one[2].strip() for one in found if one is not None} - {""}
+    written = {match[2].strip() for match in found if match is not None} - {""}
     shared = written.pop() if len(written) == 1 else ""
     return tuple(
         read_measure(
-            f"{part} {shared}" if one is not None and not one[2].strip() else part, unit, came=came, needed=needed
+            f"{part} {shared}" if match is not None and not match[2].strip() else part, unit, came=came, needed=needed
         )
-        for part, one in zip(parts, found, strict=True)
+        for part, match in zip(parts, found, strict=True)
     )
 
 

@@ -65,7 +65,7 @@ def proposed() -> TuningProposal:
     plant = uncertain_plant(vehicle, None, band_rad_s=(1.0, 100.0), draws=20)
     omega = frequency_grid(axis.controller)
     ones = np.ones(omega.size, dtype=np.complex128)
-    parts = ControllerParts(controller=axis.controller, omega_rad_s=omega, seen=ones, logged=ones)
+    parts = ControllerParts(controller=axis.controller, omega_rad_s=omega, filters=ones, logged=ones)
     found = propose("roll", plant, axis.controller, parts=parts)
     sets = {"flown": (parts, found.flown.gains), "proposed": (parts, found.proposed.gains)}
     drawn = plant.drawn(omega)

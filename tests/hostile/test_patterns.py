@@ -108,6 +108,7 @@ FOUND = {place: (pattern, flags, methods) for place, pattern, flags, methods in 
 NOT_FOREIGN = frozenset(
     {
         "rotorid.signal.motors:f'{prefix}(\\\\d+)'",  # names of channels of the package
+        "rotorid.models.families:self.pattern",  # names of models, in patterns of the package
         "rotorid.autopilots.passages:chain.source",  # patterns of the package on sources that its readers write
         "rotorid.autopilots.betaflight.filters:_COMMANDS",
         "rotorid.autopilots.betaflight.filters:_GYRO",

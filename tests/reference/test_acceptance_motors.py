@@ -26,13 +26,13 @@ from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excitations, excited_axes
 from rotorid.fitting.motors.fit import MotorFit, fit_motors
-from rotorid.fitting.motors.inertia import InertiaRegression, inertia_regressions, judge_both_ways
+from rotorid.fitting.motors.inertia import InertiaRegression, compare_regressions, inertia_regressions
 from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.autopilots.layouts import layout_of, mixer_of
 from rotorid.models.motors import Curve, check_motor_constants, motor_parameters
 from rotorid.signal.motors import motor_history
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.colored import colored_apart
+from rotorid.uncertainty.colored import colored_by_part
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 Unpacked = Callable[[str], Path]
@@ -58,7 +58,7 @@ class Identified:
     @cached_property
     def deviations(self) -> Mapping[str, float]:
         """Of what is free and did not end on a bound."""
-        covariance = colored_apart(self.fit.parts()).corrected
+        covariance = colored_by_part(self.fit.parts()).corrected
         return dict(zip(self.fit.moving, np.sqrt(np.diag(covariance)), strict=True))
 
     @cached_property
@@ -167,7 +167,7 @@ class TestPx4:
             assert one.telling
             assert one.agrees
             assert one.biases[1] < -0.5
-        assert {finding.kind for finding in judge_both_ways(list(found.ways.values()))} == {"noisy_acceleration"}
+        assert {finding.kind for finding in compare_regressions(list(found.ways.values()))} == {"noisy_acceleration"}
 
     def test_physics_allows_it(self, found: Identified) -> None:
         problem = found.fit.problem
@@ -239,7 +239,7 @@ class TestArduPilot:
         path = stored(unpacked, shared_data, "ardupilot_sitl/x_wind_rollpitch.BIN")
         levers = levers_of(layout_of(rotorid.read(path)).scaled(0.35))
         found = identify(ardupilot_records(path, held=True), levers, {"m": 3.0}, "linear")
-        told = judge_both_ways(list(found.ways.values()))
+        told = compare_regressions(list(found.ways.values()))
         disagreeing = {finding.where for finding in told if finding.kind == "both_ways_disagree"}
         assert disagreeing == {"I_xx", "I_yy"}
 

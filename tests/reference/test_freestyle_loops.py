@@ -9,31 +9,31 @@ import numpy as np
 import pytest
 
 import rotorid
-from rotorid.flights.whole_flights import Flown, flown, loop_response
+from rotorid.flights.whole_flights import FlightData, flown, loop_response
 from rotorid.reviewing.loops import loops
-from rotorid.reviewing.values import LoopReview, Untold
+from rotorid.reviewing.values import LoopReview, Unavailable
 
 FREESTYLE_S = (45.0, 165.0)
 
 
 @pytest.fixture(scope="module")
-def flight(unpacked: Callable[[str], Path]) -> Flown:
+def flight(unpacked: Callable[[str], Path]) -> FlightData:
     return flown(rotorid.read(unpacked("everyday/betaflight_431_freestyle.bbl.xz")))
 
 
 @pytest.fixture(scope="module")
-def told(flight: Flown) -> tuple[dict[str, LoopReview], tuple[Untold, ...]]:
+def told(flight: FlightData) -> tuple[dict[str, LoopReview], tuple[Unavailable, ...]]:
     return loops(flight)
 
 
-def test_it_is_one_flight_flown_by_rates(flight: Flown) -> None:
+def test_it_is_one_flight_flown_by_rates(flight: FlightData) -> None:
     ((start_s, stop_s),) = flight.flights
     assert start_s == pytest.approx(42.0, abs=1.0)
     assert stop_s == pytest.approx(175.0, abs=1.0)
     assert flight.instrument("roll") == ("direct", "p_setpoint")
 
 
-def test_the_roll_rate_follows_its_setpoint(flight: Flown) -> None:
+def test_the_roll_rate_follows_its_setpoint(flight: FlightData) -> None:
     response = loop_response(flight, reference="p_setpoint", answer="p", intervals=(FREESTYLE_S,))
     omega = response.omega_rad_s
     decibel = 20.0 * np.log10(np.abs(response.values[0, 0]))
@@ -57,7 +57,7 @@ def test_the_roll_rate_follows_its_setpoint(flight: Flown) -> None:
     ],
 )
 def test_numbers_of_its_loops(
-    told: tuple[dict[str, LoopReview], tuple[Untold, ...]], name: str, number: str, value: float, near: float
+    told: tuple[dict[str, LoopReview], tuple[Unavailable, ...]], name: str, number: str, value: float, near: float
 ) -> None:
     """As an independent analysis of the same log has them, with its own 95 % half widths."""
     quantity = told[0][name].numbers[number]
@@ -66,7 +66,7 @@ def test_numbers_of_its_loops(
 
 
 def test_saturation_is_said_and_yaw_is_not_told(
-    told: tuple[dict[str, LoopReview], tuple[Untold, ...]],
+    told: tuple[dict[str, LoopReview], tuple[Unavailable, ...]],
 ) -> None:
     """A third of the time a motor stood at a limit, which yaw pays for first: no linear loop has its response."""
     found, untold = told

@@ -99,7 +99,7 @@ def test_ardupilot_with_one_filter_in_front_of_both_loops_is_three_percent_off(
     own = logged_controller(record, "roll_command", source="SIDD.Gx")
     assert own is not None
     omega = ardupilot.loop.omega_rad_s
-    seen = combined_response(own.seen, omega)
+    seen = combined_response(own.filters, omega)
     both = seen * own.controller.response(omega) / own.controller.response(omega, seen)
     assert ardupilot.share(ardupilot.of_plant * both) > 0.02
 

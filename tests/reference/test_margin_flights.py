@@ -13,9 +13,9 @@ from rotorid.data.record import FlightRecord
 from rotorid.flights.whole_flights import flown, loop_response
 from rotorid.models.autopilots.betaflight import BASE, TOP
 from rotorid.reviewing.margins import margins
-from rotorid.reviewing.values import MarginReview, Untold
+from rotorid.reviewing.values import MarginReview, Unavailable
 
-Told = tuple[dict[str, MarginReview], dict[str, Untold]]
+Told = tuple[dict[str, MarginReview], dict[str, Unavailable]]
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 import rotorid
 from rotorid.flights.whole_flights import flown
 from rotorid.reviewing.margins import margins
-from rotorid.reviewing.values import MarginReview, Untold
+from rotorid.reviewing.values import MarginReview, Unavailable
 from rotorid.typing import Axis
 
 OFFBOARD, GUIDED = "px4_sih_offboard_plan.ulg.xz", "ap_x_guided_multisine.BIN.xz"
@@ -23,7 +23,7 @@ PEAKS = {
 }
 """Sensitivity peak of a log, and how far a margin may lie from it."""
 
-Told = tuple[dict[Axis, MarginReview], tuple[Untold, ...]]
+Told = tuple[dict[Axis, MarginReview], tuple[Unavailable, ...]]
 
 
 @pytest.fixture(scope="module", params=PEAKS, ids=lambda name: name.split(".")[0])

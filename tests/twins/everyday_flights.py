@@ -18,7 +18,7 @@ import numpy as np
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, SimulatedFlight
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
-from rotorid.flights.controllers import acting_on, controllers_of
+from rotorid.flights.controllers import controller_as_logged, controllers_of
 from rotorid.flights.whole_flights import flown
 from rotorid.flying.simulation import everyday_plan
 from rotorid.models.rotors import library_layout
@@ -427,7 +427,7 @@ def scores(case: Case) -> dict[str, Score]:
         return found
     settings = controllers_of(record).axis("roll")
     assert settings is not None
-    controller = acting_on(record, settings.controller.rate_loop, source="")
+    controller = controller_as_logged(record, settings.controller.rate_loop, source="")
     omega = np.geomspace(2.0, truth.omega_rad_s[-1], 5_000)
     known = margins_of(smooth_at(truth.omega_rad_s, truth.plant, omega) * controller.response(omega), omega)
     told, _ = margins(flight)

@@ -19,7 +19,7 @@ from tests.twins.test_tuned_loops import fly, mistuned
 import rotorid
 from rotorid.autopilots.filters import butterworth_low_pass, combined_response
 from rotorid.data.record import AXES
-from rotorid.flights.controllers import acting_on
+from rotorid.flights.controllers import controller_as_logged
 from rotorid.loops.plants import drawn_plant
 from rotorid.loops.rate_loops import NUMBERS, RateLoop, figures_of, rate_loop, read_margins
 from rotorid.simulation.hover_flight import OUTPUTS
@@ -42,7 +42,7 @@ def swept(vehicle: str, factors: tuple[float, float, float], folder: Path, *, se
     craft = mistuned(vehicle, factors)
     record = rotorid.read(fly(craft, folder, seed=seed))
     found = rate_loop("roll", record)
-    acting = acting_on(record, found.controller.rate_loop, source=found.measured.source)
+    acting = controller_as_logged(record, found.controller.rate_loop, source=found.measured.source)
     # The simulated loops of all autopilots add the integral one step late, and read the angle of the same tick.
     acting = replace(acting, controller=replace(acting.controller, late_integral=True, late_angle=False))
     omega = np.geomspace(0.5, min(600.0, 0.9 * math.pi / acting.controller.step_s), 3000)
@@ -75,7 +75,7 @@ def test_beyond_the_band_a_margin_is_less_certain_and_says_so(tmp_path: Path) ->
     low = np.flatnonzero(found.measured.response.omega_rad_s < 30.0)
     plant = drawn_plant(replace(found.measured, response=at_points(found.measured.response, low)))
     record = rotorid.read(next(tmp_path.glob("*.ulg")))
-    controller = acting_on(record, found.controller.rate_loop, source=found.measured.source)
+    controller = controller_as_logged(record, found.controller.rate_loop, source=found.measured.source)
     numbers, by_model, _ = read_margins(figures_of(plant, controller), plant)
     assert "gain_margin_db" in by_model
     assert numbers["gain_margin_db"].std > 1.5 * found.numbers["gain_margin_db"].std

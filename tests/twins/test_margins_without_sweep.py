@@ -31,7 +31,7 @@ from rotorid.loops.rate_loops import NUMBERS
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.controller import RateController
 from rotorid.reviewing.margins import margins
-from rotorid.reviewing.values import MarginReview, Untold
+from rotorid.reviewing.values import MarginReview, Unavailable
 from rotorid.simulation.hover_flight import OUTPUTS
 from rotorid.simulation.linearization import linearize
 from rotorid.simulation.multirotor import PERFECT
@@ -154,7 +154,7 @@ def without(record: FlightRecord, dropped: set[str]) -> FlightRecord:
     return replace(record, topics=tuple(topics))
 
 
-def reviewed(record: FlightRecord) -> tuple[MarginReview | None, tuple[Untold, ...]]:
+def reviewed(record: FlightRecord) -> tuple[MarginReview | None, tuple[Unavailable, ...]]:
     """Margins of roll, and what of them is untold."""
     found, untold = margins(flown(record))
     return found.get("roll"), tuple(one for one in untold if one.what.startswith("margins.roll"))

@@ -10,7 +10,7 @@ from rotorid.fitting.motors.fit import MotorFit, fit_motors
 from rotorid.fitting.motors.inertia import inertia_regressions
 from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.motors import check_motor_constants, motor_parameters, yaw_range
-from rotorid.uncertainty.colored import colored_apart
+from rotorid.uncertainty.colored import colored_by_part
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 
 TWO_SIDED = 1.96
@@ -23,7 +23,7 @@ def identify(*records: MotorRecord, rounds: int = 15) -> MotorFit:
 
 def deviations(fit: MotorFit) -> dict[str, float]:
     """Errors of the values in their standard deviations."""
-    spread = np.sqrt(np.diag(colored_apart(fit.parts()).corrected))
+    spread = np.sqrt(np.diag(colored_by_part(fit.parts()).corrected))
     return {
         name: (fit.parameters[name].value - TRUTH[name]) / size for name, size in zip(fit.moving, spread, strict=True)
     }

@@ -25,7 +25,7 @@ PLANT = IntegratingPlant(gain=1.0, lag_s=0.05, delay_s=0.02)
 def parts(**fields: float) -> ControllerParts:
     ones = np.ones(OMEGA.size, dtype=np.complex128)
     controller = RateController(proportional_s=1.0, integral=1.0, derivative_s2=0.01, angle_1_s=1.0, **fields)
-    return ControllerParts(controller=controller, omega_rad_s=OMEGA, seen=ones, logged=ones)
+    return ControllerParts(controller=controller, omega_rad_s=OMEGA, filters=ones, logged=ones)
 
 
 # Lambda; crossover times delay, phase margin in degrees, gain margin in dB and M_s, as printed.

@@ -195,10 +195,12 @@ class Card:
 
 
 def _no_hand(_plan: FlightPlan) -> bool:
+    """Whether a hand keeps the height: never."""
     return False
 
 
 def _not_checked(_plan: FlightPlan, _firmware: str) -> tuple[Finding, ...] | None:
+    """Whether the files fly: not known."""
     return None
 
 

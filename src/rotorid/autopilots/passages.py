@@ -163,5 +163,5 @@ def _built(stage: Stage, parameters: Parameters, rate_hz: float) -> Passage:
     # What is no number is not off: no filter can be made of it.
     if values[0] <= 0.0:
         return Passage()
-    said = ", ".join(f"{name} = {parameters[name]:g}" for name in stage.names)
-    return built(said, partial(stage.build, values, rate_hz))
+    setting_words = ", ".join(f"{name} = {parameters[name]:g}" for name in stage.names)
+    return built(setting_words, partial(stage.build, values, rate_hz))

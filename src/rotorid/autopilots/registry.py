@@ -42,7 +42,7 @@ def autopilot_of(record: FlightRecord) -> Autopilot:
     """
     source = record.source
     if source.format.partition(" ")[0] != _TELEMETRY:
-        return next((one for one in AUTOPILOTS if source.format.startswith(one.name)), UNKNOWN)
+        return next((autopilot for autopilot in AUTOPILOTS if source.format.startswith(autopilot.name)), UNKNOWN)
     sender = named(source.firmware)
     return replace(
         sender,
@@ -79,7 +79,9 @@ def named(text: str) -> Autopilot:
     ('px4', 'PX4', 'ArduPilot', '')
     """
     first = text.partition(" ")[0]
-    return next((one for one in AUTOPILOTS if first in (one.name, one.key, *one.called)), UNKNOWN)
+    return next(
+        (autopilot for autopilot in AUTOPILOTS if first in (autopilot.name, autopilot.key, *autopilot.called)), UNKNOWN
+    )
 
 
 def by_gains(parameters: Mapping[str, float]) -> Autopilot:
@@ -90,4 +92,4 @@ def by_gains(parameters: Mapping[str, float]) -> Autopilot:
     >>> by_gains({"MC_ROLLRATE_P": 0.15}).name, by_gains({}).name
     ('PX4', '')
     """
-    return next((one for one in AUTOPILOTS if one.gain and one.gain in parameters), UNKNOWN)
+    return next((autopilot for autopilot in AUTOPILOTS if autopilot.gain and autopilot.gain in parameters), UNKNOWN)

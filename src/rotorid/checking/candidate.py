@@ -97,9 +97,9 @@ def output_sources(measured: Measured) -> dict[str, str]:
     """Output to where it stood in the first log that holds it."""
     sources: dict[str, str] = {}
     for name in measured.response.outputs:
-        held = [segment for segment in measured.segments if name in segment.history.names]
-        if held:
-            sources[name] = source_of(held[0], name) + (UNFILTERED if name in measured.unfiltered else "")
+        segments = [segment for segment in measured.segments if name in segment.history.names]
+        if segments:
+            sources[name] = source_of(segments[0], name) + (UNFILTERED if name in measured.unfiltered else "")
     return sources
 
 
@@ -132,10 +132,10 @@ def read_candidate(result: Path) -> Candidate:
             remedy="a log is no result: identify a model first, and give its folder before the logs",
         )
     if not model.exists() and (folder / RESULTS).exists():
-        held = ", ".join(sorted(path.parent.name for path in folder.glob(f"*/{MODEL}")))
+        available = ", ".join(sorted(path.parent.name for path in folder.glob(f"*/{MODEL}")))
         raise UsageError(
             f"{result.name} holds several models",
-            needed=f"one of its folders: {held}",
+            needed=f"one of its folders: {available}",
             remedy="name it after the folder",
         )
     read = structure_from_toml(read_text(model, needed=_RESULT_FILES), where=model.name)
@@ -181,23 +181,23 @@ def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> C
 
 def _holds_values(structure: LinearStructure, table: Mapping[str, Any]) -> bool:
     """Whether the values of a model are those of a result, as far as the result tells them."""
-    told = {
-        name: one["value"]
-        for name, one in (table.get("parameters") or {}).items()
-        if isinstance(one, Mapping) and isinstance(one.get("value"), int | float)
+    numbers = {
+        name: entry["value"]
+        for name, entry in (table.get("parameters") or {}).items()
+        if isinstance(entry, Mapping) and isinstance(entry.get("value"), int | float)
     }
     values = structure.parameters.values
-    return all(math.isclose(values[name], told[name], rel_tol=_SAME_VALUE) for name in told if name in values)
+    return all(math.isclose(values[name], numbers[name], rel_tol=_SAME_VALUE) for name in numbers if name in values)
 
 
 def _provenance(table: Mapping[str, Any]) -> Provenance | None:
     """Where a result came from; of one that was shortened by hand nothing is known."""
     try:
-        told = dict(table["provenance"])
+        provenance = dict(table["provenance"])
         maneuvers = tuple(
-            LoggedManeuver(**{**one, "band_rad_s": one["band_rad_s"] and tuple(one["band_rad_s"])})
-            for one in told.pop("maneuvers")
+            LoggedManeuver(**{**maneuver, "band_rad_s": maneuver["band_rad_s"] and tuple(maneuver["band_rad_s"])})
+            for maneuver in provenance.pop("maneuvers")
         )
-        return Provenance(**told, maneuvers=maneuvers)
+        return Provenance(**provenance, maneuvers=maneuvers)
     except (KeyError, TypeError, ValueError):
         return None

@@ -79,8 +79,12 @@ def maneuver_check(check: Verification, states: Sequence[str], trim: Trim | None
 
 def _scores(check: Verification) -> dict[str, Scores]:
     """Scores of the outputs that moved; what did not tells nothing of the model: its score is that of the noise."""
-    told = check.moved or check.output_names
-    return {name: one for name, one in check.scores.items() if name in told and math.isfinite(one.nrmse_fit_percent)}
+    outputs = check.moved or check.output_names
+    return {
+        name: scores
+        for name, scores in check.scores.items()
+        if name in outputs and math.isfinite(scores.nrmse_fit_percent)
+    }
 
 
 def _ahead(prediction: Prediction) -> tuple[Ahead, ...]:

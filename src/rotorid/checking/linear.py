@@ -171,7 +171,7 @@ class LinearPredictor:
         if lacking := _lacking(record, (*structure.inputs, *(there or structure.outputs))):
             return UnseenLog(record=record, cause=lacking)
         if segments:
-            wanted = [described(one) for m in given if (one := Flight(record, m)).inside]
+            wanted = [described(flight) for m in given if (flight := Flight(record, m)).inside]
         else:
             wanted = [Flight(record, m) for axis in self.axes for m in find_excitations(record, axis)]
         flights = [flight for flight in wanted if not fitted.fits(flight)]
@@ -191,7 +191,7 @@ class LinearPredictor:
         """Flights of a log on which the model is scored."""
         structure, axes = self.candidate.structure, self.axes
         commands = all(is_command(name) for name in structure.inputs)
-        own = tuple(one for one in settings.segments if one.axis in axes or not commands)
+        own = tuple(maneuver for maneuver in settings.segments if maneuver.axis in axes or not commands)
         if settings.segments and not own:
             raise InsufficientDataError(f"no given segment is of {' or '.join(axes)}")
         require_reached(record, own)
@@ -216,7 +216,7 @@ def candidate_of(fitted: FrequencyFit, measured: Measured) -> Candidate:
 def with_rest(record: FlightRecord, flights: Sequence[Flight]) -> list[Flight]:
     """Short maneuvers with the time around them, up to half way to their neighbors: what follows one answers to it."""
     ordered = sorted(
-        {(one.maneuver.start_s, one.maneuver.stop_s): one.maneuver for one in flights}.values(),
+        {(flight.maneuver.start_s, flight.maneuver.stop_s): flight.maneuver for flight in flights}.values(),
         key=lambda maneuver: maneuver.start_s,
     )
     wider = []
@@ -233,7 +233,7 @@ def _outputs_at(problem: TimeProblem, values: Mapping[str, float]) -> FloatArray
     """Pieces of a record as simulated at some values of the parameters."""
     parameters = problem.parameters
     moved = parameters.with_values({name: values[name] for name in parameters.free})
-    return np.hstack([one.predicted for one in problem.predicted(moved.pack())])
+    return np.hstack([predicted.predicted for predicted in problem.predicted(moved.pack())])
 
 
 def _lacking(record: FlightRecord, channels: Sequence[str]) -> str:
@@ -277,9 +277,9 @@ def _attempts(
     axes = set(axes_of(candidate.structure.inputs, candidate.structure.outputs))
     flying = [log for log in logs if log.sweeps]
     # A log that excites every input stands alone, so that a good one does not hide a bad one in a common average.
-    alone = [log for log in flying if axes <= {sweep.axis for sweep in log.sweeps}]
-    together = [log for log in flying if log not in alone]
-    groups = [*([log] for log in alone), *([together] if together else [])]
+    sufficient = [log for log in flying if axes <= {sweep.axis for sweep in log.sweeps}]
+    together = [log for log in flying if log not in sufficient]
+    groups = [*([log] for log in sufficient), *([together] if together else [])]
     return [
         *(([log], partial(_maneuvers, candidate, log, settings)) for log in logs if log.short),
         *((group, partial(_sweeps, candidate, group, settings)) for group in groups),

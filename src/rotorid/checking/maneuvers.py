@@ -122,9 +122,9 @@ def with_known_filters(
         if not there or here == there:
             continue
         passed = known_filters(record, there)
-        for one in known_filters(record, here):
-            if len(one.denominator) > 1 and one not in passed:
-                system = _through(system, outputs.index(name), one)
+        for known_filter in known_filters(record, here):
+            if len(known_filter.denominator) > 1 and known_filter not in passed:
+                system = _through(system, outputs.index(name), known_filter)
     return system
 
 

@@ -128,7 +128,7 @@ class MotorPredictor(Immutable):
         data = self.data(record, settings.segments)
         moved = self.motions(data, self.parameters)
         length_s = settings.pieces_s or _PIECE_S
-        axes = tuple(axis for axis in RATES if all(f"{axis}_dot" in one.rows for one in moved if one.counted))
+        axes = tuple(axis for axis in RATES if all(f"{axis}_dot" in motion.rows for motion in moved if motion.counted))
         if not axes:
             raise InsufficientDataError("no rate of it was identified", needed="motion in roll, pitch or yaw")
         stretches = []
@@ -216,11 +216,11 @@ def known_motors(table: Mapping[str, Any]) -> MotorPredictor:
     try:
         motors = table["motors"]
         rotors = np.array(motors["rotors"], dtype=np.float64)
-        counted = {axis for one in motors["excitation"] for axis in one["counted"]}
+        counted = {axis for excitation in motors["excitation"] for axis in excitation["counted"]}
         parameters = [
-            Parameter(name=name, value=float(one["value"]), unit=str(one["unit"]), status="fixed")
-            for name, one in table["parameters"].items()
-            if one["status"] != "dropped"
+            Parameter(name=name, value=float(entry["value"]), unit=str(entry["unit"]), status="fixed")
+            for name, entry in table["parameters"].items()
+            if entry["status"] != "dropped"
         ]
         return MotorPredictor(
             parameters=ParameterSet(parameters),
@@ -244,7 +244,7 @@ def identified_motors(model: IdentifiedModel) -> MotorPredictor | None:
     """The vehicle of an identified model; ``None`` for one that is not of ``physical.motors``."""
     if model.motors is None:
         return None
-    parameters = {name: asdict(one) for name, one in model.parameters.items()}
+    parameters = {name: asdict(estimate) for name, estimate in model.parameters.items()}
     return known_motors({"parameters": parameters, "motors": asdict(model.motors)})
 
 

@@ -81,8 +81,8 @@ class NonlinearPredictor:
         """Flights of a log; their scores know neither horizon nor band."""
         require_reached(record, settings.segments)
         return [
-            Trial(Flight(record, one.maneuver), fixed_score(_compared(one)))
-            for one in self._simulated(record, settings.segments).found.maneuvers
+            Trial(Flight(record, maneuver.maneuver), fixed_score(_compared(maneuver)))
+            for maneuver in self._simulated(record, settings.segments).found.maneuvers
         ]
 
     def simulations(self, record: FlightRecord, settings: FlySettings) -> tuple[list[Simulation], list[Finding]]:
@@ -112,13 +112,16 @@ class NonlinearPredictor:
             )
         logged = whole.select(outputs)
         records = flown_records(logged, flights)
-        problem = _held_problem(logged, whole.parameters, records.data, Scheme(hold=records.hold))
+        problem = _fixed_problem(logged, whole.parameters, records.data, Scheme(hold=records.hold))
         fit = fit_nonlinear(problem, rounds=_START_ROUNDS)
         pairs = zip(records.segments, fit.problem.predicted(fit.solution.theta), strict=True)
         left = [name for name in whole.outputs if name not in outputs]
         return Predictions(
             found=Verifications(
-                maneuvers=tuple(_verification(segment, one.record, one.predicted, logged) for segment, one in pairs),
+                maneuvers=tuple(
+                    _verification(segment, predicted.record, predicted.predicted, logged)
+                    for segment, predicted in pairs
+                ),
                 findings=(
                     *_remarks(records),
                     *(
@@ -171,7 +174,7 @@ class NonlinearPredictor:
     def _starts(self, pieces: Sequence[TimeData], logged: NonlinearStructure, scheme: Scheme) -> FloatArray:
         """Where each piece begins, shape ``(pieces, x)``: as fits what was measured, else as its first sample says."""
         equations = self.equations
-        problem = _held_problem(logged, equations.parameters, pieces, scheme)
+        problem = _fixed_problem(logged, equations.parameters, pieces, scheme)
         found = fit_nonlinear(problem, rounds=_START_ROUNDS).estimate.starts
         whole = np.zeros((len(pieces), len(equations.states)))
         for number, piece in enumerate(pieces):
@@ -202,19 +205,19 @@ def _remarks(records: TimeRecords) -> list[Finding]:
     return [finding for finding in records.findings if "needed_hz" not in finding.numbers]
 
 
-def _held_problem(
+def _fixed_problem(
     structure: NonlinearStructure, parameters: ParameterSet, data: Sequence[TimeData], scheme: Scheme
 ) -> NonlinearProblem:
     """The start of each record, with every parameter held at its value, that of its tie where it has one."""
     values = parameters.values
-    held = [replace(one, value=values[one.name], status="fixed", tied=None) for one in parameters]
-    return NonlinearProblem(structure=structure, parameters=ParameterSet(held), records=tuple(data), scheme=scheme)
+    fixed = [replace(parameter, value=values[parameter.name], status="fixed", tied=None) for parameter in parameters]
+    return NonlinearProblem(structure=structure, parameters=ParameterSet(fixed), records=tuple(data), scheme=scheme)
 
 
 def _measured_start(equations: NonlinearStructure, first: Mapping[str, float]) -> FloatArray:
     """What a first sample says of the states; zero where an output that says it was not measured."""
     known = {**equations.constants, **first}
-    starts = {state: one for state, one in equations.starts.items() if one.names <= set(known)}
+    starts = {state: expression for state, expression in equations.starts.items() if expression.names <= set(known)}
     return np.array([starts[state].evaluate(known) if state in starts else 0.0 for state in equations.states])
 
 
@@ -237,7 +240,7 @@ def _verification(
             name: output_scores(measured, simulated)
             for name, measured, simulated in zip(structure.outputs, data.outputs, predicted, strict=True)
         },
-        moved=tuple(name for name, one in outputs if one.names & (moved | set(driven)) or not driven),
+        moved=tuple(name for name, output in outputs if output.names & (moved | set(driven)) or not driven),
     )
 
 

@@ -199,11 +199,11 @@ def predict_each(
             judged.append(_remarked(warn("not_verified", name, f"{name} was not judged: {error}"), refusals))
     return Predictions(
         found=Verifications(
-            maneuvers=tuple(check for one in judged for check in one.found.maneuvers),
-            findings=tuple(finding for one in judged for finding in one.found.findings),
+            maneuvers=tuple(check for number in judged for check in number.found.maneuvers),
+            findings=tuple(finding for number in judged for finding in number.found.findings),
         ),
-        flights=tuple(flight for one in judged for flight in one.flights),
-        refusals=tuple(finding for one in judged for finding in one.refusals),
+        flights=tuple(flight for number in judged for flight in number.flights),
+        refusals=tuple(finding for number in judged for finding in number.refusals),
     )
 
 
@@ -260,9 +260,9 @@ def missing_outputs(outputs: Sequence[str], logged: Sequence[str], record: Fligh
     """Outputs that are simulated with no measurement to compare."""
     name = record.source.name
     return [
-        remark("missing_channel", one, f"{one} is not in {name}, and has no measurement beside it.")
-        for one in outputs
-        if one not in logged
+        remark("missing_channel", output, f"{output} is not in {name}, and has no measurement beside it.")
+        for output in outputs
+        if output not in logged
     ]
 
 
@@ -281,12 +281,12 @@ def output_scores(measured: FloatArray, simulated: FloatArray) -> Scores:
 def plain_scores(scores: Mapping[str, Scores]) -> dict[str, OutputScore]:
     """Scores without what was estimated beside them."""
     return {
-        name: OutputScore(nrmse_fit_percent=one.nrmse_fit_percent, tic=one.tic, rms=one.rms)
-        for name, one in scores.items()
+        name: OutputScore(nrmse_fit_percent=score.nrmse_fit_percent, tic=score.tic, rms=score.rms)
+        for name, score in scores.items()
     }
 
 
-def has_seen(provenance: Provenance, flight: Flight) -> bool:
+def was_fitted(provenance: Provenance, flight: Flight) -> bool:
     """Whether any part of a flight was fitted, by the hash of its log.
 
     A result that does not list its maneuvers has seen its logs as a whole.
@@ -303,19 +303,19 @@ def has_seen(provenance: Provenance, flight: Flight) -> bool:
     return bool(names) and (
         not provenance.maneuvers
         or any(
-            one.record in names and one.start_s < maneuver.stop_s and maneuver.start_s < one.stop_s
-            for one in provenance.maneuvers
+            item.record in names and item.start_s < maneuver.stop_s and maneuver.start_s < item.stop_s
+            for item in provenance.maneuvers
         )
     )
 
 
 def fitted_logs(provenance: Provenance) -> frozenset[str]:
     """Hashes of the logs that a result was fitted to, without those that only verified it."""
-    names = {one.record for one in provenance.maneuvers}
+    names = {maneuver.record for maneuver in provenance.maneuvers}
     return frozenset(sha256 for name, sha256 in provenance.inputs.items() if not names or name in names)
 
 
-def seen_data(flight: Flight) -> Finding:
+def fitted_before(flight: Flight) -> Finding:
     """What to say of a maneuver that was to verify a model and was fitted by it."""
     name, maneuver = flight.record.source.name, flight.maneuver
     return warn(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rotorid.checking.maneuvers import remarks_on
-from rotorid.checking.predictions import not_verified, output_scores, seen_data
+from rotorid.checking.predictions import fitted_before, not_verified, output_scores
 from rotorid.data.findings import Finding
 from rotorid.data.record import STANDARD_UNITS, FlightRecord
 from rotorid.errors import InsufficientDataError, ModelError
@@ -78,7 +78,7 @@ class FittedResponses:
         try:
             flights = select_records(structure, [record], replace(self.settings, segments=())).selection.fitted
             new = [flight for flight in flights if not fitted.fits(flight)]
-            fitted_too += [seen_data(flight) for flight in flights if fitted.fits(flight)]
+            fitted_too += [fitted_before(flight) for flight in flights if fitted.fits(flight)]
             checks = self._simulated(structure, new) if new else []
         except (InsufficientDataError, ModelError) as error:
             return Verifications(findings=(*fitted_too, not_verified(record, error.came)))
@@ -116,8 +116,8 @@ class FittedResponses:
         predicted = problem.predicted(structure.parameters.pack())
         shifts = estimated_shifts(problem, predicted)
         return [
-            replace(_verification(structure, segment, one, shift), biases=np.zeros(len(fitted.structure.states)))
-            for segment, one, shift in zip(unseen.segments, predicted, shifts, strict=True)
+            replace(_verification(structure, segment, simulated, shift), biases=np.zeros(len(fitted.structure.states)))
+            for segment, simulated, shift in zip(unseen.segments, predicted, shifts, strict=True)
         ]
 
 
@@ -138,29 +138,31 @@ def estimated_shifts(problem: TimeProblem, predicted: Sequence[Simulated]) -> li
     from rotorid.simulation.linear import simulate_linear
 
     system = problem.structure.matrices(problem.parameters.values)
-    alone = replace(problem, unknowns=()).predicted(problem.parameters.pack())
+    unshifted = replace(problem, unknowns=()).predicted(problem.parameters.pack())
     shifts = []
-    for one, driven in zip(predicted, alone, strict=True):
-        still = np.zeros_like(one.record.inputs)
+    for fitted, driven in zip(predicted, unshifted, strict=True):
+        still = np.zeros_like(fitted.record.inputs)
         states = np.eye(len(problem.structure.states) if "initial_state" in problem.unknowns else 0)
-        rate_hz = one.record.sample_rate_hz
+        rate_hz = fitted.record.sample_rate_hz
         free = [simulate_linear(system, still, sample_rate_hz=rate_hz, x0=x0).ravel() for x0 in states]
-        outputs, samples = one.predicted.shape
+        outputs, samples = fitted.predicted.shape
         columns = np.column_stack([*free, np.repeat(np.eye(outputs), samples, axis=0)])
         size = np.linalg.norm(columns, axis=0)
         size[size == 0.0] = 1.0
-        found = np.linalg.lstsq(columns / size, (one.predicted - driven.predicted).ravel(), rcond=None)[0] / size
+        found = np.linalg.lstsq(columns / size, (fitted.predicted - driven.predicted).ravel(), rcond=None)[0] / size
         shifts.append(np.asarray(found[len(free) :]))
     return shifts
 
 
-def _verification(structure: LinearStructure, segment: Segment, one: Simulated, shift: FloatArray) -> Verification:
-    measured, predicted = one.record.outputs, one.predicted
+def _verification(
+    structure: LinearStructure, segment: Segment, simulated: Simulated, shift: FloatArray
+) -> Verification:
+    measured, predicted = simulated.record.outputs, simulated.predicted
     return Verification(
         record=segment.record,
         maneuver=segment.maneuver,
         time_s=segment.history.time_s,
-        inputs=one.record.inputs,
+        inputs=simulated.record.inputs,
         measured=measured,
         predicted=predicted,
         input_names=structure.inputs,

@@ -59,7 +59,7 @@ def score_flights(
     kept = structure if there == structure.outputs else structure.select(outputs=there)
     records = time_records(kept, flights, settings, every_input=False)
     # A record in which nothing moves says nothing of the model, and would be scored on its noise.
-    moved = [one for one in zip(records.segments, records.data, strict=True) if one[1].inputs.any()]
+    moved = [part for part in zip(records.segments, records.data, strict=True) if part[1].inputs.any()]
     scores = (
         score_frozen(
             kept,
@@ -73,8 +73,8 @@ def score_flights(
         for _, data in moved
     )
     return tuple(
-        replace(one, record=segment.record, time_s=one.time_s + segment.history.start_s)
-        for one, (segment, _) in zip(scores, moved, strict=True)
+        replace(score, record=segment.record, time_s=score.time_s + segment.history.start_s)
+        for score, (segment, _) in zip(scores, moved, strict=True)
     )
 
 
@@ -118,5 +118,5 @@ def common_horizon_s(scores: Sequence[FixedParameterScores]) -> float | None:
     >>> common_horizon_s(()) is None
     True
     """
-    horizons_s = {one.horizon_s for one in scores}
+    horizons_s = {score.horizon_s for score in scores}
     return min(horizons_s, default=math.inf) if len(horizons_s) > 1 else None

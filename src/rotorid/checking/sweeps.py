@@ -155,10 +155,10 @@ def _nothing_usable(
     fitted_rad_s: tuple[float, float], trusted_rad_s: tuple[float, float], least_coherence: float
 ) -> InsufficientDataError:
     band = f"the fitted band of {fitted_rad_s[0]:.3g} to {fitted_rad_s[1]:.3g} rad/s"
-    apart = trusted_rad_s[1] <= fitted_rad_s[0] or trusted_rad_s[0] >= fitted_rad_s[1]
+    disjoint = trusted_rad_s[1] <= fitted_rad_s[0] or trusted_rad_s[0] >= fitted_rad_s[1]
     return InsufficientDataError(
         f"its sweeps, trusted from {trusted_rad_s[0]:.3g} to {trusted_rad_s[1]:.3g} rad/s, do not reach {band}"
-        if apart
+        if disjoint
         else f"no point of its sweeps in {band} reaches the coherence of {least_coherence:g}",
         needed="usable points in the fitted band",
         remedy="fly a sweep over the fitted band",
@@ -203,17 +203,17 @@ def hold_out(structure: LinearStructure, flights: Sequence[Flight], settings: Id
     again = [index for index, axis in enumerate(axes) if axes.count(axis) > 1]
     if not again:
         return FrequencyCheck(findings=(nothing_left(),))
-    rest, held = [*flights[: again[-1]], *flights[again[-1] + 1 :]], flights[again[-1]]
-    name = f"{held.record.source.name} at {held.maneuver.start_s:.1f} s"
+    rest, held_out = [*flights[: again[-1]], *flights[again[-1] + 1 :]], flights[again[-1]]
+    name = f"{held_out.record.source.name} at {held_out.maneuver.start_s:.1f} s"
     _PROGRESS.info(f"holding out {name}")
     try:
         measured = measure(rest, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
         reduced = fit_and_drop(pose_screened(structure, measured, settings, rest).problem)
         parameters = reduced.problem.parameters.unpack(reduced.solution.theta)
         band = fitted_band(reduced.problem)
-        there = tuple(name for name in structure.outputs if holds(held.record, name))
-        seen = structure if there == structure.outputs else structure.select(outputs=there)
-        judged = check_sweeps(seen, parameters, [held], band_rad_s=band, settings=settings)
+        there = tuple(name for name in structure.outputs if holds(held_out.record, name))
+        selected = structure if there == structure.outputs else structure.select(outputs=there)
+        judged = check_sweeps(selected, parameters, [held_out], band_rad_s=band, settings=settings)
     except InsufficientDataError as error:
         return FrequencyCheck(findings=(_not_held_out(name, error),))
     # What was said of the data when all of it was fitted need not be said of its parts again.

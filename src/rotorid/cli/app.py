@@ -72,10 +72,14 @@ class Grouped(TyperCommand):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Arguments, then options by what they are about, then those without a heading."""
-        told = [(one, record) for one in self.get_params(ctx) if (record := one.get_help_record(ctx)) is not None]
-        many = len(told) > _MANY
+        help_records = [
+            (parameter, record)
+            for parameter in self.get_params(ctx)
+            if (record := parameter.get_help_record(ctx)) is not None
+        ]
+        many = len(help_records) > _MANY
         sections: dict[str, list[Any]] = {"Arguments": []}
-        for parameter, record in told:
+        for parameter, record in help_records:
             heading = (getattr(parameter, "rich_help_panel", None) if many else None) or "Options"
             heading = "Arguments" if parameter.param_type_name == "argument" else heading
             # Several of a kind are written as one; what an argument is its help says.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from rotorid.cli.console import progress, say, say_refused, tell
+from rotorid.cli.console import log_progress, print_refusal, progress, say
 from rotorid.data.display import visible
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def carry_out(
             for record in read_logs(logs, mapping):
                 records.append(record)  # noqa: PERF402 - a refusal tells of those that were read
             result = with_command(compute(records))
-            tell("writing the report")
+            log_progress("writing the report")
             with making(target) as made:
                 write(made.place, result)
                 if paper is not None and publication is not None and (paper.figures or paper.tables):
@@ -91,7 +91,7 @@ def carry_out(
         why = with_command(refused(error, records))
         if output.json:
             sys.stdout.write(to_json(why))
-        say_refused(error, why.findings, target.folder / file, quiet=output.quiet)
+        print_refusal(error, why.findings, target.folder / file, quiet=output.quiet)
         raise typer.Exit(1) from None
     if output.json:
         sys.stdout.write(to_json(document(result)))
@@ -103,7 +103,7 @@ def illustrate(folder: Path, publication: Publication, paper: ForPaper) -> None:
     """Write the pictures and tables of a result that are wanted for a paper."""
     from rotorid.report.publication import write_publication
 
-    tell("drawing the figures")
+    log_progress("drawing the figures")
     write_publication(folder, publication, figures=paper.figures, tables=paper.tables)
 
 
@@ -151,7 +151,7 @@ def print_if_asked(folder: Path, paper: ForPaper | None) -> None:
         from rotorid.errors import UsageError
         from rotorid.report.printing import print_pages
 
-        tell("printing")
+        log_progress("printing")
         try:
             print_pages(folder)
         except (UsageError, OSError) as error:
@@ -163,7 +163,7 @@ def read_logs(logs: Sequence[Path], mapping: Path | None) -> Iterator[FlightReco
     from rotorid.io.registry import read
 
     for number, log in enumerate(logs):
-        tell(f"reading {log.name}", extra={"done": number, "total": len(logs)})
+        log_progress(f"reading {log.name}", extra={"done": number, "total": len(logs)})
         yield read(log, mapping=mapping)
 
 

@@ -75,7 +75,7 @@ def _print(document: CompareDocument, folder: Path) -> None:
     )
 
     console = output_console()
-    labels = [one.label for one in document.models]
+    labels = [model.label for model in document.models]
 
     def table(title: str, words: list[str], numbers: list[str]) -> Table:
         made = Table(title=title, title_justify="left", box=None, pad_edge=False)
@@ -99,8 +99,12 @@ def _print(document: CompareDocument, folder: Path) -> None:
     console.print(models)
     if document.maneuvers:
         fits = table(f"fit percent on the logs{scored_words(document)}; * seen", ["log", "maneuver"], labels)
-        for one in maneuver_rows(document):
-            fits.add_row(one.record, one.what, *(f"{cell.text}{'*' if cell.marked else ''}" for cell in one.fits))
+        for maneuver_row in maneuver_rows(document):
+            fits.add_row(
+                maneuver_row.record,
+                maneuver_row.what,
+                *(f"{cell.text}{'*' if cell.marked else ''}" for cell in maneuver_row.fits),
+            )
         console.print(fits)
     if shared := shared_rows(document):
         parameters = table("parameters; distance from the first", ["parameter", "unit"], labels)

@@ -122,7 +122,7 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
 
 
 _PROGRESS = logging.getLogger("rotorid.progress")
-tell = _PROGRESS.info
+log_progress = _PROGRESS.info
 """Say what is being done: seen where :func:`progress` shows it."""
 
 _PIPE_WIDTH = 240
@@ -167,12 +167,12 @@ def say(text: str) -> None:
     error_console().print(Text.assemble((_NAME, "bold red"), shown.removeprefix(_NAME)), soft_wrap=True)
 
 
-def say_refused(
+def print_refusal(
     error: RotoridError, findings: Sequence[Finding | FindingDocument], results: Path, *, quiet: bool
 ) -> None:
     """Why there is no result, to standard error; results of an earlier run are not mistaken for those of this one."""
     say(f"rotorid: {error}")
-    for finding in () if quiet else without_repeated([one for one in findings if one.severity != "info"]):
+    for finding in () if quiet else without_repeated([finding for finding in findings if finding.severity != "info"]):
         say(f"  {finding.kind}: {finding.message}")
     if results.exists():
         say(f"rotorid: the results in {results.parent} are those of an earlier run")
@@ -185,8 +185,8 @@ def print_findings(findings: Sequence[Finding | FindingDocument], given: Sequenc
     """
     console = output_console()
     shown = without_repeated([f for f in findings if f.severity != "info"])
-    said = dict.fromkeys((f.severity, f.kind, f.message) for f in shown)
-    for severity, kind, message in said:
+    distinct = dict.fromkeys((f.severity, f.kind, f.message) for f in shown)
+    for severity, kind, message in distinct:
         console.print(severity, style=_STYLES.get(severity, "bold"), end="")
         console.print(f" {kind}: ", end="")
         words, found, command = message.partition(_COMMAND)
@@ -333,7 +333,7 @@ def as_given(command: str, file: Path, map: Path | None = None) -> str:
     'rotorid response logs/roll --map maps/m.toml --inputs roll'
     """
     words = shlex.split(command)
-    given = {Path(one.name): str(one) for one in (file, map) if one is not None}
+    given = {Path(path.name): str(path) for path in (file, map) if path is not None}
     for place in range(2, len(words)):
         before = words[place - 1]
         if before in _TAKE_FILE or (place == 2 and before in _TAKES_LOG):

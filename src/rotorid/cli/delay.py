@@ -92,5 +92,5 @@ def _print(document: DelayDocument, folder: Path) -> None:
 
 def _cells(estimate: DelayEstimateDocument) -> tuple[str, str, str, str]:
     ends = (None, None) if estimate.interval_s is None else estimate.interval_s
-    delay, interval = with_interval(*(None if one is None else 1e3 * one for one in (estimate.delay_s, *ends)))
+    delay, interval = with_interval(*(None if value is None else 1e3 * value for value in (estimate.delay_s, *ends)))
     return delay, interval, f"{estimate.delay_samples:.2f}", estimate.meaning

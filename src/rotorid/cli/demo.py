@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from rotorid.cli.command import print_if_asked, target_of, with_command
-from rotorid.cli.console import progress, say, tell
+from rotorid.cli.console import log_progress, progress, say
 from rotorid.cli.options import ForPaper, Only, Output
 from rotorid.cli.preferences import results_folder
 from rotorid.data.quantity import TWO_SIDED_95, error_columns, significant
@@ -39,11 +39,11 @@ def demo_command(
     with progress(quiet=output.quiet), making(target) as made:
         folder = made.place
         log = folder / LOG_NAME
-        tell("flying the S500 in gusts")
+        log_progress("flying the S500 in gusts")
         fly_demo(log, seed=seed)
         demo = identify_demo(read(log), seed=seed)
         demo = replace(demo, identifications=tuple(with_command(result) for result in demo.identifications))
-        tell("writing the report")
+        log_progress("writing the report")
         title = "S500 in hover: a simulated flight, identified"
         for result in demo.identifications:
             write_results(folder / result.name, result, title=result.name, truth=demo.truth)

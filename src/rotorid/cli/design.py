@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 import typer
 
 from rotorid.cli.command import command_line, print_if_asked, target_of
-from rotorid.cli.console import print_findings, progress, say, tell
-from rotorid.cli.options import ForPaper, Only, Output, one_of
+from rotorid.cli.console import log_progress, print_findings, progress, say
+from rotorid.cli.options import ForPaper, Only, Output, complete_from
 from rotorid.cli.preferences import results_folder
-from rotorid.cli.vehicles import Like, say_taken
+from rotorid.cli.vehicles import Like, print_vehicle_remarks
 from rotorid.data.quantity import error_columns, significant
 from rotorid.errors import UsageError
 from rotorid.flying.settings import (
@@ -42,7 +42,7 @@ Kinds: TypeAlias = Annotated[
     list[str],
     typer.Argument(
         metavar="KIND...",
-        autocompletion=one_of(_KINDS),
+        autocompletion=complete_from(_KINDS),
         help="sweep, log_sweep, multisine, binary, doublet, 2-1-1 or 3-2-1-1. Several are compared.",
     ),
 ]
@@ -82,17 +82,17 @@ def design_command(
     _require_one_band(of_log, plan)
     named = named_vehicle(vehicle, like=like, given=design.pop("changes", None))
     if not output.quiet:
-        say_taken(named)
+        print_vehicle_remarks(named)
     choices = _as_flown(_settings(named, kinds, design, plan, air), of_log)
     if not output.quiet:
         # Warnings are printed with the other findings.
-        for remark in (one for one in choices.remarks if one.severity == "info"):
+        for remark in (finding for finding in choices.remarks if finding.severity == "info"):
             say(remark.message)
     default = results_folder() / f"{choices.entry.name}-design"
     target = target_of(output, default, "design.json", paper)
     with progress(quiet=output.quiet):
         designed = plan_flights(choices)
-        tell("writing the files")
+        log_progress("writing the files")
         with making(target) as made:
             document = write_design(made.place, choices, designed, autopilot=of_log.autopilot, command=command_line())
             print_if_asked(made.place, paper)
@@ -209,16 +209,16 @@ def _print_plan(plan: PlanSummaryDocument) -> None:
     table = Table(title=plan.kind.replace("_", " "), title_justify="left", box=None, pad_edge=False)
     for name in ("axis", "shape", "added to", "from", "to in s", "amplitude", "unit", "limited by"):
         table.add_column(name, justify="right" if name in ("from", "to in s", "amplitude") else "left")
-    for one in plan.inputs:
+    for test_input in plan.inputs:
         table.add_row(
-            one.axis,
-            one.shape.replace("_", " "),
-            one.entry,
-            f"{one.start_s:.1f}",
-            f"{one.stop_s:.1f}",
-            f"{one.amplitude:.3g}",
-            one.unit,
-            limit_words([one.limited_by]),
+            test_input.axis,
+            test_input.shape.replace("_", " "),
+            test_input.entry,
+            f"{test_input.start_s:.1f}",
+            f"{test_input.stop_s:.1f}",
+            f"{test_input.amplitude:.3g}",
+            test_input.unit,
+            limit_words([test_input.limited_by]),
         )
     console.print(table)
     console.print(
@@ -243,15 +243,15 @@ def _print_prediction(prediction: PredictionDocument) -> None:
     table = Table(title=f"what it will tell: {prediction.model}", title_justify="left", box=None, pad_edge=False)
     for name in ("parameter", "value", "expected", "± std", "unit", "% of value", "least %", "off"):
         table.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
-    for name, one in prediction.parameters.items():
-        least = 100.0 * one.lowest_std / abs(one.value) if one.value else math.inf
-        off = abs(one.expected - one.value) / one.std if one.std > 0.0 else 0.0
+    for name, parameter in prediction.parameters.items():
+        least = 100.0 * parameter.lowest_std / abs(parameter.value) if parameter.value else math.inf
+        off = abs(parameter.expected - parameter.value) / parameter.std if parameter.std > 0.0 else 0.0
         table.add_row(
             name,
-            significant(one.value, digits=5),
-            *error_columns(one.expected, one.std, digits=5),
-            one.unit,
-            "" if one.percent is None else f"{one.percent:.2g}",
+            significant(parameter.value, digits=5),
+            *error_columns(parameter.expected, parameter.std, digits=5),
+            parameter.unit,
+            "" if parameter.percent is None else f"{parameter.percent:.2g}",
             f"{least:.2g}" if math.isfinite(least) else "",
             f"{off:.0f} σ" if off > FAR_SIGMAS else "",
         )

@@ -12,7 +12,7 @@ import typer
 
 from rotorid.cli.command import command_line
 from rotorid.cli.console import output_console, progress
-from rotorid.cli.options import Output, one_of
+from rotorid.cli.options import Output, complete_from
 from rotorid.settings.option import Seed
 
 if TYPE_CHECKING:
@@ -29,7 +29,8 @@ def example_command(
     name: Annotated[
         str | None,
         typer.Argument(
-            autocompletion=one_of(_names), help="px4, ardupilot, betaflight, rig or bebop; without one they are listed."
+            autocompletion=complete_from(_names),
+            help="px4, ardupilot, betaflight, rig or bebop; without one they are listed.",
         ),
     ] = None,
     *,

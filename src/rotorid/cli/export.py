@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rotorid.cli.command import command_line
-from rotorid.cli.console import default_folder, output_console, print_findings, progress, tell
+from rotorid.cli.console import default_folder, log_progress, output_console, print_findings, progress
 from rotorid.cli.options import Output
 from rotorid.errors import UsageError
 from rotorid.exports.settings import DrawSettings, ExportSettings, TargetSettings
@@ -80,7 +80,7 @@ def _drawn(
 
     if not drawn.draws:
         return [], None
-    tell(f"drawing {drawn.draws} vehicles")
+    log_progress(f"drawing {drawn.draws} vehicles")
     vehicles, redrawn = export_draws(
         models, what.to, choices, drawn.draws, seed=drawn.seed, given=what.given, layout=what.layout
     )
@@ -91,11 +91,11 @@ def _files(exported: Exported, drawn: Sequence[Exported]) -> dict[str, str | byt
     """All files by their paths, those of draws in numbered folders."""
     files = dict(exported.files)
     digits = len(str(len(drawn)))
-    for number, one in enumerate(drawn, start=1):
-        files |= {f"draws/{number:0{digits}}/{name}": content for name, content in one.files.items()}
-    seen: dict[str, str] = {FILE.lower(): FILE}
+    for number, item in enumerate(drawn, start=1):
+        files |= {f"draws/{number:0{digits}}/{name}": content for name, content in item.files.items()}
+    written: dict[str, str] = {FILE.lower(): FILE}
     for name in files:
-        if (other := seen.setdefault(name.lower(), name)) != name or name == FILE:
+        if (other := written.setdefault(name.lower(), name)) != name or name == FILE:
             raise UsageError(
                 f"{name} and {other} would be one file", needed="names that differ", remedy="choose another with --name"
             )
@@ -124,18 +124,18 @@ def _document(
         files=file_documents(files),
         quantities=[
             ComparedDocument(
-                name=one.name,
-                unit=one.unit,
-                identified=one.identified,
-                exported=one.exported,
-                difference_percent=None if one.held == "not" else finite(one.difference_percent),
-                held=one.held,
-                identified_std=one.identified_std,
+                name=compared.name,
+                unit=compared.unit,
+                identified=compared.identified,
+                exported=compared.exported,
+                difference_percent=None if compared.held == "not" else finite(compared.difference_percent),
+                held=compared.held,
+                identified_std=compared.identified_std,
             )
-            for one in exported.compared
+            for compared in exported.compared
         ],
         numbers=number_documents(vehicle.numbers),
-        given=number_documents({name: one for name, one in vehicle.numbers.items() if one.source == "given"}),
+        given=number_documents({name: number for name, number in vehicle.numbers.items() if number.source == "given"}),
         defaults=number_documents(exported.defaults),
         left_out=list(exported.left_out),
         draws=draws,
@@ -153,7 +153,7 @@ def _write(folder: Path, files: Mapping[str, str | bytes]) -> None:
         write_atomically(folder / name, content)
 
 
-_HELD = {"exact": "exact", "approximated": "approximated", "not": "[dim]not held[/dim]"}
+_FIDELITY_WORDS = {"exact": "exact", "approximated": "approximated", "not": "[dim]not held[/dim]"}
 
 
 def _print(document: ExportDocument, folder: Path) -> None:
@@ -172,11 +172,11 @@ def _print(document: ExportDocument, folder: Path) -> None:
         table.add_column(column, justify=side)  # type: ignore[arg-type]
     table.add_column("difference", justify="right")
     table.add_column("held")
-    for one in document.quantities:
-        percent = "" if one.difference_percent is None else percent_text(one.difference_percent)
-        unit = "" if one.unit == "1" else one.unit
-        was = identified_text(one.identified, one.identified_std)
-        table.add_row(one.name, was, f"{one.exported:.5g}", unit, percent, _HELD[one.held])
+    for row in document.quantities:
+        percent = "" if row.difference_percent is None else percent_text(row.difference_percent)
+        unit = "" if row.unit == "1" else row.unit
+        was = identified_text(row.identified, row.identified_std)
+        table.add_row(row.name, was, f"{row.exported:.5g}", unit, percent, _FIDELITY_WORDS[row.held])
     if document.quantities:
         console.print(table)
     for title, numbers in (("given", document.given), ("default", document.defaults)):

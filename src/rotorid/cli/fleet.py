@@ -126,14 +126,14 @@ def _bar(run: Fleet, *, quiet: bool) -> Iterator[Any]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[failed]}"),
     )
-    begun = time.monotonic()
+    started_s = time.monotonic()
     with Progress(*columns, console=console, transient=True) as shown:
         task = shown.add_task("logs", total=total, rate="", failed="")
 
         def count(good: bool) -> None:
             nonlocal failures, done
             done, failures = done + 1, failures + (not good)
-            rate = done / max(time.monotonic() - begun, 1e-6)
+            rate = done / max(time.monotonic() - started_s, 1e-6)
             words = f"{failures} without an answer" if failures else ""
             shown.update(task, completed=done, rate=f"{rate:.2g} a second", failed=words)
 
@@ -151,40 +151,45 @@ def _print(document: FleetDocument, folder: Path) -> None:
     _list(
         plain,
         "changed",
-        [f"{one.vehicle}, flight {one.at_flight}: {one.words}{_because(one.usual)}" for one in document.causes],
+        [
+            f"{cause.vehicle}, flight {cause.at_flight}: {cause.words}{_because(cause.usual)}"
+            for cause in document.causes
+        ],
     )
     _list(
         plain,
         "other gains",
         [
-            f"{one.vehicle}, flight {one.at_flight} ({one.log}): "
-            + ", ".join(f"{name} {before:g} to {after:g}" for name, (before, after) in one.gains.items())
-            for one in document.other_gains
+            f"{gains.vehicle}, flight {gains.at_flight} ({gains.log}): "
+            + ", ".join(f"{name} {before:g} to {after:g}" for name, (before, after) in gains.gains.items())
+            for gains in document.other_gains
         ],
     )
-    _list(plain, "slowly changing", [f"{one.vehicle}: {one.parameter} of {one.model}" for one in document.drifts])
+    _list(
+        plain, "slowly changing", [f"{drift.vehicle}: {drift.parameter} of {drift.model}" for drift in document.drifts]
+    )
     _list(
         plain,
         "differs from the rest",
-        [f"{one.vehicle}: {one.parameter} of {one.model}" for one in document.outliers.vehicles],
+        [f"{vehicle.vehicle}: {vehicle.parameter} of {vehicle.model}" for vehicle in document.outliers.vehicles],
     )
     _list(
         plain,
         "odd flights",
         [
-            f"{one.vehicle}, flight {one.flight} ({one.log}): {one.parameter} {one.value.value:.4g}, "
-            f"expected {one.expected:.4g}"
-            for one in document.outliers.flights
+            f"{flight.vehicle}, flight {flight.flight} ({flight.log}): {flight.parameter} {flight.value.value:.4g}, "
+            f"expected {flight.expected:.4g}"
+            for flight in document.outliers.flights
         ],
     )
     _list(
         plain,
         "groups that differ",
         [
-            f"{one.parameter} of {one.model}: {one.group} against {one.against} "
-            f"{one.difference.value:+.4g} {one.difference.unit}"
-            for one in document.groups
-            if one.found
+            f"{difference.parameter} of {difference.model}: {difference.group} against {difference.against} "
+            f"{difference.difference.value:+.4g} {difference.difference.unit}"
+            for difference in document.groups
+            if difference.found
         ],
     )
     _list(plain, "no answer", refusals(document.failed))
@@ -195,10 +200,10 @@ def _print(document: FleetDocument, folder: Path) -> None:
 def refusals(failed: Sequence[FailedLogDocument]) -> list[str]:
     """What gave no answer, each reason once: models and flights that share it are listed with it."""
     found: dict[tuple[str, str, str], int] = {}
-    for one in failed:
+    for failure in failed:
         # A reason that names its log has said so before.
-        reason = one.reason.removeprefix(f"{one.log} ")
-        key = (one.log, one.model, reason)
+        reason = failure.reason.removeprefix(f"{failure.log} ")
+        key = (failure.log, failure.model, reason)
         found[key] = found.get(key, 0) + 1
     return [
         f"{log}{f' ({model})' if model else ''}: {reason}{f' ({count} flights)' if count > 1 else ''}"

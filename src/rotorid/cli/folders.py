@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rotorid.cli.console import say, tell
+from rotorid.cli.console import log_progress, say
 from rotorid.data.display import counted
 from rotorid.io.named import logs_in
 
@@ -72,7 +72,7 @@ class Found:
         from rotorid.io.registry import read
 
         for number, log in enumerate(self.files):
-            tell(f"reading {log.name}", extra={"done": number, "total": len(self.files)})
+            log_progress(f"reading {log.name}", extra={"done": number, "total": len(self.files)})
             try:
                 record = read(log, mapping=mapping)
             except (LogError, UsageError) as error:

@@ -160,6 +160,7 @@ def _several(asked: ModelSettings, settings: IdentifySettings) -> str | list[Lin
             "--cross-validate, --inputs or --decoupled came with several models", needed="them with a single --model"
         )
     if asks_all(asked.models):
+        _require_units((), settings)
         return ALL
     models = [asked_model(name, outputs=settings.outputs) for name in asked.models]
     _require_units(models, settings)
@@ -176,7 +177,11 @@ def _require_units(models: Iterable[str | LinearStructure | NonlinearStructure],
 
     units: dict[str, str] = {}
     for model in models:
-        units |= family_of(model).units if isinstance(model, str) else {one.name: one.unit for one in model.parameters}
+        units |= (
+            family_of(model).units
+            if isinstance(model, str)
+            else {parameter.name: parameter.unit for parameter in model.parameters}
+        )
     require_units(settings.fix, units, option="--fix")
 
 
@@ -188,7 +193,7 @@ def print_result(document: ResultDocument, folder: Path) -> None:
 
 def _print_end(documents: Sequence[ResultDocument], folder: Path) -> None:
     """What CR and I are, once, and where the files are."""
-    if any(one.cramer_rao_percent is not None for each in documents for one in each.parameters.values()):
+    if any(estimate.cramer_rao_percent is not None for each in documents for estimate in each.parameters.values()):
         output_console().print(BOUNDS_MEANING, style="dim", markup=False)
     output_console().print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
@@ -196,12 +201,12 @@ def _print_end(documents: Sequence[ResultDocument], folder: Path) -> None:
 def _shared(documents: Sequence[ResultDocument]) -> list[FindingDocument]:
     """Findings that several models have in the same words, once."""
     each = [
-        {(one.severity, one.kind, one.message): one for one in document.findings}
+        {(finding.severity, finding.kind, finding.message): finding for finding in document.findings}
         for document in documents
         if document.parameters
     ]
-    every = {key: one for findings in each for key, one in findings.items()}
-    return [one for key, one in every.items() if sum(key in findings for findings in each) > 1]
+    every = {key: finding for findings in each for key, finding in findings.items()}
+    return [finding for key, finding in every.items() if sum(key in findings for findings in each) > 1]
 
 
 def _print_model(document: ResultDocument, elsewhere: Sequence[FindingDocument] = ()) -> None:
@@ -219,8 +224,8 @@ def _print_model(document: ResultDocument, elsewhere: Sequence[FindingDocument] 
         console.print(line)
     for combination in document.identifiability:
         console.print(combination.words, markup=False)
-    printed = {(one.kind, one.message) for one in elsewhere}
-    print_findings([one for one in document.findings if (one.kind, one.message) not in printed])
+    printed = {(finding.kind, finding.message) for finding in elsewhere}
+    print_findings([finding for finding in document.findings if (finding.kind, finding.message) not in printed])
 
 
 def _table(document: ResultDocument) -> Table:
@@ -262,11 +267,11 @@ def _motors(document: ResultDocument) -> Iterator[str]:
         "thrust_full": "at full output",
         "thrust_to_weight": "full thrust over weight",
     }
-    told = [
-        f"{words[name]} {with_error(one.value, one.std)}{'' if one.unit == '1' else ' ' + one.unit}"
-        for name, one in document.motors.derived.items()
+    lines = [
+        f"{words[name]} {with_error(derived.value, derived.std)}{'' if derived.unit == '1' else ' ' + derived.unit}"
+        for name, derived in document.motors.derived.items()
     ]
-    yield ", ".join(told)
+    yield ", ".join(lines)
     yield f"rotors {document.motors.layout}, {document.motors.curve} thrust of {document.motors.source}"
 
 
@@ -274,9 +279,9 @@ def _derived(document: ResultDocument) -> Iterator[str]:
     """What follows from the parameters and what is known beside them."""
     if (derived := document.derived) is None:
         return
-    for name, one in derived.quantities.items():
-        unit = "" if one.unit == "1" else f" {one.unit}"
-        yield f"{name} {with_error(one.value, one.std)}{unit}: {one.words}"
+    for name, quantity in derived.quantities.items():
+        unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+        yield f"{name} {with_error(quantity.value, quantity.std)}{unit}: {quantity.words}"
     for name, needed in derived.missing.items():
         yield f"{name} would follow with {', '.join(needed)} (--known {needed[0]}=VALUE:STD)"
 
@@ -292,17 +297,17 @@ def _fit(document: ResultDocument) -> Iterator[str]:
     if document.fit_percent:
         fits = ", ".join(f"{name} {percent:.1f} %" for name, percent in document.fit_percent.items())
         yield f"{document.method.replace('_', ' ')}, {document.hold}-order hold; explained: {fits}"
-    yield from _alone(document)
+    yield from _lines_by_record(document)
 
 
-def _alone(document: ResultDocument) -> Iterator[str]:
+def _lines_by_record(document: ResultDocument) -> Iterator[str]:
     """What each record alone says of the parameters of a nonlinear model, and their spread."""
-    for name in dict.fromkeys(name for one in document.records for name in one.parameters):
-        said = [one.parameters[name] for one in document.records if name in one.parameters]
-        if len(said) > 1:
-            each = ", ".join(with_error(one.value, one.std, digits=3) for one in said)
-            mean, spread = fmean(one.value for one in said), stdev(one.value for one in said)
-            yield f"{name} of {len(said)} records alone: mean {mean:.3g}, spread {spread:.2g} ({each})"
+    for name in dict.fromkeys(name for fit in document.records for name in fit.parameters):
+        estimates = [fit.parameters[name] for fit in document.records if name in fit.parameters]
+        if len(estimates) > 1:
+            each = ", ".join(with_error(derived.value, derived.std, digits=3) for derived in estimates)
+            mean, spread = fmean(derived.value for derived in estimates), stdev(derived.value for derived in estimates)
+            yield f"{name} of {len(estimates)} records alone: mean {mean:.3g}, spread {spread:.2g} ({each})"
 
 
 def _orders(document: ResultDocument) -> Iterator[str]:
@@ -312,14 +317,14 @@ def _orders(document: ResultDocument) -> Iterator[str]:
     if (choice := document.orders) is None:
         return
     yield "order  parameters  fit of what was fitted  of what was not seen  behind the best       MDL"
-    for one in choice.rows:
-        if one.refused:
-            yield f"{one.order:5d}  {one.refused}"
+    for row in choice.rows:
+        if row.refused:
+            yield f"{row.order:5d}  {row.refused}"
             continue
         yield (
-            f"{one.order:5d}{one.parameters:12d}{one.fitted_percent or 0.0:22.1f} %"
-            f"{with_error(one.unseen_percent, one.unseen_std):>19} %"
-            f"{with_error(one.behind_percent, one.behind_std):>16}{one.bic or 0.0:10.0f}"
+            f"{row.order:5d}{row.parameters:12d}{row.fitted_percent or 0.0:22.1f} %"
+            f"{with_error(row.unseen_percent, row.unseen_std):>19} %"
+            f"{with_error(row.behind_percent, row.behind_std):>16}{row.bic or 0.0:10.0f}"
         )
     yield order_words(choice)
 
@@ -350,9 +355,9 @@ def _runs(runs: SearchRuns) -> Iterator[str]:
     left = f", {sum(runs.left_out.values())} without an answer" if runs.left_out else ""
     for words, table in (("alone", runs.alone), ("with local searches", runs.polished)):
         yield f"{runs.runs} runs from other seeds{left}, {words}: mean ± standard deviation (least to largest)"
-        for name, one in {"cost": table.cost, **table.parameters}.items():
-            ends = f"{significant(one.min, digits=4)} to {significant(one.max, digits=4)}"
-            yield f"  {name:<15} {with_error(one.mean, one.std)} ({ends})"
+        for name, spread in {"cost": table.cost, **table.parameters}.items():
+            ends = f"{significant(spread.min, digits=4)} to {significant(spread.max, digits=4)}"
+            yield f"  {name:<15} {with_error(spread.mean, spread.std)} ({ends})"
 
 
 def _verified(document: ResultDocument) -> Iterator[str]:

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from rotorid.cli.command import print_if_asked, target_of
-from rotorid.cli.console import as_given, progress, tell
+from rotorid.cli.console import as_given, log_progress, progress
 from rotorid.cli.folders import Found
 from rotorid.cli.options import AgainstPlan, ForPaper, Logs, Map, Only, Output
 from rotorid.data.findings import worst_first
 from rotorid.data.quantity import milliseconds, with_error
 from rotorid.errors import UsageError
 from rotorid.settings.option import Option
-from rotorid.signal.airborne import told_by
+from rotorid.signal.airborne import evidence_words
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -36,7 +36,7 @@ Plot: TypeAlias = Annotated[Path | None, Option("--plot", "Write a picture of th
 FILE, REPORT = "inspect.json", "report.html"
 _MOST_FINDINGS = 8
 _MOST_SKEWS = 6
-_TOLD_ELSEWHERE = ("airborne", "clock_skew", "kinematic_consistency", "kinematics_unchecked")
+_SHOWN_ELSEWHERE = ("airborne", "clock_skew", "kinematic_consistency", "kinematics_unchecked")
 """What stands in lines of its own; only warnings of these are said again."""
 
 
@@ -79,7 +79,7 @@ def inspect_command(
         record, *others = islice(found.records(map), 2)
         if others:
             raise _too_many("a folder of several logs")
-        tell("inspecting")
+        log_progress("inspecting")
         inspection = _inspected(record, wanted)
     if plot is not None:
         write_inspection(plot, record, inspection)
@@ -180,7 +180,7 @@ def _print(inspection: Inspection, file: Path, map: Path | None, plot: Path | No
     if inspection.kinematics or inspection.skews:
         say([*_kinematics(inspection), *_skews(inspection.skews)], "do sensors and clocks agree")
     say(_supports(inspection), "what it can support")
-    findings = [f for f in inspection.findings if f.severity != "info" or f.kind not in _TOLD_ELSEWHERE]
+    findings = [f for f in inspection.findings if f.severity != "info" or f.kind not in _SHOWN_ELSEWHERE]
     if findings:
         say(_findings(findings), "findings")
     commands = [f"  {as_given(command, file, map)}" for command in inspection.next_commands]
@@ -203,7 +203,7 @@ def _head(inspection: Inspection) -> Iterator[str]:
     )
     if inspection.flights:
         spans = ", ".join(f"{flight.start_s:.1f} to {flight.stop_s:.1f} s" for flight in inspection.flights)
-        yield f"in the air {spans}, {told_by(inspection.flights[0].seen_in)}"
+        yield f"in the air {spans}, {evidence_words(inspection.flights[0].seen_in)}"
     if inspection.settings:
         yield "  ".join(f"{name}={_setting(value)}" for name, value in inspection.settings.items())
 

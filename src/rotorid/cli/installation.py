@@ -93,13 +93,15 @@ def examine(*, self_test: bool = True, json: bool = False) -> bool:
         checks += found
         if not json:
             _print(found)
-    sound = all(check.state != "broken" for check in checks)
+    healthy = all(check.state != "broken" for check in checks)
     if json:
-        document = {"schema": SCHEMA, "sound": sound, "checks": [asdict(check) for check in checks]}
+        document = {"schema": SCHEMA, "sound": healthy, "checks": [asdict(check) for check in checks]}
         sys.stdout.write(json_text.dumps(document, indent=2) + "\n")
     else:
-        print("This installation is sound." if sound else "This installation is not sound: see what is marked BROKEN.")
-    return sound
+        print(
+            "This installation is sound." if healthy else "This installation is not sound: see what is marked BROKEN."
+        )
+    return healthy
 
 
 def _without_fail(look: Callable[[], list[Check]]) -> list[Check]:
@@ -198,19 +200,19 @@ def _machine() -> list[Check]:
     if memory is not None:
         enough = memory >= _LEAST_MEMORY_B
         remedy = "" if enough else "logs beyond 100 MB and motor models want 2 GiB: close other programs"
-        said = f"{memory / _GIB:.1f} GiB free"
+        answer = f"{memory / _GIB:.1f} GiB free"
         checks.append(
-            Check(group="machine", name="memory", state="ok" if enough else "missing", said=said, remedy=remedy)
+            Check(group="machine", name="memory", state="ok" if enough else "missing", said=answer, remedy=remedy)
         )
     place = Path(tempfile.gettempdir())
     room = shutil.disk_usage(place).free
     enough = room >= _LEAST_ROOM_B
     remedy = "" if enough else "make room, or name another place with TMPDIR: packed logs are unpacked there"
-    said = f"{room / _GIB:.1f} GiB free in {place}"
+    answer = f"{room / _GIB:.1f} GiB free in {place}"
     with tempfile.TemporaryFile() as file:
         file.write(b"rotorid")
     checks.append(
-        Check(group="machine", name="temporary", state="ok" if enough else "missing", said=said, remedy=remedy)
+        Check(group="machine", name="temporary", state="ok" if enough else "missing", said=answer, remedy=remedy)
     )
     return [*checks, _browser()]
 
@@ -242,12 +244,12 @@ def _cache() -> list[Check]:
     # Beside the package, or in the user's own cache where the package cannot be written: Numba's rule.
     places = [Path(own)] if own else [Path(__file__).parent.parent, Path.home() / ".cache" / "numba"]
     for place in places:
-        there = next((one for one in (place, *place.parents) if one.exists()), place)
+        there = next((path for path in (place, *place.parents) if path.exists()), place)
         if os.access(there, os.W_OK):
             return [Check(group="cache", name="compiled", state="ok", said=str(place))]
     remedy = "set NUMBA_CACHE_DIR to a folder that can be written"
-    said = f"{' and '.join(map(str, places))} cannot be written: each command compiles anew"
-    return [Check(group="cache", name="compiled", state="missing", said=said, remedy=remedy)]
+    answer = f"{' and '.join(map(str, places))} cannot be written: each command compiles anew"
+    return [Check(group="cache", name="compiled", state="missing", said=answer, remedy=remedy)]
 
 
 _PROTECTIONS: Mapping[str, str] = {
@@ -267,11 +269,11 @@ def _settings() -> list[Check]:
 
     file = place()
     try:
-        said = "none" if preferences() == Preferences() else str(file)
+        answer = "none" if preferences() == Preferences() else str(file)
     except UsageError as error:
         remedy = f"mend or remove {file}"
         return [Check(group="settings", name="preferences", state="broken", said=str(error), remedy=remedy)]
-    return [Check(group="settings", name="preferences", state="ok", said=said)]
+    return [Check(group="settings", name="preferences", state="ok", said=answer)]
 
 
 def _sandbox() -> list[Check]:
@@ -292,7 +294,7 @@ def _sandbox() -> list[Check]:
 
 def _self_test() -> list[Check]:
     """A flight made, written, read and identified, in a process of its own: a library that crashes ends that one."""
-    begun = time.monotonic()
+    started_s = time.monotonic()
     child = subprocess.run(
         [sys.executable, "-c", "from rotorid.flying.self_test import main; main()"],
         capture_output=True,
@@ -301,16 +303,16 @@ def _self_test() -> list[Check]:
         check=False,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(entry for entry in sys.path if entry)},
     )
-    seconds = time.monotonic() - begun
+    seconds = time.monotonic() - started_s
     if child.returncode != 0:
         last = (child.stderr.strip().splitlines() or ["it said nothing"])[-1]
-        said = f"ended with code {child.returncode}: {last[:200]}"
-        return [Check(group="self test", name="identify", state="broken", said=said, remedy=_REINSTALL)]
+        answer = f"ended with code {child.returncode}: {last[:200]}"
+        return [Check(group="self test", name="identify", state="broken", said=answer, remedy=_REINSTALL)]
     found = json_text.loads(child.stdout.strip().splitlines()[-1])
-    wrong = {name: one for name, one in found.items() if not abs(one["off"]) <= _TOO_FAR}
-    said = ", ".join(
-        f"{name} {with_error(one['value'], one['std'])} {one['unit']} (true {one['truth']:.4g})"
-        for name, one in found.items()
+    wrong = {name: estimate for name, estimate in found.items() if not abs(estimate["off"]) <= _TOO_FAR}
+    answer = ", ".join(
+        f"{name} {with_error(estimate['value'], estimate['std'])} {estimate['unit']} (true {estimate['truth']:.4g})"
+        for name, estimate in found.items()
     )
     remedy = "please report it, with this output" if wrong else ""
     return [
@@ -318,7 +320,7 @@ def _self_test() -> list[Check]:
             group="self test",
             name="identify",
             state="broken" if wrong else "ok",
-            said=f"{said} in {seconds:.0f} s",
+            said=f"{answer} in {seconds:.0f} s",
             remedy=remedy,
         )
     ]

@@ -22,7 +22,7 @@ def lab_command(
     from rotorid.cli.preferences import CHOICES, preferences
     from rotorid.lab.serving import serve
 
-    told = asdict(preferences())
+    defaults = asdict(preferences())
     serve(
         given,
         host=settings.host,
@@ -30,5 +30,5 @@ def lab_command(
         token=settings.token,
         show=lambda address: print(address, flush=True),
         launch=None if settings.no_browser else lambda door: typer.launch(str(door)),
-        preferred={name: told[name] for name in CHOICES if told[name] is not None},
+        preferred={name: defaults[name] for name in CHOICES if defaults[name] is not None},
     )

@@ -12,16 +12,16 @@ from pathlib import Path
 from rotorid.io.children import end_with_parent
 
 
-class _Told(logging.Handler):
+class _JsonProgress(logging.Handler):
     """Progress as lines of JSON on standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """One line."""
         if (cost := getattr(record, "cost", None)) is not None:
             if math.isfinite(cost):
-                self._tell({"cost": cost})
+                self._write({"cost": cost})
             return
-        self._tell(
+        self._write(
             {
                 "words": record.getMessage(),
                 "done": getattr(record, "done", None),
@@ -30,8 +30,8 @@ class _Told(logging.Handler):
         )
 
     @staticmethod
-    def _tell(told: dict[str, object]) -> None:
-        sys.stderr.write(json.dumps({"progress": told}) + "\n")
+    def _write(fields: dict[str, object]) -> None:
+        sys.stderr.write(json.dumps({"progress": fields}) + "\n")
         sys.stderr.flush()
 
 
@@ -39,7 +39,7 @@ def main() -> None:
     """Limit this process, then do what the words say; whatever goes wrong is said in the last line."""
     from rotorid.cli.console import say
     from rotorid.errors import RotoridError
-    from rotorid.lab.workers import SAID_WHY
+    from rotorid.lab.workers import EXIT_WITH_REASON
 
     memory_bytes = int(sys.argv.pop(1))
     with contextlib.suppress(ImportError, ValueError, OSError):
@@ -50,7 +50,7 @@ def main() -> None:
     end_with_parent()
     log = logging.getLogger("rotorid.progress")
     log.setLevel(logging.DEBUG)
-    log.addHandler(_Told())
+    log.addHandler(_JsonProgress())
     try:
         _do(sys.argv[1:])
     except RotoridError as error:
@@ -58,11 +58,11 @@ def main() -> None:
         sys.exit(error.exit_code)
     except MemoryError:
         say(f"rotorid: it needed more memory than the {memory_bytes / 2**30:g} GiB that a command has")
-        sys.exit(SAID_WHY)
+        sys.exit(EXIT_WITH_REASON)
     except Exception as error:
         # The page shows the last line that a worker says: a fault of ours is a sentence there too, not a traceback.
         say(f"rotorid: {type(error).__name__}: {error}")
-        sys.exit(SAID_WHY)
+        sys.exit(EXIT_WITH_REASON)
 
 
 def _do(words: list[str]) -> None:

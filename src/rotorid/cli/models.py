@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from rotorid.cli.options import Json, one_of
+from rotorid.cli.options import Json, complete_from
 from rotorid.settings.models import models_known
 from rotorid.settings.option import Option
 from rotorid.settings.parsing import NAMES
@@ -47,7 +47,7 @@ def models_command(
     name: Annotated[
         str | None,
         typer.Argument(
-            autocompletion=one_of(models_known),
+            autocompletion=complete_from(models_known),
             help="A model, to print as the TOML text that --model reads. [default: list all]",
         ),
     ] = None,

@@ -44,7 +44,7 @@ _CALLED = {
 }
 
 
-def one_of(words: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+def complete_from(words: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
     """What the shell completes a word to, the last one where several have commas between them.
 
     Parameters
@@ -59,9 +59,9 @@ def one_of(words: Iterable[str] | Callable[[], Iterable[str]]) -> Callable[[str]
     """
 
     def complete(incomplete: str) -> list[str]:
-        done, comma, begun = incomplete.rpartition(",")
+        done, comma, partial = incomplete.rpartition(",")
         known = words() if callable(words) else words
-        return [f"{done}{comma}{word}" for word in known if word.startswith(begun)]
+        return [f"{done}{comma}{word}" for word in known if word.startswith(partial)]
 
     return complete
 
@@ -188,7 +188,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
         kind, whole, only = _settings(parameter.annotation)
         if kind is not None:
-            items = [one for one in fields(kind) if option_of(one) and (not only or one.name in only)]
+            items = [field for field in fields(kind) if option_of(field) and (not only or field.name in only)]
             read[parameter.name] = kind if whole else dict, items
         elif option_of(item := _field(parameter)) is not None:
             items = [item]
@@ -267,7 +267,7 @@ def _declared(item: "Field[Any]", option: Option) -> Any:
     return typer.Option(
         *names,
         metavar=option.metavar or (option.text.form if option.text is not None else None) or listed or None,
-        autocompletion=one_of(words) if words else None,
+        autocompletion=complete_from(words) if words else None,
         min=least,
         max=most,
         **shown,

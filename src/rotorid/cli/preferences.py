@@ -107,18 +107,18 @@ def read_preferences(file: Path) -> Preferences:
         if file.stat().st_size > _MOST_BYTES:
             raise UsageError(f"{file} is larger than a file of settings", needed="a few lines")
         text = file.read_text(encoding="utf-8")
-        told = parse_toml(text)
+        table = parse_toml(text)
     # ValueError is Python's word for a name that no file can have, too.
     except (OSError, ValueError) as error:
         raise _unreadable(file, getattr(error, "strerror", None) or " ".join(str(error).split())) from None
-    if unknown := [key for key in told if key not in (*CHOICES, "out")]:
+    if unknown := [key for key in table if key not in (*CHOICES, "out")]:
         named = " and ".join(f"{key!r}{_line(text, key)}" for key in unknown)
         raise UsageError(
             f"{file} sets {named}, which {'is' if len(unknown) == 1 else 'are'} not known",
             needed=f"one of {', '.join((*CHOICES, 'out'))}",
         )
     return Preferences(
-        **{key: _checked(key, value, f"{file} sets {{}}{_line(text, key)}") for key, value in told.items()}
+        **{key: _checked(key, value, f"{file} sets {{}}{_line(text, key)}") for key, value in table.items()}
     )
 
 
@@ -139,8 +139,8 @@ def _line(text: str, key: str) -> str:
     return ""
 
 
-def _checked(key: str, value: Any, said: str) -> Any:
-    """A value that its key can have; ``said`` is the error, with room for both."""
+def _checked(key: str, value: Any, text: str) -> Any:
+    """A value that its key can have; ``text`` is the error, with room for both."""
     wanted = "a folder" if key == "out" else " or ".join(repr(word) for word in CHOICES[key])
     if key == "out" and isinstance(value, str) and value and "\0" not in value:
         try:
@@ -149,7 +149,7 @@ def _checked(key: str, value: Any, said: str) -> Any:
             wanted = "a folder that there can be: nobody's home is known by this name"
     elif key in CHOICES and value in CHOICES[key]:
         return value
-    raise UsageError(said.format(f"{key} = {value!r}"), needed=wanted)
+    raise UsageError(text.format(f"{key} = {value!r}"), needed=wanted)
 
 
 def results_folder() -> Path:

@@ -12,9 +12,9 @@ import typer
 
 from rotorid.cli.command import carry_out, command_line
 from rotorid.cli.console import default_folder, print_findings, progress
-from rotorid.cli.options import ForPaper, Map, Only, Output, one_of
+from rotorid.cli.options import ForPaper, Map, Only, Output, complete_from
 from rotorid.cli.preferences import results_folder
-from rotorid.cli.vehicles import Like, say_taken
+from rotorid.cli.vehicles import Like, print_vehicle_remarks
 from rotorid.errors import UsageError
 from rotorid.flying.settings import Air, PlanSettings, SimulateSettings, plan_settings, vehicle_names
 from rotorid.settings.flying import FlySettings
@@ -40,7 +40,7 @@ Vehicle: TypeAlias = Annotated[
     list[str],
     typer.Argument(
         metavar="VEHICLE...|RESULT...",
-        autocompletion=one_of(vehicle_names),
+        autocompletion=complete_from(vehicle_names),
         help="A vehicle of the library (see rotorid vehicles), a vehicle file .toml, or results of identify.",
     ),
 ]
@@ -88,12 +88,12 @@ def simulate_command(
             needed="no more than --map, --segment, --pieces, --seed: a model flies through what the log holds",
         )
         settings = FlySettings(**through, seed=flight["seed"])
-        _fly_log(vehicle, log, map=map, settings=settings, output=output, paper=paper)
+        _simulate_log(vehicle, log, map=map, settings=settings, output=output, paper=paper)
         return
     of_logs = [*(["--map"] if map is not None else []), *changed_options(FlySettings, through).values()]
     _refuse(of_logs, "without --log", needed="the log that a model is flown through")
     if plan not in (None, _NO_PLAN, EVERYDAY) and like is None and (models := _fliers(vehicle)):
-        _fly_plan(models, Path(plan or ""), vehicle, seed=flight["seed"], output=output, paper=paper)
+        _simulate_plan(models, Path(plan or ""), vehicle, seed=flight["seed"], output=output, paper=paper)
         return
     if paper.figures or paper.tables or paper.pdf:
         raise UsageError("--figures, --tables or --pdf came for a simulated log", needed="--log, or identify")
@@ -153,7 +153,7 @@ def _fly_vehicle(
         # Checked before the plan is made, which takes a while.
         choices = SimulateSettings(vehicle=named.entry, wind=air.wind, **{**flight, "changes": named.changes})
         if not output.quiet:
-            say_taken(named)
+            print_vehicle_remarks(named)
         with progress(quiet=output.quiet):
             choices = replace(choices, plan=_plan(plan, choices))
             with making(target) as made:
@@ -174,9 +174,9 @@ def _models(results: list[str]) -> list[IdentifiedModel]:
     """
     from rotorid.documents.result import load
 
-    if wrong := [one for one in results if not Path(one).exists()]:
+    if wrong := [result for result in results if not Path(result).exists()]:
         raise UsageError(f"{wrong[0]} came with --log", needed="results of identify, each a folder or its result.json")
-    return [load(one) for one in results]
+    return [load(result) for result in results]
 
 
 def _fliers(vehicle: list[str]) -> list[IdentifiedModel]:
@@ -184,16 +184,16 @@ def _fliers(vehicle: list[str]) -> list[IdentifiedModel]:
     from rotorid.documents.result import load
     from rotorid.flying.flown_models import flies_plans
 
-    folders = [Path(one) for one in vehicle]
-    if not all((one / "result.json").is_file() if one.is_dir() else one.name == "result.json" for one in folders):
+    folders = [Path(path) for path in vehicle]
+    if not all((path / "result.json").is_file() if path.is_dir() else path.name == "result.json" for path in folders):
         return []
-    models = [load(one) for one in folders]
-    drags = [one for one in models if one.nonlinear is not None and not flies_plans(one)]
-    others = [one for one in models if one not in drags]
+    models = [load(path) for path in folders]
+    drags = [model for model in models if model.nonlinear is not None and not flies_plans(model)]
+    others = [model for model in models if model not in drags]
     return models if others and all(map(flies_plans, others)) else []
 
 
-def _fly_log(
+def _simulate_log(
     results: list[str],
     logs: Sequence[Path],
     *,
@@ -206,7 +206,7 @@ def _fly_log(
     from rotorid.documents.flown import FLOWN, flown_document, refused_flown_document
     from rotorid.flying.flown_models import fly_log, one_model, refused_flight
     from rotorid.report.files import write_flown
-    from rotorid.report.publication import of_flown
+    from rotorid.report.publication import of_simulated
 
     models = _models(results)
     name = one_model(models)[0].name
@@ -221,13 +221,13 @@ def _fly_log(
         write=lambda folder, flown: write_flown(folder, flown, title=title),
         refused=lambda error, records: refused_flown_document(refused_flight(error, records, name, settings)),
         document=flown_document,
-        show=_print_flown,
+        show=_print_simulated,
         paper=paper,
-        publication=of_flown,
+        publication=of_simulated,
     )
 
 
-def _fly_plan(
+def _simulate_plan(
     models: list[IdentifiedModel], plan: Path, results: list[str], *, seed: int, output: Output, paper: ForPaper
 ) -> None:
     """Fly an identified model through a plan, and write what it did."""
@@ -235,7 +235,7 @@ def _fly_plan(
     from rotorid.documents.flown import FLOWN, flown_document
     from rotorid.flying.flown_models import fly_plan
     from rotorid.report.files import write_flown
-    from rotorid.report.publication import of_flown
+    from rotorid.report.publication import of_simulated
 
     wanted = read_plan(plan)
     carry_out(
@@ -247,13 +247,13 @@ def _fly_plan(
         write=lambda folder, flown: write_flown(folder, flown, title=f"{flown.model.name} through {wanted.name}"),
         refused=lambda error, _: error,
         document=flown_document,
-        show=_print_flown,
+        show=_print_simulated,
         paper=paper,
-        publication=of_flown,
+        publication=of_simulated,
     )
 
 
-def _print_flown(document: FlownDocument, folder: Path) -> None:
+def _print_simulated(document: FlownDocument, folder: Path) -> None:
     """How each output was followed, findings, where the files are."""
     from rich.table import Table
 
@@ -263,11 +263,11 @@ def _print_flown(document: FlownDocument, folder: Path) -> None:
     table = Table(title=f"{document.model} flown", title_justify="left", box=None, pad_edge=False)
     for name in ("flight", "seconds", "pieces", "output", "fit %", "TIC"):
         table.add_column(name, justify="left" if name in ("flight", "output") else "right")
-    for one in document.flights:
-        flight = f"{one.record} from {one.start_s:.1f} s", f"{one.stop_s - one.start_s:.1f}", str(one.pieces)
-        for output, scores in one.scores.items():
+    for item in document.flights:
+        flight = f"{item.record} from {item.start_s:.1f} s", f"{item.stop_s - item.start_s:.1f}", str(item.pieces)
+        for output, scores in item.scores.items():
             table.add_row(*flight, output, f"{scores.nrmse_fit_percent:.0f}", f"{scores.tic:.2f}")
-        if not one.scores:
+        if not item.scores:
             table.add_row(*flight, "", "", "")
     console.print(table)
     print_findings(document.findings)

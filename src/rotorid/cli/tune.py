@@ -99,7 +99,7 @@ def _check(
         file=CHECK,
         compute=lambda records: check_tuning(foretold, records, models, settings=settings),
         write=lambda folder, found: write_tuning_check(
-            folder, found, title=f"{', '.join(one.name for one in logs)} beside {proposal.name}"
+            folder, found, title=f"{', '.join(path.name for path in logs)} beside {proposal.name}"
         ),
         refused=lambda error, records: refused_check_document(refused_tuning(error, records, settings)),
         document=tune_check_document,
@@ -111,14 +111,14 @@ def _models_and_logs(given: Sequence[Path]) -> tuple[list[IdentifiedModel], list
     """Results, loaded, and logs."""
     from rotorid.documents.results import is_result, load_results
 
-    results = [one for one in given if is_result(one)]
-    return load_results(results), [one for one in given if one not in results]
+    results = [path for path in given if is_result(path)]
+    return load_results(results), [path for path in given if path not in results]
 
 
 def _write(folder: Path, proposal: TuningProposal, given: Sequence[Path]) -> None:
     from rotorid.report.files import write_tuning
 
-    write_tuning(folder, proposal, title=f"Gains from {', '.join(one.name for one in given)}")
+    write_tuning(folder, proposal, title=f"Gains from {', '.join(path.name for path in given)}")
 
 
 def _print(document: TuneDocument, folder: Path, given: Sequence[Path]) -> None:
@@ -128,19 +128,19 @@ def _print(document: TuneDocument, folder: Path, given: Sequence[Path]) -> None:
     from rotorid.documents.tune import LIMIT_IS_KEPT, path_sentence
 
     console = output_console()
-    for axis, one in document.axes.items():
+    for axis, tuning in document.axes.items():
         table = Table(title=axis, title_justify="left", box=None, pad_edge=False)
         for name in ("parameter", "flown", "proposed"):
             table.add_column(name, justify="left" if name == "parameter" else "right")
-        for name, gain in one.gains.items():
-            told = "stays" if gain.flown == gain.proposed else f"{gain.proposed:.4g}"
-            table.add_row(name, f"{gain.flown:.4g}", told)
+        for name, gain in tuning.gains.items():
+            text = "stays" if gain.flown == gain.proposed else f"{gain.proposed:.4g}"
+            table.add_row(name, f"{gain.flown:.4g}", text)
         console.print(table)
-        for line in _lines(one):
+        for line in _lines(tuning):
             console.print(line, highlight=False, markup=False)
-        if one.path:
-            console.print(_path_table(axis, one))
-            console.print(path_sentence(one), highlight=False, markup=False)
+        if tuning.path:
+            console.print(_path_table(axis, tuning))
+            console.print(path_sentence(tuning), highlight=False, markup=False)
     if (thrust := document.thrust) is not None and thrust.flown != thrust.proposed:
         line = (
             f"{thrust.parameter}: {thrust.flown:g} -> {thrust.proposed:g} would straighten thrust, by a file of its own"
@@ -149,7 +149,7 @@ def _print(document: TuneDocument, folder: Path, given: Sequence[Path]) -> None:
     if document.robustness:
         limit = f"limit: {document.robustness}; {LIMIT_IS_KEPT}"
         console.print(limit, highlight=False, markup=False)
-    for message in dict.fromkeys(one.message for one in document.findings if one.kind in _FURTHER_DATA):
+    for message in dict.fromkeys(finding.message for finding in document.findings if finding.kind in _FURTHER_DATA):
         console.print(f"note: {message}", highlight=False, markup=False)
     print_findings(document.findings, given)
     for name in (*document.files, *document.rollback_files):
@@ -164,33 +164,33 @@ def _print_check(document: TuneCheckDocument, folder: Path) -> None:
     from rotorid.documents.tune_check import METHODS, compared_words
 
     console = output_console()
-    for axis, one in document.axes.items():
+    for axis, checked in document.axes.items():
         table = Table(title=axis, title_justify="left", box=None, pad_edge=False)
         for name in ("figure", "foretold", "measured", "by", ""):
             table.add_column(name, justify="right" if name in ("foretold", "measured") else "left")
-        for row in one.figures:
+        for row in checked.figures:
             words = f"{_head(row.name)}, {'rate loop' if row.loop == 'rate' else 'with the angle loop'}"
             figure, result = QUANTITIES[row.name], compared_words(row)
             measured = (figure.with_ends(row.foretold), figure.with_ends(row.measured), METHODS[row.method])
             table.add_row(words, *measured, "" if result == "as foretold" else result)
         console.print(table)
-        console.print(f"{one.sentence} {one.advice}", highlight=False, markup=False)
+        console.print(f"{checked.sentence} {checked.advice}", highlight=False, markup=False)
     print_findings(document.findings)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
 
-def _path_table(axis: str, one: AxisTuneDocument) -> Table:
+def _path_table(axis: str, tuning: AxisTuneDocument) -> Table:
     """Gains and foretold margins of each flight to the goal."""
     from rich.table import Table
 
     from rotorid.documents.tune import step_name
 
-    names = list(one.path[0].gains)
+    names = list(tuning.path[0].gains)
     table = Table(title=f"path of {axis}", title_justify="left", box=None, pad_edge=False)
     table.add_column("flight")
     for name in (*names, *map(_head, _PATH), "attitude error"):
         table.add_column(name, justify="right")
-    for step in one.path:
+    for step in tuning.path:
         table.add_row(
             step_name(step),
             *(f"{step.gains[name]:.4g}" for name in names),
@@ -209,26 +209,26 @@ def _head(name: str) -> str:
     return f"{row.before} in {row.unit}" if row.unit else row.before
 
 
-def _lines(one: AxisTuneDocument) -> list[str]:
+def _lines(tuning: AxisTuneDocument) -> list[str]:
     """Why gains stay or what binds them, and margins of both loops before and after."""
     from rotorid.documents.tune import end_of
 
-    lines = [f"{'bound' if one.changed else 'stays'}: {'; '.join(one.reasons)}"] if one.reasons else []
-    where = end_of(one)
+    lines = [f"{'bound' if tuning.changed else 'stays'}: {'; '.join(tuning.reasons)}"] if tuning.reasons else []
+    where = end_of(tuning)
     for loop, before, after in (
-        (f"rate loop{where and ', '}{where}", one.flown, one.proposed),
-        ("with the angle loop", one.flown_whole, one.proposed_whole),
+        (f"rate loop{where and ', '}{where}", tuning.flown, tuning.proposed),
+        ("with the angle loop", tuning.flown_whole, tuning.proposed_whole),
     ):
-        told = [
+        texts = [
             f"{_head(name)} {QUANTITIES[name].with_ends(before[name]) if name in before else 'unknown'}"
-            + (f" -> {QUANTITIES[name].with_ends(after[name])}" if one.changed else "")
+            + (f" -> {QUANTITIES[name].with_ends(after[name])}" if tuning.changed else "")
             for name in _COMPARED
             if name in after
         ]
-        lines.append(f"{loop}: {', '.join(told)}")
-    if one.changed:
+        lines.append(f"{loop}: {', '.join(texts)}")
+    if tuning.changed:
         lines.append(
-            f"attitude error under a disturbance: {100.0 * one.attitude_ratio.value:.0f} % of what it was; noise of "
-            f"the command: {100.0 * one.noise_ratio:.0f} % of what it was"
+            f"attitude error under a disturbance: {100.0 * tuning.attitude_ratio.value:.0f} % of what it was; noise of "
+            f"the command: {100.0 * tuning.noise_ratio:.0f} % of what it was"
         )
     return lines

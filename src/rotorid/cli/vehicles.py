@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from rotorid.cli.console import say
-from rotorid.cli.options import Json, one_of
+from rotorid.cli.options import Json, complete_from
 from rotorid.flying.settings import LIKE_HELP, VehicleFileSettings, vehicle_names
 from rotorid.settings.option import Option, options_given
 
@@ -28,7 +28,7 @@ def vehicles_command(
         list[str] | None,
         typer.Argument(
             metavar="[VEHICLE]...",
-            autocompletion=one_of(vehicle_names),
+            autocompletion=complete_from(vehicle_names),
             help="With --toml: a name, or results of one vehicle.",
         ),
     ] = None,
@@ -63,11 +63,11 @@ def _print_file(words: list[str], file: VehicleFileSettings) -> None:
             f"--set {', '.join(named.changes)} came for a file", needed="numbers that results hold, or none"
         )
     text = named.toml
-    say_taken(named)
+    print_vehicle_remarks(named)
     sys.stdout.write(text)
 
 
-def say_taken(named: NamedVehicle) -> None:
+def print_vehicle_remarks(named: NamedVehicle) -> None:
     """What a vehicle from results has of another one, and what there is to remark, to standard error."""
     if named.own is not None:
         say(f"taken from {named.own.like}: {'; '.join(named.own.taken)}")

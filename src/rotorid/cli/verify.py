@@ -72,28 +72,28 @@ def _print(document: VerifyDocument, folder: Path) -> None:
     table = Table(title=f"{document.model} on unseen maneuvers", title_justify="left", box=None, pad_edge=False)
     for name in ("maneuver", "output"):
         table.add_column(name, justify="left")
-    ahead = sorted({horizon.horizon_s for one in document.maneuvers for horizon in one.ahead})
+    ahead = sorted({horizon.horizon_s for check in document.maneuvers for horizon in check.ahead})
     over = [f"TIC {horizon_s:.2g} s ahead" for horizon_s in ahead]
     for name in ("TIC", "fit %", *over, "holds s", "TIC closed loop", "verdict"):
         table.add_column(name, justify="left" if name == "verdict" else "right")
-    for one in document.maneuvers:
-        by_horizon = {horizon.horizon_s: horizon.outputs for horizon in one.ahead}
-        for output, scores in one.scores.items():
-            seen = [by_horizon.get(horizon_s, {}).get(output) for horizon_s in ahead]
+    for check in document.maneuvers:
+        by_horizon = {horizon.horizon_s: horizon.outputs for horizon in check.ahead}
+        for output, scores in check.scores.items():
+            row_scores = [by_horizon.get(horizon_s, {}).get(output) for horizon_s in ahead]
             table.add_row(
-                f"{one.record}: {one.axis} {one.kind} at {one.start_s:.1f} s",
-                output if output in one.moved else f"({output})",
+                f"{check.record}: {check.axis} {check.kind} at {check.start_s:.1f} s",
+                output if output in check.moved else f"({output})",
                 f"{scores.tic:.2f}",
                 f"{scores.nrmse_fit_percent:.0f}",
-                *("" if item is None else f"{item.tic:.2f}" for item in seen),
-                f"{one.holds_s[output]:.2g}" if output in one.holds_s else "",
-                f"{one.closed_loop.scores[output].tic:.2f}" if one.closed_loop else "",
-                one.verdict,
+                *("" if item is None else f"{item.tic:.2f}" for item in row_scores),
+                f"{check.holds_s[output]:.2g}" if output in check.holds_s else "",
+                f"{check.closed_loop.scores[output].tic:.2f}" if check.closed_loop else "",
+                check.verdict,
             )
     if document.maneuvers:
         console.print(table)
         console.print("an output in parentheses hardly moved in that maneuver and is not judged")
-        worst = max(one.j_rms for one in document.maneuvers)
+        worst = max(check.j_rms for check in document.maneuvers)
         # Accelerations of motors have none.
         if worst > 0.0:
             console.print(f"J_rms up to {worst:.2f} (degrees and feet){_guideline(document)}", highlight=False)

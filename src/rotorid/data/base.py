@@ -64,7 +64,7 @@ def _rebuild(kind: type[Value], state: Mapping[str, Any]) -> Value:
     return kind(**state)
 
 
-def remembered(function: Callable[Parameters, Value]) -> Callable[Parameters, Value]:
+def cached_by_value(function: Callable[Parameters, Value]) -> Callable[Parameters, Value]:
     """Keep what a function of a value answers for as long as the value lives: values do not change.
 
     The first argument is the value; the others have to be hashable. Errors are not kept.

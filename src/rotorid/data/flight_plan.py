@@ -180,7 +180,7 @@ class FlightPlan(Immutable):
     def __post_init__(self) -> None:
         if not self.inputs:
             raise UsageError(f"the plan {self.name} without test inputs came", needed="at least one")
-        self._set(inputs=tuple(sorted(self.inputs, key=lambda one: one.start_s)))
+        self._set(inputs=tuple(sorted(self.inputs, key=lambda planned: planned.start_s)))
         if not (0.0 <= self.trim_s <= LONGEST_S and self.duration_s <= LONGEST_S):
             raise UsageError(
                 f"the plan {self.name} lasts {self.duration_s:g} s with a rest of {self.trim_s:g} s",
@@ -190,17 +190,17 @@ class FlightPlan(Immutable):
     @property
     def duration_s(self) -> float:
         """From zero to the end of the last rest."""
-        return max(one.stop_s for one in self.inputs) + self.trim_s
+        return max(planned.stop_s for planned in self.inputs) + self.trim_s
 
     @property
     def maneuvers(self) -> tuple[Maneuver, ...]:
         """The intervals that are excited on purpose."""
-        return tuple(one.maneuver for one in self.inputs if one.shape != "sticks")
+        return tuple(planned.maneuver for planned in self.inputs if planned.shape != "sticks")
 
     @property
     def axes(self) -> tuple[Axis, ...]:
         """The excited axes, each once, in the order of their starts."""
-        return tuple(dict.fromkeys(one.axis for one in self.inputs))
+        return tuple(dict.fromkeys(planned.axis for planned in self.inputs))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -501,8 +501,8 @@ class FlightRecord(Immutable):
         return lines_of(self._head, self._rows)
 
     def _repr_html_(self) -> str:
-        said = Findings(self.findings)._repr_html_() if self.findings else ""
-        return html_table(self._head, ["topic", "rate", "samples", "channels"], self._rows) + said
+        findings_html = Findings(self.findings)._repr_html_() if self.findings else ""
+        return html_table(self._head, ["topic", "rate", "samples", "channels"], self._rows) + findings_html
 
     @property
     def _head(self) -> str:

@@ -243,8 +243,8 @@ class FrequencyResponse(Immutable):
         return lines_of(self._head, self._rows)
 
     def _repr_html_(self) -> str:
-        said = Findings(self.findings)._repr_html_() if self.findings else ""
-        return html_table(self._head, ["response", "coherence", "random error"], self._rows) + said
+        findings_html = Findings(self.findings)._repr_html_() if self.findings else ""
+        return html_table(self._head, ["response", "coherence", "random error"], self._rows) + findings_html
 
     @property
     def _head(self) -> str:
@@ -260,7 +260,9 @@ class FrequencyResponse(Immutable):
             for u, input in enumerate(self.inputs):
                 known = np.isfinite(self.values[y, u])
                 coherence, error = self.coherence[y, u, known], self.random_error[y, u, known]
-                seen = f"coherence {coherence.min():.3f} to {coherence.max():.3f}" if known.any() else "not known"
+                coherence_words = (
+                    f"coherence {coherence.min():.3f} to {coherence.max():.3f}" if known.any() else "not known"
+                )
                 usual = f"error {100.0 * float(np.median(error)):.1f} % (median)" if known.any() else ""
-                rows.append((f"{output}/{input}", seen, usual))
+                rows.append((f"{output}/{input}", coherence_words, usual))
         return rows

@@ -178,11 +178,11 @@ def _parameters(entries: Sequence[Entry]) -> dict[str, ComparedParameterDocument
             for name, before, after in pairs
         ]
     )
-    answers = {(name, label): one for (name, _, label), one in zip(pairs, compared, strict=True)}
+    answers = {(name, label): difference for (name, _, label), difference in zip(pairs, compared, strict=True)}
     return {
         name: ComparedParameterDocument(
             unit=unit,
-            values={label: _value(one, answers.get((name, label))) for label, one in values.items()},
+            values={label: _value(estimate, answers.get((name, label))) for label, estimate in values.items()},
         )
         for name, (unit, values) in found.items()
     }
@@ -192,27 +192,27 @@ def _independent(
     name: str, values: Mapping[str, ParameterEstimate], entries: Mapping[str, Entry]
 ) -> Iterator[tuple[str, str]]:
     """The first result that has an error, with each that measured the same number on other logs."""
-    first = next((label for label, one in values.items() if one.std), None)
+    first = next((label for label, estimate in values.items() if estimate.std), None)
     if first is None:
         return
     here = entries[first]
     parameter = name.partition(" ")[0]
-    for label, one in values.items():
+    for label, estimate in values.items():
         there = entries[label]
         alike = basis_of(there.model, parameter) == basis_of(here.model, parameter)
-        if label != first and one.std and alike and not here.fitted_logs & there.fitted_logs:
+        if label != first and estimate.std and alike and not here.fitted_logs & there.fitted_logs:
             yield first, label
 
 
-def _estimate(one: ParameterEstimate) -> tuple[float, float]:
-    return one.value, one.std or 0.0
+def _estimate(estimate: ParameterEstimate) -> tuple[float, float]:
+    return estimate.value, estimate.std or 0.0
 
 
-def _value(one: ParameterEstimate, difference: Difference | None) -> ComparedValueDocument:
+def _value(estimate: ParameterEstimate, difference: Difference | None) -> ComparedValueDocument:
     return ComparedValueDocument(
-        value=one.value,
-        std=one.std,
-        status=one.status,
+        value=estimate.value,
+        std=estimate.std,
+        status=estimate.status,
         z=None if difference is None else finite(difference.distance),
         verdict=None if difference is None else difference.verdict,
     )

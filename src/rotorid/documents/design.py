@@ -14,7 +14,7 @@ from rotorid.data.findings import Finding, worst_first
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
 from rotorid.documents.base import Document, FindingDocument, ManeuverDocument, ProvenanceDocument, checked
 from rotorid.errors import UsageError
-from rotorid.flying.designs import Designed, Told, best_of, computed_for
+from rotorid.flying.designs import Designed, PlanPrediction, best_of, computed_for
 from rotorid.flying.settings import DesignSettings
 from rotorid.flying.simulation import Simulation, flown_vehicle
 from rotorid.io import documents
@@ -58,18 +58,18 @@ def plan_document(plan: FlightPlan) -> PlanDocument:
         trim_s=plan.trim_s,
         inputs=[
             PlannedInputDocument(
-                axis=one.axis,
-                shape=one.shape,
-                start_s=one.start_s,
-                stop_s=one.stop_s,
-                amplitude=one.amplitude,
-                band_rad_s=one.band_rad_s,
-                entry=one.entry,
-                settings=dict(one.settings),
-                sample_rate_hz=one.sample_rate_hz,
-                values=np.round(one.values, _DIGITS).tolist(),
+                axis=planned.axis,
+                shape=planned.shape,
+                start_s=planned.start_s,
+                stop_s=planned.stop_s,
+                amplitude=planned.amplitude,
+                band_rad_s=planned.band_rad_s,
+                entry=planned.entry,
+                settings=dict(planned.settings),
+                sample_rate_hz=planned.sample_rate_hz,
+                values=np.round(planned.values, _DIGITS).tolist(),
             )
-            for one in plan.inputs
+            for planned in plan.inputs
         ],
     )
 
@@ -78,17 +78,17 @@ def plan_of(document: PlanDocument) -> FlightPlan:
     """The plan that a document holds."""
     inputs = tuple(
         PlannedInput(
-            axis=one.axis,
-            shape=one.shape,
-            start_s=one.start_s,
-            values=np.array(one.values),
-            sample_rate_hz=one.sample_rate_hz,
-            amplitude=one.amplitude,
-            band_rad_s=one.band_rad_s,
-            entry=one.entry,
-            settings=one.settings,
+            axis=planned.axis,
+            shape=planned.shape,
+            start_s=planned.start_s,
+            values=np.array(planned.values),
+            sample_rate_hz=planned.sample_rate_hz,
+            amplitude=planned.amplitude,
+            band_rad_s=planned.band_rad_s,
+            entry=planned.entry,
+            settings=planned.settings,
         )
-        for one in document.inputs
+        for planned in document.inputs
     )
     return FlightPlan(name=document.name, inputs=inputs, trim_s=document.trim_s)
 
@@ -336,7 +336,7 @@ def _plan_summary(designed: Designed, folder: str, files: Sequence[str]) -> Plan
             for part in planned.plan.inputs
         ],
         reached=ReachedDocument.model_validate(planned.reached),
-        predictions=[_prediction(told) for told in designed.told],
+        predictions=[_prediction(predicted) for predicted in designed.told],
         shortest=[
             ShortestDocument(
                 model=model,
@@ -351,12 +351,12 @@ def _plan_summary(designed: Designed, folder: str, files: Sequence[str]) -> Plan
     )
 
 
-def _prediction(told: Told) -> PredictionDocument:
-    prediction = told.prediction
+def _prediction(predicted: PlanPrediction) -> PredictionDocument:
+    prediction = predicted.prediction
     if prediction is None:
-        return PredictionDocument(model=told.model, refused=told.refused)
+        return PredictionDocument(model=predicted.model, refused=predicted.refused)
     return PredictionDocument(
-        model=told.model,
+        model=predicted.model,
         parameters={
             parameter.name: PredictedParameterDocument(
                 value=parameter.value,
@@ -371,7 +371,7 @@ def _prediction(told: Told) -> PredictionDocument:
             for parameter in prediction.parameters
         },
         responses={
-            f"{output}/{command}": _response(told, y, u)
+            f"{output}/{command}": _response(predicted, y, u)
             for y, output in enumerate(prediction.response.outputs)
             for u, command in enumerate(prediction.response.inputs)
         },
@@ -380,8 +380,8 @@ def _prediction(told: Told) -> PredictionDocument:
     )
 
 
-def _response(told: Told, output: int, command: int) -> PredictedResponseDocument:
-    prediction = told.prediction
+def _response(predicted: PlanPrediction, output: int, command: int) -> PredictedResponseDocument:
+    prediction = predicted.prediction
     assert prediction is not None
     used = prediction.used[output, command]
     if not used.any():

@@ -126,7 +126,7 @@ class ModelsDocument(Document):
 
 def number_documents(numbers: Mapping[str, VehicleNumber]) -> dict[str, NumberDocument]:
     """Numbers of a vehicle as a document holds them."""
-    return {name: NumberDocument.model_validate(one) for name, one in numbers.items()}
+    return {name: NumberDocument.model_validate(number) for name, number in numbers.items()}
 
 
 def file_documents(files: Mapping[str, str | bytes]) -> list[FileDocument]:

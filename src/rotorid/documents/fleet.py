@@ -230,8 +230,8 @@ def fleet_document(
         Words of the command line.
     """
     population: dict[str, dict[str, PopulationDocument]] = {}
-    for (model, parameter), one in analysis.populations.items():
-        population.setdefault(model, {})[parameter] = _population(one)
+    for (model, parameter), item in analysis.populations.items():
+        population.setdefault(model, {})[parameter] = _population(item)
     histories, verdicts = analysis.histories, verdicts_of(analysis)
     return FleetDocument(
         logs=counts.logs,
@@ -244,82 +244,82 @@ def fleet_document(
         vehicles=len(verdicts),
         sentences=list(sentences(analysis, counts)),
         checked=CheckedDocument.model_validate(checked(verdicts)),
-        verdicts=[_verdict(one) for one in verdicts],
-        several_vehicles=[SeveralVehiclesDocument.model_validate(one) for one in analysis.several],
-        other_gains=[OtherGainsDocument.model_validate(one) for one in analysis.other_gains],
+        verdicts=[_verdict(verdict) for verdict in verdicts],
+        several_vehicles=[SeveralVehiclesDocument.model_validate(vehicles) for vehicles in analysis.several],
+        other_gains=[OtherGainsDocument.model_validate(gains) for gains in analysis.other_gains],
         command=list(command),
         settings=dict(settings),
-        failed=[FailedLogDocument.model_validate(one) for one in failed],
+        failed=[FailedLogDocument.model_validate(failure) for failure in failed],
         population=population,
         changes=[
             ChangeDocument(
-                **_who(one),
+                **_who(history),
                 at_flight=change.at_flight,
-                log=one.rows[change.at_flight - 1].log,
+                log=history.rows[change.at_flight - 1].log,
                 before=QuantityDocument.model_validate(change.before),
                 after=QuantityDocument.model_validate(change.after),
                 probability=change.probability,
             )
-            for one in histories
-            for change in one.changes
+            for history in histories
+            for change in history.changes
         ],
-        causes=[CauseDocument.model_validate(one) for one in analysis.causes],
+        causes=[CauseDocument.model_validate(cause) for cause in analysis.causes],
         drifts=[
             DriftDocument(
-                **_who(one),
-                slope=QuantityDocument.model_validate(one.drift.slope),
-                probability=one.drift.probability,
+                **_who(history),
+                slope=QuantityDocument.model_validate(history.drift.slope),
+                probability=history.drift.probability,
             )
-            for one in histories
-            if one.drift is not None
+            for history in histories
+            if history.drift is not None
         ],
         outliers=OutliersDocument(
             vehicles=[
-                OddVehicleDocument(**_who(one), probability=one.odd_vehicle)
-                for one in histories
-                if one.odd_vehicle is not None
+                OddVehicleDocument(**_who(history), probability=history.odd_vehicle)
+                for history in histories
+                if history.odd_vehicle is not None
             ],
             flights=[
                 OddFlightDocument(
-                    **_who(one),
+                    **_who(history),
                     flight=odd.flight,
-                    log=one.rows[odd.flight - 1].log,
+                    log=history.rows[odd.flight - 1].log,
                     value=QuantityDocument.model_validate(odd.value),
                     expected=odd.expected,
                     probability=odd.probability,
                 )
-                for one in histories
-                for odd in one.odd
+                for history in histories
+                for odd in history.odd
             ],
         ),
         groups=[
-            DifferenceDocument.model_validate({**one.__dict__, "relative": finite(one.relative)})
-            for one in analysis.differences
+            DifferenceDocument.model_validate({**difference.__dict__, "relative": finite(difference.relative)})
+            for difference in analysis.differences
         ],
     )
 
 
-def _verdict(one: VehicleVerdict) -> VehicleVerdictDocument:
+def _verdict(verdict: VehicleVerdict) -> VehicleVerdictDocument:
     return VehicleVerdictDocument(
-        vehicle=one.vehicle,
-        flights=one.flights,
-        verdict=one.verdict,
-        why=one.why,
+        vehicle=verdict.vehicle,
+        flights=verdict.flights,
+        verdict=verdict.verdict,
+        why=verdict.why,
         numbers=[
             CheckedNumberDocument(
-                model=model, parameter=name, verdict=found, detectable_share=finite(one.detectable[model, name])
+                model=model, parameter=name, verdict=found, detectable_share=finite(verdict.detectable[model, name])
             )
-            for (model, name), found in one.numbers.items()
+            for (model, name), found in verdict.numbers.items()
         ],
     )
 
 
-def _who(one: History) -> dict[str, str]:
-    return {"vehicle": one.vehicle, "model": one.model, "parameter": one.parameter}
+def _who(history: History) -> dict[str, str]:
+    return {"vehicle": history.vehicle, "model": history.model, "parameter": history.parameter}
 
 
-def _population(one: Population) -> PopulationDocument:
-    def told(value: Any) -> QuantityDocument | None:
+def _population(population: Population) -> PopulationDocument:
+    def optional_quantity(value: Any) -> QuantityDocument | None:
         if value is None:
             return None
         return QuantityDocument(
@@ -331,13 +331,13 @@ def _population(one: Population) -> PopulationDocument:
         )
 
     return PopulationDocument(
-        unit=one.mean.unit,
-        mean=QuantityDocument.model_validate(one.mean),
-        between_std=told(one.between),
-        within_std=told(one.within),
-        normal=None if one.low is None or one.high is None else (one.low, one.high),
-        scale="log" if one.scale.logarithmic else "linear",
-        model_std=one.model_std,
-        vehicles=one.vehicles,
-        flights=one.flights,
+        unit=population.mean.unit,
+        mean=QuantityDocument.model_validate(population.mean),
+        between_std=optional_quantity(population.between),
+        within_std=optional_quantity(population.within),
+        normal=None if population.low is None or population.high is None else (population.low, population.high),
+        scale="log" if population.scale.logarithmic else "linear",
+        model_std=population.model_std,
+        vehicles=population.vehicles,
+        flights=population.flights,
     )

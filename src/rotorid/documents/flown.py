@@ -54,18 +54,18 @@ def flown_document(flown: FlownModel) -> FlownDocument:
         parameters=dict(flown.model.parameters),
         flights=[
             FlownFlightDocument(
-                record=one.record,
-                start_s=one.maneuver.start_s,
-                stop_s=one.maneuver.stop_s,
-                samples=one.time_s.size,
-                sample_rate_hz=one.sample_rate_hz,
-                pieces=len(one.starts),
-                inputs=list(one.input_names),
-                outputs=list(one.output_names),
-                scores=dict(one.scores),
+                record=stretch.record,
+                start_s=stretch.maneuver.start_s,
+                stop_s=stretch.maneuver.stop_s,
+                samples=stretch.time_s.size,
+                sample_rate_hz=stretch.sample_rate_hz,
+                pieces=len(stretch.starts),
+                inputs=list(stretch.input_names),
+                outputs=list(stretch.output_names),
+                scores=dict(stretch.scores),
                 signals=f"flight_{number + 1}",
             )
-            for number, one in enumerate(flown.stretches)
+            for number, stretch in enumerate(flown.stretches)
         ],
         findings=[FindingDocument.model_validate(finding) for finding in flown.findings],
         provenance=ProvenanceDocument.model_validate(flown.provenance),
@@ -85,7 +85,7 @@ def flown_arrays(flown: FlownModel) -> Mapping[str, np.ndarray]:
     """All signals, as ``flown.npz`` holds them."""
     kinds = ("time_s", "inputs", "measured", "simulated", "lower", "upper")
     return {
-        f"flight_{number + 1}/{kind}": np.asarray(getattr(one, kind))
-        for number, one in enumerate(flown.stretches)
+        f"flight_{number + 1}/{kind}": np.asarray(getattr(stretch, kind))
+        for number, stretch in enumerate(flown.stretches)
         for kind in kinds
     }

@@ -242,7 +242,7 @@ def load(path: str | Path) -> IdentifiedModel:
         The ``model.toml`` is wrong.
     """
     file = Path(path) / RESULT if Path(path).is_dir() else Path(path)
-    inside = sorted(held.parent.name for held in Path(path).glob(f"*/{RESULT}")) if not file.exists() else []
+    inside = sorted(file.parent.name for file in Path(path).glob(f"*/{RESULT}")) if not file.exists() else []
     if inside:
         raise UsageError(
             f"{path} came, which holds {counted(len(inside), 'model')}: {', '.join(inside)}",
@@ -357,13 +357,15 @@ def _bounds(document: ResultDocument, inflation: float) -> Bounds:
     """Covariance from correlation and standard deviations, bounds from their percents."""
     known = document.correlation or Correlation(names=(), matrix=())
     parameters = [document.parameters[name] for name in known.names]
-    std, random = (np.array([getattr(one, name) or 0.0 for one in parameters]) for name in ("std", "std_random"))
+    std, random = (
+        np.array([getattr(estimate, name) or 0.0 for estimate in parameters]) for name in ("std", "std_random")
+    )
     correlation = np.array(known.matrix, dtype=np.float64).reshape(len(parameters), len(parameters))
-    size = np.array([0.01 * abs(one.value) for one in parameters])
+    size = np.array([0.01 * abs(estimate.value) for estimate in parameters])
     return Bounds(
         names=tuple(known.names),
-        cramer_rao=np.array([one.cramer_rao_percent or 0.0 for one in parameters]) * size,
-        insensitivity=np.array([one.insensitivity_percent or 0.0 for one in parameters]) * size,
+        cramer_rao=np.array([estimate.cramer_rao_percent or 0.0 for estimate in parameters]) * size,
+        insensitivity=np.array([estimate.insensitivity_percent or 0.0 for estimate in parameters]) * size,
         covariance=correlation * np.outer(std, std),
         random=correlation * np.outer(random, random),
         inflation=inflation,
@@ -371,12 +373,12 @@ def _bounds(document: ResultDocument, inflation: float) -> Bounds:
 
 
 def _provenance(document: ProvenanceDocument) -> Provenance:
-    told = document.model_dump(exclude={"maneuvers", "command", "instruments"})
+    fields = document.model_dump(exclude={"maneuvers", "command", "instruments"})
     return Provenance(
-        **told,
+        **fields,
         command=tuple(document.command),
         instruments=tuple(document.instruments),
-        maneuvers=tuple(LoggedManeuver(**one.model_dump()) for one in document.maneuvers),
+        maneuvers=tuple(LoggedManeuver(**maneuver.model_dump()) for maneuver in document.maneuvers),
     )
 
 
@@ -474,10 +476,10 @@ def _response(arrays: Mapping[str, np.ndarray]) -> FrequencyResponse:
 
 
 def _record(document: ResultDocument, arrays: Mapping[str, np.ndarray], number: int) -> SimulatedRecord:
-    told = document.records[number]
-    flown = [one for one in document.provenance.maneuvers if one.record == told.record]
+    summary = document.records[number]
+    flown = [maneuver for maneuver in document.provenance.maneuvers if maneuver.record == summary.record]
     return SimulatedRecord(
-        record=told.record,
+        record=summary.record,
         maneuver=LoggedManeuver(**flown[min(number, len(flown) - 1)].model_dump()),
         time_s=arrays[f"record_{number}_time_s"],
         inputs=arrays[f"record_{number}_inputs"],

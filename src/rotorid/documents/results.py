@@ -44,7 +44,9 @@ class ResultsDocument(Document):
 
 def results_document(models: SeveralModels) -> ResultsDocument:
     """Several models as ``results.json`` holds them, in the order in which they were asked for."""
-    refusals = [one for answer in models.refused.values() for one in answer.findings if one.severity == "error"]
+    refusals = [
+        finding for answer in models.refused.values() for finding in answer.findings if finding.severity == "error"
+    ]
     return ResultsDocument(
         results=[
             result_document(answer) if isinstance(answer, IdentifiedModel) else refused_document(answer)
@@ -101,14 +103,14 @@ def result_files(path: Path) -> list[Path]:
     if not several:
         return [path / RESULT if path.is_dir() else path]
     table = _table(folder / RESULTS)
-    standing = [str(one.get("model")) for one in table if isinstance(one, dict) and one.get("parameters")]
+    standing = [str(row.get("model")) for row in table if isinstance(row, dict) and row.get("parameters")]
     if not standing:
         raise UsageError(f"{path} holds no model: the data did not support one", needed="results with parameters")
-    held = {read_result(file, read_text(file)).model: file for file in sorted(folder.glob(f"*/{RESULT}"))}
-    missing = [name for name in standing if name not in held]
+    files = {read_result(file, read_text(file)).model: file for file in sorted(folder.glob(f"*/{RESULT}"))}
+    missing = [name for name in standing if name not in files]
     if missing:
         raise UsageError(f"the folder of {missing[0]} is not in {path}", needed="all folders that identify wrote")
-    return [held[name] for name in standing]
+    return [files[name] for name in standing]
 
 
 def _table(file: Path) -> list[Any]:

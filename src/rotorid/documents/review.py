@@ -30,7 +30,7 @@ class QuantityDocument(Document):
     unit: str
 
 
-class _Told(Document):
+class _OmitsUnavailable(Document):
     """A part of which a number that cannot be told is absent."""
 
     @model_serializer(mode="wrap")
@@ -39,7 +39,7 @@ class _Told(Document):
         return {name: value for name, value in written.items() if value is not None}
 
 
-class _Loop(_Told):
+class _Loop(_OmitsUnavailable):
     reference: str
     answer: str
     estimate: Literal["direct", "joint"]
@@ -47,7 +47,7 @@ class _Loop(_Told):
     band_rad_s: tuple[float, float]
 
 
-class _Margin(_Told):
+class _Margin(_OmitsUnavailable):
     instrument: str
 
 
@@ -236,7 +236,7 @@ def review_document(review: Review) -> ReviewDocument:
             longest_gap_s=review.logging.longest_gap_s,
             change=list(review.logging.change),
         ),
-        oscillations=[_oscillation(one) for one in review.oscillations],
+        oscillations=[_oscillation(oscillation) for oscillation in review.oscillations],
         loops={name: _loop(loop) for name, loop in review.loops.items()},
         margins={axis: _margin(margin) for axis, margin in review.margins.items()},
         models={
@@ -253,7 +253,7 @@ def review_document(review: Review) -> ReviewDocument:
             pattern=review.motors.pattern,
             events=list(review.motors.events),
         ),
-        cannot_tell=[UntoldDocument.model_validate(one) for one in review.cannot_tell],
+        cannot_tell=[UntoldDocument.model_validate(gap) for gap in review.cannot_tell],
         next_commands=list(review.next_commands),
         findings=[FindingDocument.model_validate(finding) for finding in review.findings],
     )
@@ -278,7 +278,7 @@ def _loop(loop: LoopReview) -> LoopReviewDocument:
         estimate="direct" if loop.instrument == "direct" else "joint",
         instrument=loop.instrument,
         band_rad_s=loop.band_rad_s,
-        by_size={name: _numbers(one.numbers) for name, one in loop.by_size.items()},
+        by_size={name: _numbers(item.numbers) for name, item in loop.by_size.items()},
         **_numbers(loop.numbers),
     )
 
@@ -312,10 +312,10 @@ def review_arrays(review: Review) -> dict[str, np.ndarray]:
                 arrays[f"step_{name}_{column}"] = getattr(loop.step, column)
     for axis, margin in review.margins.items():
         arrays |= _response(f"broken_{axis}", margin.loop.omega_rad_s, margin.loop)
-    for number, one in enumerate(review.noise.maps):
-        key = f"noise_{one.channel}_{one.stage}_{number}"
+    for number, noise_map in enumerate(review.noise.maps):
+        key = f"noise_{noise_map.channel}_{noise_map.stage}_{number}"
         for column in ("level", "frequency_hz", "density", "windows", "average"):
-            arrays[f"{key}_{column}"] = getattr(one, column)
+            arrays[f"{key}_{column}"] = getattr(noise_map, column)
     return arrays
 
 

@@ -105,12 +105,12 @@ def _flight(flown: ThroughSpeeds) -> ThroughSpeedsDocument:
         setpoints=dict(flown.setpoints),
         scores={
             name: ThroughScoreDocument(
-                tic=finite(one.tic),
-                nrmse_fit_percent=finite(one.nrmse_fit_percent),
-                rms=one.rms,
+                tic=finite(loop_scores.tic),
+                nrmse_fit_percent=finite(loop_scores.nrmse_fit_percent),
+                rms=loop_scores.rms,
                 std=float(flown.spread[name].mean()),
             )
-            for name, one in flown.scores.items()
+            for name, loop_scores in flown.scores.items()
         },
     )
 

@@ -75,7 +75,7 @@ class TrackDocument(Document):
 def track_document(found: FlightTracking | Refused) -> TrackDocument:
     """What was followed as ``track.json`` holds it; of data that cannot tell, why."""
     common = {
-        "findings": [FindingDocument.model_validate(one) for one in found.findings],
+        "findings": [FindingDocument.model_validate(finding) for finding in found.findings],
         "provenance": ProvenanceDocument.model_validate(found.provenance),
     }
     if isinstance(found, Refused):
@@ -101,8 +101,8 @@ def track_document(found: FlightTracking | Refused) -> TrackDocument:
             "verdict": verdict(found=bool(tracking.steps) or moved, detectable_share=share),
             "detectable_share": finite(share),
             "thrust_exponent": tracking.thrust_exponent,
-            "steps": [GainStepDocument.model_validate(one) for one in tracking.steps],
-            "trims": [TrimStepDocument.model_validate(one) for one in found.trims],
+            "steps": [GainStepDocument.model_validate(step) for step in tracking.steps],
+            "trims": [TrimStepDocument.model_validate(trim_step) for trim_step in found.trims],
             "cannot_tell": [
                 CannotTellDocument(start_s=start_s, stop_s=stop_s, why=why)
                 for start_s, stop_s, why in silent(found)
@@ -116,7 +116,7 @@ def silent(found: FlightTracking) -> list[tuple[float, float, Why]]:
     """Stretches that say nothing, each with its reason."""
     tracking, parts = found.tracking, []
     blocks = zip(tracking.time_s, tracking.cannot_tell, strict=True)
-    for why, group in groupby(blocks, key=lambda one: one[1]):
+    for why, group in groupby(blocks, key=lambda item: item[1]):
         if why:
             times = [float(time_s) for time_s, _ in group]
             parts.append((times[0] - BLOCK_S, times[-1], why))

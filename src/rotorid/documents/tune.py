@@ -123,7 +123,7 @@ def tune_document(proposal: TuningProposal) -> TuneDocument:
         autopilot=proposal.autopilot,
         firmware=proposal.firmware,
         changed=proposal.changed,
-        axes={axis: _axis(one) for axis, one in proposal.axes.items()},
+        axes={axis: _axis(tuning) for axis, tuning in proposal.axes.items()},
         thrust=None if proposal.thrust is None else ThrustDocument.model_validate(proposal.thrust),
         robustness=robustness_in_words(proposal.robustness),
         scale=proposal.scale,
@@ -145,62 +145,62 @@ def refused_tune_document(refused: Refused) -> TuneDocument:
 def tune_arrays(proposal: TuningProposal) -> dict[str, np.ndarray]:
     """Loops and steps on all plants, by axis."""
     found: dict[str, np.ndarray] = {}
-    for axis, one in proposal.axes.items():
-        found |= {f"{axis}/omega_rad_s": np.asarray(one.omega_rad_s), f"{axis}/step_s": np.asarray(one.step_s)}
-        found |= {f"{axis}/loops/{name}": np.asarray(loop) for name, loop in one.loops.items()}
-        found |= {f"{axis}/responses/{name}": np.asarray(row) for name, row in one.responses.items()}
-        found |= {f"{axis}/steps/{name}": np.asarray(step) for name, step in one.steps.items()}
+    for axis, tuning in proposal.axes.items():
+        found |= {f"{axis}/omega_rad_s": np.asarray(tuning.omega_rad_s), f"{axis}/step_s": np.asarray(tuning.step_s)}
+        found |= {f"{axis}/loops/{name}": np.asarray(loop) for name, loop in tuning.loops.items()}
+        found |= {f"{axis}/responses/{name}": np.asarray(row) for name, row in tuning.responses.items()}
+        found |= {f"{axis}/steps/{name}": np.asarray(step) for name, step in tuning.steps.items()}
     return found
 
 
-def _axis(one: AxisTuning) -> AxisTuneDocument:
-    proposal = one.proposal
+def _axis(tuning: AxisTuning) -> AxisTuneDocument:
+    proposal = tuning.proposal
     flown, proposed = proposal.flown, proposal.proposed
     return AxisTuneDocument(
-        changed=one.changed,
-        band_rad_s=one.plant.band_rad_s,
-        flown=quantity_documents(shown_quantities(flown.rate, one.plant)),
+        changed=tuning.changed,
+        band_rad_s=tuning.plant.band_rad_s,
+        flown=quantity_documents(shown_quantities(flown.rate, tuning.plant)),
         proposed=quantity_documents(quantities(proposed.rate)),
-        flown_whole=quantity_documents(shown_quantities(flown.whole, one.plant)),
+        flown_whole=quantity_documents(shown_quantities(flown.whole, tuning.plant)),
         proposed_whole=quantity_documents(quantities(proposed.whole)),
         flown_attitude=quantity_documents(quantities(flown.attitude)),
         proposed_attitude=quantity_documents(quantities(proposed.attitude)),
         attitude_ratio=QuantityDocument.model_validate(over_draws(proposed.attitude_rms / flown.attitude_rms, "1")),
         noise_ratio=proposed.noise / flown.noise,
-        noise_flown=flown.noise if one.noise_seen else None,
-        gains={name: GainDocument(flown=before, proposed=after) for name, (before, after) in one.parameters.items()},
-        path=[_step(step, flown, one.needed_rad_s) for step in one.path],
-        filters=[FilterPriceDocument.model_validate(price) for price in one.prices],
-        ends={name: quantity_documents(quantities(end.rate)) for name, end in one.ends.items()},
+        noise_flown=flown.noise if tuning.noise_seen else None,
+        gains={name: GainDocument(flown=before, proposed=after) for name, (before, after) in tuning.parameters.items()},
+        path=[_step(step, flown, tuning.needed_rad_s) for step in tuning.path],
+        filters=[FilterPriceDocument.model_validate(price) for price in tuning.prices],
+        ends={name: quantity_documents(quantities(end.rate)) for name, end in tuning.ends.items()},
         reasons=list(proposal.reasons),
-        notes=list(one.controller.notes),
+        notes=list(tuning.controller.notes),
     )
 
 
 def _step(step: PathStep, flown: Judged, sweep_to_rad_s: float) -> PathStepDocument:
-    one = step.judged
+    scores = step.judged
     return PathStepDocument(
         flight=step.flight,
         goal=step.goal,
         gains=dict(step.parameters),
-        rate=quantity_documents(quantities(one.rate)),
-        whole=quantity_documents(quantities(one.whole)),
-        attitude_ratio=QuantityDocument.model_validate(over_draws(one.attitude_rms / flown.attitude_rms, "1")),
-        noise_ratio=one.noise / flown.noise,
+        rate=quantity_documents(quantities(scores.rate)),
+        whole=quantity_documents(quantities(scores.whole)),
+        attitude_ratio=QuantityDocument.model_validate(over_draws(scores.attitude_rms / flown.attitude_rms, "1")),
+        noise_ratio=scores.noise / flown.noise,
         sweep_to_rad_s=sweep_to_rad_s,
     )
 
 
-def end_of(one: AxisTuneDocument) -> str:
+def end_of(tuning: AxisTuneDocument) -> str:
     """Where in its range the D of the numbers of an axis is; empty for a D that does not move in flight.
 
     Parameters
     ----------
-    one
+    tuning
         The axis.
     """
-    known = one.proposed.get("crossover_rad_s")
-    each = {name: end.get("crossover_rad_s") for name, end in one.ends.items()}
+    known = tuning.proposed.get("crossover_rad_s")
+    each = {name: end.get("crossover_rad_s") for name, end in tuning.ends.items()}
     same = [name for name, end in each.items() if known and end and math.isclose(end.value, known.value)]
     return same[0] if len(same) == 1 else ""
 
@@ -214,9 +214,9 @@ _WORTH_A_FACTOR = 1.0 / 1.5
 """A deviation over another one, up to which it is said as a factor, and beyond in percent."""
 
 
-def path_sentence(one: AxisTuneDocument) -> str:
+def path_sentence(tuning: AxisTuneDocument) -> str:
     """How the path of an axis is flown."""
-    first, *_, goal = one.path
+    first, *_, goal = tuning.path
     left = goal.attitude_ratio.value / first.attitude_ratio.value
     less = f"{1.0 / left:.2g} times" if left <= _WORTH_A_FACTOR else f"{100.0 * (1.0 - left):.0f} %"
     return (
@@ -228,4 +228,4 @@ def path_sentence(one: AxisTuneDocument) -> str:
 
 def quantity_documents(found: Mapping[str, Quantity]) -> dict[str, QuantityDocument]:
     """Numbers with their intervals, by name."""
-    return {name: QuantityDocument.model_validate(one) for name, one in found.items()}
+    return {name: QuantityDocument.model_validate(quantity) for name, quantity in found.items()}

@@ -76,7 +76,7 @@ def tune_check_document(found: CheckedTuning) -> TuneCheckDocument:
     """What came of a proposal, as ``check.json`` holds it."""
     return TuneCheckDocument(
         as_foretold=found.as_foretold,
-        axes={axis: _axis(one) for axis, one in found.axes.items()},
+        axes={axis: _axis(checked) for axis, checked in found.axes.items()},
         findings=[FindingDocument.model_validate(finding) for finding in found.findings],
         provenance=ProvenanceDocument.model_validate(found.provenance),
     )
@@ -90,15 +90,15 @@ def refused_check_document(refused: Refused) -> TuneCheckDocument:
     )
 
 
-def _axis(one: CheckedAxis) -> CheckedAxisDocument:
+def _axis(checked: CheckedAxis) -> CheckedAxisDocument:
     return CheckedAxisDocument.model_validate(
         {
-            "gains": one.gains,
-            "verdict": one.verdict,
-            "contradicted": one.contradicted,
-            "figures": [ComparedFigureDocument.model_validate(figure) for figure in one.figures],
-            "sentence": one.sentence,
-            "advice": one.advice,
+            "gains": checked.gains,
+            "verdict": checked.verdict,
+            "contradicted": checked.contradicted,
+            "figures": [ComparedFigureDocument.model_validate(figure) for figure in checked.figures],
+            "sentence": checked.sentence,
+            "advice": checked.advice,
         }
     )
 
@@ -127,29 +127,31 @@ def load_foretold(path: str | Path) -> dict[Axis, Foretold]:
         document = checked(TuneDocument, table)
     except documents.DocumentError as error:
         raise UsageError(f"{file} is no proposal: {error}", needed=_WANTED) from error
-    beside = file.parent / SIGNALS
-    arrays = read_arrays(beside) if beside.is_file() else {}
-    told = {axis: _foretold(axis, one, arrays) for axis, one in document.axes.items()}
+    signals_file = file.parent / SIGNALS
+    arrays = read_arrays(signals_file) if signals_file.is_file() else {}
+    expected = {axis: _foretold(axis, tuning, arrays) for axis, tuning in document.axes.items()}
     asked = document.provenance.settings.get("robustness")
     if isinstance(asked, (int, float)):
-        told = {axis: replace(one, robustness=float(asked)) for axis, one in told.items()}
-    return told
+        expected = {axis: replace(foretold, robustness=float(asked)) for axis, foretold in expected.items()}
+    return expected
 
 
-def _foretold(axis: Axis, one: AxisTuneDocument, arrays: Mapping[str, AnyArray]) -> Foretold:
+def _foretold(axis: Axis, tuning: AxisTuneDocument, arrays: Mapping[str, AnyArray]) -> Foretold:
     return Foretold(
-        flown={name: gain.flown for name, gain in one.gains.items()},
-        proposed={name: gain.proposed for name, gain in one.gains.items()},
-        rate=_quantities(one.proposed),
-        whole=_quantities(one.proposed_whole),
+        flown={name: gain.flown for name, gain in tuning.gains.items()},
+        proposed={name: gain.proposed for name, gain in tuning.gains.items()},
+        rate=_quantities(tuning.proposed),
+        whole=_quantities(tuning.proposed_whole),
         omega_rad_s=arrays.get(f"{axis}/omega_rad_s"),
         loops=arrays.get(f"{axis}/loops/proposed_whole"),
     )
 
 
-def _quantities(told: dict[str, QuantityDocument]) -> dict[str, Quantity]:
+def _quantities(quantities: dict[str, QuantityDocument]) -> dict[str, Quantity]:
     return {
-        name: Quantity(value=one.value, std=one.std, lower=one.lower, upper=one.upper, unit=one.unit)
-        for name, one in told.items()
-        if one.std is not None and one.lower is not None and one.upper is not None
+        name: Quantity(
+            value=quantity.value, std=quantity.std, lower=quantity.lower, upper=quantity.upper, unit=quantity.unit
+        )
+        for name, quantity in quantities.items()
+        if quantity.std is not None and quantity.lower is not None and quantity.upper is not None
     }

@@ -282,9 +282,9 @@ def _require_keys(kind: type[BaseModel], table: Mapping[str, Any], where: str) -
                 remedy=f"did you mean {near[0]}?" if near else "",
             )
         part = _TABLES.get(key) if kind in (VehicleFile, AutopilotTable) else None
-        for one in value if isinstance(value, list) else [value]:
-            if part is not None and isinstance(one, dict):
-                _require_keys(part, one, f"{where}, [{key}]")
+        for item in value if isinstance(value, list) else [value]:
+            if part is not None and isinstance(item, dict):
+                _require_keys(part, item, f"{where}, [{key}]")
 
 
 _TABLES: Mapping[str, type[Document]] = {
@@ -371,13 +371,15 @@ def _layout(file: VehicleFile) -> RotorLayout:
         )
     if file.rotors.layout is not None and file.rotors.arm_m is not None:
         return library_layout(file.rotors.layout).scaled(file.rotors.arm_m)
-    spins = [SPINS[one.spin] for one in file.rotor]
-    weights = [spin if one.yaw_weight is None else one.yaw_weight for one, spin in zip(file.rotor, spins, strict=True)]
+    spins = [SPINS[rotor.spin] for rotor in file.rotor]
+    weights = [
+        spin if rotor.yaw_weight is None else rotor.yaw_weight for rotor, spin in zip(file.rotor, spins, strict=True)
+    ]
     return RotorLayout(
         name=file.name,
-        positions=np.array([one.position_m for one in file.rotor]),
+        positions=np.array([rotor.position_m for rotor in file.rotor]),
         spins=np.array(spins),
-        axes=np.array([one.axis or UP for one in file.rotor]),
+        axes=np.array([rotor.axis or UP for rotor in file.rotor]),
         yaw_weights=np.array(weights),
         arm_known=True,
         source=file.source,
@@ -553,10 +555,10 @@ def _rotor_tables(rotors: Rotors) -> list[str]:
             layout.yaw_weights.tolist(),
             strict=True,
         ):
-            one: Table = {"position_m": place, "spin": words[spin]}
-            one |= {} if tuple(axis) == UP else {"axis": axis}
-            one |= {} if weight == spin else {"yaw_weight": weight}
-            places += ["", "[[rotor]]", *_lines(one)]
+            rotor: Table = {"position_m": place, "spin": words[spin]}
+            rotor |= {} if tuple(axis) == UP else {"axis": axis}
+            rotor |= {} if weight == spin else {"yaw_weight": weight}
+            places += ["", "[[rotor]]", *_lines(rotor)]
     own = _differing(rotors, None, "layout", "thrust", "torque")
     if own.get("lag_down_s") == rotors.lag_up_s:
         del own["lag_down_s"]
@@ -753,9 +755,11 @@ def source_lines(own: OwnVehicle) -> list[str]:
         From results.
     """
     lines = ["Numbers of results, in SI units:"]
-    for name, one in own.joined.numbers.items():
-        if one.source != "default":
-            shown = with_error(one.value, one.std, digits=5)
-            lines.append(f"  {name} = {shown} {'' if one.unit == '1' else one.unit}, {one.source}: {one.of}")
+    for name, number in own.joined.numbers.items():
+        if number.source != "default":
+            shown = with_error(number.value, number.std, digits=5)
+            lines.append(
+                f"  {name} = {shown} {'' if number.unit == '1' else number.unit}, {number.source}: {number.of}"
+            )
     lines.append(f"Taken from {own.like}:")
     return [*lines, *(f"  {words}" for words in own.taken), ""]

@@ -28,14 +28,14 @@ Layout: TypeAlias = Literal["halved", "interleaved"]
 
 _WHOLE = 1e-9
 _DRAWS = 32
-_SEEDS_APART = 1009
+_SEED_STRIDE = 1009
 """Draws of one axis are so far apart, and those of another begin beside them."""
 
 _LAYOUTS = MappingProxyType({"halved": halved, "interleaved": interleaved})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Wish:
+class _Request:
     """What was asked for, complete."""
 
     amplitude: float
@@ -109,7 +109,7 @@ def planned(
             f"a {shape} {'without a' if form.banded else 'with a'} band was asked for",
             needed="a lowest and a highest frequency" if form.banded else "its duration, which alone decides its band",
         )
-    wish = _Wish(
+    wish = _Request(
         amplitude=amplitude,
         band_rad_s=band_rad_s or (0.0, 0.0),
         duration_s=duration_s,
@@ -288,28 +288,28 @@ def uncorrelated_binaries(
                 sample_rate_hz=sample_rate_hz,
                 band_rad_s=band_rad_s,
                 entry=(entries or {}).get(axis, "command"),
-                seed=seed + place + _SEEDS_APART * number,
+                seed=seed + place + _SEED_STRIDE * number,
                 clock_hz=clock_hz,
             )
             for number in range(_DRAWS if chosen else 1)
         ]
         reach = round(reach_s * sample_rate_hz)
-        shared = [max((_correlation(one, other, reach) for other in chosen), default=0.0) for one in draws]
+        shared = [max((_correlation(planned, other, reach) for other in chosen), default=0.0) for planned in draws]
         best = int(np.argmin(shared))
         settings = {**draws[best].settings, "correlation": round(shared[best], 6)}
         chosen.append(replace(draws[best], settings=settings if place else draws[best].settings))
     return tuple(chosen)
 
 
-def _correlation(one: PlannedInput, other: PlannedInput, reach: int) -> float:
+def _correlation(planned: PlannedInput, other: PlannedInput, reach: int) -> float:
     """Largest correlation of two inputs of one length at delays up to ``reach`` samples either way."""
     from scipy.fft import irfft, next_fast_len, rfft
 
-    count = one.values.size
+    count = planned.values.size
     length = int(next_fast_len(2 * count, real=True))
-    products = irfft(rfft(one.values, length) * rfft(other.values, length).conj(), length)
+    products = irfft(rfft(planned.values, length) * rfft(other.values, length).conj(), length)
     near = np.concatenate([products[: reach + 1], products[length - reach :]])
-    return float(np.abs(near).max() / (count * abs(one.amplitude * other.amplitude)))
+    return float(np.abs(near).max() / (count * abs(planned.amplitude * other.amplitude)))
 
 
 def sequence(name: str, parts: Sequence[PlannedInput | Sequence[PlannedInput]], *, trim_s: float = 3.0) -> FlightPlan:
@@ -345,7 +345,7 @@ def sequence(name: str, parts: Sequence[PlannedInput | Sequence[PlannedInput]], 
     return FlightPlan(name=name, inputs=tuple(placed), trim_s=trim_s)
 
 
-def _pilot_sweep(wish: _Wish) -> FloatArray:
+def _pilot_sweep(wish: _Request) -> FloatArray:
     settings = wish.settings
     return pilot_sweep(
         amplitude=wish.amplitude,
@@ -360,7 +360,7 @@ def _pilot_sweep(wish: _Wish) -> FloatArray:
     )
 
 
-def _logarithmic_sweep(wish: _Wish) -> FloatArray:
+def _logarithmic_sweep(wish: _Request) -> FloatArray:
     return logarithmic_sweep(
         amplitude=wish.amplitude,
         band_rad_s=wish.band_rad_s,
@@ -373,7 +373,7 @@ def _logarithmic_sweep(wish: _Wish) -> FloatArray:
     )
 
 
-def _multisine(wish: _Wish) -> FloatArray:
+def _multisine(wish: _Request) -> FloatArray:
     periods, first, step = (_whole(wish, name) for name in ("periods", "first_harmonic", "harmonic_step"))
     period_s = wish.duration_s / periods
     every = harmonics_in(wish.band_rad_s, period_s=period_s)
@@ -385,7 +385,7 @@ def _multisine(wish: _Wish) -> FloatArray:
     return signal.sampled(wish.sample_rate_hz, periods=periods)
 
 
-def _random_binary(wish: _Wish) -> FloatArray:
+def _random_binary(wish: _Request) -> FloatArray:
     clock_hz = wish.settings["clock_hz"] or wish.sample_rate_hz
     turn = wish.sample_rate_hz / clock_hz
     if not (turn >= 1.0 and abs(turn - round(turn)) < _WHOLE):
@@ -405,19 +405,19 @@ def _random_binary(wish: _Wish) -> FloatArray:
     return np.repeat(values, round(turn))
 
 
-def _doublet(wish: _Wish) -> FloatArray:
+def _doublet(wish: _Request) -> FloatArray:
     return doublet(
         amplitude=wish.amplitude, pulse_s=wish.duration_s / 2.0, sample_rate_hz=wish.sample_rate_hz, trim_s=0.0
     )
 
 
-def _two_one_one(wish: _Wish) -> FloatArray:
+def _two_one_one(wish: _Request) -> FloatArray:
     return two_one_one(
         amplitude=wish.amplitude, unit_s=wish.duration_s / 4.0, sample_rate_hz=wish.sample_rate_hz, trim_s=0.0
     )
 
 
-def _three_two_one_one(wish: _Wish) -> FloatArray:
+def _three_two_one_one(wish: _Request) -> FloatArray:
     steps = balanced_three_two_one_one if wish.settings["balanced"] else three_two_one_one
     return steps(amplitude=wish.amplitude, unit_s=wish.duration_s / 7.0, sample_rate_hz=wish.sample_rate_hz, trim_s=0.0)
 
@@ -426,7 +426,7 @@ def _three_two_one_one(wish: _Wish) -> FloatArray:
 class _Form:
     """How a shape is made, and what it takes."""
 
-    make: Callable[[_Wish], FloatArray]
+    make: Callable[[_Request], FloatArray]
     defaults: Mapping[str, float] = field(default_factory=dict)
     banded: bool = True
     random: bool = False
@@ -475,12 +475,12 @@ def _unknown(what: str, name: str, known: Sequence[str]) -> UsageError:
     )
 
 
-def _whole(wish: _Wish, name: str, *, least: int = 1) -> int:
+def _whole(wish: _Request, name: str, *, least: int = 1) -> int:
     value = wish.settings[name]
     if value != int(value) or value < least:
         raise UsageError(f"{name}={value:g} came", needed=f"a whole number from {least} up")
     return int(value)
 
 
-def _generator(wish: _Wish) -> np.random.Generator:
+def _generator(wish: _Request) -> np.random.Generator:
     return np.random.default_rng(_whole(wish, "seed", least=0))

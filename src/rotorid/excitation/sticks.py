@@ -98,9 +98,9 @@ def _moves(time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
     at = float(rng.uniform(*_MOVE_EVERY_S))
     while at < time_s[-1]:
         size = float(rng.uniform(*_MOVE) * rng.choice([-1.0, 1.0]))
-        rise_s, held_s, fall_s = (float(rng.uniform(*span)) for span in (_RISE_S, _MOVE_HELD_S, _RISE_S))
-        moved += size * (_flank(time_s - at, rise_s) - _flank(time_s - at - rise_s - held_s, fall_s))
-        at += rise_s + held_s + fall_s + float(rng.uniform(*_MOVE_EVERY_S))
+        rise_s, hold_s, fall_s = (float(rng.uniform(*span)) for span in (_RISE_S, _MOVE_HELD_S, _RISE_S))
+        moved += size * (_flank(time_s - at, rise_s) - _flank(time_s - at - rise_s - hold_s, fall_s))
+        at += rise_s + hold_s + fall_s + float(rng.uniform(*_MOVE_EVERY_S))
     return moved
 
 

@@ -42,7 +42,7 @@ from rotorid.exports.arrangement import Arranged, arranged, refuse_tilted
 from rotorid.exports.estimates import instead_of_default
 from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, VERTICAL, YAW, compared, identified_motion, linearized
 from rotorid.exports.settings import ExportSettings
-from rotorid.exports.target import Compared, Exported, Held, table_lines
+from rotorid.exports.target import Compared, Exported, Fidelity, table_lines
 from rotorid.exports.thrust import HoverThrust, expo_thrust, full_thrust_words
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -361,7 +361,7 @@ def _table(
 
 def _rounded(value: Any) -> Any:
     if isinstance(value, list):
-        return [_rounded(one) for one in value]
+        return [_rounded(number) for number in value]
     return value if isinstance(value, int) else float(f"{value:.8g}")
 
 
@@ -372,8 +372,8 @@ def _momentum_drag(
     known = [-vehicle.numbers[name].value for name in ("X_u", "Y_v") if name in vehicle.numbers]
     if not known:
         sizes = dict.fromkeys(("X_u", "Y_v", "Z_w"), 1.0 / math.sqrt(scale))
-        seen = instead_of_default(vehicle, sizes, "mdrag_coef", _USUAL["mdrag_coef"][0], "1", findings)
-        return _usual("mdrag_coef", defaults) if seen is None else seen
+        coefficient = instead_of_default(vehicle, sizes, "mdrag_coef", _USUAL["mdrag_coef"][0], "1", findings)
+        return _usual("mdrag_coef", defaults) if coefficient is None else coefficient
     drag = float(np.mean(known)) / math.sqrt(scale)
     if drag < 0.0:
         message = f"mdrag_coef would be {drag:.3g}, which pushes instead of braking; it was set to zero."
@@ -512,7 +512,7 @@ def _compared(
         back = back * span * gain / (1.0 - e + 2.0 * e * c)
         output = table["hoverThrOut"] / gain
     exported = own.replaced(back, hover_output=output)
-    return compared(vehicle, identified, exported, _held(vehicle, body, thrust), delay=False)
+    return compared(vehicle, identified, exported, _fidelities(vehicle, body, thrust), delay=False)
 
 
 def _share_in_hover(table: Mapping[str, Any]) -> float:
@@ -520,41 +520,41 @@ def _share_in_hover(table: Mapping[str, Any]) -> float:
     return float(share if e == 0.0 else (e - 1.0 + math.sqrt((1.0 - e) ** 2 + 4.0 * e * share)) / (2.0 * e))
 
 
-def _held(vehicle: JoinedVehicle, body: Multirotor, thrust: _Thrust) -> dict[str, Held]:
+def _fidelities(vehicle: JoinedVehicle, body: Multirotor, thrust: _Thrust) -> dict[str, Fidelity]:
     """One drag for all axes, one damping, a diagonal inertia, no lag."""
-    held: dict[str, Held] = dict.fromkeys(("Z_w", "L_p", "M_q", "N_r"), "approximated")
-    held |= dict.fromkeys((LAG, "M_u", "L_v"), "not")
+    fidelities: dict[str, Fidelity] = dict.fromkeys(("Z_w", "L_p", "M_q", "N_r"), "approximated")
+    fidelities |= dict.fromkeys((LAG, "M_u", "L_v"), "not")
     numbers = vehicle.numbers
     if "X_u" in numbers and "Y_v" in numbers:
-        held |= dict.fromkeys(("X_u", "Y_v"), "approximated")
+        fidelities |= dict.fromkeys(("X_u", "Y_v"), "approximated")
     if any(numbers[name].value > 0.0 for name in ("X_u", "Y_v") if name in numbers):
-        held |= dict.fromkeys(("X_u", "Y_v"), "not")
+        fidelities |= dict.fromkeys(("X_u", "Y_v"), "not")
     if not thrust.exact:
-        held |= dict.fromkeys((VERTICAL, ROLL, PITCH, YAW, HOVER), "approximated")
+        fidelities |= dict.fromkeys((VERTICAL, ROLL, PITCH, YAW, HOVER), "approximated")
     if np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
-        held |= dict.fromkeys((ROLL, PITCH, YAW), "approximated")
-    return held
+        fidelities |= dict.fromkeys((ROLL, PITCH, YAW), "approximated")
+    return fidelities
 
 
 def _left_out(vehicle: JoinedVehicle, body: Multirotor, thrust: _Thrust) -> list[str]:
-    said = []
+    remarks = []
     for name, words in (("T_motor", "lag of the motors"), ("delay", "delay")):
         if name in vehicle.numbers and vehicle.numbers[name].value > 0.0:
-            said.append(f"SITL has no {words}: {1e3 * vehicle.numbers[name].value:.2g} ms are left out.")
+            remarks.append(f"SITL has no {words}: {1e3 * vehicle.numbers[name].value:.2g} ms are left out.")
     if np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
-        said.append("SITL's inertia is diagonal: the products of inertia are left out.")
+        remarks.append("SITL's inertia is diagonal: the products of inertia are left out.")
     if any(name in vehicle.numbers for name in ("M_u", "L_v")):
-        said.append("SITL has no moment by velocity but that of drag at the rotors: M_u and L_v are left out.")
-    said.append("SITL has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
+        remarks.append("SITL has no moment by velocity but that of drag at the rotors: M_u and L_v are left out.")
+    remarks.append("SITL has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
     if not thrust.of_demands:
         full_n = vehicle.hover_force_n / thrust.hover_share
         form = f"of SITL's form with an expo of {thrust.expo:.3g}"
-        said += full_thrust_words(form, full_n, body.rotors.thrust_at(thrust.spin_max))
+        remarks += full_thrust_words(form, full_n, body.rotors.thrust_at(thrust.spin_max))
     if vehicle.altitude_m is None:
-        said.append(
+        remarks.append(
             f"The altitude of the flight is not known: thrust is as identified at {_HOME_M:g} m, where SITL starts."
         )
-    return said
+    return remarks
 
 
 def _parameters(

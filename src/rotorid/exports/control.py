@@ -67,38 +67,38 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
 
 def _script(models: Sequence[NamedModel], head: Sequence[str]) -> str:
     table = "\n".join(line.rstrip() for line in head)
-    blocks = [f'"""{table}\n"""', "import control\nimport numpy as np", *(_system(one) for one in models)]
+    blocks = [f'"""{table}\n"""', "import control\nimport numpy as np", *(_system(model) for model in models)]
     return "\n\n".join(blocks) + "\n"
 
 
-def _system(one: NamedModel) -> str:
+def _system(model: NamedModel) -> str:
     """Statements that make a model, and what was measured of it."""
-    system, structure = one.exported, one.model.structure
+    system, structure = model.exported, model.model.structure
     step = 0 if system.sample_time_s is None else repr(system.sample_time_s)
     matrices = ",\n".join(f"    {_array(getattr(system, name))}" for name in "ABCD")
     lines = [
-        *(f"# {line}".rstrip() for line in description(one)),
-        f"{one.name} = control.ss(",
+        *(f"# {line}".rstrip() for line in description(model)),
+        f"{model.name} = control.ss(",
         f"{matrices},",
         f"    {step},",
         f"    inputs={list(structure.inputs)!r},",
         f"    outputs={list(structure.outputs)!r},",
         *([f"    states={list(system.states)!r},"] if system.states else []),
-        f"    name={one.name!r},",
+        f"    name={model.name!r},",
         ")",
-        f"{one.name}_delays_s = {_array(one.delays_s)}  # of each response, as identified",
+        f"{model.name}_delays_s = {_array(model.delays_s)}  # of each response, as identified",
     ]
-    found = measured(one.model)
+    found = measured(model.model)
     if found is not None:
         lines += [
             "",
             "# As measured: the response, and the coherence of each of its points.",
-            f"{one.name}_measured = control.frd(",
+            f"{model.name}_measured = control.frd(",
             f"    {_array(found['real'], 9)}",
             f"    + 1j * {_array(found['imag'], 9)},",
             f"    {_array(found['omega_rad_s'])},",
             ")",
-            f"{one.name}_coherence = {_array(found['coherence'], 4)}",
+            f"{model.name}_coherence = {_array(found['coherence'], 4)}",
         ]
     return "\n".join(lines)
 

@@ -104,7 +104,9 @@ def drawn_model(model: IdentifiedModel, *, rng: np.random.Generator) -> Identifi
         return None
     drawn = {**moved.values, **drawn}
     parameters = {
-        name: replace(one, value=drawn[name]) if one.status in ("free", "tied") and name in drawn else one
-        for name, one in model.parameters.items()
+        name: replace(estimate, value=drawn[name])
+        if estimate.status in ("free", "tied") and name in drawn
+        else estimate
+        for name, estimate in model.parameters.items()
     }
     return replace(model, structure=replace(model.structure, parameters=moved), parameters=parameters)

@@ -38,20 +38,23 @@ def instead_of_default(
     findings
         Says what was taken.
     """
-    found = {name: one for name in sizes if (one := vehicle.numbers.get(name) or vehicle.dropped.get(name)) is not None}
+    found = {
+        name: number for name in sizes if (number := vehicle.numbers.get(name) or vehicle.dropped.get(name)) is not None
+    }
     # Of an estimate without an interval it is not known what it excludes; what a person gives is certain.
-    known = {name: one for name, one in found.items() if one.std or one.source == "given"}
+    known = {name: number for name, number in found.items() if number.std or number.source == "given"}
     if not known:
         return None
     value, std = _mean(
-        {name: (-one.value * sizes[name], (one.std or 0.0) * sizes[name]) for name, one in known.items()}
+        {name: (-number.value * sizes[name], (number.std or 0.0) * sizes[name]) for name, number in known.items()}
     )
     if abs(value - usual) <= _EXCLUDED_SIGMAS * std or value < 0.0:
         return None
     shown = f"{with_error(value, std, digits=3)} {unit}"
     away = f"{abs(value - usual) / std:.1f} standard deviations away" if std else "another number"
     message = (
-        f"{parameter} is {shown}, by {' and '.join(_words(name, one) for name, one in known.items())}: the default of "
+        f"{parameter} is {shown}, by "
+        f"{' and '.join(_words(name, number) for name, number in known.items())}: the default of "
         f"{usual:.3g} is {away}. --set {next(iter(sizes))}=… decides otherwise."
     )
     findings.append(warn("export_compromise", parameter, message, value=value, usual=usual, std=std))
@@ -67,5 +70,8 @@ def _mean(values: Mapping[str, tuple[float, float]]) -> tuple[float, float]:
     return sum(value / std**2 for value, std in values.values()) / weight, 1.0 / math.sqrt(weight)
 
 
-def _words(name: str, one: VehicleNumber) -> str:
-    return f"{name} = {with_error(one.value, one.std, digits=3)} {one.unit}{f' ({one.of})' if one.of else ''}"
+def _words(name: str, number: VehicleNumber) -> str:
+    return (
+        f"{name} = {with_error(number.value, number.std, digits=3)} "
+        f"{number.unit}{f' ({number.of})' if number.of else ''}"
+    )

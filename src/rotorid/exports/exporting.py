@@ -55,7 +55,7 @@ def export(
     ['22002_gz_vehicle', 'vehicle.world.sdf', 'vehicle/model.config', 'vehicle/model.sdf']
     """
     found, chosen = target_named(target), choices or ExportSettings()
-    _require_held(found, chosen)
+    _require_supported_choices(found, chosen)
     vehicle = joined(what, chosen, given=given, layout=layout)
     if found.name in _OF_BOTH_HALVES:
         vehicle = _with_both_halves(vehicle)
@@ -77,7 +77,7 @@ def _with_both_halves(vehicle: JoinedVehicle) -> JoinedVehicle:
     return replace(vehicle, models=(*vehicle.models, whole), findings=(*vehicle.findings, *whole.findings))
 
 
-def _require_held(target: Target, choices: ExportSettings) -> None:
+def _require_supported_choices(target: Target, choices: ExportSettings) -> None:
     """Refuse choices that the target has no place for, so that no answer says that they were heeded."""
     if target.scale and choices.delay == "states":
         raise UsageError(
@@ -159,9 +159,9 @@ def joined(
     from rotorid.exports.draws import draws, require_possible
 
     def made(drawn: Sequence[IdentifiedModel]) -> JoinedVehicle:
-        one = joined_vehicle(drawn, given=given, name=choices.names, layout=layout)
-        require_possible(one)
-        return one
+        vehicle = joined_vehicle(drawn, given=given, name=choices.names, layout=layout)
+        require_possible(vehicle)
+        return vehicle
 
     try:
         drawn, _ = draws(models, _DRAWS, made, rng=np.random.default_rng(0))

@@ -117,12 +117,12 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     models = named_models(vehicle, choices) if vehicle.models else ()
     rows = compared_models(models, choices)
     sentences = delay_words(models, choices)
-    units = {f"{choices.names}_{one.name}.fmu": _linear(one) for one in models}
+    units = {f"{choices.names}_{model.name}.fmu": _linear(model) for model in models}
     if body is not None:
         unit = _vehicle(choices.names, vehicle, body, choices)
         units = {f"{choices.names}.fmu": unit, **units}
         rows = (*_compared(vehicle, body, unit.header, choices), *rows)
-        sentences += _said(vehicle, choices)
+        sentences += _delay_remarks(vehicle, choices)
     head = headed(f"{choices.names}: an identified vehicle as FMUs, by rotorid", rows, sentences)
     script, names = f"{choices.names}_compile.py", list(units)
     return Exported(
@@ -138,20 +138,20 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     )
 
 
-def _linear(one: NamedModel) -> _Unit:
-    system, structure = one.exported, one.model.structure
+def _linear(model: NamedModel) -> _Unit:
+    system, structure = model.exported, model.model.structure
     sizes = {"STATES": len(system.states), "INPUTS": len(structure.inputs), "OUTPUTS": len(structure.outputs)}
     step_s = 0.0 if system.sample_time_s is None else system.sample_time_s
     arrays = {name: getattr(system, name) for name in "ABCD"}
     return _Unit(
-        name=one.name,
-        title=one.model.name,
+        name=model.name,
+        title=model.model.name,
         dynamics="linear.h",
         header=_header(sizes, {"STEP_S": step_s}, arrays),
         inputs=[f"{name}_input" if name in structure.outputs else name for name in structure.inputs],
         outputs=structure.outputs,
         step_s=step_s or STEP_S,
-        lines=description(one),
+        lines=description(model),
     )
 
 
@@ -191,19 +191,19 @@ def _vehicle(name: str, vehicle: JoinedVehicle, body: Multirotor, choices: Expor
     )
 
 
-def _said(vehicle: JoinedVehicle, choices: ExportSettings) -> list[str]:
+def _delay_remarks(vehicle: JoinedVehicle, choices: ExportSettings) -> list[str]:
     """What became of the delay of the vehicle, and what it has not."""
-    said, late = [], vehicle.numbers.get(DELAY)
+    remarks, late = [], vehicle.numbers.get(DELAY)
     if late is not None and late.value > 0.0:
-        said.append(
+        remarks.append(
             f"The delay of the vehicle, {1e3 * late.value:.2g} ms, is a part of its lag."
             if choices.delay == "lag"
             else f"The delay of the vehicle, {1e3 * late.value:.2g} ms, is "
             f"{delay_steps(vehicle, choices, step_s=STEP_S)} steps of {1e3 * STEP_S:g} ms."
         )
     if "T_motor" not in vehicle.numbers:
-        said.append("The lag of the motors is not identified.")
-    return said
+        remarks.append("The lag of the motors is not identified.")
+    return remarks
 
 
 # The equations of the vehicle, by the numbers as they are written

@@ -35,7 +35,7 @@ from rotorid.exports.arrangement import refuse_tilted
 from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.round_trip import HOVER, compared, identified_motion, linearized
 from rotorid.exports.settings import ExportSettings
-from rotorid.exports.target import EXACT_PERCENT, Compared, Exported, Held, number_text, table_lines, xml_comment
+from rotorid.exports.target import EXACT_PERCENT, Compared, Exported, Fidelity, number_text, table_lines, xml_comment
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
 from rotorid.typing import FloatArray
 
@@ -126,13 +126,13 @@ class GazeboVehicle(Immutable):
     def whole(self) -> tuple[float, FloatArray]:
         """Mass and inertia of all links together, about the origin."""
         mass = self.mass_kg + self.rotor_kg * len(self.hubs_m)
-        inertia = self.inertia_kg_m2 + self.mass_kg * _about(self.center_m)
+        inertia = self.inertia_kg_m2 + self.mass_kg * _inertia_about_origin(self.center_m)
         for hub in self.hubs_m:
-            inertia = inertia + self.rotor_tensor + self.rotor_kg * _about(hub)
+            inertia = inertia + self.rotor_tensor + self.rotor_kg * _inertia_about_origin(hub)
         return mass, np.asarray(inertia)
 
 
-def _about(place: FloatArray) -> FloatArray:
+def _inertia_about_origin(place: FloatArray) -> FloatArray:
     """What a kilogram at a place adds to the inertia about the origin."""
     return np.asarray(place @ place * np.eye(3) - np.outer(place, place))
 
@@ -269,7 +269,11 @@ def _weighed(body: Multirotor) -> tuple[float, FloatArray, FloatArray, float, tu
         mass = body.mass_kg - rotor * len(hubs)
         center = -rotor * hubs.sum(axis=0) / mass
         tensor = np.diag([0.5 * (along + across)] * 2 + [across])
-        left = whole - mass * _about(center) - sum(tensor + rotor * _about(hub) for hub in hubs)
+        left = (
+            whole
+            - mass * _inertia_about_origin(center)
+            - sum(tensor + rotor * _inertia_about_origin(hub) for hub in hubs)
+        )
         low, middle, high = np.linalg.eigvalsh(left)
         # A body has no moment of inertia beyond the sum of the other two; where the whole has, the rest may.
         limit = np.linalg.eigvalsh(whole)
@@ -324,26 +328,26 @@ def _compared(
         lag_s=model.lag_up_s,
     )
     rounding = _ROUNDING_RAD_S / (model.fastest - model.slowest)
-    held: dict[str, Held] = dict.fromkeys(("Z_w", "L_p", "M_q", "N_r", "M_u", "L_v"), "not")
+    fidelities: dict[str, Fidelity] = dict.fromkeys(("Z_w", "L_p", "M_q", "N_r", "M_u", "L_v"), "not")
     if {"X_u", "Y_v"} <= set(vehicle.numbers) or model.drag == 0.0:
-        held |= dict.fromkeys(("X_u", "Y_v"), "approximated")
+        fidelities |= dict.fromkeys(("X_u", "Y_v"), "approximated")
     if not exact or 100.0 * rounding > EXACT_PERCENT * vehicle.hover_output:
-        held[HOVER] = "approximated"
-    return compared(vehicle, identified, exported, held, delay=choices.delay == "lag")
+        fidelities[HOVER] = "approximated"
+    return compared(vehicle, identified, exported, fidelities, delay=choices.delay == "lag")
 
 
 def _left_out(vehicle: JoinedVehicle, choices: ExportSettings, model: GazeboVehicle) -> list[str]:
-    said = ["Gazebo's rotors have no drag along their axis, and the body has none: Z_w and damping are left out."]
+    remarks = ["Gazebo's rotors have no drag along their axis, and the body has none: Z_w and damping are left out."]
     words = "There is no delay: {} are left out; --delay-as-lag adds them to the lag."
-    said += delay_words(vehicle, words, as_lag=choices.delay == "lag")
+    remarks += delay_words(vehicle, words, as_lag=choices.delay == "lag")
     if any(name in vehicle.numbers for name in ("M_u", "L_v")):
-        said.append("M_u and L_v are those of drag at the height of the rotors, not the identified ones.")
+        remarks.append("M_u and L_v are those of drag at the height of the rotors, not the identified ones.")
     if not {"X_u", "Y_v"} & set(vehicle.numbers):
-        said.append("Drag is not identified: the model has none.")
-    said += lag_words(vehicle)
+        remarks.append("Drag is not identified: the model has none.")
+    remarks += lag_words(vehicle)
     assert vehicle.multirotor is not None
     full_n = model.thrust * float(model.fastest) ** 2
-    return said + full_thrust_words("a square of the speed", full_n, vehicle.multirotor.rotors.thrust_at(1.0))
+    return remarks + full_thrust_words("a square of the speed", full_n, vehicle.multirotor.rotors.thrust_at(1.0))
 
 
 # The files

@@ -69,7 +69,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
         A model has no proper state space.
     """
     models = named_models(vehicle, choices)
-    if choices.names in {one.name for one in models} | {f"{one.name}_measured" for one in models}:
+    if choices.names in {model.name for model in models} | {f"{model.name}_measured" for model in models}:
         raise UsageError(
             f"the script and a model in it would both be called {choices.names}",
             needed="names that differ",
@@ -87,7 +87,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
         left_out=tuple(sentences),
         start=(
             f"{choices.names}    in MATLAB (Control System Toolbox) or Octave (package control) makes "
-            f"{', '.join(one.name for one in models)}\n"
+            f"{', '.join(model.name for model in models)}\n"
             f"bode({models[0].name})\n"
             f"data = load('{choices.names}.mat')    has matrices, delays, parameters and their covariance"
         ),
@@ -101,16 +101,19 @@ def own_delays(choices: ExportSettings) -> bool:
 
 
 def _own_delay_words(models: Sequence[NamedModel], choices: ExportSettings) -> list[str]:
-    late = [one for one in models if one.delays_s.any()]
+    late = [model for model in models if model.delays_s.any()]
     if not late:
         return []
-    said = ["MATLAB keeps delays exactly."]
+    remarks = ["MATLAB keeps delays exactly."]
     if choices.delay == "none":
-        return [*said, "Octave leaves them out, as long as pade_order is 0 in the script; --pade N sets it."]
-    said.append(
+        return [*remarks, "Octave leaves them out, as long as pade_order is 0 in the script; --pade N sets it."]
+    remarks.append(
         f"In Octave they are Padé approximations of order {choices.pade_order}, which change the response by up to:"
     )
-    return [*said, *(f"{one.model.name}: {one.error:.2g} up to {one.band_rad_s[1]:.3g} rad/s." for one in late)]
+    return [
+        *remarks,
+        *(f"{model.model.name}: {model.error:.2g} up to {model.band_rad_s[1]:.3g} rad/s." for model in late),
+    ]
 
 
 # The script
@@ -125,8 +128,8 @@ def _script(models: Sequence[NamedModel], choices: ExportSettings, head: Sequenc
             "% Of the delays in Octave, which has none of its own; 0 leaves them out.",
             f"pade_order = {order};",
         ]
-    for one in models:
-        lines += ["", *_model(one, choices)]
+    for model in models:
+        lines += ["", *_model(model, choices)]
     return "\n".join(lines) + "\n"
 
 
@@ -134,10 +137,10 @@ def _comment(lines: Sequence[str]) -> list[str]:
     return [f"% {line}".rstrip() for line in lines]
 
 
-def _model(one: NamedModel, choices: ExportSettings) -> Iterator[str]:
-    system = one.plant if own_delays(choices) else one.exported
-    structure = one.model.structure
-    yield from _comment(description(one))
+def _model(model: NamedModel, choices: ExportSettings) -> Iterator[str]:
+    system = model.plant if own_delays(choices) else model.exported
+    structure = model.model.structure
+    yield from _comment(description(model))
     for name in "ABCD":
         yield f"{name} = {_matrix(getattr(system, name))};"
     step = "" if system.sample_time_s is None else f", {_number(system.sample_time_s)}"
@@ -147,19 +150,19 @@ def _model(one: NamedModel, choices: ExportSettings) -> Iterator[str]:
     matlab = "".join(f", '{key}Name', {_cells(value)}" for key, value in words.items() if value)
     if not own_delays(choices):
         yield from _branched(
-            f"{one.name} = ss(A, B, C, D{step}{octave});", f"{one.name} = ss(A, B, C, D{step}{matlab});"
+            f"{model.name} = ss(A, B, C, D{step}{octave});", f"{model.name} = ss(A, B, C, D{step}{matlab});"
         )
     else:
-        before, behind = input_output_delays(one.model.system)
+        before, behind = input_output_delays(model.model.system)
         yield f"input_delay = {_matrix(before[:, None])};"
         yield f"output_delay = {_matrix(behind[:, None])};"
         late = ", 'InputDelay', input_delay, 'OutputDelay', output_delay"
         yield from _branched(
-            f"{one.name} = ss(A, B, C, D{octave});\n" + _joined(one.name, structure),
-            f"{one.name} = ss(A, B, C, D{late}{matlab});",
+            f"{model.name} = ss(A, B, C, D{octave});\n" + _joined(model.name, structure),
+            f"{model.name} = ss(A, B, C, D{late}{matlab});",
         )
-    yield from _uncertain(one)
-    yield from _measured(one)
+    yield from _uncertain(model)
+    yield from _measured(model)
 
 
 def _branched(octave: str, matlab: str) -> list[str]:
@@ -195,13 +198,13 @@ def _joined(name: str, structure: LinearStructure) -> str:
 end"""
 
 
-def _uncertain(one: NamedModel) -> list[str]:
+def _uncertain(model: NamedModel) -> list[str]:
     """The model with uncertain parameters, where its matrices are regular and its names are those of variables."""
-    structure, parameters = one.model.structure, one.model.structure.parameters
+    structure, parameters = model.model.structure, model.model.structure.parameters
     needed = _needed(structure)
     names = [name for name in (*parameters.names, *structure.constants) if name in needed]
-    spread = {name: one.model.parameters[name].std for name in parameters.free if name in one.model.parameters}
-    regular = len(one.plant.A) == len(structure.states)
+    spread = {name: model.model.parameters[name].std for name in parameters.free if name in model.model.parameters}
+    regular = len(model.plant.A) == len(structure.states)
     ties = {found.name: found.tied.names for found in parameters if found.tied is not None}
     if any(names & set(ties) for names in ties.values()):
         return []
@@ -223,7 +226,7 @@ def _uncertain(one: NamedModel) -> list[str]:
     for matrix in ("M", "F", "G", "H0", "H1"):
         rows = ["[" + ", ".join(_expression(str(entry)) for entry in row) + "]" for row in getattr(structure, matrix)]
         lines.append(f"  {matrix} = [{'; '.join(rows)}];")
-    lines.append(f"  {one.name}_uncertain = ss(M \\ F, M \\ G, H0 + H1 * (M \\ F), H1 * (M \\ G));")
+    lines.append(f"  {model.name}_uncertain = ss(M \\ F, M \\ G, H0 + H1 * (M \\ F), H1 * (M \\ G));")
     return [*lines, "end"]
 
 
@@ -245,13 +248,13 @@ def _expression(text: str) -> str:
     return text.replace("**", "^")
 
 
-def _measured(one: NamedModel) -> list[str]:
-    found = measured(one.model)
+def _measured(model: NamedModel) -> list[str]:
+    found = measured(model.model)
     if found is None:
         return []
     real, imag = found["real"], found["imag"]
     shape = " ".join(map(str, real.shape))
-    name = f"{one.name[: LONGEST_NAME - 9]}_measured"
+    name = f"{model.name[: LONGEST_NAME - 9]}_measured"
     # MATLAB counts along the first index first.
     return [
         f"H = reshape(complex({_row(real.ravel(order='F'))}, ...",
@@ -291,17 +294,17 @@ def _mat(models: Sequence[NamedModel], choices: ExportSettings) -> bytes:
 
     # It writes to files that are open too, which its types do not say.
     written: Any = io.BytesIO()
-    savemat(written, {one.name: _struct(one, choices) for one in models}, oned_as="column", do_compression=True)
+    savemat(written, {model.name: _struct(model, choices) for model in models}, oned_as="column", do_compression=True)
     raw: bytes = written.getvalue()
     # The text at the head would hold the hour, and two exports of one result would differ.
     return _HEADER.ljust(_HEADER_BYTES) + raw[_HEADER_BYTES:]
 
 
-def _struct(one: NamedModel, choices: ExportSettings) -> Mapping[str, Any]:
+def _struct(item: NamedModel, choices: ExportSettings) -> Mapping[str, Any]:
     from rotorid import __version__
 
-    model, own = one.model, own_delays(choices)
-    system = one.plant if own else one.exported
+    model, own = item.model, own_delays(choices)
+    system = item.plant if own else item.exported
     before, behind = input_output_delays(model.system)
     bounds = model.bounds
     values: dict[str, Any] = {name: np.array(getattr(system, name)) for name in "ABCD"}
@@ -317,7 +320,7 @@ def _struct(one: NamedModel, choices: ExportSettings) -> Mapping[str, Any]:
         "parameter_units": _cell([found.unit for found in model.parameters.values()]),
         "covariance_names": _cell(bounds.names),
         "covariance": np.array(bounds.covariance),
-        "band": np.array(one.band_rad_s),
+        "band": np.array(item.band_rad_s),
         "meta": {
             "model": model.name,
             "logs": _cell([str(name).replace("\\", "/").split("/")[-1] for name in model.provenance.inputs]),

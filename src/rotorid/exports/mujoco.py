@@ -351,13 +351,13 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, text: str, choices: Expo
 def _left_out(vehicle: JoinedVehicle, body: Multirotor, choices: ExportSettings) -> list[str]:
     full = body.rotors.thrust_at(1.0)
     line = min(float(tangents(body).sum(axis=1).mean()), full)
-    said = full_thrust_words("the tangent at hover, within that of no and of full output", line, full)
+    remarks = full_thrust_words("the tangent at hover, within that of no and of full output", line, full)
     steps = f"{delay_steps(vehicle, choices, step_s=STEP_S)} steps of {1e3 * STEP_S:g} ms"
     words = f"The delay of {{}} is in the loop as {steps}, and not in the model."
-    said += delay_words(vehicle, words, as_lag=choices.delay == "lag")
+    remarks += delay_words(vehicle, words, as_lag=choices.delay == "lag")
     if np.any(body.aerodynamics):
-        said.append("Drag and damping are in the loop and not in the model.")
+        remarks.append("Drag and damping are in the loop and not in the model.")
     unknown = [name for name in _MOTION if name not in vehicle.numbers]
     if unknown:
-        said.append(f"{', '.join(unknown)} {'is' if len(unknown) == 1 else 'are'} not identified: there is none.")
-    return said + lag_words(vehicle)
+        remarks.append(f"{', '.join(unknown)} {'is' if len(unknown) == 1 else 'are'} not identified: there is none.")
+    return remarks + lag_words(vehicle)

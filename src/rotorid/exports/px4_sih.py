@@ -35,7 +35,7 @@ from rotorid.exports.arrangement import Arranged, arranged, refuse_tilted
 from rotorid.exports.estimates import instead_of_default
 from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, YAW, compared, identified_motion, linearized
 from rotorid.exports.settings import ExportSettings
-from rotorid.exports.target import Compared, Exported, Held, table_lines
+from rotorid.exports.target import Compared, Exported, Fidelity, table_lines
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words, sih_lag
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -161,7 +161,7 @@ def sih_frame(layout: RotorLayout) -> tuple[Frame, Arranged]:
     >>> frame.name, rotors.order
     ('quad X', (1, 2, 3, 0))
     """
-    wanted = f"rotors in a {' or a '.join(one.name for one in FRAMES.values())}, which SIH flies"
+    wanted = f"rotors in a {' or a '.join(frame.name for frame in FRAMES.values())}, which SIH flies"
     frame = FRAMES.get(layout.rotors)
     if frame is None:
         raise ModelError(f"{layout.name} has {layout.rotors} rotors", needed=wanted)
@@ -270,8 +270,8 @@ def _mean_drag(
     known = [-vehicle.numbers[name].value * size for name, size in level.items() if name in vehicle.numbers]
     if not known:
         value = _USUAL_RATE_1_S * float(np.mean(list(level.values())))
-        if (seen := instead_of_default(vehicle, sizes, parameter, value, unit, findings)) is not None:
-            return seen
+        if (coefficient := instead_of_default(vehicle, sizes, parameter, value, unit, findings)) is not None:
+            return coefficient
         defaults[parameter] = _default(value, unit, f"{_USUAL_RATE_1_S:g} 1/s as SIH's own vehicle has it")
         return value
     mean = float(np.mean(known))
@@ -336,8 +336,8 @@ def _compared(
     pole_s = 0.0 if at_once else -STEP_S / math.log1p(-STEP_S / constant_s)
     own = linearized(lambda x, v, w: sih_accelerations(parameters, x, v, w), hover, lag_s=pole_s)
     exported = own.replaced(rotors.restored(own.by_output))
-    held = _held(body, frame, rotors) | ({LAG: "approximated"} if at_once else {})
-    return compared(vehicle, identified, exported, held, delay=choices.delay == "lag")
+    fidelities = _fidelities(body, frame, rotors) | ({LAG: "approximated"} if at_once else {})
+    return compared(vehicle, identified, exported, fidelities, delay=choices.delay == "lag")
 
 
 def _places(body: Multirotor, frame: Frame) -> FloatArray:
@@ -354,21 +354,21 @@ def _levers(body: Multirotor) -> tuple[float, float]:
     return (float(np.hypot(hubs_m[:, 0], hubs_m[:, 1]).mean()),) * 2
 
 
-def _held(body: Multirotor, frame: Frame, rotors: Arranged) -> dict[str, Held]:
+def _fidelities(body: Multirotor, frame: Frame, rotors: Arranged) -> dict[str, Fidelity]:
     """What SIH has one number for where the vehicle has several, and what it has none for."""
-    held: dict[str, Held] = dict.fromkeys(("X_u", "Y_v", "Z_w", "L_p", "M_q", "N_r"), "approximated")
-    held |= dict.fromkeys(("M_u", "L_v"), "not")
+    fidelities: dict[str, Fidelity] = dict.fromkeys(("X_u", "Y_v", "Z_w", "L_p", "M_q", "N_r"), "approximated")
+    fidelities |= dict.fromkeys(("M_u", "L_v"), "not")
     hubs, ideal = rotors.positions(body.rotors.layout), _places(body, frame)
     moved = np.abs(hubs - ideal).max() > _SAME_PLACE * np.abs(ideal).max()
     if moved:
-        held |= dict.fromkeys((ROLL, PITCH), "approximated")
+        fidelities |= dict.fromkeys((ROLL, PITCH), "approximated")
     # Products of inertia bring what is off on one axis to the others.
     if (moved or rotors.mirrored) and np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
-        held |= dict.fromkeys((ROLL, PITCH, YAW), "approximated")
+        fidelities |= dict.fromkeys((ROLL, PITCH, YAW), "approximated")
     c_0, _, c_2 = body.rotors.thrust
     if c_0 or c_2:
-        held[HOVER] = "approximated"
-    return held
+        fidelities[HOVER] = "approximated"
+    return fidelities
 
 
 _SAME_PLACE = 0.005
@@ -376,16 +376,16 @@ _SAME_PLACE = 0.005
 
 
 def _left_out(vehicle: JoinedVehicle, choices: ExportSettings) -> list[str]:
-    said = []
+    remarks = []
     words = "SIH has no delay: {} are left out; --delay-as-lag adds them to the lag."
-    said += delay_words(vehicle, words, as_lag=choices.delay == "lag")
+    remarks += delay_words(vehicle, words, as_lag=choices.delay == "lag")
     if any(name in vehicle.numbers for name in ("M_u", "L_v")):
-        said.append("SIH has no moment by velocity: M_u and L_v are left out.")
-    said.append("SIH has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
-    said += lag_words(vehicle)
+        remarks.append("SIH has no moment by velocity: M_u and L_v are left out.")
+    remarks.append("SIH has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
+    remarks += lag_words(vehicle)
     assert vehicle.multirotor is not None
     identified_n = vehicle.multirotor.rotors.thrust_at(1.0)
-    return said + full_thrust_words("a line through zero", vehicle.hover_slope_n, identified_n)
+    return remarks + full_thrust_words("a line through zero", vehicle.hover_slope_n, identified_n)
 
 
 # The files

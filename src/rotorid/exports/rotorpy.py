@@ -38,7 +38,7 @@ from rotorid.exports.mujoco import FLU, own_slopes, tangents
 from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.round_trip import compared, identified_motion, linearized
 from rotorid.exports.settings import ExportSettings
-from rotorid.exports.target import Compared, Exported, Held, table_lines
+from rotorid.exports.target import Compared, Exported, Fidelity, table_lines
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
 from rotorid.typing import FloatArray
 
@@ -296,35 +296,35 @@ def _compared(
         model.output(_hover_speeds(body, model)),
         lag_s=model.lag_s,
     )
-    return compared(vehicle, identified, exported, _held(vehicle, model), delay=choices.delay == "lag")
+    return compared(vehicle, identified, exported, _fidelities(vehicle, model), delay=choices.delay == "lag")
 
 
-def _held(vehicle: JoinedVehicle, model: SpeedVehicle) -> Mapping[str, Held]:
+def _fidelities(vehicle: JoinedVehicle, model: SpeedVehicle) -> Mapping[str, Fidelity]:
     """One drag for two axes, and damping that follows from the others."""
-    held: dict[str, Held] = dict.fromkeys(("M_u", "L_v"), "approximated")
-    held |= dict.fromkeys(("L_p", "M_q"), "approximated" if model.climb_drag else "not")
-    held["N_r"] = "approximated" if model.drag else "not"
+    fidelities: dict[str, Fidelity] = dict.fromkeys(("M_u", "L_v"), "approximated")
+    fidelities |= dict.fromkeys(("L_p", "M_q"), "approximated" if model.climb_drag else "not")
+    fidelities["N_r"] = "approximated" if model.drag else "not"
     across = {vehicle.numbers[name].value for name in ("X_u", "Y_v") if name in vehicle.numbers}
     if len(across) > 1 or not model.drag:
-        held |= dict.fromkeys(("X_u", "Y_v"), "approximated")
+        fidelities |= dict.fromkeys(("X_u", "Y_v"), "approximated")
     if not model.climb_drag:
-        held["Z_w"] = "approximated"
-    return held
+        fidelities["Z_w"] = "approximated"
+    return fidelities
 
 
 def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, choices: ExportSettings) -> list[str]:
-    said = [
+    remarks = [
         "RotorPy has one drag across the rotors, and no damping of rates but what the drag of the rotors makes: L_p, "
         "M_q and N_r follow from it.",
         f"Its gravity is {_GRAVITY_M_S2:g} m/s^2: outputs in hover are higher by 0.02 %.",
     ]
     full = model.thrust * model.fastest_rad_s**2
-    said += full_thrust_words("a square of the speed", full, body.rotors.thrust_at(1.0))
+    remarks += full_thrust_words("a square of the speed", full, body.rotors.thrust_at(1.0))
     words = "RotorPy has no delay: {} are left out; --delay-as-lag adds them to the lag."
-    said += delay_words(vehicle, words, as_lag=choices.delay == "lag")
+    remarks += delay_words(vehicle, words, as_lag=choices.delay == "lag")
     if not {"X_u", "Y_v"} & set(vehicle.numbers):
-        said.append("Drag is not identified: the vehicle has none.")
-    return said + lag_words(vehicle)
+        remarks.append("Drag is not identified: the vehicle has none.")
+    return remarks + lag_words(vehicle)
 
 
 # The file

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
-from rotorid.exports.target import Compared, Held
+from rotorid.exports.target import Compared, Fidelity
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ def compared(
     vehicle: JoinedVehicle,
     identified: HoverMotion,
     exported: HoverMotion,
-    held: Mapping[str, Held],
+    fidelities: Mapping[str, Fidelity],
     *,
     delay: bool = False,
 ) -> tuple[Compared, ...]:
@@ -172,22 +172,27 @@ def compared(
         Says which derivatives are known, and the delay.
     identified, exported
         Motion about hover.
-    held
+    fidelities
         How the target holds each row, by its name: exactly where nothing is said.
     delay
         Whether the lag of the simulator contains the delay.
 
     """
-    return tuple(_rows(vehicle, identified, exported, held, delay=delay))
+    return tuple(_rows(vehicle, identified, exported, fidelities, delay=delay))
 
 
 def _rows(
-    vehicle: JoinedVehicle, identified: HoverMotion, exported: HoverMotion, held: Mapping[str, Held], *, delay: bool
+    vehicle: JoinedVehicle,
+    identified: HoverMotion,
+    exported: HoverMotion,
+    fidelities: Mapping[str, Fidelity],
+    *,
+    delay: bool,
 ) -> Iterable[Compared]:
     spread = _spread(vehicle)
 
-    def row(name: str, unit: str, was: float, is_now: float, usual: Held = "exact") -> Compared:
-        kind = held.get(name, usual)
+    def row(name: str, unit: str, was: float, is_now: float, usual: Fidelity = "exact") -> Compared:
+        kind = fidelities.get(name, usual)
         return Compared(
             name=name, unit=unit, identified=was, exported=is_now, held=kind, identified_std=spread.get(name)
         )
@@ -205,7 +210,7 @@ def _rows(
             unit="s",
             identified=identified.lag_s,
             exported=0.0 if now is None else now,
-            held="not" if now is None else held.get(LAG, "exact"),
+            held="not" if now is None else fidelities.get(LAG, "exact"),
             identified_std=_std_of(vehicle, "T_motor", *([DELAY] if name != LAG else [])),
         )
     if (late := vehicle.numbers.get(DELAY)) is not None and late.value > 0.0 and not delay:
@@ -232,16 +237,16 @@ def _gain(motion: HoverMotion, axis: int) -> float:
 
 def _std_of(vehicle: JoinedVehicle, *names: str) -> float | None:
     stds = [vehicle.numbers[name].std for name in names if name in vehicle.numbers]
-    return float(np.hypot.reduce([one for one in stds if one])) if any(stds) else None
+    return float(np.hypot.reduce([std for std in stds if std])) if any(stds) else None
 
 
 def _spread(vehicle: JoinedVehicle) -> dict[str, float]:
     """One standard deviation of each row: of derivatives their own, of what follows from several over the draws."""
     found = {name: std for name in (*_DERIVATIVES, DELAY) if (std := _std_of(vehicle, name)) is not None}
-    bodies = [(one, one.multirotor) for one in vehicle.draws if one.multirotor is not None]
+    bodies = [(draw, draw.multirotor) for draw in vehicle.draws if draw.multirotor is not None]
     if len(bodies) < _FEWEST_DRAWS:
         return found
-    motions = [identified_motion(one, body, lag_s=None) for one, body in bodies]
+    motions = [identified_motion(vehicle, body, lag_s=None) for vehicle, body in bodies]
     rows = {name: [_gain(motion, axis) for motion in motions] for name, (axis, _) in _GAINS.items()}
     rows[HOVER] = [motion.hover_output for motion in motions]
     return found | {name: float(np.std(values, ddof=1)) for name, values in rows.items()}

@@ -24,7 +24,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
 from rotorid.errors import UsageError
 from rotorid.exports.settings import ExportSettings
-from rotorid.exports.target import Compared, Held, table_lines
+from rotorid.exports.target import Compared, Fidelity, table_lines
 from rotorid.simulation.rational_model import RationalModel, delay_error
 from rotorid.typing import FloatArray
 
@@ -114,11 +114,11 @@ def named_models(vehicle: JoinedVehicle, choices: ExportSettings) -> tuple[Named
         )
         for model in vehicle.models
     ]
-    names = [one.name for one in named]
-    for one in named:
-        if names.count(one.name) > 1:
+    names = [model.name for model in named]
+    for model in named:
+        if names.count(model.name) > 1:
             raise UsageError(
-                f"two results would be called {one.name}",
+                f"two results would be called {model.name}",
                 needed="results of different models",
                 remedy="export them one by one",
             )
@@ -145,74 +145,74 @@ def compared_models(
     own_delays
         Whether the target has delays of its own, which are exact.
     """
-    return tuple(row for one in models for row in _rows(one, choices, own_delays=own_delays))
+    return tuple(row for model in models for row in _rows(model, choices, own_delays=own_delays))
 
 
-def _rows(one: NamedModel, choices: ExportSettings, *, own_delays: bool) -> Iterator[Compared]:
-    system, exported = one.model.system, one.exported
-    middle = math.sqrt(one.band_rad_s[0] * one.band_rad_s[1])
-    sampled: Held = "exact" if exported.sample_time_s is None else "approximated"
+def _rows(model: NamedModel, choices: ExportSettings, *, own_delays: bool) -> Iterator[Compared]:
+    system, exported = model.model.system, model.exported
+    middle = math.sqrt(model.band_rad_s[0] * model.band_rad_s[1])
+    sampled: Fidelity = "exact" if exported.sample_time_s is None else "approximated"
     gain, now = np.abs(system.response(np.array([middle]))), np.abs(exported.response(np.array([middle])))
     at = np.unravel_index(int(gain.argmax()), gain.shape)
-    held: Held = "approximated" if choices.delay == "lag" else sampled
-    label = f"{one.model.name}: gain at {middle:.3g} rad/s"
-    yield Compared(name=label, unit="1", identified=float(gain[at]), exported=float(now[at]), held=held)
-    count = len(one.plant.A)
+    fidelity: Fidelity = "approximated" if choices.delay == "lag" else sampled
+    label = f"{model.model.name}: gain at {middle:.3g} rad/s"
+    yield Compared(name=label, unit="1", identified=float(gain[at]), exported=float(now[at]), held=fidelity)
+    count = len(model.plant.A)
     if count:
         was, own = np.abs(system.poles()).max(), np.linalg.eigvals(exported.A[:count, :count]).astype(np.complex128)
         step_s = exported.sample_time_s
         fastest = float(np.abs(own if step_s is None else np.log(own) / step_s).max())
         yield Compared(
-            name=f"{one.model.name}: fastest pole",
+            name=f"{model.model.name}: fastest pole",
             unit="rad/s",
             identified=float(was),
             exported=fastest,
             held="exact" if exported.sample_time_s is None or was * exported.sample_time_s < 1.0 else "approximated",
         )
-    if one.delays_s.max(initial=0.0) > _NOTHING_S:
-        yield _delay_row(one, choices, own_delays=own_delays)
+    if model.delays_s.max(initial=0.0) > _NOTHING_S:
+        yield _delay_row(model, choices, own_delays=own_delays)
 
 
-def _delay_row(one: NamedModel, choices: ExportSettings, *, own_delays: bool) -> Compared:
-    top = one.band_rad_s[1]
-    late = one.delays_s
+def _delay_row(model: NamedModel, choices: ExportSettings, *, own_delays: bool) -> Compared:
+    top = model.band_rad_s[1]
+    late = model.delays_s
     at = np.unravel_index(int(late.argmax()), late.shape)
     late_s = float(late[at])
-    held: Held
+    fidelity: Fidelity
     if own_delays:
-        now_s, held = late_s, "exact"
+        now_s, fidelity = late_s, "exact"
     elif choices.delay == "none":
-        now_s, held = 0.0, "not"
+        now_s, fidelity = 0.0, "not"
     else:
-        without = one.model.rational(delays="none", sample_rate_hz=choices.sample_rate_hz)
+        without = model.model.rational(delays="none", sample_rate_hz=choices.sample_rate_hz)
         omega = np.array([top])
-        ratio = complex(one.exported.response(omega)[(*at, 0)] / without.response(omega)[(*at, 0)])
+        ratio = complex(model.exported.response(omega)[(*at, 0)] / without.response(omega)[(*at, 0)])
         turns = round((top * late_s + float(np.angle(ratio))) / math.tau)
-        now_s, held = (math.tau * turns - float(np.angle(ratio))) / top, "approximated"
+        now_s, fidelity = (math.tau * turns - float(np.angle(ratio))) / top, "approximated"
     return Compared(
-        name=f"{one.model.name}: delay at {top:.3g} rad/s", unit="s", identified=late_s, exported=now_s, held=held
+        name=f"{model.model.name}: delay at {top:.3g} rad/s", unit="s", identified=late_s, exported=now_s, held=fidelity
     )
 
 
 def early(models: Sequence[NamedModel]) -> tuple[Finding, ...]:
     """A remark on every model with a delay below zero."""
     found = []
-    for one in models:
+    for model in models:
         lowest = min(
-            one.model.system.input_delays_s.min(initial=0.0), one.model.system.output_delays_s.min(initial=0.0)
+            model.model.system.input_delays_s.min(initial=0.0), model.model.system.output_delays_s.min(initial=0.0)
         )
         if lowest < -_NOTHING_S:
-            message = f"{one.model.name} has a delay of {1e3 * lowest:.3g} ms, which counts as none."
-            found.append(warn("export_compromise", one.model.name, message, delay_s=float(lowest)))
+            message = f"{model.model.name} has a delay of {1e3 * lowest:.3g} ms, which counts as none."
+            found.append(warn("export_compromise", model.model.name, message, delay_s=float(lowest)))
     return tuple(found)
 
 
 def delay_words(models: Sequence[NamedModel], choices: ExportSettings) -> list[str]:
     """What became of the delays, in sentences."""
-    late = [one for one in models if one.delays_s.max(initial=0.0) > _NOTHING_S]
+    late = [model for model in models if model.delays_s.max(initial=0.0) > _NOTHING_S]
     if not late:
         return []
-    worst = 1e3 * max(float(one.delays_s.max()) for one in late)
+    worst = 1e3 * max(float(model.delays_s.max()) for model in late)
     if choices.delay == "none":
         return [
             f"Delays of up to {worst:.3g} ms are left out; --pade N makes them states, --delay-as-lag makes them lags."
@@ -220,18 +220,18 @@ def delay_words(models: Sequence[NamedModel], choices: ExportSettings) -> list[s
     if choices.delay == "states" and choices.sample_rate_hz is not None:
         return ["Delays are exact, as memory of past inputs."]
     how = "lags" if choices.delay == "lag" else f"states, by Padé approximations of order {choices.pade_order}"
-    said = [f"Delays are {how}: the response is another one by up to the share that follows."]
+    remarks = [f"Delays are {how}: the response is another one by up to the share that follows."]
     if choices.sample_rate_hz is None:
-        said += [f"{one.model.name}: {one.error:.2g} up to {one.band_rad_s[1]:.3g} rad/s." for one in late]
+        remarks += [f"{model.model.name}: {model.error:.2g} up to {model.band_rad_s[1]:.3g} rad/s." for model in late]
     else:
-        said = [f"Delays are {how}."]
-    return said
+        remarks = [f"Delays are {how}."]
+    return remarks
 
 
-def description(one: NamedModel) -> list[str]:
+def description(item: NamedModel) -> list[str]:
     """Lines on a model: what it is, where it holds, its parameters with their standard deviations."""
-    model = one.model
-    low, high = one.band_rad_s
+    model = item.model
+    low, high = item.band_rad_s
     lines = [f"{model.name}: {', '.join(model.structure.inputs)} to {', '.join(model.structure.outputs)}"]
     lines += [
         "SI units and radians; axes forward, right, down; inputs and outputs are differences from trim.",

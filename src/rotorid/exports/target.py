@@ -20,7 +20,7 @@ from rotorid.errors import ModelError
 if TYPE_CHECKING:
     from rotorid.flying.vehicle_from_results import VehicleNumber
 
-Held: TypeAlias = Literal["exact", "approximated", "not"]
+Fidelity: TypeAlias = Literal["exact", "approximated", "not"]
 
 EXACT_PERCENT = 1.0
 """Beyond this difference of a quantity that a target holds exactly, the export is wrong."""
@@ -57,7 +57,7 @@ class Compared(Immutable):
     unit: str
     identified: float
     exported: float
-    held: Held
+    held: Fidelity
     size: float | None = None
     identified_std: float | None = None
 
@@ -108,11 +108,11 @@ class Exported(Immutable):
 
     def __post_init__(self) -> None:
         self._set(files=self.files, defaults=self.defaults)
-        for one in self.compared:
-            if one.held == "exact" and not abs(one.difference_percent) <= EXACT_PERCENT:
+        for compared in self.compared:
+            if compared.held == "exact" and not abs(compared.difference_percent) <= EXACT_PERCENT:
                 raise ModelError(
-                    f"{one.name} came back from {self.target} as {one.exported:.5g} {one.unit} for "
-                    f"{one.identified:.5g} identified",
+                    f"{compared.name} came back from {self.target} as {compared.exported:.5g} {compared.unit} for "
+                    f"{compared.identified:.5g} identified",
                     needed=f"a difference of at most {EXACT_PERCENT:g} %, since {self.target} holds it exactly",
                 )
 
@@ -132,7 +132,7 @@ class Exported(Immutable):
             write_atomically(place, content)
 
 
-_WORDS: Mapping[Held, str] = {"exact": "exact", "approximated": "approximated", "not": "not held"}
+_WORDS: Mapping[Fidelity, str] = {"exact": "exact", "approximated": "approximated", "not": "not held"}
 
 
 def table_lines(compared: Sequence[Compared]) -> list[str]:
@@ -145,11 +145,11 @@ def table_lines(compared: Sequence[Compared]) -> list[str]:
     'motor lag  0.05 s      0.0504 s  +0.80 %     exact'
     """
     rows = [("quantity", "identified", "exported", "difference", "held")]
-    for one in compared:
-        unit = "" if one.unit in ("", "1") else f" {one.unit}"
-        was = identified_text(one.identified, one.identified_std)
-        told = difference_text(one)
-        rows.append((one.name, f"{was}{unit}", f"{one.exported:.5g}{unit}", told, _WORDS[one.held]))
+    for item in compared:
+        unit = "" if item.unit in ("", "1") else f" {item.unit}"
+        was = identified_text(item.identified, item.identified_std)
+        difference = difference_text(item)
+        rows.append((item.name, f"{was}{unit}", f"{item.exported:.5g}{unit}", difference, _WORDS[item.held]))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
@@ -165,10 +165,10 @@ def identified_text(value: float, std: float | None) -> str:
     return with_error(value, std, digits=5)
 
 
-def difference_text(one: Compared) -> str:
+def difference_text(compared: Compared) -> str:
     """The difference of a row in words; where nothing is held there is none."""
-    percent = one.difference_percent
-    return "" if one.held == "not" or not math.isfinite(percent) else percent_text(percent)
+    percent = compared.difference_percent
+    return "" if compared.held == "not" or not math.isfinite(percent) else percent_text(percent)
 
 
 def percent_text(percent: float) -> str:

@@ -41,7 +41,7 @@ from rotorid.exports.round_trip import (
     linearized,
 )
 from rotorid.exports.settings import ExportSettings
-from rotorid.exports.target import Compared, Exported, Held, table_lines, xml_comment
+from rotorid.exports.target import Compared, Exported, Fidelity, table_lines, xml_comment
 from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 
@@ -232,30 +232,30 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, rot
         lag_s=None,
         output=float(model.output(math.sqrt(model.mass_kg * _GRAVITY_M_S2 / (4.0 * model.thrust)))),
     )
-    held: dict[str, Held] = dict.fromkeys(("L_p", "M_q", "N_r", "M_u", "L_v"), "not")
+    fidelities: dict[str, Fidelity] = dict.fromkeys(("L_p", "M_q", "N_r", "M_u", "L_v"), "not")
     if np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
-        held |= dict.fromkeys((ROLL, PITCH, YAW, "X_u", "Y_v"), "approximated")
+        fidelities |= dict.fromkeys((ROLL, PITCH, YAW, "X_u", "Y_v"), "approximated")
     if np.ptp(shares) > _ROUNDING:
-        held |= dict.fromkeys((VERTICAL, ROLL, PITCH, YAW, HOVER), "approximated")
+        fidelities |= dict.fromkeys((VERTICAL, ROLL, PITCH, YAW, HOVER), "approximated")
     across = {vehicle.numbers[name].value for name in ("X_u", "Y_v") if name in vehicle.numbers}
     if len(across) > 1 or not model.drag:
-        held |= dict.fromkeys(("X_u", "Y_v"), "approximated")
+        fidelities |= dict.fromkeys(("X_u", "Y_v"), "approximated")
     if not model.climb_drag:
-        held["Z_w"] = "approximated"
-    return compared(vehicle, identified, own.replaced(rotors.restored(own.by_output)), held)
+        fidelities["Z_w"] = "approximated"
+    return compared(vehicle, identified, own.replaced(rotors.restored(own.by_output)), fidelities)
 
 
 def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, rotors: Arranged) -> list[str]:
-    said = []
+    remarks = []
     if rotors.mirrored:
-        said.append("All rotors turn the other way there: yaw by the speed of a rotor has the other sign.")
+        remarks.append("All rotors turn the other way there: yaw by the speed of a rotor has the other sign.")
     if (lag := vehicle.numbers.get("T_motor")) is not None:
-        said.append(f"Rotors turn at once: the lag of the motors, {1e3 * lag.value:.3g} ms, is left out.")
+        remarks.append(f"Rotors turn at once: the lag of the motors, {1e3 * lag.value:.3g} ms, is left out.")
     if (late := vehicle.numbers.get(DELAY)) is not None and late.value > 0.0:
-        said.append(f"There is no delay: {1e3 * late.value:.2g} ms are left out.")
-    said.append("There is no damping of rates and no moment by velocity; drag needs Physics.PYB_DRAG.")
+        remarks.append(f"There is no delay: {1e3 * late.value:.2g} ms are left out.")
+    remarks.append("There is no damping of rates and no moment by velocity; drag needs Physics.PYB_DRAG.")
     if np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
-        said.append("Products of inertia stand in the file, and its reader takes the diagonal alone.")
+        remarks.append("Products of inertia stand in the file, and its reader takes the diagonal alone.")
     full = model.thrust * model.fastest_rad_s**2
-    said += full_thrust_words("a square of the speed", full, body.rotors.thrust_at(1.0))
-    return said
+    remarks += full_thrust_words("a square of the speed", full, body.rotors.thrust_at(1.0))
+    return remarks

@@ -113,7 +113,9 @@ def bootstrap(
     from rotorid.uncertainty.bootstrapping import bootstrap as drawn_anew
     from rotorid.uncertainty.bootstrapping import judge_spread
 
-    table = drawn_anew(problem, solution, runs=settings.bootstrap, seed=settings.seed, weights=weights, progress=_say)
+    table = drawn_anew(
+        problem, solution, runs=settings.bootstrap, seed=settings.seed, weights=weights, progress=_log_runs
+    )
     # A parameter on its bound may not scatter at all.
     with np.errstate(divide="ignore", invalid="ignore"):
         findings = judge_spread(table, bounds.std)
@@ -137,5 +139,5 @@ def require_bootstrap(settings: IdentifySettings, method: str) -> None:
         )
 
 
-def _say(done: int, runs: int) -> None:
+def _log_runs(done: int, runs: int) -> None:
     _PROGRESS.info(f"bootstrap: {done} of {runs} runs", extra={"done": done, "total": runs})

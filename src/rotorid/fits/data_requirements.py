@@ -169,13 +169,17 @@ def require_known_gain(
     if abs(value) >= CERTAIN_SIGN * std:
         return
     found = f"{with_error(value, std)} {parameters[gain].unit}"
-    apart = [replace(one, severity="error") for one in findings if one.kind == "logs_disagree" and one.where == gain]
-    if apart:
+    disagreeing = [
+        replace(finding, severity="error")
+        for finding in findings
+        if finding.kind == "logs_disagree" and finding.where == gain
+    ]
+    if disagreeing:
         raise InsufficientDataError(
             f"what was flown disagrees so far that not even the sign of {gain} is certain: {found}",
             needed="logs and maneuvers of one vehicle, flown alike",
             remedy="identify each log by itself",
-            findings=apart,
+            findings=disagreeing,
         )
     raise InsufficientDataError(
         f"the data do not show {gain}: {found}",

@@ -100,19 +100,19 @@ def _one_lag_and_delay(parameters: ParameterSet, bounds: Bounds, delay: str) -> 
     random = bounds.random[np.ix_(rows, rows)]
     correlation = float(random[0, 1] / np.sqrt(random[0, 0] * random[1, 1]))
     known = lag_std <= _KNOWN * abs(values[0]) and delay_std <= _KNOWN * abs(values[1])
-    apart = known and abs(correlation) <= _LARGEST_CORRELATION
+    separable = known and abs(correlation) <= _LARGEST_CORRELATION
     each = f"{milliseconds(values[0], lag_std)} ms and {milliseconds(values[1], delay_std)} ms"
     total = f"{milliseconds(together, std)} ms"
     message = (
         f"Motor lag and delay are told apart, as {each} with a correlation of {correlation:.2f}; together they are "
         f"{total}, which is known better than either."
-        if apart
+        if separable
         else f"Motor lag and delay are hardly told apart: {each} with a correlation of {correlation:.2f}. Trust their "
         f"sum of {total}. A wider band would separate them, or the lag from a bench or from measured motor speeds "
         f"(--fix {MOTOR_LAG}=VALUE)."
     )
-    return (remark if apart else warn)(
-        "lag_plus_delay" if apart else "not_identifiable",
+    return (remark if separable else warn)(
+        "lag_plus_delay" if separable else "not_identifiable",
         f"{MOTOR_LAG}, {delay}",
         message,
         sum_s=together,

@@ -45,7 +45,7 @@ _LEAST_RATIO = 1.3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Alone(Immutable):
+class LogEstimate(Immutable):
     """What one log says by itself.
 
     Parameters
@@ -82,7 +82,7 @@ class Disagreement(Immutable):
     ----------
     parameter
         Its name.
-    said
+    estimates
         Log to its value and deviation.
     chance
         Of such a scatter, were all logs right about their errors.
@@ -91,16 +91,16 @@ class Disagreement(Immutable):
     """
 
     parameter: str
-    said: Mapping[str, tuple[float, float]]
+    estimates: Mapping[str, tuple[float, float]]
     chance: float
     scatter: float
 
     def __post_init__(self) -> None:
-        self._set(said=self.said)
+        self._set(estimates=self.estimates)
 
     def finding(self, unit: str) -> Finding:
         """What a careful engineer would remark."""
-        words = ", ".join(f"{with_error(value, std)} in {name}" for name, (value, std) in self.said.items())
+        words = ", ".join(f"{with_error(value, std)} in {name}" for name, (value, std) in self.estimates.items())
         return warn(
             "logs_disagree",
             self.parameter,
@@ -112,12 +112,12 @@ class Disagreement(Immutable):
         )
 
 
-def disagreements(alone: Sequence[Alone]) -> tuple[Disagreement, ...]:
+def disagreements(estimates: Sequence[LogEstimate]) -> tuple[Disagreement, ...]:
     """Parameters that several logs know, and disagree about beyond their errors.
 
     Parameters
     ----------
-    alone
+    estimates
         Each log by itself.
 
     Examples
@@ -130,12 +130,12 @@ def disagreements(alone: Sequence[Alone]) -> tuple[Disagreement, ...]:
     >>> disagreements([logs[0]])
     ()
     """
-    names = dict.fromkeys(name for log in alone for name in log.stds)
-    found = (_compared(name, [log for log in alone if log.stds.get(name, 0.0) > 0.0]) for name in names)
-    return tuple(one for one in found if one is not None)
+    names = dict.fromkeys(name for log in estimates for name in log.stds)
+    found = (_compared(name, [log for log in estimates if log.stds.get(name, 0.0) > 0.0]) for name in names)
+    return tuple(disagreement for disagreement in found if disagreement is not None)
 
 
-def _compared(name: str, logs: Sequence[Alone]) -> Disagreement | None:
+def _compared(name: str, logs: Sequence[LogEstimate]) -> Disagreement | None:
     if len(logs) < 2:
         return None
     values, stds = (np.array([getattr(log, part)[name] for log in logs]) for part in ("values", "stds"))
@@ -144,8 +144,8 @@ def _compared(name: str, logs: Sequence[Alone]) -> Disagreement | None:
         return None
     weights, free = stds**-2.0, len(logs) - 1
     between = (Q - free) / float(np.sum(weights) - np.sum(weights**2) / np.sum(weights))
-    said = {log.record: (log.values[name], log.stds[name]) for log in logs}
-    return Disagreement(parameter=name, said=said, chance=chance, scatter=float(np.sqrt(max(between, 0.0))))
+    estimates = {log.record: (log.values[name], log.stds[name]) for log in logs}
+    return Disagreement(parameter=name, estimates=estimates, chance=chance, scatter=float(np.sqrt(max(between, 0.0))))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,7 +156,7 @@ class AmplitudeDependence(Immutable):
     ----------
     parameter
         Its name.
-    said
+    estimates
         Maneuver to value, deviation, and swing of the outputs as a multiple of the smallest; the smallest first.
     at_rest
         Where a line through the values ends at no swing.
@@ -165,18 +165,18 @@ class AmplitudeDependence(Immutable):
     """
 
     parameter: str
-    said: Mapping[str, tuple[float, float, float]]
+    estimates: Mapping[str, tuple[float, float, float]]
     at_rest: float
     sigmas: float
 
     def __post_init__(self) -> None:
-        self._set(said=self.said)
+        self._set(estimates=self.estimates)
 
     def finding(self, unit: str) -> Finding:
         """What a careful engineer would remark."""
         words = ", ".join(
             f"{with_error(value, std)} in {name}" + (f" ({swing:.2g} times the swing)" if swing > 1.0 else "")
-            for name, (value, std, swing) in self.said.items()
+            for name, (value, std, swing) in self.estimates.items()
         )
         return warn(
             "amplitude_dependent",
@@ -189,12 +189,12 @@ class AmplitudeDependence(Immutable):
         )
 
 
-def amplitude_dependences(alone: Sequence[Alone]) -> tuple[AmplitudeDependence, ...]:
+def amplitude_dependences(estimates: Sequence[LogEstimate]) -> tuple[AmplitudeDependence, ...]:
     """Parameters that maneuvers of one log know, and that change with their swing.
 
     Parameters
     ----------
-    alone
+    estimates
         Each maneuver by itself, with random deviations and swings; those without are not compared.
 
     Examples
@@ -206,35 +206,47 @@ def amplitude_dependences(alone: Sequence[Alone]) -> tuple[AmplitudeDependence, 
     >>> found.parameter, round(found.at_rest, 2)
     ('Z_w', -0.25)
     """
-    swung = sorted((one for one in alone if min(one.asked, one.moved) > 0.0), key=lambda one: one.moved)
-    names = dict.fromkeys(name for one in swung for name in one.random)
-    found = (_along_swing(name, [one for one in swung if one.random.get(name, 0.0) > 0.0]) for name in names)
-    return tuple(one for one in found if one is not None)
+    by_swing = sorted(
+        (estimate for estimate in estimates if min(estimate.asked, estimate.moved) > 0.0),
+        key=lambda estimate: estimate.moved,
+    )
+    names = dict.fromkeys(name for estimate in by_swing for name in estimate.random)
+    found = (
+        _along_swing(name, [estimate for estimate in by_swing if estimate.random.get(name, 0.0) > 0.0])
+        for name in names
+    )
+    return tuple(dependence for dependence in found if dependence is not None)
 
 
-def _unlike(swung: Sequence[Alone]) -> bool:
+def _unlike(by_swing: Sequence[LogEstimate]) -> bool:
     """Whether the last of maneuvers swung farther than the first, as it was asked to."""
-    return len(swung) > 1 and all(
+    return len(by_swing) > 1 and all(
         last >= _LEAST_RATIO * first
-        for first, last in ((swung[0].asked, swung[-1].asked), (swung[0].moved, swung[-1].moved))
+        for first, last in ((by_swing[0].asked, by_swing[-1].asked), (by_swing[0].moved, by_swing[-1].moved))
     )
 
 
-def _along_swing(name: str, swung: Sequence[Alone]) -> AmplitudeDependence | None:
+def _along_swing(name: str, by_swing: Sequence[LogEstimate]) -> AmplitudeDependence | None:
     from scipy.stats import norm
 
-    if not _unlike(swung):
+    if not _unlike(by_swing):
         return None
-    swings, values = np.array([one.moved for one in swung]), np.array([one.values[name] for one in swung])
-    stds = np.hypot([one.random[name] for one in swung], SMALLEST_MODEL_ERROR * np.abs(values))
+    swings, values = (
+        np.array([estimate.moved for estimate in by_swing]),
+        np.array([estimate.values[name] for estimate in by_swing]),
+    )
+    stds = np.hypot([estimate.random[name] for estimate in by_swing], SMALLEST_MODEL_ERROR * np.abs(values))
     line = np.column_stack([np.ones(swings.size), swings]) / stds[:, None]
     covariance = np.linalg.inv(line.T @ line)
     at_rest, slope = covariance @ line.T @ (values / stds)
     sigmas = abs(float(slope)) / float(np.sqrt(covariance[1, 1]))
     if not 2.0 * norm.sf(sigmas) < _CHANCE:
         return None
-    said = {one.record: (one.values[name], one.stds[name], one.moved / swung[0].moved) for one in swung}
-    return AmplitudeDependence(parameter=name, said=said, at_rest=float(at_rest), sigmas=sigmas)
+    estimates = {
+        estimate.record: (estimate.values[name], estimate.stds[name], estimate.moved / by_swing[0].moved)
+        for estimate in by_swing
+    }
+    return AmplitudeDependence(parameter=name, estimates=estimates, at_rest=float(at_rest), sigmas=sigmas)
 
 
 def widened(bounds: Bounds, added: Mapping[str, float]) -> Bounds:

@@ -93,9 +93,9 @@ class Searched(Immutable):
         which and the data do not.
         """
         basins = self.result.basins
-        alike = [one for one in basins if same_cost(one.cost, basins[0].cost)]
-        first = min(alike, key=lambda one: self._distance(one.theta))
-        return (first, *(one for one in basins if one is not first))
+        alike = [basin for basin in basins if same_cost(basin.cost, basins[0].cost)]
+        first = min(alike, key=lambda basin: self._distance(basin.theta))
+        return (first, *(basin for basin in basins if basin is not first))
 
     def _distance(self, theta: FloatArray) -> float:
         """From the values of the model, each parameter by its size."""
@@ -147,7 +147,7 @@ def searched(problem: Problem, settings: IdentifySettings) -> Searched | None:
         runs = spread_over_starts(
             _OfParameters(Repeated(chosen, shorter, budget), len(free)),
             names=free,
-            units=[problem.parameters[one].unit for one in free],
+            units=[problem.parameters[parameter].unit for parameter in free],
             runs=settings.runs,
             seed=settings.seed,
             progress=_counted,
@@ -313,8 +313,8 @@ def judge_minima(found: Searched | None, parameters: ParameterSet, bounds: Bound
     lowest, *others = found.minima
     known = (found.values(lowest), parameters.values)
     limit = (1.0 + NEARLY_AS_GOOD) * lowest.cost
-    near = [one for one in others if one.cost <= limit or same_cost(one.cost, lowest.cost)]
-    clear = [(one, moved) for one in near if (moved := _moved(found.values(one), known, std))]
+    near = [basin for basin in others if basin.cost <= limit or same_cost(basin.cost, lowest.cost)]
+    clear = [(basin, moved) for basin in near if (moved := _moved(found.values(basin), known, std))]
     return (_other_minimum(found, lowest, *clear[0], more=len(clear) - 1),) if clear else ()
 
 
@@ -328,17 +328,17 @@ def _moved(
     """
     away: dict[str, float] = {}
     for name in std.keys() & values.keys():
-        size = max(abs(values[name]), *(abs(one[name]) for one in known))
-        distance = min(abs(values[name] - one[name]) for one in known)
+        size = max(abs(values[name]), *(abs(values[name]) for values in known))
+        distance = min(abs(values[name] - item[name]) for item in known)
         if distance > max(_FAR_SIGMAS * std[name], _FAR * size):
             away[name] = distance / size
     return {name: values[name] for name in sorted(away, key=lambda name: (-away[name], name))}
 
 
-def _other_minimum(found: Searched, lowest: Basin, one: Basin, moved: dict[str, float], *, more: int) -> Finding:
-    same = same_cost(one.cost, lowest.cost)
+def _other_minimum(found: Searched, lowest: Basin, basin: Basin, moved: dict[str, float], *, more: int) -> Finding:
+    same = same_cost(basin.cost, lowest.cost)
     named = ", ".join(f"{name} = {value:.4g}" for name, value in list(moved.items())[:_NAMED])
-    how_good = "the same cost" if same else f"a cost only {100.0 * (one.cost / lowest.cost - 1.0):.1f} % higher"
+    how_good = "the same cost" if same else f"a cost only {100.0 * (basin.cost / lowest.cost - 1.0):.1f} % higher"
     others = (
         f"; {more} more {'is' if more == 1 else 'are'} at most {100.0 * NEARLY_AS_GOOD:.0f} % higher" if more else ""
     )
@@ -353,5 +353,5 @@ def _other_minimum(found: Searched, lowest: Basin, one: Basin, moved: dict[str, 
         "other_minimum",
         next(iter(moved)),
         f"The search by {found.name} found another minimum with {how_good}, at {named}{others}. {ending}",
-        **{"cost": one.cost, "lowest_cost": lowest.cost, "share": one.share, "more": more, **moved},
+        **{"cost": basin.cost, "lowest_cost": lowest.cost, "share": basin.share, "more": more, **moved},
     )

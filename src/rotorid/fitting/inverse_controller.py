@@ -223,7 +223,7 @@ class _Hypothesis(NamedTuple):
 _NONE = _Hypothesis(cost=np.inf, point_costs=np.zeros(0))
 
 
-def _judged(model: ComplexArray, data: ComplexArray, weight: FloatArray) -> _Hypothesis:
+def _hypothesis(model: ComplexArray, data: ComplexArray, weight: FloatArray) -> _Hypothesis:
     points = pair_costs(model[:, None, None], data[:, None, None], weight[:, None, None])[:, 0]
     return _Hypothesis(cost=float(np.mean(points)), point_costs=points)
 
@@ -249,7 +249,7 @@ def _known(omega: FloatArray, data: ComplexArray, weight: FloatArray, controller
     for controller in controllers:
         late = -delays / controller.response(omega)
         costs = pair_costs(late[:, None], data[None, None], np.broadcast_to(weight, late.shape)[:, None])
-        judged.append(_judged(late[np.argmin(costs)], data, weight))
+        judged.append(_hypothesis(late[np.argmin(costs)], data, weight))
     return min(judged, key=lambda item: item.cost, default=_NONE)
 
 
@@ -272,7 +272,7 @@ def _vehicle(omega: FloatArray, data: ComplexArray, weight: FloatArray) -> _Hypo
 
     starts = (np.array([0.0, *start]) for start in _VEHICLE_STARTS)
     solutions = [_SOLVER.minimize(residuals, start, _VEHICLE_LOWER, _VEHICLE_UPPER) for start in starts]
-    return _judged(model(min(solutions, key=lambda solution: solution.cost).theta), data, weight)
+    return _hypothesis(model(min(solutions, key=lambda solution: solution.cost).theta), data, weight)
 
 
 def _fitted(omega: FloatArray, data: ComplexArray, weight: FloatArray) -> _Hypothesis:
@@ -299,4 +299,4 @@ def _fitted(omega: FloatArray, data: ComplexArray, weight: FloatArray) -> _Hypot
 
     starts = (np.array([0.0, *start, 0.0]) for start in _STARTS)
     solutions = [_SOLVER.minimize(residuals, start, _LOWER, _UPPER) for start in starts]
-    return _judged(model(min(solutions, key=lambda solution: solution.cost).theta), data, weight)
+    return _hypothesis(model(min(solutions, key=lambda solution: solution.cost).theta), data, weight)

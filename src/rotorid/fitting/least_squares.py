@@ -153,12 +153,12 @@ class LevenbergMarquardt:
             gradient, normal = jacobian.T @ residual, jacobian.T @ jacobian
             # Column lengths of the Jacobian: gradients over them, and steps times them, have the unit of the residuals.
             scale = np.sqrt(np.maximum(normal.diagonal(), 1e-300))
-            held = ((theta <= lower) & (gradient > 0.0)) | ((theta >= upper) & (gradient < 0.0))
-            slope = float(np.abs(gradient / scale)[~held].max(initial=0.0))
+            at_bound = ((theta <= lower) & (gradient > 0.0)) | ((theta >= upper) & (gradient < 0.0))
+            slope = float(np.abs(gradient / scale)[~at_bound].max(initial=0.0))
             if slope <= 1e-14 * (1.0 + np.sqrt(cost)):
                 outcome = Outcome.CONVERGED
                 break
-            trial = np.minimum(np.maximum(theta + _step(normal, gradient, damping, ~held), lower), upper)
+            trial = np.minimum(np.maximum(theta + _step(normal, gradient, damping, ~at_bound), lower), upper)
             step = trial - theta
             promised = -float(step @ (2.0 * gradient + normal @ step))
             if damping <= 1e-2 and 0.0 <= promised <= self.tolerance * (1e-6 + cost):
@@ -244,15 +244,15 @@ def best_of(found: Sequence[Solution], *, name: str) -> Solution:
     InsufficientDataError
         None has a finite cost.
     """
-    finite = [one for one in found if np.isfinite(one.cost)]
+    finite = [solution for solution in found if np.isfinite(solution.cost)]
     if not finite:
         raise InsufficientDataError(
             f"{name} has no response at any start",
             needed="parameters with which it has one at every point of the data",
             remedy="give other start values",
         )
-    lowest = min(one.cost for one in finite)
-    best = next(one for one in finite if same_cost(one.cost, lowest))
+    lowest = min(solution.cost for solution in finite)
+    best = next(solution for solution in finite if same_cost(solution.cost, lowest))
     others = _others(best, finite)
     return replace(best, others=others) if others else best
 
@@ -262,17 +262,17 @@ def same_cost(one: float, other: float) -> bool:
     return abs(one - other) <= _SAME_COST * (1.0 + min(one, other))
 
 
-def same_place(one: Solution, other: Solution) -> bool:
+def same_place(solution: Solution, other: Solution) -> bool:
     """Whether two searches ended in one place, as far as the residuals can tell."""
     with np.errstate(over="ignore", invalid="ignore"):  # places too far apart to measure are not the same
-        moved = float(np.sum((one.jacobian @ (one.theta - other.theta)) ** 2))
-    return same_cost(one.cost, other.cost) and moved <= _SAME_PLACE**2 * (1.0 + one.cost)
+        moved = float(np.sum((solution.jacobian @ (solution.theta - other.theta)) ** 2))
+    return same_cost(solution.cost, other.cost) and moved <= _SAME_PLACE**2 * (1.0 + solution.cost)
 
 
 def _others(best: Solution, found: Sequence[Solution]) -> tuple[Minimum, ...]:
     """Minima other than the best, each once, best first."""
     kept = [best]
-    for solution in sorted(found, key=lambda one: one.cost):
-        if solution.outcome is Outcome.CONVERGED and not any(same_place(one, solution) for one in kept):
+    for solution in sorted(found, key=lambda solution: solution.cost):
+        if solution.outcome is Outcome.CONVERGED and not any(same_place(item, solution) for item in kept):
             kept.append(solution)
-    return tuple(Minimum(one.cost, one.theta) for one in kept[1:])
+    return tuple(Minimum(solution.cost, solution.theta) for solution in kept[1:])

@@ -126,7 +126,7 @@ class ErrorShapes(Immutable):
             known=read_only(self.known, np.float64, ndim=2),
         )
 
-    def seen(self, shares: FloatArray) -> ErrorShapes:
+    def with_shares(self, shares: FloatArray) -> ErrorShapes:
         """The same shapes, where residuals show shares of their :attr:`largest` columns."""
         factors = np.ones(self.known.shape[1])
         factors[factors.size - self.largest :] = shares
@@ -197,7 +197,7 @@ class StartBox(Immutable):
         inside = low + share * (high - low)
         return np.where(logarithmic, sign * np.exp(np.where(logarithmic, inside, 0.0)), inside)
 
-    def beside(self, lower: FloatArray, upper: FloatArray) -> StartBox:
+    def extended(self, lower: FloatArray, upper: FloatArray) -> StartBox:
         """The box with more sides after its own, divided evenly."""
         linear: tuple[Scale, ...] = tuple("linear" for _ in lower)
         return StartBox(

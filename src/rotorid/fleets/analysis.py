@@ -181,7 +181,7 @@ class FleetAnalysis(Immutable):
     @property
     def changed(self) -> tuple[History, ...]:
         """Histories with steps."""
-        return tuple(one for one in self.histories if one.changes)
+        return tuple(history for history in self.histories if history.changes)
 
 
 class _Series(NamedTuple):
@@ -239,29 +239,31 @@ def analyze(
     """
     known, several = separated(rows)
     found = _parameters(known)
-    series = {(name, one.vehicle): (of, one) for name, of in found.items() for one in of.many}
-    tested = {key: odd_flights(one.y, one.s, of.spread) for key, (of, one) in series.items()}
-    odd = _odd({key: tested[key] if of.scatter.known else np.ones(one.y.size) for key, (of, one) in series.items()})
+    series = {(name, series.vehicle): (of, series) for name, of in found.items() for series in of.many}
+    tested = {key: odd_flights(member.y, member.s, of.spread) for key, (of, member) in series.items()}
+    odd = _odd(
+        {key: tested[key] if of.scatter.known else np.ones(member.y.size) for key, (of, member) in series.items()}
+    )
     changes = _changes(series, odd)
-    kept = {key: ~odd[key] & _before(changes.get(key), len(one.rows)) for key, (_, one) in series.items()}
+    kept = {key: ~odd[key] & _before(changes.get(key), len(member.rows)) for key, (_, member) in series.items()}
     strange = _odd_vehicles(found, kept)
-    tests = sum(_compared(of, one) for of, one in series.values())
+    tests = sum(_compared(of, member) for of, member in series.values())
     histories = []
-    for key, (of, one) in series.items():
+    for key, (of, member) in series.items():
         name, vehicle = key
         stepped, slope = changes.get(key, ((), None))
-        reach = _detectable(of, one, tests=tests)
+        reach = _detectable(of, member, tests=tests)
         histories.append(
             History(
                 vehicle=vehicle,
                 model=name[0],
                 parameter=name[1],
                 unit=of.unit,
-                rows=tuple(one.rows),
-                level=_level(of, one, kept[key]),
+                rows=tuple(member.rows),
+                level=_level(of, member, kept[key]),
                 changes=stepped,
                 drift=slope,
-                odd=_odd_ones(of.scale, one, odd[key], tested[key]),
+                odd=_odd_ones(of.scale, member, odd[key], tested[key]),
                 odd_vehicle=strange.get(key),
                 verdict=verdict(found=bool(stepped or slope), detectable_share=reach),
                 detectable=reach,
@@ -270,7 +272,9 @@ def analyze(
         )
     return FleetAnalysis(
         populations={
-            name: _population(of, [(one, kept[name, one.vehicle], (name, one.vehicle) in strange) for one in of.many])
+            name: _population(
+                of, [(series, kept[name, series.vehicle], (name, series.vehicle) in strange) for series in of.many]
+            )
             for name, of in found.items()
         },
         histories=tuple(histories),
@@ -297,11 +301,13 @@ def _other_gains(rows: Sequence[Row], gains: Mapping[str, Mapping[str, float]]) 
 
 def _population(of: _Parameter, many: Sequence[tuple[_Series, BoolArray, bool]]) -> Population:
     """What is normal, without odd vehicles unless there are no others."""
-    counted = [(one, keep) for one, keep, strange in many if not strange] or [(one, keep) for one, keep, _ in many]
-    values = [[row.value for row, counts in zip(one.rows, keep, strict=True) if counts] for one, keep in counted]
+    counted = [(series, keep) for series, keep, strange in many if not strange] or [
+        (series, keep) for series, keep, _ in many
+    ]
+    values = [[row.value for row, counts in zip(series.rows, keep, strict=True) if counts] for series, keep in counted]
     return population(
         np.concatenate(values),
-        np.concatenate([one.random[keep] for one, keep in counted]),
+        np.concatenate([series.random[keep] for series, keep in counted]),
         np.concatenate([np.full(int(keep.sum()), k) for k, (_, keep) in enumerate(counted)]),
         unit=of.unit,
         model_std=_model_std(of.many),
@@ -386,7 +392,7 @@ def _parameter(name: Name, many: Mapping[str, list[Row]]) -> _Parameter:
     else:
         scatter = stated_scatter(list(zip(y, r, m, strict=True)))
     columns = zip(many, many.values(), y, scatter.stds, random, strict=True)
-    return _Parameter(scale, scatter, [_Series(*one) for one in columns])
+    return _Parameter(scale, scatter, [_Series(*column) for column in columns])
 
 
 def _random(row: Row) -> float:
@@ -397,37 +403,37 @@ def _model_variance(row: Row) -> float:
     return max(row.std**2 - _random(row) ** 2, 0.0)
 
 
-def _compared(of: _Parameter, one: _Series) -> bool:
+def _compared(of: _Parameter, series: _Series) -> bool:
     """Whether flights of a vehicle can be compared at all."""
-    return of.scatter.known and one.y.size > 1
+    return of.scatter.known and series.y.size > 1
 
 
-def _detectable(of: _Parameter, one: _Series, *, tests: int) -> float:
+def _detectable(of: _Parameter, series: _Series, *, tests: int) -> float:
     """The change of a series that would have been found, as a share of its level."""
-    if not _compared(of, one):
+    if not _compared(of, series):
         return math.inf
-    count = tests * places_of_steps(one.y.size)
-    reach = detectable(least_step(one.s, of.spread), tests=count, freedom=of.spread.freedom)
-    level, std = _mean(one, np.ones(one.y.size, dtype=np.bool_), of.spread) or (0.0, math.inf)
+    count = tests * places_of_steps(series.y.size)
+    reach = detectable(least_step(series.s, of.spread), tests=count, freedom=of.spread.freedom)
+    level, std = _mean(series, np.ones(series.y.size, dtype=np.bool_), of.spread) or (0.0, math.inf)
     return of.scale.share(reach, level, std)
 
 
-def _mean(one: _Series, keep: BoolArray, spread: Spread) -> tuple[float, float] | None:
+def _mean(series: _Series, keep: BoolArray, spread: Spread) -> tuple[float, float] | None:
     """Weighted mean of the flights that count with its error, on the scale of the values."""
     if not keep.any():
         return None
-    weight = 1.0 / np.maximum(one.s[keep] ** 2 + spread.within**2, 1e-300)
+    weight = 1.0 / np.maximum(series.s[keep] ** 2 + spread.within**2, 1e-300)
     total = float(weight.sum())
-    return float(weight @ one.y[keep]) / total, math.sqrt(1.0 / total)
+    return float(weight @ series.y[keep]) / total, math.sqrt(1.0 / total)
 
 
-def _level(of: _Parameter, one: _Series, keep: BoolArray) -> Quantity | None:
-    mean = _mean(one, keep, of.spread)
+def _level(of: _Parameter, series: _Series, keep: BoolArray) -> Quantity | None:
+    mean = _mean(series, keep, of.spread)
     return None if mean is None else of.scale.quantity(*mean, of.unit)
 
 
 def _model_std(series: Sequence[_Series]) -> float:
-    return math.sqrt(float(np.median([_model_variance(row) for one in series for row in one.rows])))
+    return math.sqrt(float(np.median([_model_variance(row) for member in series for row in member.rows])))
 
 
 def _odd(tested: Mapping[tuple[Name, str], FloatArray]) -> dict[tuple[Name, str], BoolArray]:
@@ -446,10 +452,10 @@ def _changes(
 ) -> _Found:
     """Steps, or a drift where that explains more, of the series in which something changed."""
     entries = []
-    for key, (of, one) in series.items():
-        if not _compared(of, one):
+    for key, (of, member) in series.items():
+        if not _compared(of, member):
             continue
-        y, s = one.y[~odd[key]], one.s[~odd[key]]
+        y, s = member.y[~odd[key]], member.s[~odd[key]]
         slope = drift(y, s, of.spread, unit="")
         stepped = first_step(y, s, of.spread)
         either = stepped if slope is None else min(1.0, 2.0 * min(stepped, slope.probability))
@@ -459,12 +465,12 @@ def _changes(
     for (key, slope, stepped, _), is_found in zip(entries, chosen, strict=True):
         if not is_found:
             continue
-        of, one = series[key]
+        of, member = series[key]
         keep = ~odd[key]
-        y, s = one.y[keep], one.s[keep]
+        y, s = member.y[keep], member.s[keep]
         changes = steps(y, s, of.spread, unit="") if stepped < 1.0 else ()
         if slope is not None and _drifts(y, s, of.spread, changes, slope):
-            found[key] = ((), _in_unit(of, one, slope))
+            found[key] = ((), _in_unit(of, member, slope))
             continue
         # Numbers of the flights with the odd ones among them.
         numbers = np.flatnonzero(keep)
@@ -483,9 +489,9 @@ def _changes(
     return found
 
 
-def _in_unit(of: _Parameter, one: _Series, slope: Drift) -> Drift:
+def _in_unit(of: _Parameter, series: _Series, slope: Drift) -> Drift:
     """A slope of the scale as one of the unit, at the mean of the flights."""
-    level = float(np.mean(one.y))
+    level = float(np.mean(series.y))
     rises = of.scale.sign if of.scale.logarithmic else 1.0
     return Drift(
         slope=Quantity.normal(
@@ -527,13 +533,13 @@ def _odd_vehicles(
         entries = []
         for name, of in found.items():
             means = []
-            for one in of.many:
-                mean = _mean(one, kept[name, one.vehicle], of.spread)
-                if (name, one.vehicle) not in out and mean is not None:
-                    means.append((one.vehicle, mean[0], mean[1] ** 2))
+            for series in of.many:
+                mean = _mean(series, kept[name, series.vehicle], of.spread)
+                if (name, series.vehicle) not in out and mean is not None:
+                    means.append((series.vehicle, mean[0], mean[1] ** 2))
             if len(means) < _FEWEST_FLIGHTS:
                 continue
-            entries += [((name, vehicle), p) for vehicle, p in _apart(means)]
+            entries += [((name, vehicle), p) for vehicle, p in _outlier_probabilities(means)]
         chosen = discoveries([p for _, p in entries])
         new = {key: p for (key, p), is_found in zip(entries, chosen, strict=True) if is_found}
         if not new:
@@ -542,9 +548,9 @@ def _odd_vehicles(
     return out
 
 
-def _apart(means: Sequence[tuple[str, float, float]]) -> list[tuple[str, float]]:
+def _outlier_probabilities(means: Sequence[tuple[str, float, float]]) -> list[tuple[str, float]]:
     """For each vehicle the probability that it lies so far from all others by chance."""
-    m, v = np.array([one[1] for one in means]), np.array([one[2] for one in means])
+    m, v = np.array([mean[1] for mean in means]), np.array([mean[2] for mean in means])
     found = []
     for k, (vehicle, own, variance) in enumerate(means):
         others, errors = np.delete(m, k), np.delete(v, k)
@@ -557,12 +563,12 @@ def _apart(means: Sequence[tuple[str, float, float]]) -> list[tuple[str, float]]
     return found
 
 
-def _odd_ones(scale: Scale, one: _Series, odd: BoolArray, p: FloatArray) -> tuple[OddFlight, ...]:
+def _odd_ones(scale: Scale, series: _Series, odd: BoolArray, p: FloatArray) -> tuple[OddFlight, ...]:
     found = []
     for k in np.flatnonzero(odd):
-        around = [j for j in (k - 2, k - 1, k + 1, k + 2) if 0 <= j < one.y.size and not odd[j]]
-        expected = scale.back(float(np.mean(one.y[around])) if around else float(np.median(one.y)))
-        value = scale.quantity(float(one.y[k]), float(one.s[k]), one.rows[k].unit)
+        around = [j for j in (k - 2, k - 1, k + 1, k + 2) if 0 <= j < series.y.size and not odd[j]]
+        expected = scale.back(float(np.mean(series.y[around])) if around else float(np.median(series.y)))
+        value = scale.quantity(float(series.y[k]), float(series.s[k]), series.rows[k].unit)
         found.append(OddFlight(flight=int(k) + 1, value=value, expected=expected, probability=float(p[k])))
     return tuple(found)
 
@@ -571,7 +577,9 @@ def _differences(parameters: Mapping[Name, _Parameter], groups: Mapping[str, str
     """What each group differs in from the one that comes first by its name."""
     found: list[dict[str, Any]] = []
     for name, of in parameters.items():
-        rows = [(k, row, s) for k, one in enumerate(of.many) for row, s in zip(one.rows, one.random, strict=True)]
+        rows = [
+            (k, row, s) for k, series in enumerate(of.many) for row, s in zip(series.rows, series.random, strict=True)
+        ]
         rows = [entry for entry in rows if entry[1].log_sha256 in groups]
         names = sorted({groups[row.log_sha256] for _, row, _ in rows})
         if len(names) < 2 or len(rows) < _FEWEST_FLIGHTS:
@@ -597,8 +605,10 @@ def _differences(parameters: Mapping[Name, _Parameter], groups: Mapping[str, str
                     "probability": float(2.0 * stats.t.sf(abs(value) / max(std, 1e-300), freedom)),
                 }
             )
-    chosen = discoveries([one["probability"] for one in found])
-    return tuple(Difference(**one, found=bool(is_found)) for one, is_found in zip(found, chosen, strict=True))
+    chosen = discoveries([difference["probability"] for difference in found])
+    return tuple(
+        Difference(**difference, found=bool(is_found)) for difference, is_found in zip(found, chosen, strict=True)
+    )
 
 
 _POWERS = ("L_roll", "M_pitch", "N_yaw", "Z_thrust", "thrust_slope", "thrust_full")
@@ -612,14 +622,14 @@ _ALIKE = 0.05
 def _causes(histories: Sequence[History]) -> tuple[Cause, ...]:
     """Steps of one vehicle at one flight together, and what usually lies behind such a pattern."""
     events: dict[tuple[str, str], list[tuple[History, Change]]] = defaultdict(list)
-    for one in histories:
-        for change in one.changes:
-            events[one.vehicle, one.rows[change.at_flight - 1].log].append((one, change))
+    for history in histories:
+        for change in history.changes:
+            events[history.vehicle, history.rows[change.at_flight - 1].log].append((history, change))
     found = []
     for (vehicle, log), many in sorted(events.items()):
         words = ", ".join(
-            f"{name} {_percents([change for one, change in many if one.parameter == name])}"
-            for name in dict.fromkeys(one.parameter for one, _ in many)
+            f"{name} {_percents([change for history, change in many if history.parameter == name])}"
+            for name in dict.fromkeys(history.parameter for history, _ in many)
         )
         number = min(change.at_flight for _, change in many)
         found.append(Cause(vehicle=vehicle, at_flight=number, log=log, words=words, usual=_usual(many)))
@@ -643,9 +653,9 @@ def _percents(changes: Sequence[Change]) -> str:
 
 
 def _usual(many: Sequence[tuple[History, Change]]) -> str:
-    powers = {one.parameter: change.ratio for one, change in many if one.parameter in _POWERS}
-    lags = [one.parameter for one, change in many if one.parameter.startswith(_LAGS) and change.ratio > 1.0]
-    inertias = [one.parameter for one, _ in many if one.parameter in _INERTIAS]
+    powers = {history.parameter: change.ratio for history, change in many if history.parameter in _POWERS}
+    lags = [history.parameter for history, change in many if history.parameter.startswith(_LAGS) and change.ratio > 1.0]
+    inertias = [history.parameter for history, _ in many if history.parameter in _INERTIAS]
     said = []
     thrust = [ratio for name, ratio in powers.items() if name in ("Z_thrust", "thrust_slope", "thrust_full")]
     turning = [ratio for name, ratio in powers.items() if name in ("L_roll", "M_pitch", "N_yaw")]

@@ -334,7 +334,7 @@ def odd_flights(values: AnyArray, stds: AnyArray, spread: Spread) -> FloatArray:
             if y[part].size:
                 mean = float(weight[part] @ y[part] / weight[part].sum())
                 sides.append((y[k] - mean) / math.sqrt(1.0 / weight[k] + 1.0 / float(weight[part].sum())))
-        same = all(one > 0 for one in sides) or all(one < 0 for one in sides)
+        same = all(side > 0 for side in sides) or all(side < 0 for side in sides)
         if same:
             found[k] = min(1.0, y.size * chance(min(sides, key=abs), spread.freedom))
     return found

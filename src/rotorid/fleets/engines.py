@@ -245,13 +245,13 @@ class Processes:
         try:
             left = len(threads)
             while left:
-                told = found.get()
-                if told is None:
+                answer = found.get()
+                if answer is None:
                     left -= 1
-                elif isinstance(told, BaseException):
-                    raise told
+                elif isinstance(answer, BaseException):
+                    raise answer
                 else:
-                    yield told
+                    yield answer
         finally:
             ended.set()
             for child in children:
@@ -388,20 +388,20 @@ class Cluster:
                     return
                 for future in self._finished(running):
                     task = running.pop(future)
-                    told = self._told(future)
-                    if "answer" in told and told["version"] == __version__:
-                        yield LogAnswer.from_json(told["answer"])
-                    elif "unseen" in told and task.place.is_file:
+                    answer = self._result(future)
+                    if "answer" in answer and answer["version"] == __version__:
+                        yield LogAnswer.from_json(answer["answer"])
+                    elif "unseen" in answer and task.place.is_file:
                         again.append((task, Path(task.place.address).read_bytes()))
-                    elif "lost" in told:
+                    elif "lost" in answer:
                         again.append((task, None))
                     else:
                         tries[task.place.address] = tries.get(task.place.address, 0) + 1
-                        reason = told.get("reason", "A worker of another version answered.")
+                        reason = answer.get("reason", "A worker of another version answered.")
                         if tries[task.place.address] < _MOST_TRIES:
                             again.append((task, None))
                         else:
-                            yield _set_aside(task, told.get("died", "died"), reason)
+                            yield _set_aside(task, answer.get("died", "died"), reason)
         finally:
             with contextlib.suppress(Exception):
                 self._client.cancel(list(running))
@@ -432,17 +432,17 @@ class Cluster:
             return list(running)
         return done
 
-    def _told(self, future: Any) -> dict[str, Any]:
+    def _result(self, future: Any) -> dict[str, Any]:
         if future.status in ("cancelled", "lost", "pending"):
             return {"lost": True}
         try:
-            told: dict[str, Any] = future.result(timeout=30)
+            answer: dict[str, Any] = future.result(timeout=30)
         except self._dask.KilledWorker:
             return {"died": "died", "reason": "It was being read when several workers of the cluster ended."}
         # Whatever a cluster does to a task, its log is tried again.
         except Exception as error:
             return {"died": "error", "reason": f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"}
-        return told
+        return answer
 
     def _again(self) -> None:
         """Wait for the scheduler, and connect anew where the connection does not come back by itself."""

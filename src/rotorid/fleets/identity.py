@@ -84,8 +84,8 @@ def time_of(address: str) -> str:
         if not (1 <= int(month) <= 12 and 1 <= int(day) <= 31 and int(hour or 0) < 24):
             continue
         date = f"{year}-{int(month):02d}-{int(day):02d}"
-        said = f"{date}T{int(hour):02d}:{minute}:{second}" if hour else date
-        last = said if last is None or len(said) > len(last) else last
+        stamp = f"{date}T{int(hour):02d}:{minute}:{second}" if hour else date
+        last = stamp if last is None or len(stamp) > len(last) else last
     return last or ""
 
 

@@ -96,7 +96,7 @@ def _behind(path: str) -> Iterator[Place]:
         return
     files = [Path(path)]
     if not files[0].exists():
-        files = [Path(one) for one in sorted(glob.glob(path, recursive=True))]  # noqa: PTH207 - of any depth, absolute or not
+        files = [Path(item) for item in sorted(glob.glob(path, recursive=True))]  # noqa: PTH207 - of any depth, absolute or not
         if not files:
             raise UsageError(f"{path} is not there", needed="a log, a folder of logs, a pattern or an address")
     for log in logs_in(files, archives=True):
@@ -117,14 +117,16 @@ def _members(archive: Path) -> list[tuple[str, int]]:
     """Logs in an archive; none where it holds but one file, which the readers unpack themselves."""
     try:
         with zipfile.ZipFile(archive) as opened:
-            inside = [one for one in opened.infolist() if not one.is_dir()]
+            inside = [member for member in opened.infolist() if not member.is_dir()]
     # What zipfile says of damage, of names and offsets that are none, of methods that it does not know. Its one place
     # then goes to the reader, which says so in a sentence.
     except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
         return []
     if len(inside) > _MOST_MEMBERS:
         raise UsageError(f"{archive} holds {len(inside)} files", needed=f"{_MOST_MEMBERS} at most")
-    return [(one.filename, one.CRC) for one in inside if is_log(Path(one.filename))] if len(inside) > 1 else []
+    return (
+        [(member.filename, member.CRC) for member in inside if is_log(Path(member.filename))] if len(inside) > 1 else []
+    )
 
 
 def _in_store(address: str) -> Iterator[Place]:
@@ -132,16 +134,16 @@ def _in_store(address: str) -> Iterator[Place]:
     try:
         matched = system.glob(path) if glob.has_magic(path) else [path]
         files: dict[str, Any] = {}
-        for one in matched:
-            files |= system.find(one, detail=True)
+        for item in matched:
+            files |= system.find(item, detail=True)
     except (OSError, ValueError) as error:
         raise UsageError(f"{address} cannot be listed: {error}", needed="an address that can be read") from error
     for name, facts in sorted(files.items()):
         if is_log(Path(name)):
-            told = [str(facts.get(key, "")) for key in ("size", "ETag", "etag", "md5Hash", "mtime", "LastModified")]
+            fields = [str(facts.get(key, "")) for key in ("size", "ETag", "etag", "md5Hash", "mtime", "LastModified")]
             yield Place(
                 address=str(system.unstrip_protocol(name)),
-                mark=hashlib.sha256("|".join(told).encode()).hexdigest()[:24],
+                mark=hashlib.sha256("|".join(fields).encode()).hexdigest()[:24],
             )
 
 

@@ -154,7 +154,7 @@ def random_effects(
         optimize.minimize(likelihood, start, method="L-BFGS-B", bounds=[(0.0, _WIDEST), (0.0, _WIDEST)])
         for start in _STARTS
     ]
-    best = found[int(np.argmin([float(one.fun) for one in found]))]
+    best = found[int(np.argmin([float(group.fun) for group in found]))]
     tau, omega = (float(value) for value in best.x)
     beta, information, lowest = likelihood.solved(tau, omega)
     whole = (0.0, math.inf)
@@ -258,7 +258,7 @@ def population(
 
 
 def _deviation(found: tuple[float, float, float], unit: str, scale: Scale, level: float) -> Quantity:
-    value, low, high = (scale.size(one, level) for one in found)
+    value, low, high = (scale.size(value, level) for value in found)
     low, high = min(low, value), max(high, value)
     reach = high - low if math.isfinite(high) else 2.0 * (value - low)
     return Quantity(value=value, std=reach / (2.0 * TWO_SIDED_95), lower=low, upper=high, unit=unit)

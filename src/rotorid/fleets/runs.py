@@ -103,11 +103,11 @@ class Fleet:
 
     def __iter__(self) -> Iterator[LogAnswer]:
         """Answers as they come, those of earlier runs first; of logs with the same content one."""
-        seen: set[str] = set()
+        visited: set[str] = set()
         for answer in self._answers():
             named = self.answers[answer.place] = self._with_names(answer)
-            if not named.log_sha256 or named.log_sha256 not in seen:
-                seen.add(named.log_sha256)
+            if not named.log_sha256 or named.log_sha256 not in visited:
+                visited.add(named.log_sha256)
                 yield named
 
     def _answers(self) -> Iterator[LogAnswer]:
@@ -127,7 +127,7 @@ class Fleet:
             yield answer
         _PROGRESS.info("reading logs", extra={"done": len(self.places) - len(missing), "total": len(self.places)})
         tasks = (
-            Task(place=one, asked=self.settings.as_json(), settings=self._hash, salt=self._salt) for one in missing
+            Task(place=place, asked=self.settings.as_json(), settings=self._hash, salt=self._salt) for place in missing
         )
         running = self.engine.run(tasks) if missing else iter(())
         try:
@@ -147,13 +147,13 @@ class Fleet:
     def _without_copies(self, places: list[Place]) -> tuple[list[Place], list[LogAnswer]]:
         """Places whose content is not known yet, and answers of the others: only files of equal size are looked at."""
         known = {
-            one.log_sha256: one
-            for one in self._journal.answers.values()
-            if one.settings == self._hash and one.version == __version__ and one.done and one.log_sha256
+            answer.log_sha256: answer
+            for answer in self._journal.answers.values()
+            if answer.settings == self._hash and answer.version == __version__ and answer.done and answer.log_sha256
         }
         sizes = Counter(_size(place.mark) for place in self.places)
         here = {place.address for place in self.places}
-        sizes.update(_size(one.mark) for one in known.values() if one.place not in here)
+        sizes.update(_size(answer.mark) for answer in known.values() if answer.place not in here)
         first: dict[str, Place] = {}
         left, moved = [], []
         for place in places:
@@ -178,7 +178,7 @@ class Fleet:
         return replace(
             answer,
             rows=tuple(replace(row, vehicle=vehicle or row.vehicle, time_utc=time_utc) for row in answer.rows),
-            failed=tuple(replace(one, vehicle=vehicle or one.vehicle) for one in answer.failed),
+            failed=tuple(replace(failure, vehicle=vehicle or failure.vehicle) for failure in answer.failed),
         )
 
     def counted(self) -> list[LogAnswer]:
@@ -201,21 +201,21 @@ class Fleet:
     def counts(self) -> Counts:
         """Logs by what became of them."""
         counted = self.counted()
-        read = [one for one in counted if one.log_sha256]
-        answered = sum(bool(one.rows) for one in counted)
+        read = [answer for answer in counted if answer.log_sha256]
+        answered = sum(bool(answer.rows) for answer in counted)
         return Counts(
             logs=len(self.places),
             answered=answered,
-            refused=sum(not one.rows for one in read),
+            refused=sum(not answer.rows for answer in read),
             unreadable=len(counted) - len(read),
             duplicates=self.duplicates,
             resumed=self.resumed,
-            rows=sum(len(one.rows) for one in counted),
+            rows=sum(len(answer.rows) for answer in counted),
         )
 
     def gains(self) -> Mapping[str, Mapping[str, float]]:
         """Gains that each log was flown with, by its hash."""
-        return {one.log_sha256: one.gains for one in self.counted() if one.log_sha256 and one.gains}
+        return {answer.log_sha256: answer.gains for answer in self.counted() if answer.log_sha256 and answer.gains}
 
     def logged_rows(self) -> list[Row]:
         """The table with vehicles as their logs name them: what :func:`rotorid.fleets.analyze` takes apart and says."""
@@ -264,7 +264,7 @@ def _moved(answer: LogAnswer, place: Place) -> LogAnswer:
         place=place.address,
         mark=place.mark,
         rows=tuple(replace(row, log=name, vehicle=renamed(row.vehicle)) for row in answer.rows),
-        failed=tuple(replace(one, log=name, vehicle=renamed(one.vehicle)) for one in answer.failed),
+        failed=tuple(replace(failure, log=name, vehicle=renamed(failure.vehicle)) for failure in answer.failed),
     )
 
 
@@ -278,7 +278,7 @@ def require_folder(folder: Path) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        inside = [one.name for one in folder.iterdir()]
+        inside = [path.name for path in folder.iterdir()]
     except OSError as error:
         raise UsageError(
             f"{folder} cannot be used: {error.strerror or error}", needed="a folder that this user may write to"
@@ -304,18 +304,18 @@ def _claim(folder: Path) -> int | None:
         import fcntl
     except ImportError:
         return None
-    held = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+    descriptor = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o644)
     try:
-        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        os.close(held)
+        os.close(descriptor)
         raise UsageError(
             f"another run is at work in {folder}", needed="one at a time", remedy="wait, or choose another --out"
         ) from None
     except OSError:
-        os.close(held)
+        os.close(descriptor)
         return None
-    return held
+    return descriptor
 
 
 def _require_models(models: Iterable[str]) -> None:

@@ -159,13 +159,13 @@ class LogAnswer(Immutable):
     @property
     def done(self) -> bool:
         """Whether another run would answer the same: what ended a worker may not end the next."""
-        return all(one.kind in ("refused", "unreadable") for one in self.failed)
+        return all(failure.kind in ("refused", "unreadable") for failure in self.failed)
 
     def as_json(self) -> str:
         """One line."""
         table = {item.name: getattr(self, item.name) for item in fields(self)}
         table["rows"] = [asdict(row) for row in self.rows]
-        table["failed"] = [asdict(one) for one in self.failed]
+        table["failed"] = [asdict(failure) for failure in self.failed]
         table["gains"] = dict(self.gains)
         return json.dumps(_without_nan(table), ensure_ascii=True, allow_nan=False)
 
@@ -180,8 +180,8 @@ class LogAnswer(Immutable):
         """
         try:
             table = parse_json(text)
-            rows = tuple(_row(one) for one in table.pop("rows"))
-            failed = tuple(Failed(**one) for one in table.pop("failed"))
+            rows = tuple(_row(row) for row in table.pop("rows"))
+            failed = tuple(Failed(**failure) for failure in table.pop("failed"))
             return cls(**table, rows=rows, failed=failed)
         except (KeyError, TypeError, AttributeError, RotoridError) as error:
             raise ValueError(f"no answer of a log: {error}") from error
@@ -230,8 +230,8 @@ def _without_nan(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
-        return {name: _without_nan(one) for name, one in value.items()}
-    return [_without_nan(one) for one in value] if isinstance(value, list | tuple) else value
+        return {name: _without_nan(item) for name, item in value.items()}
+    return [_without_nan(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def settings_hash(asked: Mapping[str, Any]) -> str:
@@ -327,7 +327,7 @@ def sorted_rows(answers: Iterable[LogAnswer]) -> list[Row]:
 
 def sorted_failures(answers: Iterable[LogAnswer]) -> list[Failed]:
     """All failures in the order of their table."""
-    return sorted((one for answer in answers for one in answer.failed), key=lambda one: one.key)
+    return sorted((failure for answer in answers for failure in answer.failed), key=lambda failure: failure.key)
 
 
 def write_table(path: Path, values: Sequence[Row] | Sequence[Failed], kind: type[Row] | type[Failed]) -> None:

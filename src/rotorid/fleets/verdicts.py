@@ -85,49 +85,49 @@ def checked(verdicts: Sequence[VehicleVerdict]) -> Checked:
     0
     """
     return Checked(
-        vehicles=sum(one.verdict != "undecided" for one in verdicts),
+        vehicles=sum(verdict.verdict != "undecided" for verdict in verdicts),
         of_vehicles=len(verdicts),
-        numbers=sum(one.decided for one in verdicts),
-        of_numbers=sum(len(one.quantities) for one in verdicts),
-        changed=sum(one.verdict == "changed" for one in verdicts),
-        unchanged=sum(one.verdict == "unchanged" for one in verdicts),
+        numbers=sum(verdict.decided for verdict in verdicts),
+        of_numbers=sum(len(verdict.quantities) for verdict in verdicts),
+        changed=sum(verdict.verdict == "changed" for verdict in verdicts),
+        unchanged=sum(verdict.verdict == "unchanged" for verdict in verdicts),
     )
 
 
 def verdicts_of(analysis: FleetAnalysis) -> tuple[VehicleVerdict, ...]:
     """The verdict of each vehicle of a fleet."""
     histories: dict[str, list[History]] = defaultdict(list)
-    for one in analysis.histories:
-        histories[one.vehicle].append(one)
+    for history in analysis.histories:
+        histories[history.vehicle].append(history)
     return tuple(_verdict(vehicle, many) for vehicle, many in sorted(histories.items()))
 
 
 def _verdict(vehicle: str, many: Sequence[History]) -> VehicleVerdict:
-    numbers = {(one.model, one.parameter): one.verdict for one in many}
+    numbers = {(history.model, history.parameter): history.verdict for history in many}
     order: tuple[Verdict, ...] = ("changed", "unchanged", "undecided")
     found = min(numbers.values(), key=order.index)
     return VehicleVerdict(
         vehicle=vehicle,
-        flights=len({(row.log_sha256, row.flight) for one in many for row in one.rows}),
+        flights=len({(row.log_sha256, row.flight) for history in many for row in history.rows}),
         verdict=found,
         numbers=numbers,
-        detectable={(one.model, one.parameter): one.detectable for one in many},
+        detectable={(history.model, history.parameter): history.detectable for history in many},
         why=_why(many) if found == "undecided" else "",
     )
 
 
 def _why(many: Sequence[History]) -> str:
     """Why flights of a vehicle decide nothing."""
-    flights = {(row.log_sha256, row.flight) for one in many for row in one.rows}
+    flights = {(row.log_sha256, row.flight) for history in many for row in history.rows}
     if len(flights) < 2:
         return "it flew once"
-    repeated = [one for one in many if len(one.rows) > 1]
+    repeated = [history for history in many if len(history.rows) > 1]
     if not repeated:
         return "no two of its flights measured the same quantity"
-    compared = [one for one in repeated if one.scatter_known]
+    compared = [history for history in repeated if history.scatter_known]
     if not compared:
         return "too few flights to know how much these quantities scatter"
-    best = min(compared, key=lambda one: one.detectable)
+    best = min(compared, key=lambda history: history.detectable)
     if not math.isfinite(best.detectable):
         return "its numbers may be zero within their errors"
     return f"a change of less than {_percent(best.detectable)} of {best.parameter} would be missed"
@@ -162,12 +162,12 @@ def _headline(verdicts: Sequence[VehicleVerdict]) -> str:
     if not of.of_vehicles:
         return "No log gave a number, so nothing can be compared."
     if of.changed:
-        names = _listed([one.vehicle for one in verdicts if one.verdict == "changed"])
+        names = _listed([verdict.vehicle for verdict in verdicts if verdict.verdict == "changed"])
         if of.of_vehicles == 1:
             return f"The vehicle changed: {names}."
         return f"{of.changed} of {of.of_vehicles} vehicles changed: {names}."
     if not of.vehicles:
-        if all(one.flights < 2 for one in verdicts):
+        if all(verdict.flights < 2 for verdict in verdicts):
             what = "the vehicle flew once" if of.of_vehicles == 1 else f"each of {of.of_vehicles} vehicles flew once"
             return f"Not enough flights to see a change: {what}."
         what = "the vehicle" if of.of_vehicles == 1 else f"any of {of.of_vehicles} vehicles"
@@ -192,10 +192,10 @@ def _basis(verdicts: Sequence[VehicleVerdict]) -> Iterator[str]:
     if of.changed and of.unchanged:
         yield f"No change found in {counted(of.unchanged, 'other vehicle')}."
     reasons: dict[str, list[str]] = defaultdict(list)
-    for one in verdicts:
-        if one.why:
-            reasons[one.why].append(one.vehicle)
-    if len(verdicts) > 1 or all(one.flights > 1 for one in verdicts):
+    for verdict in verdicts:
+        if verdict.why:
+            reasons[verdict.why].append(verdict.vehicle)
+    if len(verdicts) > 1 or all(verdict.flights > 1 for verdict in verdicts):
         for why, names in list(reasons.items())[:3]:
             yield f"Not decided for {_listed(names)}: {why}."
         if len(reasons) > 3:
@@ -209,13 +209,13 @@ def _with(undecided: int, of: int) -> str:
 
 
 def _separated(analysis: FleetAnalysis) -> Iterator[str]:
-    for one in analysis.several:
-        yield f"The logs of {one.name} are of {len(one.vehicles)} vehicles: {_listed(one.vehicles)}."
+    for vehicles in analysis.several:
+        yield f"The logs of {vehicles.name} are of {len(vehicles.vehicles)} vehicles: {_listed(vehicles.vehicles)}."
 
 
 def _gains(analysis: FleetAnalysis) -> Iterator[str]:
     """Flights with other gains, as their loops and margins then are others."""
-    vehicles = sorted({one.vehicle for one in analysis.other_gains})
+    vehicles = sorted({gains.vehicle for gains in analysis.other_gains})
     if vehicles:
         first = analysis.other_gains[0]
         names = [f"{name} {before:g} to {after:g}" for name, (before, after) in first.gains.items()]
@@ -226,12 +226,12 @@ def _gains(analysis: FleetAnalysis) -> Iterator[str]:
 
 
 def _others(analysis: FleetAnalysis) -> Iterator[str]:
-    odd = sorted({one.vehicle for one in analysis.histories if one.odd_vehicle is not None})
+    odd = sorted({history.vehicle for history in analysis.histories if history.odd_vehicle is not None})
     if odd:
         yield f"{counted(len(odd), 'vehicle')} differ{'s' if len(odd) == 1 else ''} from the rest: {_listed(odd)}."
-    if drifting := sorted({one.vehicle for one in analysis.histories if one.drift is not None}):
+    if drifting := sorted({history.vehicle for history in analysis.histories if history.drift is not None}):
         yield f"Slowly changing: {_listed(drifting)}."
-    if flights := {(one.vehicle, odd.flight) for one in analysis.histories for odd in one.odd}:
+    if flights := {(history.vehicle, odd.flight) for history in analysis.histories for odd in history.odd}:
         are = "is" if len(flights) == 1 else "are"
         yield f"{counted(len(flights), 'flight')} {are} unlike those before and after."
 

@@ -77,7 +77,7 @@ class Task(Immutable):
 
 def answer(task: Task) -> LogAnswer:
     """Read a log, identify its flights, and say what each model gave, or why it gave nothing."""
-    begun = time.monotonic()
+    started_s = time.monotonic()
     try:
         if task.copy:
             found = _answer(task, Path(task.copy))
@@ -91,7 +91,7 @@ def answer(task: Task) -> LogAnswer:
     # A fault of the program costs this log alone, and is named in the table of failures.
     except Exception as error:
         found = failure(task, "error", f"{type(error).__name__}: {error}")
-    return replace(found, seconds=round(time.monotonic() - begun, 3))
+    return replace(found, seconds=round(time.monotonic() - started_s, 3))
 
 
 def failure(task: Task, kind: Failure, reason: str) -> LogAnswer:
@@ -134,9 +134,9 @@ def _answer(task: Task, log: Path) -> LogAnswer:
     rows: list[Row] = []
     failed: list[Failed] = []
     for number, flight in flights_of(record).items():
-        for name, told in _told(flight, task):
-            if isinstance(told, str):
-                failed.append(Failed(**facts, flight=number, model=name, kind="refused", reason=told[:500]))
+        for name, result in _model_results(flight, task):
+            if isinstance(result, str):
+                failed.append(Failed(**facts, flight=number, model=name, kind="refused", reason=result[:500]))
                 continue
             common: dict[str, Any] = {
                 **facts,
@@ -148,11 +148,11 @@ def _answer(task: Task, log: Path) -> LogAnswer:
                 "settings": task.settings,
                 **{name: visible(words) for name, words in asdict(aircraft).items()},
             }
-            rows += [Row(**common, **numbers) for numbers in told]
+            rows += [Row(**common, **numbers) for numbers in result]
     return _empty(task, log_sha256=record.source.sha256, rows=tuple(rows), failed=tuple(failed), gains=gains_of(record))
 
 
-def _told(record: FlightRecord, task: Task) -> Iterator[tuple[str, list[dict[str, Any]] | str]]:
+def _model_results(record: FlightRecord, task: Task) -> Iterator[tuple[str, list[dict[str, Any]] | str]]:
     """Each model by name with its numbers, or the sentence that says why there are none."""
     from rotorid.identifying.identify_many import identify_several
 
@@ -163,11 +163,11 @@ def _told(record: FlightRecord, task: Task) -> Iterator[tuple[str, list[dict[str
         except RotoridError as error:
             yield from ((name, str(error)) for name in models)
         else:
-            for name, one in several.items():
-                if isinstance(one, IdentifiedModel):
-                    yield name, list(_numbers(one))
+            for name, model in several.items():
+                if isinstance(model, IdentifiedModel):
+                    yield name, list(_numbers(model))
                 else:
-                    reasons = [finding.message for finding in one.findings if finding.severity == "error"]
+                    reasons = [finding.message for finding in model.findings if finding.severity == "error"]
                     yield name, reasons[0] if reasons else "The data do not support it."
     if task.asked["review"]:
         try:
@@ -182,18 +182,20 @@ def _numbers(model: IdentifiedModel) -> Iterator[dict[str, Any]]:
     kinds = ",".join(sorted({finding.kind for finding in model.findings if finding.severity == "warning"}))
     motors = dict(model.motors.derived) if model.motors is not None else {}
     estimates: dict[str, Any] = {
-        name: one for name, one in model.parameters.items() if one.status == "free" and one.std is not None
+        name: estimate
+        for name, estimate in model.parameters.items()
+        if estimate.status == "free" and estimate.std is not None
     }
-    for name, one in {**estimates, **motors}.items():
-        random = one.std_random if isinstance(one, ParameterEstimate) else one.std
+    for name, entry in {**estimates, **motors}.items():
+        random = entry.std_random if isinstance(entry, ParameterEstimate) else entry.std
         yield {
             "parameter": name,
-            "value": one.value,
-            "std": one.std,
-            "std_random": one.std if random is None else random,
-            "lower": _or_nan(getattr(one, "lower", None)),
-            "upper": _or_nan(getattr(one, "upper", None)),
-            "unit": one.unit,
+            "value": entry.value,
+            "std": entry.std,
+            "std_random": entry.std if random is None else random,
+            "lower": _or_nan(getattr(entry, "lower", None)),
+            "upper": _or_nan(getattr(entry, "upper", None)),
+            "unit": entry.unit,
             "findings": kinds,
             "basis": visible(basis_of(model, name)),
         }
@@ -207,27 +209,27 @@ def _measures(record: FlightRecord) -> Iterator[dict[str, Any]]:
     """The numbers of a review with their errors, by the path that its document gives them."""
     from rotorid.reviewing.assembly import review
 
-    seen = review(record, models=False)
+    reviewed = review(record, models=False)
     groups: dict[str, Mapping[str, Quantity]] = {
-        **{f"loops.{name}": loop.numbers for name, loop in seen.loops.items()},
-        **{f"margins.{axis}": margin.numbers for axis, margin in seen.margins.items()},
-        "battery": seen.flight.battery,
-        "noise": seen.noise.numbers,
-        "motors": {**seen.motors.means, **seen.motors.numbers},
+        **{f"loops.{name}": loop.numbers for name, loop in reviewed.loops.items()},
+        **{f"margins.{axis}": margin.numbers for axis, margin in reviewed.margins.items()},
+        "battery": reviewed.flight.battery,
+        "noise": reviewed.noise.numbers,
+        "motors": {**reviewed.motors.means, **reviewed.motors.numbers},
     }
-    if seen.flight.hover_throttle is not None:
-        groups["flight"] = {"hover_throttle": seen.flight.hover_throttle}
-    kinds = ",".join(sorted({finding.kind for finding in seen.findings if finding.severity == "warning"}))
+    if reviewed.flight.hover_throttle is not None:
+        groups["flight"] = {"hover_throttle": reviewed.flight.hover_throttle}
+    kinds = ",".join(sorted({finding.kind for finding in reviewed.findings if finding.severity == "warning"}))
     for group, numbers in groups.items():
-        for name, one in numbers.items():
+        for name, quantity in numbers.items():
             yield {
                 "parameter": f"{group}.{name}",
-                "value": one.value,
-                "std": one.std,
-                "std_random": one.std,
-                "lower": one.lower if math.isfinite(one.lower) else math.nan,
-                "upper": one.upper if math.isfinite(one.upper) else math.nan,
-                "unit": one.unit,
+                "value": quantity.value,
+                "std": quantity.std,
+                "std_random": quantity.std,
+                "lower": quantity.lower if math.isfinite(quantity.lower) else math.nan,
+                "upper": quantity.upper if math.isfinite(quantity.upper) else math.nan,
+                "unit": quantity.unit,
                 "findings": kinds,
             }
 

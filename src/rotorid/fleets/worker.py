@@ -33,8 +33,8 @@ def main() -> None:
     answers.write("ready\n")
     answers.flush()
     for line in sys.stdin:
-        told = answer(Task.from_json(json.loads(line)))
-        answers.write(told.as_json() + "\n")
+        result = answer(Task.from_json(json.loads(line)))
+        answers.write(result.as_json() + "\n")
         answers.flush()
 
 

@@ -32,7 +32,7 @@ def command_densities(records: Sequence[FlightRecord], commands: Sequence[str]) 
     """
     found = {}
     for command in ("roll_command", "pitch_command", "yaw_command"):
-        record = next((one for one in records if command in one.channel_names), None)
+        record = next((record for record in records if command in record.channel_names), None)
         if command in commands and record is not None and (density := command_density(record, command)) is not None:
             found[command] = density
     return found

@@ -254,13 +254,13 @@ def _kinematics(record: FlightRecord, stretch: Stretch) -> Iterator[tuple[Sequen
     """Rates, then specific force: velocities are slower and would drag the rates down to their own."""
     moving = {name for axis in stretch.axes for name in _SENSORS[axis] if name}
     velocities = VELOCITIES if set(VELOCITIES) <= set(record.channel_names) else EARTH_VELOCITIES
-    for sensors, beside in (
+    for sensors, references in (
         ([name for name in RATES if name in moving], ATTITUDE),
         ([name for name in ACCELERATIONS if name in moving], (*velocities, *ATTITUDE)),
     ):
         present = [name for name in sensors if name in record.channel_names]
-        there = [name for name in beside if name in record.channel_names]
-        if not present or not there or (sensors[0] in ACCELERATIONS and len(there) < len(beside)):
+        there = [name for name in references if name in record.channel_names]
+        if not present or not there or (sensors[0] in ACCELERATIONS and len(there) < len(references)):
             continue
         needed = RATES if velocities is VELOCITIES and sensors[0] in ACCELERATIONS else ()
         names = dict.fromkeys((*present, *there, *(name for name in needed if name in record.channel_names)))
@@ -277,17 +277,17 @@ def _kinematics(record: FlightRecord, stretch: Stretch) -> Iterator[tuple[Sequen
 def _same_channels(record: FlightRecord, stretch: Stretch) -> Iterator[ChannelSkew]:
     """Each channel that moves, in its best topic against the others that cover the stretch."""
     for name in dict.fromkeys(name for axis in stretch.axes for name in _TWICE_LOGGED[axis]):
-        held = [(topic, row) for topic, row in record.holding(name) if _covers(topic, stretch)]
-        for other in held[1:]:
+        sources = [(topic, row) for topic, row in record.holding(name) if _covers(topic, stretch)]
+        for other in sources[1:]:
             try:
-                skew, rate_hz = _between(record, held[0], other, stretch)
+                skew, rate_hz = _between(record, sources[0], other, stretch)
             except InsufficientDataError:
                 # Signals that hardly move are not coherent; the channels of other axes say what this one cannot.
                 continue
-            (low, high), (least, most) = (_filter_lag(record, t, t.channels[row]) for t, row in (held[0], other))
+            (low, high), (least, most) = (_filter_lag(record, t, t.channels[row]) for t, row in (sources[0], other))
             yield ChannelSkew(
                 channel=name,
-                reference=held[0][0].name,
+                reference=sources[0][0].name,
                 delayed=other[0].name,
                 nature="same_channel",
                 skew=skew,
@@ -355,9 +355,9 @@ def _mixed(history: TimeHistory, motors: Sequence[str], output: str) -> TimeHist
     if output == "az":
         mix = mean
     else:
-        apart = values - mean
-        apart = apart - apart.mean(axis=1, keepdims=True)
-        mix = np.sign(apart @ derivative(history[output], history.sample_rate_hz)) @ apart
+        centered = values - mean
+        centered = centered - centered.mean(axis=1, keepdims=True)
+        mix = np.sign(centered @ derivative(history[output], history.sample_rate_hz)) @ centered
     channel = history.channels[history.names.index(output)]
     return replace(history, values=np.stack([mix, history[output]]), channels=(Channel(name=_MIX, unit="1"), channel))
 
@@ -473,7 +473,7 @@ def data_quality(
     ]
     sags = (battery_sag(flight.record, flight.maneuver) for flight in flights)
     remarks += [sag for sag in sags if sag and abs(sag.numbers["change_percent"]) >= _REMARKED_SAG_PERCENT]
-    remarks += [finding for one in agreement for finding in one.findings]
+    remarks += [finding for consistency in agreement for finding in consistency.findings]
     return tuple({(finding.kind, finding.where): finding for finding in reversed(remarks)}.values())
 
 
@@ -493,7 +493,7 @@ def _agreement(record: FlightRecord, maneuvers: Sequence[Maneuver]) -> Consisten
     if max(maneuver.duration_s for maneuver in maneuvers) >= SHORTEST_S:
         return check_consistency(record, stretches(record, maneuvers))
     axes = tuple(axis for axis in AXES if any(maneuver.axis == axis for maneuver in maneuvers))
-    start_s, stop_s = min(one.start_s for one in maneuvers), max(one.stop_s for one in maneuvers)
+    start_s, stop_s = min(maneuver.start_s for maneuver in maneuvers), max(maneuver.stop_s for maneuver in maneuvers)
     if stop_s - start_s < SHORTEST_S:
         return None
     checks: list[tuple[Stretch, KinematicCheck]] = []
@@ -545,8 +545,8 @@ def sensor_errors(agreement: Sequence[Consistency], outputs: Sequence[str]) -> F
 
 
 def _contradictions(agreement: Sequence[Consistency]) -> Iterator[KinematicCheck]:
-    for one in agreement:
-        for _, check in one.checks:
+    for consistency in agreement:
+        for _, check in consistency.checks:
             if check.verdict == "inconsistent" and check.channel in RATES:
                 yield check
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from rotorid.autopilots.registry import named
 from rotorid.data.axes import ANGLE_OF, RATE_OF
-from rotorid.data.base import Immutable, remembered
+from rotorid.data.base import Immutable, cached_by_value
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import with_error
 from rotorid.data.record import FlightRecord
@@ -136,7 +136,7 @@ class ControllerCheck(Immutable):
         return ()
 
 
-@remembered
+@cached_by_value
 def check_controller(record: FlightRecord, axis: Axis) -> ControllerCheck:
     """Whether the gains in a log made the commands of an axis.
 
@@ -255,7 +255,7 @@ def _by_command(
             correlation=_correlation(measured, whole, related),
             paths=gains,
         )
-        checks.append(_judged(record, found, {"p": (1.0, 1.0), "i": (0.0, 1.0), "d": (least_derivative, 1.0)}))
+        checks.append(_with_verdict(record, found, {"p": (1.0, 1.0), "i": (0.0, 1.0), "d": (least_derivative, 1.0)}))
     # A filter of the rate that the log does not have, stamps, or the step in which a firmware takes its set-point may
     # be off: gains are others only if they are at all of them.
     return min(checks, key=lambda check: _BEST_FIRST.index(check.verdict))
@@ -303,10 +303,10 @@ def _by_terms(
         return replace(
             found, verdict="not made", why=why, remedy="This needs a quadrotor with the usual order of its motors."
         )
-    return _judged(record, found, {"p": (1.0, 1.0), "d": (least_derivative, 1.0)})
+    return _with_verdict(record, found, {"p": (1.0, 1.0), "d": (least_derivative, 1.0)})
 
 
-def _judged(
+def _with_verdict(
     record: FlightRecord, found: ControllerCheck, expected: Mapping[str, tuple[float, float]]
 ) -> ControllerCheck:
     """With the verdict on its paths, each of which may lie between two shares of its logged gain."""

@@ -23,7 +23,7 @@ from rotorid.autopilots.advice import gains_advice
 from rotorid.autopilots.filters import KnownFilter, combined_response
 from rotorid.autopilots.registry import autopilot_of, by_gains, named
 from rotorid.data.axes import RATE_OF, RATES
-from rotorid.data.base import Immutable, remembered
+from rotorid.data.base import Immutable, cached_by_value
 from rotorid.data.display import capital
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
@@ -84,14 +84,14 @@ class LoggedController:
     ----------
     controller
         Gains and steps.
-    seen
+    filters
         Filters in front of the rate that the controller takes.
     logged
         Filters in front of the rate in the log.
     """
 
     controller: RateController
-    seen: tuple[KnownFilter, ...] = ()
+    filters: tuple[KnownFilter, ...] = ()
     logged: tuple[KnownFilter, ...] = ()
 
     @property
@@ -103,7 +103,7 @@ class LoggedController:
         """Command by the rate in the log, shape ``(f,)``, at frequencies above zero."""
         passed = combined_response(self.logged, omega_rad_s)
         left = np.maximum(np.abs(passed), _LEAST_PASSED) * np.exp(1j * np.angle(passed))
-        return np.asarray(self.controller.response(omega_rad_s, combined_response(self.seen, omega_rad_s)) / left)
+        return np.asarray(self.controller.response(omega_rad_s, combined_response(self.filters, omega_rad_s)) / left)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +129,7 @@ class LogControllers(Immutable):
 
     origin: str
     parameters: Mapping[str, float]
-    firmware: FlownFirmware
+    firmware: LoggedFirmware
     loop_rate_hz: float | None = None
     throttle: float = 0.0
     advice: str = "Give the log with the result."
@@ -216,13 +216,13 @@ def controllers_of_result(known: ControllerSettings) -> LogControllers:
     return LogControllers(
         origin="the result",
         parameters={**known.gains, **known.filters, **known.settings},
-        firmware=FlownFirmware(name=known.firmware, unexplained={}),
+        firmware=LoggedFirmware(name=known.firmware, unexplained={}),
         loop_rate_hz=known.loop_rate_hz,
         throttle=known.throttle or 0.0,
     )
 
 
-@remembered
+@cached_by_value
 def controllers_of(record: FlightRecord) -> LogControllers:
     """The controllers of a log, with the firmware that flew, its loop rate and the throttle that was flown.
 
@@ -268,10 +268,10 @@ def logged_controller(record: FlightRecord, command: str, *, source: str) -> Log
         sees it as it is.
     """
     found = controllers_of(record).axis(command.removesuffix("_command"))
-    return None if found is None else acting_on(record, found.controller, source=source)
+    return None if found is None else controller_as_logged(record, found.controller, source=source)
 
 
-def acting_on(record: FlightRecord, controller: RateController, *, source: str) -> LoggedController:
+def controller_as_logged(record: FlightRecord, controller: RateController, *, source: str) -> LoggedController:
     """A controller as it acts on a logged rate.
 
     Parameters
@@ -283,8 +283,8 @@ def acting_on(record: FlightRecord, controller: RateController, *, source: str) 
     """
     logged = known_filters(record, source)
     # A mean over a loop is no filter of the controller; an unknown source is taken for the controller's own.
-    seen = controller_filters(record) if logged else ()
-    return LoggedController(controller=controller, seen=seen, logged=logged)
+    filters = controller_filters(record) if logged else ()
+    return LoggedController(controller=controller, filters=filters, logged=logged)
 
 
 def _usual_throttle(record: FlightRecord) -> float:
@@ -310,7 +310,7 @@ def _usual_throttle(record: FlightRecord) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlownFirmware:
+class LoggedFirmware:
     """The firmware whose controller flew a log.
 
     Parameters
@@ -331,8 +331,8 @@ class FlownFirmware:
     findings: tuple[Finding, ...] = ()
 
 
-@remembered
-def flown_firmware(record: FlightRecord) -> FlownFirmware:
+@cached_by_value
+def flown_firmware(record: FlightRecord) -> LoggedFirmware:
     """Which firmware computed the controller of a log, decided by the data.
 
     The candidates of :func:`rotorid.models.autopilots.versions.firmware_candidates` are compared over the flight, in
@@ -348,10 +348,10 @@ def flown_firmware(record: FlightRecord) -> FlownFirmware:
     candidates = firmware_candidates(record.parameters, firmware=record.source.firmware, names=sorted(names))
     differing = _differing(record, candidates)
     if len(differing) < 2 or differing[0] != candidates[0]:
-        return FlownFirmware(name=candidates[0], unexplained={})
+        return LoggedFirmware(name=candidates[0], unexplained={})
     left = [found for axis in _COMPARED for found in _unexplained(record, axis, differing)]
     if sum(one.size for one in left) < _LEAST_WINDOWS * len(differing):
-        return FlownFirmware(name=candidates[0], unexplained={}, findings=_contradicted(record, candidates[0], {}))
+        return LoggedFirmware(name=candidates[0], unexplained={}, findings=_contradicted(record, candidates[0], {}))
     power = np.concatenate(left, axis=1)
     unexplained = dict(zip(differing, np.sqrt(power.mean(axis=1)).tolist(), strict=True))
     best = int(np.argmin(power.mean(axis=1)))
@@ -360,7 +360,7 @@ def flown_firmware(record: FlightRecord) -> FlownFirmware:
     better = sure and power[best].mean() <= _CLEARLY_BETTER * power[0].mean()
     explained = min(unexplained.values()) <= EXPLAINED
     name = differing[best] if better and explained else candidates[0]
-    return FlownFirmware(name=name, unexplained=unexplained, findings=_contradicted(record, name, unexplained))
+    return LoggedFirmware(name=name, unexplained=unexplained, findings=_contradicted(record, name, unexplained))
 
 
 def _differing(record: FlightRecord, candidates: Sequence[str]) -> tuple[str, ...]:
@@ -368,8 +368,12 @@ def _differing(record: FlightRecord, candidates: Sequence[str]) -> tuple[str, ..
     found: dict[tuple[RateController, ...], str] = {}
     for name in candidates:
         each = [axis_controller(record.parameters, axis, firmware=name, throttle=0.5) for axis in _COMPARED]
-        if all(one is not None for one in each):
-            loops = tuple(replace(one.controller.rate_loop, angle_filters=()) for one in each if one is not None)
+        if all(controller is not None for controller in each):
+            loops = tuple(
+                replace(controller.controller.rate_loop, angle_filters=())
+                for controller in each
+                if controller is not None
+            )
             found.setdefault(loops, name)
     return tuple(found.values())
 
@@ -392,7 +396,7 @@ def _unexplained(record: FlightRecord, axis: Axis, names: Sequence[str]) -> Iter
         flown = LogControllers(
             origin="",
             parameters=record.parameters,
-            firmware=FlownFirmware(name=name, unexplained={}),
+            firmware=LoggedFirmware(name=name, unexplained={}),
             loop_rate_hz=_loop_rate_hz(record),
         )
         paths = made_by_paths(record, relation, _at_throttle(flown, axis))
@@ -465,7 +469,10 @@ def _made(
     made = np.zeros_like(relation.rate[rows])
     for sign, controller in zip((1.0, -1.0), part, strict=False):
         loop = controller if driven == "angle" else controller.rate_loop
-        made = made - sign * acting_on(record, loop, source=relation.source).response(omega) * relation.rate[rows]
+        made = (
+            made
+            - sign * controller_as_logged(record, loop, source=relation.source).response(omega) * relation.rate[rows]
+        )
         if relation.setpoint is not None:
             late = np.exp(-1j * omega * (loop.step_s if loop.late_angle else 0.0))
             ahead = loop.angle_response(omega) if driven == "angle" else loop.setpoint_response(omega) * late

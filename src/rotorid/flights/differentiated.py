@@ -104,7 +104,7 @@ def _samples(record: FlightRecord, names: Sequence[str], *, least_hz: float) -> 
             remedy="log them, or name them with --map",
             findings=[refusal("missing_channel", ", ".join(missing), message)],
         )
-    best = max(whole, key=lambda one: one.sample_rate_hz)
+    best = max(whole, key=lambda topic: topic.sample_rate_hz)
     rows = [row for name in names if (row := best.row(name)) is not None]
     values = best.values[rows]
     good = np.isfinite(values).all(axis=0) & np.isfinite(best.time_s)

@@ -86,26 +86,26 @@ class Flight:
         """
         for found in self.samples(name):
             return found.values
-        parts = [next(self.samples(one), None) for one in (*EARTH_VELOCITIES, *ATTITUDE)]
+        parts = [next(self.samples(name), None) for name in (*EARTH_VELOCITIES, *ATTITUDE)]
         known = [part for part in parts if part is not None and part.time_s.size > 1]
         if len(known) < len(parts):
             return np.zeros(0)
         time_s = known[0].time_s
-        rows = [np.interp(time_s, one.time_s, one.values) for one in known[:3]]
+        rows = [np.interp(time_s, samples.time_s, samples.values) for samples in known[:3]]
         # An angle that jumps by a turn does so between two samples.
-        rows += [np.interp(time_s, one.time_s, np.unwrap(one.values)) for one in known[3:]]
+        rows += [np.interp(time_s, samples.time_s, np.unwrap(samples.values)) for samples in known[3:]]
         history = TimeHistory(
             values=np.stack(rows),
-            channels=tuple(Channel(name=one, unit="") for one in (*EARTH_VELOCITIES, *ATTITUDE)),
+            channels=tuple(Channel(name=name, unit="") for name in (*EARTH_VELOCITIES, *ATTITUDE)),
             sample_rate_hz=(time_s.size - 1) / float(time_s[-1] - time_s[0]),
             start_s=float(time_s[0]),
         )
         return np.asarray(to_body(history, history.values[:3])[VELOCITIES.index(name)])
 
 
-def overlap(one: Maneuver, other: Maneuver) -> bool:
+def overlap(maneuver: Maneuver, other: Maneuver) -> bool:
     """Whether two intervals of one log have a part in common."""
-    return one.start_s < other.stop_s and other.start_s < one.stop_s
+    return maneuver.start_s < other.stop_s and other.start_s < maneuver.stop_s
 
 
 def longest_flight(record: FlightRecord, *, or_whole: bool = True, guessed: bool = True) -> tuple[float, float]:

@@ -17,7 +17,7 @@ from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.errors import ModelError, UsageError
 from rotorid.flights.flights import Flight
 from rotorid.settings.measuring import MeasureSettings
-from rotorid.signal.airborne import Airborne, airborne_by_thrust, told_by
+from rotorid.signal.airborne import Airborne, airborne_by_thrust, evidence_words
 from rotorid.signal.clock import even_step_s, missing_channel
 from rotorid.signal.excitations import (
     LEAST_MOTION,
@@ -103,7 +103,7 @@ def instrument_of(flight: Flight, axis: Axis) -> str | None:
         # It is the stick, and logged faster.
         return moving[0]
     shown = [maneuver] if own else _flown_in(record, axis, within)
-    ranked = [*(one.signal for one in shown if one.signal in moving), *moving]
+    ranked = [*(maneuver.signal for maneuver in shown if maneuver.signal in moving), *moving]
     return ranked[0] if ranked else None
 
 
@@ -116,7 +116,7 @@ def _flown_in(record: FlightRecord, axis: Axis, within: tuple[float, float]) -> 
         if m.start_s < stop_s and m.stop_s > start_s
     ]
     filling = [(shared_s, m) for shared_s, m in found if shared_s > 0.5 * (stop_s - start_s)]
-    return [m for _, m in sorted(filling, key=lambda one: (one[1].origin == "found", -one[0]))]
+    return [m for _, m in sorted(filling, key=lambda item: (item[1].origin == "found", -item[0]))]
 
 
 def find_instrument(flights: Sequence[Flight], axis: Axis) -> str | None:
@@ -130,7 +130,8 @@ def find_instrument(flights: Sequence[Flight], axis: Axis) -> str | None:
     if len(each) == 1:
         return each.pop()
     candidates = [
-        excitation_signals(one.record, axis, within=(one.maneuver.start_s, one.maneuver.stop_s)) for one in own
+        excitation_signals(flight.record, axis, within=(flight.maneuver.start_s, flight.maneuver.stop_s))
+        for flight in own
     ]
     shared = set.intersection(*map(set, candidates)) if candidates else set()
     for name in candidates[0]:
@@ -191,12 +192,14 @@ def is_free(flights: Sequence[Flight], name: str) -> bool:
     axis = next((axis for axis, setpoint in RATE_SETPOINTS.items() if setpoint == name), None)
     if axis is None:
         return name.endswith("_stick")
-    return all(sets_rates_directly(one.record, (one.maneuver.start_s, one.maneuver.stop_s)) for one in flights)
+    return all(
+        sets_rates_directly(flight.record, (flight.maneuver.start_s, flight.maneuver.stop_s)) for flight in flights
+    )
 
 
 def open_loop(flights: Sequence[Flight], *inputs: str) -> bool:
     """Whether the log declares inputs as the excitation itself, so that nothing was fed back."""
-    return all(one.maneuver.signal in inputs and one.maneuver.origin == "declared" for one in flights)
+    return all(flight.maneuver.signal in inputs and flight.maneuver.origin == "declared" for flight in flights)
 
 
 def is_injection(name: str) -> bool:
@@ -246,10 +249,10 @@ def band_of_instrument(flights: Sequence[Flight], name: str) -> tuple[float, flo
     if not powers:
         return 0.0, np.inf
     power = np.max(powers, axis=0)
-    seen = np.flatnonzero(power > _LEAST_OF_LARGEST * power.max())
-    fastest = max(0.8 * np.pi * topic.sample_rate_hz for one in flights for topic, _ in one.record.holding(name))
-    low = 0.0 if seen[0] == 0 else float(edges[seen[0]])
-    return low, min(float(edges[seen[-1] + 1]), fastest)
+    excited = np.flatnonzero(power > _LEAST_OF_LARGEST * power.max())
+    fastest = max(0.8 * np.pi * topic.sample_rate_hz for flight in flights for topic, _ in flight.record.holding(name))
+    low = 0.0 if excited[0] == 0 else float(edges[excited[0]])
+    return low, min(float(edges[excited[-1] + 1]), fastest)
 
 
 def _octaves(flight: Flight, name: str, edges_rad_s: FloatArray) -> FloatArray:
@@ -366,11 +369,15 @@ def _flying_part(maneuver: Maneuver, flight: Airborne | None) -> tuple[Maneuver,
     whole = f"{maneuver.axis} {maneuver.start_s:.2f} to {maneuver.stop_s:.2f} s"
     least_s = _SHORTEST_LEFT * maneuver.duration_s
     if stop_s - start_s < (min(_SHORTEST_LEFT_S, least_s) if flight.by_flags else least_s):
-        kept, said = maneuver, f"{whole} lies mostly on the ground, {told_by(flight.seen_in)}; it was used as it is."
+        kept, message = (
+            maneuver,
+            f"{whole} lies mostly on the ground, {evidence_words(flight.seen_in)}; it was used as it is.",
+        )
     else:
         kept = replace(maneuver, start_s=start_s, stop_s=stop_s)
-        said = (
-            f"{whole} reaches beyond the flight, {told_by(flight.seen_in)}; {start_s:.2f} to {stop_s:.2f} s was used."
+        message = (
+            f"{whole} reaches beyond the flight, {evidence_words(flight.seen_in)}; "
+            f"{start_s:.2f} to {stop_s:.2f} s was used."
         )
     numbers = {"start_s": kept.start_s, "stop_s": kept.stop_s, "on_ground_s": lost_s}
-    return kept, [warn("airborne", whole, said, **numbers)]
+    return kept, [warn("airborne", whole, message, **numbers)]

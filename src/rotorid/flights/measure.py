@@ -35,7 +35,7 @@ from rotorid.flights.instruments import (
 )
 from rotorid.flights.segments import cut, histories, holds, require_known, source_of, with_surroundings
 from rotorid.flights.thrust_slope import curvature, with_slope_changes
-from rotorid.flights.tilt_errors import logged_angles, with_lean_errors
+from rotorid.flights.tilt_errors import logged_angles, with_tilt_errors
 from rotorid.flights.unchecked import unchecked_scales, with_unchecked_errors
 from rotorid.results.model import Segment
 from rotorid.settings.measuring import CompositionChoice, MeasureSettings, TaperChoice
@@ -161,14 +161,14 @@ def measure(
     UsageError
         A shift is of a channel that takes no part, or longer than a maneuver.
     """
-    groups, left = _accounted(_groups(flights, inputs, outputs, settings))
+    groups, left = _drop_mixed_inputs(_groups(flights, inputs, outputs, settings))
     prepared = [_prepare(group, settings, also) for group in groups]
-    require_known(settings.shifts, [name for one in prepared for name in one.channels])
+    require_known(settings.shifts, [name for item in prepared for name in item.channels])
     band = settings.band_rad_s or _common_band(prepared)
-    longest = max((plan for one in prepared for plan in one.windows.values()), key=lambda plan: max(plan.lengths_s))
+    longest = max((plan for item in prepared for plan in item.windows.values()), key=lambda plan: max(plan.lengths_s))
     omega = grid_rad_s(band, longest)
     _PROGRESS.info("frequency responses")
-    parts = [_measured(one, omega, band, settings) for one in prepared]
+    parts = [_measured(item, omega, band, settings) for item in prepared]
     if len(parts) == 1 and not left:
         return parts[0]
     whole = _joined(parts, groups, inputs, outputs)
@@ -182,7 +182,7 @@ class _Group(NamedTuple):
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     instruments: tuple[str, ...]
-    unheard: tuple[str, ...] = ()
+    unmodeled_inputs: tuple[str, ...] = ()
 
 
 class _Prepared(NamedTuple):
@@ -203,11 +203,11 @@ def _groups(
 
     An output is estimated from all records that hold it beside the same inputs.
     """
-    held: dict[tuple[str, ...], list[Flight]] = {}
+    by_channels: dict[tuple[str, ...], list[Flight]] = {}
     for flight in flights:
-        held.setdefault(tuple(name for name in inputs if holds(flight.record, name)), []).append(flight)
+        by_channels.setdefault(tuple(name for name in inputs if holds(flight.record, name)), []).append(flight)
     by_output: dict[tuple[tuple[str, ...], tuple[int, ...]], list[str]] = {}
-    for sources, every in held.items():
+    for sources, every in by_channels.items():
         for name in outputs:
             rows = tuple(row for row, flight in enumerate(every) if holds(flight.record, name))
             if sources and rows:
@@ -219,15 +219,15 @@ def _groups(
     chosen = dict(zip(inputs, given, strict=False))
     groups = []
     for (sources, rows), answers in by_output.items():
-        own = [held[sources][row] for row in rows]
+        own = [by_channels[sources][row] for row in rows]
         own = [flight for flight in own if not _of_axis_of(flight, inputs) or _of_axis_of(flight, sources)]
         # What only feedback moves, and nothing free of feedback tells apart, cannot be accounted for.
         swept = tuple(name for name in sources if _flown_for(own, name) or chosen.get(name))
         wanted = replace(settings, instruments=tuple(chosen[name] for name in swept if name in chosen))
         if own and swept:
             instruments = choose_instruments(own, swept, answers, wanted)
-            unheard = tuple(name for name in inputs if name not in swept)
-            groups.append(_Group(tuple(own), swept, tuple(answers), instruments, unheard))
+            unmodeled = tuple(name for name in inputs if name not in swept)
+            groups.append(_Group(tuple(own), swept, tuple(answers), instruments, unmodeled))
     return groups
 
 
@@ -239,12 +239,12 @@ def _by_instruments(
     groups = []
     for part in parts:
         swept = inputs if len(parts) == 1 else tuple(name for name in inputs if _flown_for(part, name))
-        unheard = tuple(name for name in inputs if name not in swept)
-        groups.append(_Group(part, swept, outputs, choose_instruments(part, swept, outputs, settings), unheard))
+        unmodeled = tuple(name for name in inputs if name not in swept)
+        groups.append(_Group(part, swept, outputs, choose_instruments(part, swept, outputs, settings), unmodeled))
     return groups
 
 
-def _accounted(groups: Sequence[_Group]) -> tuple[list[_Group], tuple[Finding, ...]]:
+def _drop_mixed_inputs(groups: Sequence[_Group]) -> tuple[list[_Group], tuple[Finding, ...]]:
     """Groups without those in which an input moved that is logged and cannot be told apart, where others do without.
 
     Feedback moves such an input in step with the one that was swept: the response would hold both.
@@ -252,17 +252,17 @@ def _accounted(groups: Sequence[_Group]) -> tuple[list[_Group], tuple[Finding, .
     mixed = [
         group
         for group in groups
-        if any(holds(flight.record, name) for name in group.unheard for flight in group.flights)
+        if any(holds(flight.record, name) for name in group.unmodeled_inputs for flight in group.flights)
     ]
     clean = [group for group in groups if group not in mixed]
-    told = {name for group in clean for name in group.inputs}
-    left = [group for group in mixed if told.issuperset(group.inputs)]
+    covered = {name for group in clean for name in group.inputs}
+    left = [group for group in mixed if covered.issuperset(group.inputs)]
     return [group for group in groups if group not in left], tuple(_left_out(group) for group in left)
 
 
 def _left_out(group: _Group) -> Finding:
     names = ", ".join(dict.fromkeys(flight.record.source.name for flight in group.flights))
-    outputs, moved = ", ".join(group.outputs), " and ".join(group.unheard)
+    outputs, moved = ", ".join(group.outputs), " and ".join(group.unmodeled_inputs)
     return warn(
         "joined_records",
         names,
@@ -298,9 +298,9 @@ def _prepare(group: _Group, settings: MeasureSettings, also: Sequence[str]) -> _
 
 def _common_band(prepared: Sequence[_Prepared]) -> tuple[float, float]:
     """From the lowest to the highest frequency of any group, as far as the rates of all of them carry."""
-    low = min(one.band_rad_s[0] for one in prepared)
-    high = max(one.band_rad_s[1] for one in prepared)
-    carried = min(one.segments[0].history.sample_rate_hz for one in prepared)
+    low = min(item.band_rad_s[0] for item in prepared)
+    high = max(item.band_rad_s[1] for item in prepared)
+    carried = min(item.segments[0].history.sample_rate_hz for item in prepared)
     return low, min(high, 0.8 * np.pi * carried)
 
 
@@ -323,8 +323,10 @@ def _measured(
     bands = _bands_of_sticks(flights, inputs, instruments)
     bent = 0.0
     if any(is_command(name) for name in inputs):
-        bent = curvature([one.record for one in flights], [one for one in flights if one.maneuver.axis == "thrust"])
-        known = with_lean_errors(with_slope_changes(known, records, bent), flights, segments, bent)
+        bent = curvature(
+            [flight.record for flight in flights], [flight for flight in flights if flight.maneuver.axis == "thrust"]
+        )
+        known = with_tilt_errors(with_slope_changes(known, records, bent), flights, segments, bent)
     angles = logged_angles(flight.record for flight in flights)
     known, left = with_unchecked_errors(known, angles=angles, curvature=bent, feedback=unknown)
     measured = Measured(
@@ -348,7 +350,7 @@ def _measured(
             *((no_instrument(inputs),) if unknown else ()),
             *unchecked,
             *left,
-            *_beside_excitation(settings.band_rad_s, flights),
+            *_band_outside_excitation(settings.band_rad_s, flights),
         ),
     )
     return without_known_filters(measured, flights) if settings.correct_filters else measured
@@ -372,13 +374,13 @@ _LEAST_KEPT = 0.4
 """Share of the octaves that were excited, below which a band that was given is remarked on."""
 
 
-def _beside_excitation(band_rad_s: tuple[float, float] | None, flights: Sequence[Flight]) -> tuple[Finding, ...]:
+def _band_outside_excitation(band_rad_s: tuple[float, float] | None, flights: Sequence[Flight]) -> tuple[Finding, ...]:
     """A remark where a band that was given drops most of what was excited, as one in Hz does that is taken as rad/s."""
     bands = (flight.maneuver.band_rad_s for flight in flights)
     excited = [band for band in bands if band is not None]
     if band_rad_s is None or not excited:
         return ()
-    low, high = min(one[0] for one in excited), max(one[1] for one in excited)
+    low, high = min(band[0] for band in excited), max(band[1] for band in excited)
     octaves = float(np.log2(high / low)) if high > low > 0.0 else 0.0
     kept = max(float(np.log2(min(high, band_rad_s[1]) / max(low, band_rad_s[0]))), 0.0)
     if octaves <= 0.0 or kept >= _LEAST_KEPT * octaves:
@@ -404,19 +406,19 @@ def _joined(
     """Responses of several groups as one, each pair from the records that hold it."""
     response = joined_responses([part.response for part in parts], inputs=inputs, outputs=outputs)
     direct = [part.direct for part in parts if part.direct is not None]
-    told = [(part.response, part.diagnostics) for part in parts]
+    measured = [(part.response, part.diagnostics) for part in parts]
     tops = {name: [part.excited_rad_s[name] for part in parts if name in part.excited_rad_s] for name in inputs}
     lows = {name: [part.lowest_rad_s[name] for part in parts if name in part.lowest_rad_s] for name in inputs}
     return Measured(
         response=replace(
             response,
             sensor_errors=_largest_errors(parts, response.outputs),
-            slope_changes=_largest(parts, response, lambda one: one.slope_changes),
-            lean_errors=_largest(parts, response, lambda one: one.lean_errors),
+            slope_changes=_largest(parts, response, lambda response: response.slope_changes),
+            lean_errors=_largest(parts, response, lambda response: response.lean_errors),
             unchecked_errors=_unchecked(parts, response),
         ),
         direct=joined_responses(direct, inputs=inputs, outputs=outputs) if len(direct) == len(parts) else None,
-        diagnostics=joined_diagnostics(told, response),
+        diagnostics=joined_diagnostics(measured, response),
         segments=tuple(segment for part in parts for segment in part.segments),
         asked_rad_s=parts[0].asked_rad_s,
         excited_rad_s={name: max(own, default=np.inf) for name, own in tops.items()},
@@ -424,7 +426,7 @@ def _joined(
         unfiltered=tuple(dict.fromkeys(name for part in parts for name in part.unfiltered)),
         findings=(
             *_each_once(finding for part in parts for finding in part.findings),
-            *(_unheard(group) for group in groups if group.unheard),
+            *(_unmodeled_inputs(group) for group in groups if group.unmodeled_inputs),
             *_several_instruments(groups, inputs),
         ),
     )
@@ -467,8 +469,11 @@ def _largest(
         rows = of(part.response)
         if rows is not None:
             for name, own in zip(part.response.inputs, rows, strict=True):
-                row, told = joined.inputs.index(name), np.interp(joined.omega_rad_s, part.response.omega_rad_s, own)
-                known[row] = told if np.ptp(told) > np.ptp(known[row]) else known[row]
+                row, interpolated = (
+                    joined.inputs.index(name),
+                    np.interp(joined.omega_rad_s, part.response.omega_rad_s, own),
+                )
+                known[row] = interpolated if np.ptp(interpolated) > np.ptp(known[row]) else known[row]
     return known
 
 
@@ -484,24 +489,27 @@ def _several_instruments(groups: Sequence[_Group], inputs: Sequence[str]) -> Ite
     """A remark for each input that some maneuvers show with another instrument than others."""
     for name in inputs:
         used = {
-            instrument: ", ".join(f"{one.maneuver.start_s:.1f} s of {one.record.source.name}" for one in group.flights)
+            instrument: ", ".join(
+                f"{flight.maneuver.start_s:.1f} s of {flight.record.source.name}" for flight in group.flights
+            )
             for group in groups
             for source, instrument in zip(group.inputs, group.instruments, strict=False)
             if source == name
         }
         if len(used) > 1:
-            told = "; ".join(f"{instrument} at {flown}" for instrument, flown in used.items())
+            instrument_words = "; ".join(f"{instrument} at {flown}" for instrument, flown in used.items())
             yield remark(
                 "joined_records",
                 name,
-                f"The maneuvers of {name} have several instruments ({told}). Each was measured with its own, and "
+                f"The maneuvers of {name} have several instruments "
+                f"({instrument_words}). Each was measured with its own, and "
                 "their responses were joined by their variances.",
             )
 
 
-def _unheard(group: _Group) -> Finding:
+def _unmodeled_inputs(group: _Group) -> Finding:
     names = ", ".join(dict.fromkeys(flight.record.source.name for flight in group.flights))
-    missing, swept = " and ".join(group.unheard), " and ".join(group.inputs)
+    missing, swept = " and ".join(group.unmodeled_inputs), " and ".join(group.inputs)
     return warn(
         "joined_records",
         names,
@@ -558,7 +566,7 @@ def _different(windows: Mapping[str, WindowPlan]) -> tuple[WindowPlan, ...]:
 
 def _margin_s(flights: Sequence[Flight], settings: MeasureSettings) -> float:
     """How much quiet time to take along: that of the longest window, as far as it is known yet."""
-    given = [*settings.windows_s, *(one for lengths in settings.input_windows_s.values() for one in lengths)]
+    given = [*settings.windows_s, *(length for lengths in settings.input_windows_s.values() for length in lengths)]
     if given:
         return max(given)
     return margin_s([flight.maneuver for flight in flights])
@@ -582,7 +590,7 @@ def default_band(flights: Sequence[Flight], sample_rate_hz: float) -> tuple[floa
 def _of_input(flights: Sequence[Flight], input: str) -> Sequence[Maneuver]:
     """The maneuvers of an input's own axis; all, where it has none."""
     maneuvers = [flight.maneuver for flight in flights]
-    return [one for one in maneuvers if input == f"{one.axis}_command"] or maneuvers
+    return [maneuver for maneuver in maneuvers if input == f"{maneuver.axis}_command"] or maneuvers
 
 
 def _other_commands(flights: Sequence[Flight], inputs: Sequence[str]) -> tuple[str, ...]:
@@ -657,7 +665,9 @@ def logged_controllers(
 ) -> tuple[LoggedController, ...]:
     """The controllers of a command in the logs of some flights, one for each that differs."""
     sources = dict.fromkeys(source_of(segment, rate) for segment in measured.segments if rate in segment.history.names)
-    found = (logged_controller(one.record, command, source=source) for source in sources or [""] for one in flights)
+    found = (
+        logged_controller(flight.record, command, source=source) for source in sources or [""] for flight in flights
+    )
     return tuple(dict.fromkeys(controller for controller in found if controller is not None))
 
 
@@ -672,12 +682,14 @@ def feedback_bias(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
     if measured.direct is None or not used.any():
         return ()
     pairs = np.argwhere(used.any(axis=-1))
-    judged = [_judged(measured.response, measured.direct, used, int(y), int(u)) for y, u in pairs]
+    judged = [_joint_estimate_finding(measured.response, measured.direct, used, int(y), int(u)) for y, u in pairs]
     serious = tuple(finding for finding in judged if finding.severity == "warning")
     return serious or (max(judged, key=lambda finding: finding.numbers["rms_db"]),)
 
 
-def _judged(response: FrequencyResponse, direct: FrequencyResponse, used: BoolArray, y: int, u: int) -> Finding:
+def _joint_estimate_finding(
+    response: FrequencyResponse, direct: FrequencyResponse, used: BoolArray, y: int, u: int
+) -> Finding:
     points = used[y, u]
     decibel = 20.0 * np.log10(np.abs(direct.values[y, u, points] / response.values[y, u, points]))
     worst = float(decibel[np.argmax(np.abs(decibel))])

@@ -125,12 +125,12 @@ def on_one_clock(
     for part in found.histories:
         if part.time_s.size < LEAST_SAMPLES:
             continue
-        one = built(part, (*_MEASURED, "w")) if moving else part
-        strength = np.ones(one.time_s.size)
+        item = built(part, (*_MEASURED, "w")) if moving else part
+        strength = np.ones(item.time_s.size)
         if reference_v is not None:
-            strength = voltage_factor(record, one.time_s, reference_v=reference_v).values
-        findings += _filtered(record, one)
-        flights.append(MotorFlight(_record(record, motors, one, strength), stretch, history.kind))
+            strength = voltage_factor(record, item.time_s, reference_v=reference_v).values
+        findings += _filtered(record, item)
+        flights.append(MotorFlight(_record(record, motors, item, strength), stretch, history.kind))
     return flights, findings
 
 
@@ -160,15 +160,15 @@ def _outputs(record: FlightRecord, motors: Motors, part: TimeHistory) -> FloatAr
     if history.kind == "speed":
         return np.stack([np.interp(time_s, history.time_s, row) for row in history.values])
     late = np.searchsorted(history.time_s, time_s + 1e-9, side="right") - 1
-    held = history.values[:, np.clip(late, 0, history.time_s.size - 1)]
+    sampled = history.values[:, np.clip(late, 0, history.time_s.size - 1)]
     loops = np.round(record.parameters.get("SCHED_LOOP_RATE", 0.0) / history.sample_rate_hz)
     # Not a number, as a damaged parameter is, is not two and more.
     if not loops >= 2.0 or history.kind != "thrust_demand":
-        return held
+        return sampled
     # A loop that many times faster went on to the next logged demand by steps that nobody logged.
     share = (loops - 1) / (2.0 * loops)
-    following = np.concatenate([held[:, 1:], held[:, -1:]], axis=1)
-    return np.asarray((1.0 - share) * held + share * following)
+    following = np.concatenate([sampled[:, 1:], sampled[:, -1:]], axis=1)
+    return np.asarray((1.0 - share) * sampled + share * following)
 
 
 def _taps(record: FlightRecord, part: TimeHistory, name: str) -> FloatArray:
@@ -219,14 +219,14 @@ class Voltage(NamedTuple):
 
 def common_voltage(flown: Sequence[FlownMotors], reference_v: float | None) -> Voltage:
     """One voltage for all stretches, where outputs follow the battery and it sagged in them."""
-    if any(_compensated(one.record, one.motors.history) for one in flown):
+    if any(_compensated(item.record, item.motors.history) for item in flown):
         return Voltage(None)
     factors = []
-    for one in flown:
-        time_s = one.motors.history.time_s
-        inside = time_s[(time_s >= one.stretch.start_s) & (time_s <= one.stretch.stop_s)]
+    for item in flown:
+        time_s = item.motors.history.time_s
+        inside = time_s[(time_s >= item.stretch.start_s) & (time_s <= item.stretch.stop_s)]
         try:
-            factors.append(voltage_factor(one.record, inside, reference_v=1.0).values)
+            factors.append(voltage_factor(item.record, inside, reference_v=1.0).values)
         except InsufficientDataError:
             return Voltage(None)
     together = np.concatenate(factors) if factors else np.ones(1)
@@ -240,7 +240,7 @@ def common_voltage(flown: Sequence[FlownMotors], reference_v: float | None) -> V
         f"The battery makes thrust vary by {100.0 * spread:.0f} % at one output; thrust is that at {reference:.3g} V."
     )
     numbers = {"spread": spread, "reference_v": reference}
-    where = ", ".join(dict.fromkeys(one.record.source.name for one in flown))
+    where = ", ".join(dict.fromkeys(item.record.source.name for item in flown))
     return Voltage(reference, (remark("battery_sag", where, message, **numbers),))
 
 
@@ -356,7 +356,7 @@ def motor_data(
     if choices.method == "accelerations":
         made = [from_angles(record, choices.outputs) for record in records]
         records = [record for record, _ in made]
-        differentiated += [finding for _, told in made for finding in told]
+        differentiated += [finding for _, findings in made for finding in findings]
     layout = layout or rotors_of(records, choices)
     findings: list[Finding] = [*layout.findings, *differentiated]
     flown: list[FlownMotors] = []
@@ -376,17 +376,17 @@ def motor_data(
     voltage = common_voltage(flown, reference_v) if choices.voltage else Voltage(None)
     findings += voltage.findings
     flights: list[MotorFlight] = []
-    for one in flown:
-        _PROGRESS.info(f"{one.record.source.name}: {one.stretch.start_s:.1f} to {one.stretch.stop_s:.1f} s")
-        found, remarks = on_one_clock(one.record, one.motors, one.stretch, voltage.reference_v)
+    for item in flown:
+        _PROGRESS.info(f"{item.record.source.name}: {item.stretch.start_s:.1f} to {item.stretch.stop_s:.1f} s")
+        found, remarks = on_one_clock(item.record, item.motors, item.stretch, voltage.reference_v)
         flights += found
         findings += remarks
     _require_one_kind(flights, records)
     return MotorData(
         tuple(flights),
         layout,
-        tuple({id(one.record): one.motors.history for one in flown}.values()),
-        tuple(Flight(one.record, one.stretch) for one in flown),
+        tuple({id(item.record): item.motors.history for item in flown}.values()),
+        tuple(Flight(item.record, item.stretch) for item in flown),
         _each_once(findings),
         straightened=all(_straightened(record, flights[0].kind) for record in records),
         reference_v=voltage.reference_v,
@@ -434,12 +434,12 @@ def rotors_of(records: Sequence[FlightRecord], choices: MotorSettings) -> RotorL
 def _stretches(record: FlightRecord, choices: MotorSettings) -> tuple[list[Maneuver], list[Finding]]:
     """What was given; else excitations, joined where they follow each other; else the flight."""
     if choices.segments:
-        given = (Flight(record, one) for one in choices.segments)
-        return [described(one).maneuver for one in given if one.inside], []
-    moved = [one for axis in _AXES for one in find_excitations(record, axis) if one.kind in _TELLING]
+        given = (Flight(record, maneuver) for maneuver in choices.segments)
+        return [described(maneuver).maneuver for maneuver in given if maneuver.inside], []
+    moved = [maneuver for axis in _AXES for maneuver in find_excitations(record, axis) if maneuver.kind in _TELLING]
     if moved:
-        flown, remarks = while_flying([Flight(record, one) for one in _joined(moved)])
-        return [one.maneuver for one in flown], remarks
+        flown, remarks = while_flying([Flight(record, maneuver) for maneuver in _joined(moved)])
+        return [maneuver.maneuver for maneuver in flown], remarks
     start_s, stop_s = longest_flight(record)
     whole = Maneuver(axis="roll", kind="other", start_s=start_s, stop_s=stop_s, origin="found")
     message = f"No excitation stands out in {record.source.name}; its flight was used, {start_s:.1f} to {stop_s:.1f} s."
@@ -449,8 +449,8 @@ def _stretches(record: FlightRecord, choices: MotorSettings) -> tuple[list[Maneu
 def _joined(moved: Sequence[Maneuver]) -> list[Maneuver]:
     """Maneuvers with a second around them, those that follow within seconds as one."""
     joined: list[Maneuver] = []
-    for one in sorted(moved, key=lambda maneuver: maneuver.start_s):
-        wider = replace(one, start_s=one.start_s - _MARGIN_S, stop_s=one.stop_s + _MARGIN_S)
+    for maneuver in sorted(moved, key=lambda maneuver: maneuver.start_s):
+        wider = replace(maneuver, start_s=maneuver.start_s - _MARGIN_S, stop_s=maneuver.stop_s + _MARGIN_S)
         if joined and wider.start_s <= joined[-1].stop_s + _TOGETHER_S:
             joined[-1] = replace(joined[-1], stop_s=max(joined[-1].stop_s, wider.stop_s))
         else:
@@ -485,7 +485,7 @@ def _require_one_kind(flights: Sequence[MotorFlight], records: Sequence[FlightRe
 def _each_once(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """Findings of several stretches: what is wrong with the rate of a channel is said once."""
 
-    def said(finding: Finding) -> tuple[str, str, str]:
+    def identity(finding: Finding) -> tuple[str, str, str]:
         return finding.kind, finding.where, "" if finding.kind == "rate_too_low" else finding.message
 
-    return tuple({said(finding): finding for finding in reversed(findings)}.values())[::-1]
+    return tuple({identity(finding): finding for finding in reversed(findings)}.values())[::-1]

@@ -106,7 +106,7 @@ def reviewed_oscillations(record: FlightRecord) -> tuple[OscillationReview, ...]
     InsufficientDataError
         The vehicle never flew, or nothing tells whether it did.
     """
-    return tuple(_reviewed(record, one) for one in check_oscillations(record).found)
+    return tuple(_reviewed(record, oscillation) for oscillation in check_oscillations(record).found)
 
 
 def _reviewed(record: FlightRecord, found: Oscillation) -> OscillationReview:
@@ -169,7 +169,7 @@ def lowered(controller: AxisController, frequency_hz: float | None) -> dict[str,
 
 def _letters(controller: AxisController, changed: Mapping[str, tuple[float, float]]) -> tuple[str, ...]:
     """Which gains the changed parameters hold; those that the parameters of an axis do not name are ends of D."""
-    names = {one.name: letter for letter, one in parameters_of(controller).items()}
+    names = {parameter.name: letter for letter, parameter in parameters_of(controller).items()}
     found = {names.get(name, "D") for name in changed}
     return tuple(letter for letter in "PIDA" if letter in found)
 
@@ -184,12 +184,24 @@ def _inside(wanted: Gains, flown: Gains, ranges: dict[str, tuple[float, float]])
 
 def oscillation_findings(found: tuple[OscillationReview, ...]) -> tuple[Finding, ...]:
     """A warning for each axis that swings, with what to do."""
-    return tuple(warn("oscillation", one.axis, f"{describe((one,))} {remedy(one)}", **numbers_of(one)) for one in found)
+    return tuple(
+        warn(
+            "oscillation",
+            oscillation.axis,
+            f"{describe((oscillation,))} {remedy(oscillation)}",
+            **numbers_of(oscillation),
+        )
+        for oscillation in found
+    )
 
 
-def numbers_of(one: OscillationReview) -> dict[str, float]:
+def numbers_of(oscillation: OscillationReview) -> dict[str, float]:
     """Those of an oscillation that are known, by name."""
-    known = {"frequency_hz": one.frequency_hz, "rms": one.rms, "at_limit_percent": one.at_limit_percent}
+    known = {
+        "frequency_hz": oscillation.frequency_hz,
+        "rms": oscillation.rms,
+        "at_limit_percent": oscillation.at_limit_percent,
+    }
     return {name: value for name, value in known.items() if value is not None}
 
 
@@ -204,10 +216,10 @@ def describe(found: tuple[OscillationReview, ...]) -> str:
     >>> describe((one, OscillationReview(axis="pitch", loop="rate", frequency_hz=5.0, rms=0.2, at_limit_percent=98.2)))
     'Roll and pitch oscillate at 22.9 and 5.0 Hz, with a motor at a limit for 98 % of the flight.'
     """
-    axes = capital(listed([one.axis for one in found]))
+    axes = capital(listed([oscillation.axis for oscillation in found]))
     verb = "oscillates" if len(found) == 1 else "oscillate"
-    first = max(found, key=lambda one: one.rms)
-    known = [f"{one.frequency_hz:.1f}" for one in found if one.frequency_hz is not None]
+    first = max(found, key=lambda oscillation: oscillation.rms)
+    known = [f"{oscillation.frequency_hz:.1f}" for oscillation in found if oscillation.frequency_hz is not None]
     at = f" at {listed(known if len(set(known)) > 1 else known[:1])} Hz" if len(known) == len(found) else ""
     parts = []
     if first.at_limit_percent is not None and first.at_limit_percent >= 1.0:
@@ -226,10 +238,10 @@ def limits_shown(found: tuple[OscillationReview, ...]) -> str:
 
 def motors_limited(found: tuple[OscillationReview, ...]) -> bool:
     """Whether motors are at their limits so much that the flight shows the limits on all axes, and not the vehicle."""
-    return any(one.limited for one in found)
+    return any(oscillation.limited for oscillation in found)
 
 
-def remedy(one: OscillationReview) -> str:
+def remedy(oscillation: OscillationReview) -> str:
     """Which gains to lower, with their values where the log has them.
 
     Examples
@@ -238,10 +250,10 @@ def remedy(one: OscillationReview) -> str:
     >>> remedy(one)
     'Lower P, I and D of roll to a third before the next flight.'
     """
-    if not one.gains:
-        return f"Lower {one.lower_words} of {one.axis} to a third before the next flight."
-    values = ", ".join(f"{name} from {flown:.4g} to {new:.4g}" for name, (flown, new) in one.gains.items())
-    return f"Lower {one.lower_words} of {one.axis} before the next flight: {values}."
+    if not oscillation.gains:
+        return f"Lower {oscillation.lower_words} of {oscillation.axis} to a third before the next flight."
+    values = ", ".join(f"{name} from {flown:.4g} to {new:.4g}" for name, (flown, new) in oscillation.gains.items())
+    return f"Lower {oscillation.lower_words} of {oscillation.axis} before the next flight: {values}."
 
 
 def gain_words(found: tuple[OscillationReview, ...]) -> str:
@@ -254,5 +266,5 @@ def gain_words(found: tuple[OscillationReview, ...]) -> str:
     >>> gain_words((one,))
     'I and the angle gain'
     """
-    letters = [letter for letter in "PIDA" if any(letter in one.lower for one in found)]
+    letters = [letter for letter in "PIDA" if any(letter in oscillation.lower for oscillation in found)]
     return listed(["the angle gain" if letter == "A" else letter for letter in letters])

@@ -324,7 +324,7 @@ def with_surroundings(flights: Sequence[Flight], margin_s: float, channels: Sequ
     """
     wider: list[Flight] = []
     for record in dict.fromkeys(flight.record for flight in flights):
-        own = sorted((one.maneuver for one in flights if one.record is record), key=lambda m: m.start_s)
+        own = sorted((flight.maneuver for flight in flights if flight.record is record), key=lambda m: m.start_s)
         barriers = [m for m in _all_excitations(record) if not any(overlap(m, mine) for mine in own)]
         in_air = airborne_by_thrust(record)
         around = (_widened(record, m, margin_s, barriers, channels, _flight_around(in_air, m)) for m in own)
@@ -450,15 +450,15 @@ def time_records(
     channels = (*structure.inputs, *structure.outputs)
     for flight in flights:
         require_channels(flight.record, channels)
-    even = [Flight(evenly_stamped(one.record, one.maneuver, channels), one.maneuver) for one in flights]
+    even = [Flight(evenly_stamped(segment.record, segment.maneuver, channels), segment.maneuver) for segment in flights]
     parts = [_cut([item], channels, settings) for item in even]
-    if family_of(structure).opaque and not _of_one_rate([one for part in parts for one in part.segments]):
+    if family_of(structure).opaque and not _of_one_rate([segment for part in parts for segment in part.segments]):
         parts = [_cut(even, channels, settings)]
     segments = tuple(segment for part in parts for segment in part.segments)
     data = _data(structure, segments)
     _require_motion(structure, data, every_input=every_input)
     findings = (*(f for part in parts for f in part.findings), *other_sources(segments, segments, channels))
-    holds = [held for part in parts for held in part.held(structure.inputs)]
+    holds = [sampled for part in parts for sampled in part.sampled_commands(structure.inputs)]
     hold = _hold(holds, segments) if settings.hold == "auto" else settings.hold
     return TimeRecords(segments, data, hold, findings)
 
@@ -486,28 +486,30 @@ def absolute_records(
     UsageError
         No hold is right for all records.
     """
-    held = [name for name in inputs if any(holds(flight.record, name) for flight in flights)]
-    absent = [name for name in inputs if name not in held]
-    channels = (*held, *outputs)
+    logged = [name for name in inputs if any(holds(flight.record, name) for flight in flights)]
+    absent = [name for name in inputs if name not in logged]
+    channels = (*logged, *outputs)
     for flight in flights:
         require_channels(flight.record, channels)
-    even = [Flight(evenly_stamped(one.record, one.maneuver, channels), one.maneuver) for one in flights]
+    even = [Flight(evenly_stamped(segment.record, segment.maneuver, channels), segment.maneuver) for segment in flights]
     parts = [_Cut([item], *cut([item], channels=channels, shifts=settings.shifts)) for item in even]
-    segments = tuple(replace(one, history=with_zeros(one.history, absent)) for part in parts for one in part.segments)
+    segments = tuple(
+        replace(segment, history=with_zeros(segment.history, absent)) for part in parts for segment in part.segments
+    )
     data = tuple(
         TimeData(
-            name=one.record,
-            inputs=np.stack([one.history[name] for name in inputs]),
-            outputs=np.stack([one.history[name] for name in outputs]),
-            sample_rate_hz=one.history.sample_rate_hz,
+            name=segment.record,
+            inputs=np.stack([segment.history[name] for name in inputs]),
+            outputs=np.stack([segment.history[name] for name in outputs]),
+            sample_rate_hz=segment.history.sample_rate_hz,
         )
-        for one in segments
+        for segment in segments
     )
     lacking = [
         remark("missing_channel", name, f"No log holds {name}; it was taken as zero all the time.") for name in absent
     ]
     findings = (*(f for part in parts for f in part.findings), *other_sources(segments, segments, channels), *lacking)
-    sent = [one for part in parts for one in part.held(held)]
+    sent = [sampled for part in parts for sampled in part.sampled_commands(logged)]
     hold = _hold(sent, segments) if settings.hold == "auto" else settings.hold
     return TimeRecords(segments, data, hold, findings)
 
@@ -519,7 +521,7 @@ class _Cut(NamedTuple):
     segments: tuple[Segment, ...]
     findings: tuple[Finding, ...]
 
-    def held(self, inputs: Sequence[str]) -> list[bool]:
+    def sampled_commands(self, inputs: Sequence[str]) -> list[bool]:
         """Whether all inputs of a segment are commands that stand in the log sample by sample, as they were sent.
 
         A set-point is held until the next one comes. What goes to the mixer a controller computes in a loop that runs
@@ -528,11 +530,11 @@ class _Cut(NamedTuple):
         records = {flight.record.source.name: flight.record for flight in self.flights}
         return [
             all(
-                (name.endswith(_SENT) or _every_loop(records[one.record], one))
-                and _as_logged(records[one.record], one, name)
+                (name.endswith(_SENT) or _every_loop(records[segment.record], segment))
+                and _as_logged(records[segment.record], segment, name)
                 for name in inputs
             )
-            for one in self.segments
+            for segment in self.segments
         ]
 
 
@@ -541,30 +543,30 @@ def _cut(flights: Sequence[Flight], channels: Sequence[str], settings: IdentifyS
 
 
 def _of_one_rate(segments: Sequence[Segment]) -> bool:
-    rates = [one.history.sample_rate_hz for one in segments]
+    rates = [segment.history.sample_rate_hz for segment in segments]
     return max(rates) <= _EXACT_RATE * min(rates)
 
 
 def _data(structure: LinearStructure, segments: Sequence[Segment]) -> tuple[TimeData, ...]:
     """Segments as inputs and outputs, each at its own rate."""
     data = tuple(
-        TimeData.of(one.history, inputs=structure.inputs, outputs=structure.outputs, name=one.record)
-        for one in segments
+        TimeData.of(segment.history, inputs=structure.inputs, outputs=structure.outputs, name=segment.record)
+        for segment in segments
     )
     if not _of_one_rate(segments):
         return data
     # Of one rate but for their clocks: every sample is one of input and output, so that nothing drifts apart.
-    rate_hz = float(np.mean([one.sample_rate_hz for one in data]))
-    return tuple(replace(one, sample_rate_hz=rate_hz) for one in data)
+    rate_hz = float(np.mean([record.sample_rate_hz for record in data]))
+    return tuple(replace(record, sample_rate_hz=rate_hz) for record in data)
 
 
 def _require_motion(structure: LinearStructure, data: Sequence[TimeData], *, every_input: bool) -> None:
     """Raise where an input, or all of them, stand still in every record: then nothing can be learned of it."""
-    moves = [any(one.inputs[row].any() for one in data) for row in range(len(structure.inputs))]
+    moves = [any(record.inputs[row].any() for record in data) for row in range(len(structure.inputs))]
     still = [name for name, moved in zip(structure.inputs, moves, strict=True) if not moved]
     if not still or (not every_input and any(moves)):
         return
-    names = ", ".join(dict.fromkeys(one.name for one in data))
+    names = ", ".join(dict.fromkeys(record.name for record in data))
     came = f"{' and '.join(still)} {'does' if len(still) == 1 else 'do'} not move in {names}"
     remedy = "fly an excitation, or choose another part of the log with --segment"
     if pairs := _moving_pairs(structure, moves):
@@ -592,16 +594,16 @@ def _moving_pairs(structure: LinearStructure, moves: Sequence[bool]) -> list[tup
     return pairs
 
 
-def _hold(held: Sequence[bool], segments: Sequence[Segment]) -> Hold:
+def _hold(sampled: Sequence[bool], segments: Sequence[Segment]) -> Hold:
     """One hold for all records: a record under the wrong one is early or late by half a step."""
-    if all(held) or not any(held):
-        return "zero" if all(held) else "first"
+    if all(sampled) or not any(sampled):
+        return "zero" if all(sampled) else "first"
 
     def named(wanted: bool) -> str:
         return ", ".join(
             dict.fromkeys(
-                f"{one.record} at {one.history.start_s:.1f} s"
-                for one, zero in zip(segments, held, strict=True)
+                f"{segment.record} at {segment.history.start_s:.1f} s"
+                for segment, zero in zip(segments, sampled, strict=True)
                 if zero is wanted
             )
         )
@@ -644,7 +646,7 @@ def evenly_stamped(record: FlightRecord, maneuver: Maneuver, channels: Sequence[
     time_s = topic.time_s.copy()
     time_s[inside] = even
     stamped = Topic(name=topic.name, time_s=time_s, channels=topic.channels, values=topic.values)
-    return replace(record, topics=tuple(stamped if one is topic else one for one in record.topics))
+    return replace(record, topics=tuple(stamped if item is topic else item for item in record.topics))
 
 
 def _even(time_s: FloatArray) -> FloatArray | None:

@@ -64,7 +64,7 @@ class Selection:
 
     def fits(self, flight: Flight) -> bool:
         """Whether any part of a flight is fitted, also when its log was read again."""
-        return any(flight.overlaps(one) for one in self.fitted)
+        return any(flight.overlaps(fitted) for fitted in self.fitted)
 
 
 def select_maneuvers(
@@ -97,38 +97,39 @@ def select_maneuvers(
     """
     each_once(records)
     # Without its command a log tells nothing of an axis that others tell of.
-    told = {axis for axis in axes if any(f"{axis}_command" in record.channel_names for record in records)}
+    logged_axes = {axis for axis in axes if any(f"{axis}_command" in record.channel_names for record in records)}
     found = [
         Flight(record, m)
         for record in records
         for axis in axes
-        if axis not in told or f"{axis}_command" in record.channel_names
+        if axis not in logged_axes or f"{axis}_command" in record.channel_names
         for m in find_excitations(record, axis)
     ]
     if settings.segments:
         fitted = [
-            described(one)
-            for one in given_flights(records, of_axes(settings.segments, axes))
-            if one.axis not in told or f"{one.axis}_command" in one.record.channel_names
+            described(flight)
+            for flight in given_flights(records, of_axes(settings.segments, axes))
+            if flight.axis not in logged_axes or f"{flight.axis}_command" in flight.record.channel_names
         ]
     else:
         fitted = [
-            described(one) if one.maneuver.origin == "given" else one
-            for one in found
-            if one.maneuver in rich_excitations(one.record, one.axis)
+            described(flight) if flight.maneuver.origin == "given" else flight
+            for flight in found
+            if flight.maneuver in rich_excitations(flight.record, flight.axis)
         ]
     if not fitted and otherwise is not None and not settings.segments:
         fitted = otherwise(records, axes)
     if not fitted:
-        raise _nothing_flown(records, axes, [one.maneuver for one in found])
+        raise _nothing_flown(records, axes, [flight.maneuver for flight in found])
     unseen = [
-        one
-        for one in found
+        flight
+        for flight in found
         if (
-            one.maneuver.kind in ("doublet", "multistep") or one.maneuver in verifying_excitations(one.record, one.axis)
+            flight.maneuver.kind in ("doublet", "multistep")
+            or flight.maneuver in verifying_excitations(flight.record, flight.axis)
         )
-        and not any(overlap(one.maneuver, other.maneuver) for other in fitted if other.record is one.record)
-        and not _answers(one, fitted)
+        and not any(overlap(flight.maneuver, other.maneuver) for other in fitted if other.record is flight.record)
+        and not _answers(flight, fitted)
     ]
     return Selection(fitted=tuple(fitted), unseen=wholly_flown(unseen))
 
@@ -149,7 +150,7 @@ def wholly_flown(flights: Sequence[Flight]) -> tuple[Flight, ...]:
 def _answers(flight: Flight, fitted: Sequence[Flight]) -> bool:
     """Whether a set-point only passes on what an outer loop wants, while whoever flew the sweeps rests."""
     names, own = excitation_signals(flight.record, flight.axis), flight.maneuver.signal
-    signals = [one.maneuver.signal for one in fitted if one.axis == flight.axis]
+    signals = [item.maneuver.signal for item in fitted if item.axis == flight.axis]
     # An injection enters far inside, and says nothing of the loops around it.
     outer = [names.index(signal) for signal in signals if signal in names and not is_injection(signal)]
     return bool(outer) and own in names and names.index(own) > max(outer)
@@ -195,15 +196,15 @@ def each_once(records: Sequence[FlightRecord]) -> None:
     """The same data twice would count as twice the evidence, and could be held out from itself."""
     if not records:
         raise UsageError("no record came", needed="at least one flight log")
-    seen: dict[str, str] = {}
+    sources: dict[str, str] = {}
     for record in records:
         # Folders of tables have no hash of their own.
         key = record.source.sha256 or str(id(record))
-        name, other = record.source.name, seen.get(key)
+        name, other = record.source.name, sources.get(key)
         if other is not None:
             came = f"{name} was given twice" if name == other else f"{name} and {other} are the same log"
             raise UsageError(came, needed="each log once", remedy="leave one of them out")
-        seen[key] = name
+        sources[key] = name
 
 
 def given_flights(records: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> tuple[Flight, ...]:
@@ -214,11 +215,15 @@ def given_flights(records: Sequence[FlightRecord], segments: Sequence[Maneuver])
     UsageError
         They reach into none.
     """
-    flights = tuple(flight for record in records for one in segments if (flight := Flight(record, one)).inside)
+    flights = tuple(
+        flight for record in records for maneuver in segments if (flight := Flight(record, maneuver)).inside
+    )
     if not flights:
-        given = " and ".join(f"{one.axis}:{one.start_s:.10g}:{one.stop_s:.10g}" for one in segments)
+        given = " and ".join(f"{maneuver.axis}:{maneuver.start_s:.10g}:{maneuver.stop_s:.10g}" for maneuver in segments)
         came = f"the segment {given} lies" if len(segments) == 1 else f"the segments {given} lie"
-        spans = ", ".join(f"{one.start_s:.1f} to {one.stop_s:.1f} s of {one.source.name}" for one in records)
+        spans = ", ".join(
+            f"{record.start_s:.1f} to {record.stop_s:.1f} s of {record.source.name}" for record in records
+        )
         raise UsageError(
             f"{came} inside no log",
             needed=f"a segment within {spans}",
@@ -247,7 +252,7 @@ def require_reached(record: FlightRecord, segments: Sequence[Maneuver]) -> None:
     InsufficientDataError
         Segments were given, and none lies inside this log.
     """
-    if segments and not any(Flight(record, one).inside for one in segments):
+    if segments and not any(Flight(record, maneuver).inside for maneuver in segments):
         raise InsufficientDataError("it holds no given segment")
 
 
@@ -322,39 +327,41 @@ def select_records(
         return TimeSelection(select_maneuvers(records, axes, settings, otherwise=whole_flights))
     each_once(records)
     if settings.segments:
-        given = tuple(described(one) for one in given_flights(records, settings.segments))
+        given = tuple(described(flight) for flight in given_flights(records, settings.segments))
         return TimeSelection(Selection(fitted=given, unseen=()))
     by_setpoints = _of_setpoints(structure.inputs, records)
     if by_setpoints is not None:
         return TimeSelection(by_setpoints)
     whole = [whole_record(record, axes) for record in records]
-    return TimeSelection(Selection(fitted=tuple(whole), unseen=()), tuple(_fitted_whole(one) for one in whole))
+    return TimeSelection(Selection(fitted=tuple(whole), unseen=()), tuple(_fitted_whole(flight) for flight in whole))
 
 
 def _of_setpoints(inputs: Sequence[str], records: Sequence[FlightRecord]) -> Selection | None:
     """Excitations that stand in the set-points themselves; ``None`` where one of several shows none in any record."""
-    every = {name: [Flight(record, m) for record in records for m in _seen_in(record, name)] for name in inputs}
-    rich = {name: [one for one in flights if _is_rich(one.maneuver)] for name, flights in every.items()}
+    every = {
+        name: [Flight(record, m) for record in records for m in _excitations_of_input(record, name)] for name in inputs
+    }
+    rich = {name: [flight for flight in flights if _is_rich(flight.maneuver)] for name, flights in every.items()}
     if len(inputs) == 1 and not rich[inputs[0]]:
         # Of a single set-point even steps are better than whole records.
         short_ones = tuple(every[inputs[0]])
         return Selection(fitted=short_ones, unseen=()) if short_ones else None
     if not all(rich.values()):
         return None
-    fitted = tuple(_joined([one for flights in rich.values() for one in flights], records))
+    fitted = tuple(_joined([flight for flights in rich.values() for flight in flights], records))
     short = (
-        one
+        flight
         for flights in every.values()
-        for one in flights
-        if one.maneuver.kind in ("doublet", "multistep") and not any(one.overlaps(other) for other in fitted)
+        for flight in flights
+        if flight.maneuver.kind in ("doublet", "multistep") and not any(flight.overlaps(other) for other in fitted)
     )
-    return Selection(fitted=fitted, unseen=wholly_flown(sorted(short, key=lambda one: one.maneuver.start_s)))
+    return Selection(fitted=fitted, unseen=wholly_flown(sorted(short, key=lambda flight: flight.maneuver.start_s)))
 
 
 def _joined(flights: Sequence[Flight], records: Sequence[FlightRecord]) -> Iterator[Flight]:
     """Maneuvers of each record in the order of time, those that touch each other as one."""
     for record in records:
-        own = sorted((one.maneuver for one in flights if one.record is record), key=lambda m: m.start_s)
+        own = sorted((flight.maneuver for flight in flights if flight.record is record), key=lambda m: m.start_s)
         kept: list[Maneuver] = []
         for maneuver in own:
             if kept and maneuver.start_s <= kept[-1].stop_s:
@@ -364,7 +371,7 @@ def _joined(flights: Sequence[Flight], records: Sequence[FlightRecord]) -> Itera
         yield from (Flight(record, maneuver) for maneuver in kept)
 
 
-def _seen_in(record: FlightRecord, input: str) -> list[Maneuver]:
+def _excitations_of_input(record: FlightRecord, input: str) -> list[Maneuver]:
     """Excitations that were seen in an input itself, each interval once."""
     found = [m for axis in AXES for m in find_excitations(record, axis) if m.signal == input]  # type: ignore[arg-type]
     return sorted({(m.start_s, m.stop_s): m for m in found}.values(), key=lambda m: m.start_s)
@@ -373,7 +380,7 @@ def _seen_in(record: FlightRecord, input: str) -> list[Maneuver]:
 def _shown_in(record: FlightRecord, input: str) -> list[Maneuver]:
     """The same with what fills its whole log, and is no excitation that stands out of it."""
     likely = [m for axis in AXES for m in candidate_excitations(record, axis) if m.signal == input]  # type: ignore[arg-type]
-    return [*_seen_in(record, input), *likely]
+    return [*_excitations_of_input(record, input), *likely]
 
 
 def whole_record(record: FlightRecord, axes: Sequence[Axis]) -> Flight:
@@ -405,15 +412,17 @@ def _fitted_by_stick(fitted: Sequence[Flight]) -> tuple[Finding, ...]:
     return tuple(
         remark(
             "no_excitation",
-            one.record.source.name,
-            f"No sweep, multisine or random binary signal of {one.axis} was found in {one.record.source.name}, so its "
-            f"flight from {one.maneuver.start_s:.1f} to {one.maneuver.stop_s:.1f} s was fitted, with the stick as "
+            flight.record.source.name,
+            f"No sweep, multisine or random binary signal of {flight.axis} "
+            f"was found in {flight.record.source.name}, so its "
+            f"flight from {flight.maneuver.start_s:.1f} to "
+            f"{flight.maneuver.stop_s:.1f} s was fitted, with the stick as "
             "instrument. A sweep gives intervals that are several times narrower.",
-            start_s=one.maneuver.start_s,
-            stop_s=one.maneuver.stop_s,
+            start_s=flight.maneuver.start_s,
+            stop_s=flight.maneuver.stop_s,
         )
-        for one in fitted
-        if not rich_excitations(one.record, one.axis)
+        for flight in fitted
+        if not rich_excitations(flight.record, flight.axis)
     )
 
 
@@ -492,7 +501,7 @@ def chosen_maneuvers(
     axes = axes_of((input,), (output,))
     if settings.segments:
         given = given_flights(records, of_axes(settings.segments, axes))
-        return tuple(described(one) for one in given), ()
+        return tuple(described(flight) for flight in given), ()
     parts = [_of_record(record, axes, input) for record in records]
     return tuple(item for flights, _ in parts for item in flights), tuple(f for _, findings in parts for f in findings)
 

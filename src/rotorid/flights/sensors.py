@@ -62,8 +62,8 @@ def sensor_correction(flights: Sequence[Flight]) -> CorrectedSensors:
     """
     _PROGRESS.info("errors of sensors")
     flying, _ = while_flying(flights)
-    rates = [one for flight in flying for one in _histories(flight, (*RATES, *ATTITUDE), RATES)]
-    forces = [one for flight in flying for one in _histories(flight, _of_forces(flight.record), ACCELERATIONS)]
+    rates = [history for flight in flying for history in _histories(flight, (*RATES, *ATTITUDE), RATES)]
+    forces = [history for flight in flying for history in _histories(flight, _of_forces(flight.record), ACCELERATIONS)]
     correction = estimate_correction(rates, forces)
     return CorrectedSensors(correction=correction, findings=correction_findings(correction))
 
@@ -158,8 +158,8 @@ def _further(
 ) -> dict[str, ComplexArray]:
     """Responses of causes that are no outputs, on the frequencies of the response."""
     pairs = ((unknown, _OF_SENSOR.get(name, name)) for unknown in correction.unknowns for name in response.outputs)
-    wanted = {found[0] for one in pairs if (found := _causes(*one)) is not None} - set(response.outputs)
-    there = [name for name in _TOUCHED if name in wanted and all(name in one.record.channel_names for one in flights)]
+    wanted = {found[0] for pair in pairs if (found := _causes(*pair)) is not None} - set(response.outputs)
+    there = [name for name in _TOUCHED if name in wanted and all(name in pair.record.channel_names for pair in flights)]
     if not there or settings is None or not flights:
         return {}
     further = measure(flights, inputs=response.inputs, outputs=tuple(there), settings=settings).response
@@ -190,7 +190,7 @@ def _histories(flight: Flight, wanted: Sequence[str], sensors: Sequence[str]) ->
     except InsufficientDataError:
         # A channel that stands still or begins later: the other maneuvers tell.
         return []
-    return [one for one in found if one.duration_s >= _SHORTEST_S]
+    return [history for history in found if history.duration_s >= _SHORTEST_S]
 
 
 def _corrected_topic(record: FlightRecord, topic: Topic, correction: SensorCorrection) -> Topic:

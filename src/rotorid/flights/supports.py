@@ -118,7 +118,7 @@ def supports(record: FlightRecord) -> dict[str, Support]:
     """
     found = {
         model: _LOOKS[family.needs](record, model)
-        for family in sorted(FAMILIES, key=lambda one: not one.in_all)
+        for family in sorted(FAMILIES, key=lambda name: not name.in_all)
         if family.needs is not None
         for model in family.axes
     }
@@ -141,7 +141,9 @@ def supported_models(records: Sequence[FlightRecord], settings: IdentifySettings
     given = {segment.axis for segment in settings.segments} if settings else set()
     each = [supports(record) for record in records]
     possible = {name for found in each for name, support in found.items() if support.possible}
-    excited = given | {axis for axis in RATE_AXIS.values() if any(_usable_excitations(one, axis) for one in records)}
+    excited = given | {
+        axis for axis in RATE_AXIS.values() if any(_usable_excitations(record, axis) for record in records)
+    }
     return tuple(
         name
         for family in FAMILIES
@@ -165,7 +167,7 @@ def unsupported(records: Sequence[FlightRecord], model: str) -> InsufficientData
     if any(support.possible for _, support in each):
         return None
     # The log that comes closest: one that lacks a channel says less of what to fly.
-    record, support = max(each, key=lambda one: _CLOSER.index(one[1].lacks))
+    record, support = max(each, key=lambda item: _CLOSER.index(item[1].lacks))
     # Without an instrument the direct estimate is left: that alone stops no fit.
     needed = ", ".join(need.need for need in support.needs if not need.there and need.need != _INSTRUMENT)
     message = f"{record.source.name}: {support.because}"
@@ -194,17 +196,17 @@ def supporting_logs(records: Sequence[FlightRecord], model: str) -> tuple[Sequen
     """
     if error := unsupported(records, model):
         raise error
-    ruled_out = {id(one): why for one in records if (why := _no_vehicle(one) or _limited(one)) is not None}
+    ruled_out = {id(record): why for record in records if (why := _no_vehicle(record) or _limited(record)) is not None}
     findings = [
         warn(
-            ruled_out[id(one)].lacks,
-            one.source.name,
-            f"{one.source.name} was left out: {ruled_out[id(one)].because}. The other logs were used.",
+            ruled_out[id(record)].lacks,
+            record.source.name,
+            f"{record.source.name} was left out: {ruled_out[id(record)].because}. The other logs were used.",
         )
-        for one in records
-        if id(one) in ruled_out
+        for record in records
+        if id(record) in ruled_out
     ]
-    return [one for one in records if id(one) not in ruled_out] if ruled_out else records, tuple(findings)
+    return [record for record in records if id(record) not in ruled_out] if ruled_out else records, tuple(findings)
 
 
 _CLOSER = ("other_vehicle", "missing_channel", "rate_too_low", "never_airborne", "oscillation", "no_excitation")
@@ -236,9 +238,9 @@ def rate_support(record: FlightRecord, model: str) -> Support:
     rates = {channel: record.rate_hz(channel) for channel in _channels(model)}
     rich, ordinary = rich_excitations(record, axis), ordinary_flights(record, axis)
     likely = () if rich or ordinary else candidate_excitations(record, axis)
-    tried = max(likely, key=lambda one: one.duration_s, default=None)
+    tried = max(likely, key=lambda maneuver: maneuver.duration_s, default=None)
     moved = rich or ordinary or ([tried] if tried else [])
-    instrument = find_instrument([Flight(record, one) for one in moved], axis) if moved else None
+    instrument = find_instrument([Flight(record, maneuver) for maneuver in moved], axis) if moved else None
     verdict = (
         _no_vehicle(record)
         or _unlogged(record, rates)
@@ -305,7 +307,7 @@ def nothing_excites(axes: Sequence[Axis], found: Sequence[Maneuver]) -> str:
     wanted = " or ".join(axes)
     if not found:
         return f"holds no excitation of {wanted}"
-    kinds = ", ".join(f"{one.kind} at {one.start_s:.1f} s" for one in found[:_LISTED])
+    kinds = ", ".join(f"{maneuver.kind} at {maneuver.start_s:.1f} s" for maneuver in found[:_LISTED])
     return f"holds only short {wanted} maneuvers ({kinds}{', …' if len(found) > _LISTED else ''})"
 
 
@@ -467,7 +469,7 @@ def _excitation_words(rich: Sequence[Maneuver], ordinary: Sequence[Maneuver]) ->
         return f"{sum(part.duration_s for part in ordinary):.0f} s by stick" if ordinary else "none found"
     tops = [maneuver.band_rad_s[1] for maneuver in rich if maneuver.band_rad_s]
     reach = f" up to {max(tops):.3g} rad/s" if tops else ""
-    return f"{len(rich)} ({', '.join(dict.fromkeys(one.kind.replace('_', ' ') for one in rich))}){reach}"
+    return f"{len(rich)} ({', '.join(dict.fromkeys(maneuver.kind.replace('_', ' ') for maneuver in rich))}){reach}"
 
 
 def _coupled_support(record: FlightRecord, model: str) -> Support:
@@ -514,11 +516,11 @@ def _rig_support(record: FlightRecord, model: str) -> Support | None:
     missing = [name for name in motors if name not in record.channel_names]
     instruments = [name for motor in motors if (name := own_instrument(flights, motor))] if flights else []
     unswept = [axis for axis in axes if not any(flight.axis == axis for flight in flights)]
-    seen = [name for name in outputs if name in record.channel_names]
-    rate = min((record.rate_hz(name) for name in (*motors, *seen)), default=0.0)
+    logged = [name for name in outputs if name in record.channel_names]
+    rate = min((record.rate_hz(name) for name in (*motors, *logged)), default=0.0)
     needs = (
         Need(need=", ".join(motors), there=not missing, found=f"{rate:.3g} Hz" if not missing else "not all logged"),
-        Need(need=" or ".join(outputs), there=bool(seen), found=", ".join(seen) or "not logged"),
+        Need(need=" or ".join(outputs), there=bool(logged), found=", ".join(logged) or "not logged"),
         Need(
             need=f"single motors swept on {' and '.join(axes)}",
             there=not unswept,
@@ -530,7 +532,7 @@ def _rig_support(record: FlightRecord, model: str) -> Support | None:
             found=", ".join(instruments) or "none that move",
         ),
     )
-    if missing or not seen:
+    if missing or not logged:
         lacking = missing or [" or ".join(outputs)]
         because = f"the log lacks {' and '.join(lacking)}"
         return Support(possible=False, because=because, needs=needs, lacks="missing_channel")

@@ -26,7 +26,7 @@ from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import is_command
-from rotorid.flights.while_moving import Watched, mean_while_moving
+from rotorid.flights.while_moving import WeightedMean, input_weighted_mean
 from rotorid.signal.clock import resample
 from rotorid.signal.excitations import find_excitations, rich_excitations
 from rotorid.typing import FloatArray
@@ -80,7 +80,7 @@ def mean_command_changes(
 ) -> FloatArray:
     """Logarithm of the mean thrust command over its level, at the times when an input moves at each frequency.
 
-    See :func:`rotorid.flights.while_moving.mean_while_moving`.
+    See :func:`rotorid.flights.while_moving.input_weighted_mean`.
 
     Parameters
     ----------
@@ -111,8 +111,8 @@ def mean_command_changes(
     >>> mean_command_changes([record], ["roll_command"], np.array([3.0, 18.0]), level=0.475).round(2)
     array([[ 0.05, -0.03]])
     """
-    parts = [Watched.of(record, inputs, record[_THRUST]) for record in records]
-    return mean_while_moving(parts, omega_rad_s, lambda mean: np.log(np.maximum(mean / level, _LEAST_COMMAND)))
+    parts = [WeightedMean.of(record, inputs, record[_THRUST]) for record in records]
+    return input_weighted_mean(parts, omega_rad_s, lambda mean: np.log(np.maximum(mean / level, _LEAST_COMMAND)))
 
 
 def curvature(records: Sequence[FlightRecord], known: Sequence[Flight] = ()) -> float:
@@ -130,7 +130,7 @@ def curvature(records: Sequence[FlightRecord], known: Sequence[Flight] = ()) -> 
         for record in {id(record): record for record in records}.values()
         if (longest := _longest(record)) is not None
     ]
-    elasticities = [found for one in flown if (found := _elasticity(one)) is not None]
+    elasticities = [found for flight in flown if (found := _elasticity(flight)) is not None]
     if not elasticities:
         return _UNKNOWN
     steepest = max(*elasticities, 1.0)
@@ -142,7 +142,7 @@ def _longest(record: FlightRecord) -> Maneuver | None:
     if not {_THRUST, _HEAVE} <= set(record.channel_names):
         return None
     flown = rich_excitations(record, "thrust") or find_excitations(record, "thrust")
-    return max(flown, key=lambda one: one.duration_s, default=None)
+    return max(flown, key=lambda maneuver: maneuver.duration_s, default=None)
 
 
 def _elasticity(flight: Flight) -> float | None:
@@ -152,7 +152,7 @@ def _elasticity(flight: Flight) -> float | None:
         return None
     flown = resample(record, channels=(_THRUST, _HEAVE), start_s=maneuver.start_s, stop_s=maneuver.stop_s)
     found = [_of_history(history) for history in flown.histories]
-    return max((one for one in found if one is not None), default=None)
+    return max((value for value in found if value is not None), default=None)
 
 
 def _of_history(history: TimeHistory) -> float | None:
@@ -168,7 +168,7 @@ def _of_history(history: TimeHistory) -> float | None:
     _, together = csd(command, heave, fs=rate_hz, nperseg=length)
     coherence = np.abs(together) ** 2 / np.maximum(moved * answered, 1e-300)
     low, high = np.array(_BAND_RAD_S) / (2.0 * np.pi)
-    seen = (hz >= low) & (hz <= high) & (coherence >= _COHERENT)
-    if not seen.any():
+    coherent = (hz >= low) & (hz <= high) & (coherence >= _COHERENT)
+    if not coherent.any():
         return None
-    return float(np.max(np.abs(together[seen]) / moved[seen])) * level / STANDARD_GRAVITY_M_S2
+    return float(np.max(np.abs(together[coherent]) / moved[coherent])) * level / STANDARD_GRAVITY_M_S2

@@ -29,7 +29,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import is_command
-from rotorid.flights.while_moving import Watched, mean_while_moving
+from rotorid.flights.while_moving import WeightedMean, input_weighted_mean
 from rotorid.results.model import Segment
 from rotorid.typing import FloatArray
 
@@ -40,7 +40,7 @@ _SHARE = 0.6
 """Root mean square of a share of which nothing but zero to one is known: 1/√3, rounded."""
 
 
-def with_lean_errors(
+def with_tilt_errors(
     response: FrequencyResponse, flights: Sequence[Flight], segments: Sequence[Segment], factor: float
 ) -> FrequencyResponse:
     """A response that knows how far the vehicle leaned while its inputs moved at each frequency.
@@ -63,7 +63,7 @@ def with_lean_errors(
     if not names or factor == 0.0:
         return response
     parts = [
-        Watched.of(segment.history, names, _squared_lean(records[segment.record], segment.history.time_s, angles))
+        WeightedMean.of(segment.history, names, _squared_tilt(records[segment.record], segment.history.time_s, angles))
         for segment in segments
         if segment.record in records
     ]
@@ -71,18 +71,18 @@ def with_lean_errors(
         return response
     errors = np.zeros((len(response.inputs), response.omega_rad_s.size))
     errors[[response.inputs.index(name) for name in names]] = (
-        _SHARE * factor * mean_while_moving(parts, response.omega_rad_s)
+        _SHARE * factor * input_weighted_mean(parts, response.omega_rad_s)
     )
     return replace(response, lean_errors=errors)
 
 
 def logged_angles(records: Iterable[FlightRecord]) -> tuple[str, ...]:
     """Angles of the lean that all of some logs hold."""
-    held = [set(record.channel_names) for record in records]
-    return tuple(name for name in ANGLES.values() if all(name in names for names in held))
+    logged = [set(record.channel_names) for record in records]
+    return tuple(name for name in ANGLES.values() if all(name in names for names in logged))
 
 
-def _squared_lean(record: FlightRecord, time_s: FloatArray, names: Sequence[str]) -> FloatArray:
+def _squared_tilt(record: FlightRecord, time_s: FloatArray, names: Sequence[str]) -> FloatArray:
     """Square of the lean about its mean, in rad² and at most one, shape ``(n,)``."""
     angles = [np.interp(time_s, record[name].time_s, record[name].values) for name in names]
     return np.asarray(np.minimum(sum((angle - angle.mean()) ** 2 for angle in angles), 1.0))

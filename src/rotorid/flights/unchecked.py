@@ -59,7 +59,7 @@ def with_unchecked_errors(
         Whether inputs may contain feedback that no instrument takes out.
     """
     commands = np.array([is_command(name) for name in response.inputs])
-    lean = USUAL_LEAN * curvature * np.array([_unseen_lean(response, name, angles) for name in response.inputs])
+    tilt = USUAL_LEAN * curvature * np.array([_unchecked_tilt(response, name, angles) for name in response.inputs])
     frequencies = response.omega_rad_s
     nothing = np.zeros((len(response.inputs), frequencies.size))
     slope, own = nothing.copy(), nothing.copy()
@@ -69,19 +69,19 @@ def with_unchecked_errors(
         findings.append(
             _remark("slope", "thrust_command is not logged as a share of full thrust", USUAL_SLOPE * curvature)
         )
-    if lean.any():
-        own += lean[:, None]
-        findings.append(_remark("lean", "phi and theta are not both logged", float(lean.max())))
+    if tilt.any():
+        own += tilt[:, None]
+        findings.append(_remark("lean", "phi and theta are not both logged", float(tilt.max())))
     if feedback:
-        grown = np.sqrt(np.maximum(1.0, _BIAS_GROWS_BELOW_RAD_S / frequencies))
-        own = np.hypot(own, USUAL_BIAS * grown)
+        growth = np.sqrt(np.maximum(1.0, _BIAS_GROWS_BELOW_RAD_S / frequencies))
+        own = np.hypot(own, USUAL_BIAS * growth)
         findings.append(_remark("feedback", "no instrument is logged", USUAL_BIAS))
     if not findings:
         return response, ()
     return replace(response, unchecked_errors=np.stack([slope, own])), tuple(findings)
 
 
-def _unseen_lean(response: FrequencyResponse, name: str, angles: Collection[str]) -> float:
+def _unchecked_tilt(response: FrequencyResponse, name: str, angles: Collection[str]) -> float:
     """Share of the usual error by lean that nothing shows of an input."""
     if name not in ANGLES:
         return 0.0
@@ -104,13 +104,13 @@ def unchecked_scales(
     errors
         Those that comparing showed, see :func:`rotorid.flights.consistency.sensor_errors`.
     """
-    told = {
+    checked_channels = {
         check.channel
-        for one in agreement
-        for _, check in one.checks
+        for consistency in agreement
+        for _, check in consistency.checks
         if check.verdict == "inconsistent" or (check.verdict == "consistent" and check.scale_std <= USUAL_SCALE)
     }
-    missing = [name for name in outputs if name in RATES and name not in told]
+    missing = [name for name in outputs if name in RATES and name not in checked_channels]
     if not missing:
         return errors, ()
     found = np.zeros((len(outputs), 2)) if errors is None else np.array(errors)

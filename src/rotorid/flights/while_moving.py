@@ -20,34 +20,34 @@ _LONG, _IN_PERIOD = 30_000, 12.0
 """Samples of a record up to which all count, and so many of a period at least beyond that."""
 
 
-class Watched(NamedTuple):
+class WeightedMean(NamedTuple):
     """What is watched while inputs move: shapes ``(n,)`` and ``(inputs, n)``."""
 
     rate_hz: float
-    watched: FloatArray
+    values: FloatArray
     moved: FloatArray
 
     @classmethod
-    def of(cls, record: TimeHistory, inputs: Sequence[str], watched: FloatArray) -> Watched:
+    def of(cls, record: TimeHistory, inputs: Sequence[str], watched: FloatArray) -> WeightedMean:
         """Inputs of a record about their means, and what is watched at the same times."""
         return cls(record.sample_rate_hz, watched, np.array([record[name] - record[name].mean() for name in inputs]))
 
-    def coarser(self, omega_rad_s: float) -> Watched:
+    def coarser(self, omega_rad_s: float) -> WeightedMean:
         """Of a long record means over samples, as far as a period keeps enough of them."""
         in_period = 2.0 * np.pi / omega_rad_s * self.rate_hz
-        every = max(min(int(in_period / _IN_PERIOD), self.watched.size // _LONG), 1)
+        every = max(min(int(in_period / _IN_PERIOD), self.values.size // _LONG), 1)
         if every == 1:
             return self
-        kept = self.watched.size // every * every
-        return Watched(
+        kept = self.values.size // every * every
+        return WeightedMean(
             self.rate_hz / every,
-            self.watched[:kept].reshape(-1, every).mean(axis=1),
+            self.values[:kept].reshape(-1, every).mean(axis=1),
             self.moved[:, :kept].reshape(len(self.moved), -1, every).mean(axis=2),
         )
 
 
-def mean_while_moving(
-    parts: Sequence[Watched], omega_rad_s: FloatArray, told: Callable[[FloatArray], FloatArray] = np.asarray
+def input_weighted_mean(
+    parts: Sequence[WeightedMean], omega_rad_s: FloatArray, transform: Callable[[FloatArray], FloatArray] = np.asarray
 ) -> FloatArray:
     """Mean of what is watched while each input moves at each frequency, shape ``(inputs, f)``.
 
@@ -59,7 +59,7 @@ def mean_while_moving(
         Each with the same inputs.
     omega_rad_s
         Frequencies, shape ``(f,)``.
-    told
+    transform
         What becomes of the mean in a window before the average is taken.
 
     Examples
@@ -84,7 +84,7 @@ def mean_while_moving(
             mean, *swings = _slid(window, watched, turned)
             swing = np.abs(np.array(swings)) ** 2 / window.sum() ** 2
             power[:, place] += swing.sum(axis=1) / rate_hz
-            weighted[:, place] += (swing * told(mean.real / _covered(window, watched.size))).sum(axis=1) / rate_hz
+            weighted[:, place] += (swing * transform(mean.real / _covered(window, watched.size))).sum(axis=1) / rate_hz
     means = np.divide(weighted, power, out=np.zeros_like(power), where=power > 0.0)
     return np.array([np.interp(np.log(omega_rad_s), np.log(grid), row) for row in means])
 

@@ -77,7 +77,7 @@ _MOSTLY = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Flown(Immutable):
+class FlightData(Immutable):
     """A record with its flights.
 
     Parameters
@@ -141,10 +141,10 @@ class Flown(Immutable):
                 continue
             # A stick that is logged when it changes holds its value in between.
             clock = np.arange(time_s[0], time_s[-1], 0.1)
-            held = values[np.searchsorted(time_s, clock, side="right") - 1]
+            sampled = values[np.searchsorted(time_s, clock, side="right") - 1]
             size = round(_MOTION_WINDOW_S / 0.1)
-            count = held.size // size
-            spread = held[: count * size].reshape(count, size).std(axis=1)
+            count = sampled.size // size
+            spread = sampled[: count * size].reshape(count, size).std(axis=1)
             moved_s += _MOTION_WINDOW_S * float(np.count_nonzero(spread > least))
         return moved_s
 
@@ -156,7 +156,7 @@ class Flown(Immutable):
                 topic, row = source_topic(self.record, channel, start_s, stop_s)
             except InsufficientDataError:
                 continue
-            time_s, values = _sound(topic, row)
+            time_s, values = _finite_samples(topic, row)
             inside = (time_s >= start_s) & (time_s <= stop_s)
             found.append((time_s[inside], values[inside]))
         return found
@@ -169,7 +169,7 @@ class Flown(Immutable):
         return float(1.0 / np.median(steps)) if steps.size else 0.0
 
     def histories(
-        self, channels: Sequence[str], *, held: Sequence[str] = (), intervals: Intervals | None = None
+        self, channels: Sequence[str], *, sampled: Sequence[str] = (), intervals: Intervals | None = None
     ) -> tuple[TimeHistory, ...]:
         """Channels on one clock, a history for each stretch of 4 s and more without a long gap.
 
@@ -177,7 +177,7 @@ class Flown(Immutable):
         ----------
         channels
             The slowest of them sets the rate; above 500 Hz all are thinned out alike, to no less than half of that.
-        held
+        sampled
             Instruments: slower ones are held up to that rate.
         intervals
             Parts of the record; its flights, when none are given.
@@ -188,7 +188,7 @@ class Flown(Immutable):
             A channel was not logged, or not for long enough.
         """
         names = self.record.channel_names
-        for name in (*channels, *held):
+        for name in (*channels, *sampled):
             if name not in names:
                 raise missing_channel(self.record, name)
         asked = self.flights if intervals is None else intervals
@@ -200,7 +200,7 @@ class Flown(Immutable):
         for start_s, stop_s in sorted(asked, key=lambda interval: interval[0] - interval[1]):
             if stop_s - start_s < _SHORTEST_S:
                 continue
-            record = self._with_held([name for name in held if name not in channels], slowest, start_s, stop_s)
+            record = self._with_sampled([name for name in sampled if name not in channels], slowest, start_s, stop_s)
             try:
                 # Those of the longest flight say how fast the clock is.
                 if rate_hz is None and fewer > 1:
@@ -208,7 +208,7 @@ class Flown(Immutable):
                 parts = resample(
                     record,
                     channels=channels,
-                    auxiliary=[name for name in held if name not in channels],
+                    auxiliary=[name for name in sampled if name not in channels],
                     start_s=start_s,
                     stop_s=stop_s,
                     sample_rate_hz=rate_hz,
@@ -226,29 +226,29 @@ class Flown(Immutable):
             )
         return tuple(sorted(found, key=lambda history: history.start_s))
 
-    def _with_held(self, names: Sequence[str], base: str, start_s: float, stop_s: float) -> FlightRecord:
+    def _with_sampled(self, names: Sequence[str], base: str, start_s: float, stop_s: float) -> FlightRecord:
         """The record with instruments held on the stamps of a faster channel."""
         try:
             topic, row = source_topic(self.record, base, start_s, stop_s)
         except InsufficientDataError:
             return self.record
-        clock_s, _ = _sound(topic, row)
+        clock_s, _ = _finite_samples(topic, row)
         topics = []
         for name in names:
             try:
                 slow, slow_row = source_topic(self.record, name, start_s, stop_s)
             except InsufficientDataError:
                 continue
-            time_s, values = _sound(slow, slow_row)
+            time_s, values = _finite_samples(slow, slow_row)
             if not time_s.size or slow.sample_rate_hz >= topic.sample_rate_hz:
                 continue
             place = np.maximum(np.searchsorted(time_s, clock_s, side="right") - 1, 0)
-            held = values[place][None]
-            topics.append(Topic(name=slow.name, time_s=clock_s, channels=(slow.channels[slow_row],), values=held))
+            sampled = values[place][None]
+            topics.append(Topic(name=slow.name, time_s=clock_s, channels=(slow.channels[slow_row],), values=sampled))
         return replace(self.record, topics=(*topics, *self.record.topics)) if topics else self.record
 
 
-def flown(record: FlightRecord) -> Flown:
+def flown(record: FlightRecord) -> FlightData:
     """Find the flights of a record.
 
     Parameters
@@ -261,11 +261,11 @@ def flown(record: FlightRecord) -> Flown:
     InsufficientDataError
         The vehicle never flew, or nothing tells whether it did.
     """
-    return Flown(record=record, airborne=airborne(record))
+    return FlightData(record=record, airborne=airborne(record))
 
 
 def loop_response(
-    flight: Flown,
+    flight: FlightData,
     *,
     reference: str,
     answer: str,
@@ -297,7 +297,7 @@ def loop_response(
         A channel was not logged, rests, or was not logged for long enough.
     """
     instruments = () if instrument in ("", reference) else (instrument,)
-    records = tuple(histories) or flight.histories((reference, answer), held=instruments, intervals=intervals)
+    records = tuple(histories) or flight.histories((reference, answer), sampled=instruments, intervals=intervals)
     rate_hz = records[0].sample_rate_hz
     logged_hz = min(flight.rate_hz(reference), flight.rate_hz(answer)) or rate_hz
     fast = logged_hz >= _FAST_HZ and not slow
@@ -394,7 +394,7 @@ def _density(records: Sequence[TimeHistory], channel: str, window_s: float, omeg
     return np.asarray((sums[high] - sums[low]) / (high - low))
 
 
-def _sound(topic: Topic, row: int) -> tuple[FloatArray, FloatArray]:
+def _finite_samples(topic: Topic, row: int) -> tuple[FloatArray, FloatArray]:
     """Finite samples of a channel at stamps that rise."""
     values = topic.values[row]
     kept = np.isfinite(values) & np.isfinite(topic.time_s)

@@ -261,7 +261,7 @@ def _together(aircraft: Aircraft, plan: FlightPlan, choices: PlanSettings) -> Fl
     )
     if whole.value >= 1.0:
         return plan
-    rounded = [_rounded(whole.value * abs(one.amplitude)) / abs(one.amplitude) for one in plan.inputs]
+    rounded = [_rounded(whole.value * abs(planned.amplitude)) / abs(planned.amplitude) for planned in plan.inputs]
     return replace(plan, inputs=tuple(_scaled(*pair) for pair in zip(plan.inputs, rounded, strict=True)))
 
 
@@ -274,7 +274,7 @@ def _largest(
     # Made once: the phases of a multisine take longer to find than a flight.
     units = [_input(aircraft, choices, axis, shape, length_s, 1.0, repeat=0) for axis in group]
 
-    def alone(unit: PlannedInput) -> Callable[[float], FlightPlan]:
+    def single_axis_plan(unit: PlannedInput) -> Callable[[float], FlightPlan]:
         name = f"{shape} of {unit.axis}"
         return lambda amplitude: FlightPlan(name=name, inputs=(_scaled(unit, amplitude),), trim_s=2.0)
 
@@ -282,7 +282,7 @@ def _largest(
     largest = [_LARGEST[unit.entry] if interface is None else interface.largest[unit.axis] / _MARGIN for unit in units]
     return common_amplitude(
         aircraft,
-        [alone(unit) for unit in units],
+        [single_axis_plan(unit) for unit in units],
         choices.limits,
         largest=min(largest),
         wind=choices.wind,
@@ -291,7 +291,7 @@ def _largest(
 
 
 def _all_scaled(plan: FlightPlan, factor: float) -> FlightPlan:
-    return replace(plan, inputs=tuple(_scaled(one, factor) for one in plan.inputs))
+    return replace(plan, inputs=tuple(_scaled(planned, factor) for planned in plan.inputs))
 
 
 def plan_with(
@@ -416,7 +416,7 @@ def _input(
         duration_s = round((duration_s + constant_s) * rate_hz) / rate_hz
     if shape == "random_binary" and choices.interface is not None:
         settings = {"clock_hz": choices.interface.rate_hz}
-    one = planned(
+    planned_input = planned(
         axis,
         shape,
         start_s=0.0,
@@ -430,12 +430,14 @@ def _input(
     )
     if shape == "pilot_sweep":
         # The noise on top of the sine counts, for limits are kept by what is flown.
-        one = replace(one, values=one.values * (abs(amplitude) / np.abs(one.values).max()))
-    return one
+        planned_input = replace(
+            planned_input, values=planned_input.values * (abs(amplitude) / np.abs(planned_input.values).max())
+        )
+    return planned_input
 
 
-def _scaled(one: PlannedInput, factor: float) -> PlannedInput:
-    return replace(one, values=factor * one.values, amplitude=factor * one.amplitude)
+def _scaled(planned: PlannedInput, factor: float) -> PlannedInput:
+    return replace(planned, values=factor * planned.values, amplitude=factor * planned.amplitude)
 
 
 def _rounded(amplitude: float) -> float:
@@ -449,7 +451,7 @@ _SHORTEST_S = 15.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Told(Immutable):
+class PlanPrediction(Immutable):
     """What a plan will tell for a model, or why it could not support it."""
 
     model: str
@@ -477,7 +479,7 @@ class Designed(Immutable):
 
     kind: Shape
     planned: Planned
-    told: tuple[Told, ...]
+    told: tuple[PlanPrediction, ...]
     shortest: Mapping[str, Shortest]
     wanted: Mapping[str, Mapping[str, float]]
 
@@ -485,9 +487,9 @@ class Designed(Immutable):
     def percent(self) -> dict[str, float]:
         """Standard deviations in percent by model and parameter, ``rate.roll L_roll``, of all that will be shown."""
         return {
-            f"{told.model} {one.name}": one.percent
-            for told in self.told
-            for one in (told.prediction.parameters if told.prediction is not None else ())
+            f"{predicted.model} {parameter.name}": parameter.percent
+            for predicted in self.told
+            for parameter in (predicted.prediction.parameters if predicted.prediction is not None else ())
         }
 
 
@@ -560,7 +562,9 @@ def computed_for(choices: DesignSettings) -> str:
     if own is None:
         words = f"a simulated {_kind(entry.aircraft)} ({entry.name})" if entry.name in VEHICLES else entry.name
     else:
-        logs = listed(list(dict.fromkeys(Path(log).name for one in own.joined.models for log in one.provenance.inputs)))
+        logs = listed(
+            list(dict.fromkeys(Path(log).name for model in own.joined.models for log in model.provenance.inputs))
+        )
         known = [*(["hover"] if own.has_motors else []), *own.answers]
         like = aircraft(own.like) if own.like in VEHICLES else entry.aircraft
         rest = f"a simulated {_kind(like)} ({own.like})"
@@ -580,12 +584,12 @@ def _kind(craft: Aircraft) -> str:
     return f"{craft.vehicle.mass_kg:.2g} kg {_ROTORCRAFT.get(rotors, f'multirotor of {rotors} rotors')}"
 
 
-def beyond_limits(one: Designed, limits: Limits) -> list[Finding]:
+def beyond_limits(design: Designed, limits: Limits) -> list[Finding]:
     """The remark that a plan passes limits, as one with amplitudes given by hand may."""
-    passed = one.planned.reached.beyond(limits)
+    passed = design.planned.reached.beyond(limits)
     if not passed:
         return []
-    reached = {name: float(getattr(one.planned.reached, name)) for name in passed}
+    reached = {name: float(getattr(design.planned.reached, name)) for name in passed}
     words = ", ".join(
         f"{limit_words([name])} {limits.words(name, value)} (limit {limits.words(name)})"
         for name, value in reached.items()
@@ -594,19 +598,19 @@ def beyond_limits(one: Designed, limits: Limits) -> list[Finding]:
         f"The plan passes its limits in simulation: {words}. Predictions hold for a loop that is linear, "
         "and motors at their limits are not. Fly less, or raise the limits on purpose with --limit."
     )
-    return [warn("beyond_limits", one.kind, message, **reached)]
+    return [warn("beyond_limits", design.kind, message, **reached)]
 
 
 _FOLLOWED = 0.9
 """Correlation of a set-point with what flies of it, below which it is not the test input that was planned."""
 
 
-def not_followed(one: Designed, craft: Aircraft) -> list[Finding]:
+def not_followed(design: Designed, craft: Aircraft) -> list[Finding]:
     """The warning that an autopilot smooths the attitude set-points of a plan until another test input flies."""
     shaping = craft.autopilot.shaping
-    flown = as_flown(craft, one.planned.plan)
+    flown = as_flown(craft, design.planned.plan)
     found: list[Finding] = []
-    for asked, flies in zip(one.planned.plan.inputs, flown.inputs, strict=True):
+    for asked, flies in zip(design.planned.plan.inputs, flown.inputs, strict=True):
         if flies is asked or asked.axis in {finding.where for finding in found}:
             continue
         follows = flies.values[: asked.values.size]
@@ -639,8 +643,8 @@ def best_of(designed: Sequence[Designed]) -> dict[str, str]:
     """The kind that tells most about each parameter, where there are several."""
     if len(designed) < 2:
         return {}
-    names = dict.fromkeys(name for one in designed for name in one.percent)
-    return {name: min(designed, key=lambda one: one.percent.get(name, np.inf)).kind for name in names}
+    names = dict.fromkeys(name for design in designed for name in design.percent)
+    return {name: min(designed, key=lambda design: design.percent.get(name, np.inf)).kind for name in names}
 
 
 def _designed(
@@ -652,14 +656,14 @@ def _designed(
 ) -> Designed:
     planned = plan_for(craft, replace(choices.plan, shape=kind))
     excited = as_flown(craft, tested(planned.plan, kind))
-    told = []
+    predictions = []
     for model in models:
         _PROGRESS.info(f"what the {kind.replace('_', ' ')} will tell about {model.name}")
-        told.append(_told(choices, craft, loop, model, excited))
+        predictions.append(_predict_plan(choices, craft, loop, model, excited))
     return Designed(
         kind=kind,
         planned=planned,
-        told=tuple(told),
+        told=tuple(predictions),
         shortest=_shortest(choices, craft, loop, models, kind, planned),
         wanted={model.name: _wanted(choices, model) for model in models},
     )
@@ -669,7 +673,7 @@ def tested(plan: FlightPlan, kind: Shape) -> FlightPlan:
     """The part of a plan that a model will be fitted to: without the doublets that verify it."""
     if kind in STEPS:
         return plan
-    return replace(plan, inputs=tuple(one for one in plan.inputs if one.shape == kind))
+    return replace(plan, inputs=tuple(planned for planned in plan.inputs if planned.shape == kind))
 
 
 def as_flown(craft: Aircraft, plan: FlightPlan) -> FlightPlan:
@@ -679,12 +683,14 @@ def as_flown(craft: Aircraft, plan: FlightPlan) -> FlightPlan:
 
 def _outside(choices: DesignSettings, loop: LoopModel, model: LinearStructure) -> LoopModel:
     """A loop as the set-points of a response model show it."""
-    outside = setpoint_loop(loop, model.inputs, held=choices.entry.interface is not None)
+    outside = setpoint_loop(loop, model.inputs, sampled=choices.entry.interface is not None)
     prior = choices.prior
     return outside if prior is None else with_known(outside, prior.structure, prior.values)
 
 
-def _told(choices: DesignSettings, craft: Aircraft, loop: LoopModel, model: LinearStructure, plan: FlightPlan) -> Told:
+def _predict_plan(
+    choices: DesignSettings, craft: Aircraft, loop: LoopModel, model: LinearStructure, plan: FlightPlan
+) -> PlanPrediction:
     try:
         if answers_setpoints(model):
             prediction = predict_responses(
@@ -695,8 +701,8 @@ def _told(choices: DesignSettings, craft: Aircraft, loop: LoopModel, model: Line
                 model, expected_values(model, craft, choices.prior), loop, plan, choices=_fit(choices, model)
             )
     except InsufficientDataError as error:
-        return Told(model=model.name, prediction=None, refused=str(error))
-    return Told(model=model.name, prediction=prediction)
+        return PlanPrediction(model=model.name, prediction=None, refused=str(error))
+    return PlanPrediction(model=model.name, prediction=prediction)
 
 
 def _shortest(
@@ -708,10 +714,10 @@ def _shortest(
     planned: Planned,
 ) -> dict[str, Shortest]:
     """Durations by model; amplitudes stay those of the plan, so that only time is asked for."""
-    swept = [one for one in planned.plan.inputs if one.shape == kind]
-    sizes: dict[str, float] = {one.axis: abs(one.amplitude) for one in swept}
+    swept = [planned_input for planned_input in planned.plan.inputs if planned_input.shape == kind]
+    sizes: dict[str, float] = {planned.axis: abs(planned.amplitude) for planned in swept}
 
-    def lasting(duration_s: float) -> FlightPlan:
+    def plan_of_duration(duration_s: float) -> FlightPlan:
         wish = replace(choices.plan, shape=kind, duration_s=duration_s, amplitudes=sizes, doublets=False)
         return as_flown(craft, plan_with(craft, wish, sizes))
 
@@ -725,7 +731,7 @@ def _shortest(
                 model,
                 _believed(choices, model) if answers else expected_values(model, craft, choices.prior),
                 _outside(choices, loop, model) if answers else loop,
-                lasting,
+                plan_of_duration,
                 wanted,
                 shortest_s=_SHORTEST_S,
                 longest_s=_LONGEST_FLIGHT_S,

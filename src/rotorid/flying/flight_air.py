@@ -26,7 +26,7 @@ from rotorid.data.record import AXES, FlightRecord, Intervals, Maneuver, TimeHis
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.controllers import controllers_of
 from rotorid.flights.hover import hover_throttle
-from rotorid.flights.whole_flights import Flown, flown
+from rotorid.flights.whole_flights import FlightData, flown
 from rotorid.flying.settings import DesignSettings
 from rotorid.planning.aircraft import aircraft_loop
 from rotorid.signal.excitations import find_excitations
@@ -160,7 +160,7 @@ def _hover(record: FlightRecord) -> float | None:
     return found.value
 
 
-def _wind(flight: Flown, vehicle: Multirotor, height_m: float) -> Wind:
+def _wind(flight: FlightData, vehicle: Multirotor, height_m: float) -> Wind:
     linear = vehicle.aerodynamics
     drag_1_s = 0.0 if linear is None else -float(linear[0, 0]) / vehicle.mass_kg
     square_1_m = float(vehicle.quadratic_drag_n_s2_m2[0]) / vehicle.mass_kg
@@ -169,15 +169,15 @@ def _wind(flight: Flown, vehicle: Multirotor, height_m: float) -> Wind:
     missing = [name for name in _MOVING if name not in flight.record.channel_names]
     if missing:
         raise InsufficientDataError(f"{missing[0]} is not logged", needed="velocity and attitude")
-    seen = [
+    air_parts = [
         _air(history, drag_1_s, square_1_m)
         for history in flight.histories(_MOVING, intervals=_inner(flight.flights))
         if history.values.shape[1] / history.sample_rate_hz > 3.0 * _SMOOTH_S
     ]
-    seconds = sum(part.shape[1] for part in seen) * _SMOOTH_S / 2.0
+    seconds = sum(part.shape[1] for part in air_parts) * _SMOOTH_S / 2.0
     if seconds < _LEAST_AIR_S:
         raise InsufficientDataError(f"only {seconds:.0f} s in the air", needed=f"{_LEAST_AIR_S:.0f} s")
-    air = np.concatenate(seen, axis=1)
+    air = np.concatenate(air_parts, axis=1)
     north, east = np.median(air, axis=1)
     # Of a normal distribution; single gusts of a landing or a stick count no more than once.
     gusts = np.median(np.abs(air - [[north], [east]])) / 0.6745
@@ -193,13 +193,13 @@ def _air(history: TimeHistory, drag_1_s: float, square_1_m: float) -> FloatArray
     size = round(_SMOOTH_S * history.sample_rate_hz)
     phi, theta, psi = (history[name] for name in ("phi", "theta", "psi"))
     ahead, right = -STANDARD_GRAVITY_M_S2 * np.tan(theta), STANDARD_GRAVITY_M_S2 * np.tan(phi) / np.cos(theta)
-    leans = np.stack([np.cos(psi) * ahead - np.sin(psi) * right, np.sin(psi) * ahead + np.cos(psi) * right])
+    tilts = np.stack([np.cos(psi) * ahead - np.sin(psi) * right, np.sin(psi) * ahead + np.cos(psi) * right])
     speeds = np.stack([history["velocity_north"], history["velocity_east"]])
     found = []
     for first in range(0, speeds.shape[1] - size, size // 2):
         last = first + size
         gained = (speeds[:, last] - speeds[:, first]) / _SMOOTH_S
-        braked = leans[:, first:last].mean(axis=1) - gained
+        braked = tilts[:, first:last].mean(axis=1) - gained
         found.append(speeds[:, first:last].mean(axis=1) - _airspeed(braked, drag_1_s, square_1_m))
     return np.stack(found, axis=1)
 
@@ -214,7 +214,7 @@ def _airspeed(braked_m_s2: FloatArray, drag_1_s: float, square_1_m: float) -> Fl
     return braked_m_s2 * (min(speed, _FASTEST_M_S) / size) if size > 0.0 else np.zeros(2)
 
 
-def _gyro_noise(flight: Flown, aircraft: Aircraft) -> float:
+def _gyro_noise(flight: FlightData, aircraft: Aircraft) -> float:
     """Median over frequency of logged over unit density, of roll and pitch."""
     names = RATES[:2]
     if missing := [name for name in names if name not in flight.record.channel_names]:
@@ -229,11 +229,13 @@ def _gyro_noise(flight: Flown, aircraft: Aircraft) -> float:
         raise InsufficientDataError(f"only {seconds:.0f} s without test inputs", needed=f"{_LEAST_NOISE_S:.0f} s")
     weights = [history.values.shape[1] for history in histories]
     frequency_hz = spectra[0][0]
-    density = np.average([one for _, one in spectra], axis=0, weights=weights)
+    density = np.average([density for _, density in spectra], axis=0, weights=weights)
     rate_hz = histories[0].sample_rate_hz
     inside = (frequency_hz >= _LEAST_HZ) & (frequency_hz <= _TOP * 0.5 * rate_hz)
-    alone = replace(aircraft, sensors=replace(_SILENT, gyro_noise_rad_s=1.0, gyro_lag_s=aircraft.sensors.gyro_lag_s))
-    loop = aircraft_loop(alone, log_rate_hz=min(rate_hz, aircraft.autopilot.rate_hz), filtered=True)
+    gyro_only = replace(
+        aircraft, sensors=replace(_SILENT, gyro_noise_rad_s=1.0, gyro_lag_s=aircraft.sensors.gyro_lag_s)
+    )
+    loop = aircraft_loop(gyro_only, log_rate_hz=min(rate_hz, aircraft.autopilot.rate_hz), filtered=True)
     first = len(AXES)
     unit = loop.logged_noise(2.0 * np.pi * frequency_hz[inside])
     ratios = [density[row, inside] / unit[first + row, first + row].real for row in range(len(names))]
@@ -246,15 +248,20 @@ def _gyro_noise(flight: Flown, aircraft: Aircraft) -> float:
 _SILENT = Sensors(gyro_noise_rad_s=0.0, accelerometer_noise_m_s2=0.0, attitude_noise_rad=0.0, velocity_noise_m_s=0.0)
 
 
-def _quiet(flight: Flown) -> Intervals:
+def _quiet(flight: FlightData) -> Intervals:
     """Parts of the flights in which no test input reaches the frequencies of the noise."""
     axes: tuple[Axis, ...] = AXES  # type: ignore[assignment]
     tested = [
-        one for axis in axes for one in find_excitations(flight.record, axis) if _fastest_rad_s(one) > _SLOW_RAD_S
+        maneuver
+        for axis in axes
+        for maneuver in find_excitations(flight.record, axis)
+        if _fastest_rad_s(maneuver) > _SLOW_RAD_S
     ]
     kept = _inner(flight.flights)
-    for one in tested:
-        kept = tuple(part for interval in kept for part in _without(interval, one.start_s - 1.0, one.stop_s + 1.0))
+    for maneuver in tested:
+        kept = tuple(
+            part for interval in kept for part in _without(interval, maneuver.start_s - 1.0, maneuver.stop_s + 1.0)
+        )
     return kept
 
 

@@ -199,16 +199,16 @@ def fly_log(
         _PROGRESS.info(f"flying {model.name} through {name}")
         try:
             require_reached(record, settings.segments)
-            simulations, told = predictor.simulations(record, settings)
+            simulations, stretch_findings = predictor.simulations(record, settings)
         except InsufficientDataError as error:
             findings += [*error.findings, warn("not_verified", name, f"{name} was not flown: {error}")]
             continue
-        found = [_stretch(one, values, draws) for one in simulations]
+        found = [_stretch(stretch, values, draws) for stretch in simulations]
         stretches += found
-        findings += told
-        flights += [Flight(record, one.maneuver) for one in found]
+        findings += stretch_findings
+        flights += [Flight(record, stretch.maneuver) for stretch in found]
     if not stretches:
-        causes = "; ".join(one.message.rstrip(".") for one in findings if one.kind == "not_verified")
+        causes = "; ".join(finding.message.rstrip(".") for finding in findings if finding.kind == "not_verified")
         raise InsufficientDataError(
             causes or "no log came",
             needed=f"a flight with {' or '.join(model.structure.inputs)} and an output of the model",
@@ -266,12 +266,12 @@ def fly_plan(
     time_s = np.arange(count) / _PLAN_RATE_HZ
     inputs = np.zeros((len(model.structure.inputs), count))
     left = set()
-    for one in plan.inputs:
-        name = setpoint_of(one.axis, one.entry)
+    for planned in plan.inputs:
+        name = setpoint_of(planned.axis, planned.entry)
         if name is None or name not in model.structure.inputs:
-            left.add(f"{one.axis} by {one.entry.replace('_', ' ')}")
+            left.add(f"{planned.axis} by {planned.entry.replace('_', ' ')}")
             continue
-        inputs[model.structure.inputs.index(name)] += SETPOINTS[name].sign * one.at(time_s)
+        inputs[model.structure.inputs.index(name)] += SETPOINTS[name].sign * planned.at(time_s)
     if not inputs.any():
         raise UsageError(
             f"the plan moves {', '.join(sorted(left))}, and {model.name} has {', '.join(model.structure.inputs)}",
@@ -323,9 +323,9 @@ def _stretch(simulation: Simulation, values: Mapping[str, float], draws: Sequenc
         output_names=simulation.output_names,
         starts=simulation.starts,
         scores={
-            name: output_scores(one, other)
-            for name, one, other in zip(simulation.output_names, measured, rows, strict=True)
-            if np.isfinite(one).all() and np.ptp(one) > 0.0
+            name: output_scores(row, other)
+            for name, row, other in zip(simulation.output_names, measured, rows, strict=True)
+            if np.isfinite(row).all() and np.ptp(row) > 0.0
         },
         held=simulation.held,
     )
@@ -367,7 +367,7 @@ def _drawn_values(model: IdentifiedModel, parameters: ParameterSet, *, seed: int
     spread = vectors * np.sqrt(np.maximum(variances, 0.0))
     drawn = center + rng.standard_normal((_DRAWS, len(names))) @ spread.T
     drawn = np.clip(drawn, limits[0], limits[1])
-    return [{**values, **dict(zip(names, one.tolist(), strict=True))} for one in drawn]
+    return [{**values, **dict(zip(names, draw.tolist(), strict=True))} for draw in drawn]
 
 
 def _band(rows: FloatArray, others: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
@@ -397,26 +397,26 @@ def one_model(
     if len(models) == 1:
         return models[0], ()
     needed = "responses of phi, theta and velocity_down to their set-points, and drag.linear"
-    drags = [one for one in models if one.nonlinear is not None]
-    answers = [one for one in models if one.nonlinear is None]
-    names = ", ".join(one.name for one in models)
+    drags = [model for model in models if model.nonlinear is not None]
+    answers = [model for model in models if model.nonlinear is None]
+    names = ", ".join(model.name for model in models)
     if len(drags) != 1 or not {"k_Dx", "k_Dy"} <= set(drags[0].parameters):
         raise UsageError(f"{names} came together", needed=needed)
-    if not all(family_of(one.structure).answers_setpoints for one in answers):
+    if not all(family_of(model.structure).answers_setpoints for model in answers):
         raise UsageError(f"{names} came together", needed=needed, remedy="fly other models one by one")
     axes: dict[str, LinearStructure] = {}
     sources: list[tuple[IdentifiedModel, dict[str, str]]] = []
-    for one in answers:
+    for model in answers:
         renamed: dict[str, str] = {}
-        for source, response in zip(one.structure.inputs, one.structure.outputs, strict=False):
+        for source, response in zip(model.structure.inputs, model.structure.outputs, strict=False):
             axis = "psi_dot" if response == "r" else response
             if axis not in FLIGHT_AXES:
                 continue
             if axis in axes:
                 raise UsageError(f"{names} both say how {response} answers", needed="each response once")
-            axes[axis] = connected(one.structure.select(inputs=[source], outputs=[response]))
+            axes[axis] = connected(model.structure.select(inputs=[source], outputs=[response]))
             renamed |= {name: f"{name}_{axis}" for name in axes[axis].parameters.names}
-        sources.append((one, renamed))
+        sources.append((model, renamed))
     findings = []
     if "psi_dot" not in axes:
         axes["psi_dot"] = _yaw_lag()
@@ -455,11 +455,11 @@ def _joined(
 
     bounds = Bounds(
         names=tuple(names),
-        cramer_rao=np.concatenate([one.cramer_rao for one in blocks]),
-        insensitivity=np.concatenate([one.insensitivity for one in blocks]),
-        covariance=np.asarray(block_diag(*(one.covariance for one in blocks))),
-        random=np.asarray(block_diag(*(one.random for one in blocks))),
-        inflation=math.exp(float(np.mean([math.log(one.inflation) for one in blocks]))),
+        cramer_rao=np.concatenate([bounds.cramer_rao for bounds in blocks]),
+        insensitivity=np.concatenate([bounds.insensitivity for bounds in blocks]),
+        covariance=np.asarray(block_diag(*(bounds.covariance for bounds in blocks))),
+        random=np.asarray(block_diag(*(bounds.random for bounds in blocks))),
+        inflation=math.exp(float(np.mean([math.log(bounds.inflation) for bounds in blocks]))),
     )
     parameters = flight.parameters
     for name in parameters.free:

@@ -52,7 +52,7 @@ def joined_halves(models: Sequence[IdentifiedModel]) -> IdentifiedModel | None:
         Of one vehicle.
     """
     found = [[model for model in models if model.name == name] for name in HALVES]
-    return joined_model([one for (one,) in found]) if all(len(one) == 1 for one in found) else None
+    return joined_model([model for (model,) in found]) if all(len(models) == 1 for models in found) else None
 
 
 def joined_model(models: Sequence[IdentifiedModel], *, name: str = JOINED) -> IdentifiedModel:
@@ -86,7 +86,7 @@ def joined_model(models: Sequence[IdentifiedModel], *, name: str = JOINED) -> Id
     >>> whole.structure.states  # doctest: +SKIP
     ('q', 'u', 'w', 'theta', 'p', 'r', 'v', 'phi')
     """
-    _require_apart(models)
+    _require_separate(models)
     parts = [_renamed(model, names) for model, names in zip(models, _new_names(models), strict=True)]
     structures = [structure for structure, _ in parts]
     whole = _side_by_side(structures, name)
@@ -101,7 +101,7 @@ def joined_model(models: Sequence[IdentifiedModel], *, name: str = JOINED) -> Id
         fit=replace(
             first.fit,
             outputs=whole.outputs,
-            cost=Cost(average=float(np.mean([one.value for one in pairs.values()])), pairs=pairs) if pairs else None,
+            cost=Cost(average=float(np.mean([pair.value for pair in pairs.values()])), pairs=pairs) if pairs else None,
             fit_percent=_merged([model.fit.fit_percent or {} for model in models]) or None,
             noise=_merged([model.fit.noise or {} for model in models]) or None,
             records=(),
@@ -135,11 +135,11 @@ def joined_model(models: Sequence[IdentifiedModel], *, name: str = JOINED) -> Id
         covered=_merged([model.covered for model in models]),
         combinations=(),
         cross_validation=None,
-        findings=(_said(models, name),),
+        findings=(_joined_remark(models, name),),
     )
 
 
-def _require_apart(models: Sequence[IdentifiedModel]) -> None:
+def _require_separate(models: Sequence[IdentifiedModel]) -> None:
     if len(models) < 2:
         raise UsageError(f"{len(models)} model came", needed="two or more to join, such as both halves of hover")
     for model in models:
@@ -157,17 +157,19 @@ def _require_apart(models: Sequence[IdentifiedModel]) -> None:
 def _new_names(models: Sequence[IdentifiedModel]) -> list[dict[str, str]]:
     """For each model its parameters, states and constants that another has too, with their new names."""
     structures = [model.structure for model in models]
-    states = Counter(chain.from_iterable(one.states for one in structures))
-    parameters = Counter(chain.from_iterable(one.parameters.names for one in structures))
+    states = Counter(chain.from_iterable(structure.states for structure in structures))
+    parameters = Counter(chain.from_iterable(structure.parameters.names for structure in structures))
     constants: dict[str, set[float]] = {}
-    for one in structures:
-        for name, value in one.constants.items():
+    for structure in structures:
+        for name, value in structure.constants.items():
             constants.setdefault(name, set()).add(value)
     found = []
-    for one in structures:
-        own = one.name.rpartition(".")[2]
-        shared = [name for name in (*one.states, *one.parameters.names) if states[name] + parameters[name] > 1]
-        shared += [name for name in one.constants if len(constants[name]) > 1]
+    for structure in structures:
+        own = structure.name.rpartition(".")[2]
+        shared = [
+            name for name in (*structure.states, *structure.parameters.names) if states[name] + parameters[name] > 1
+        ]
+        shared += [name for name in structure.constants if len(constants[name]) > 1]
         found.append({name: f"{name}_{own}" for name in shared})
     return found
 
@@ -180,14 +182,18 @@ def _renamed(model: IdentifiedModel, names: Mapping[str, str]) -> tuple[LinearSt
         return structure, own
     symbols = {old: Expression.symbol(new) for old, new in names.items()}
 
-    def entry(one: Expression) -> Expression:
-        return one.substitute(symbols)
+    def entry(expression: Expression) -> Expression:
+        return expression.substitute(symbols)
 
     def rows(matrix: Sequence[Sequence[Expression]]) -> tuple[tuple[Expression, ...], ...]:
-        return tuple(tuple(entry(one) for one in row) for row in matrix)
+        return tuple(tuple(entry(expression) for expression in row) for row in matrix)
 
-    def parameter(one: Parameter) -> Parameter:
-        return replace(one, name=names.get(one.name, one.name), tied=None if one.tied is None else entry(one.tied))
+    def parameter(parameter: Parameter) -> Parameter:
+        return replace(
+            parameter,
+            name=names.get(parameter.name, parameter.name),
+            tied=None if parameter.tied is None else entry(parameter.tied),
+        )
 
     constants = {names.get(name, name): value for name, value in structure.constants.items()}
     changed = replace(
@@ -198,8 +204,8 @@ def _renamed(model: IdentifiedModel, names: Mapping[str, str]) -> tuple[LinearSt
         G=rows(structure.G),
         H0=rows(structure.H0),
         H1=rows(structure.H1),
-        input_delays=tuple(entry(one) for one in structure.input_delays),
-        output_delays=tuple(entry(one) for one in structure.output_delays),
+        input_delays=tuple(entry(expression) for expression in structure.input_delays),
+        output_delays=tuple(entry(expression) for expression in structure.output_delays),
         parameters=ParameterSet(map(parameter, structure.parameters), constants),
         constants=constants,
         gain=None,
@@ -266,7 +272,7 @@ def _merged(parts: Sequence[Mapping[str, Value]]) -> dict[str, Value]:
     return {name: value for part in parts for name, value in part.items()}
 
 
-def _said(models: Sequence[IdentifiedModel], name: str) -> Finding:
+def _joined_remark(models: Sequence[IdentifiedModel], name: str) -> Finding:
     names = " and ".join(model.name for model in models)
     used = [{maneuver.record for maneuver in model.provenance.maneuvers} for model in models]
     shared = sorted(set.intersection(*used))

@@ -50,7 +50,7 @@ def plan_findings(record: FlightRecord, plan: FlightPlan) -> tuple[Finding, ...]
         the plan, a remark where it has nothing of it, as a log from before the flight. ``plan_differs``: a test input
         that was flown with another band, length or size, or on an axis that the plan does not have.
     """
-    return (*_of_firmware(record, plan), *_as_flown(record, plan))
+    return (*_of_firmware(record, plan), *_compare_with_plan(record, plan))
 
 
 def _of_firmware(record: FlightRecord, plan: FlightPlan) -> tuple[Finding, ...]:
@@ -59,16 +59,16 @@ def _of_firmware(record: FlightRecord, plan: FlightPlan) -> tuple[Finding, ...]:
     if found is not None:
         return found
     called = source.firmware or f"The firmware of this {source.format} log"
-    said = f"{called} was not checked against the plan: only ArduCopter's versions are known."
-    return (remark("plan_firmware", "firmware", said),)
+    sentence = f"{called} was not checked against the plan: only ArduCopter's versions are known."
+    return (remark("plan_firmware", "firmware", sentence),)
 
 
-def _as_flown(record: FlightRecord, plan: FlightPlan) -> tuple[Finding, ...]:
+def _compare_with_plan(record: FlightRecord, plan: FlightPlan) -> tuple[Finding, ...]:
     """Rich inputs of the plan beside those of the log. Doublets verify, and a hand's are found under many names."""
     planned: dict[tuple[Axis, Kind], list[PlannedInput]] = defaultdict(list)
-    for one in plan.inputs:
-        if one.entry != "stick" and one.maneuver.kind in RICH_KINDS:
-            planned[one.axis, one.maneuver.kind].append(one)
+    for planned_input in plan.inputs:
+        if planned_input.entry != "stick" and planned_input.maneuver.kind in RICH_KINDS:
+            planned[planned_input.axis, planned_input.maneuver.kind].append(planned_input)
     found: dict[tuple[Axis, Kind], list[Maneuver]] = defaultdict(list)
     for axis in AXES:
         for maneuver in find_excitations(record, axis):  # type: ignore[arg-type]
@@ -126,7 +126,7 @@ def _band(asked: PlannedInput, flown: Maneuver) -> Iterator[_Part]:
     if asked.band_rad_s is None or flown.band_rad_s is None:
         return
     low, high = (one / other for one, other in zip(flown.band_rad_s, asked.band_rad_s, strict=True))
-    if _apart(high, _HIGHEST) or _apart(low, _LOWEST):
+    if _differ(high, _HIGHEST) or _differ(low, _LOWEST):
         words = f"{flown.band_text} were flown, {asked.maneuver.band_text} planned"
         yield words, {"planned_to_rad_s": asked.band_rad_s[1], "flown_to_rad_s": flown.band_rad_s[1]}
 
@@ -134,7 +134,7 @@ def _band(asked: PlannedInput, flown: Maneuver) -> Iterator[_Part]:
 def _length(asked: PlannedInput, flown: Maneuver) -> Iterator[_Part]:
     begin, end = _moving(asked)
     planned_s = (end - begin) / asked.sample_rate_hz
-    if _apart(flown.duration_s / planned_s, _LENGTH):
+    if _differ(flown.duration_s / planned_s, _LENGTH):
         words = f"it lasted {flown.duration_s:.0f} s, planned {planned_s:.0f} s"
         yield words, {"planned_s": planned_s, "flown_s": flown.duration_s}
 
@@ -149,7 +149,7 @@ def _size(record: FlightRecord, asked: PlannedInput, flown: Maneuver) -> Iterato
     if inside.size < 2:
         return
     planned, size = float(np.abs(asked.values).max()), float(np.abs(inside - np.median(inside)).max())
-    if _apart(size / planned, _SIZE):
+    if _differ(size / planned, _SIZE):
         words = f"its size is {size:.3g} {asked.unit}, planned {planned:.3g} {asked.unit}".replace(" 1,", ",")
         yield words.removesuffix(" 1"), {"planned_size": planned, "flown_size": size}
 
@@ -162,5 +162,5 @@ def _moving(asked: PlannedInput) -> tuple[int, int]:
     return moving[0], moving[-1] + 1
 
 
-def _apart(ratio: float, factor: float) -> bool:
+def _differ(ratio: float, factor: float) -> bool:
     return not ratio > 0.0 or abs(math.log(ratio)) > math.log(factor)

@@ -78,5 +78,5 @@ def self_test() -> dict[str, Found]:
 def main() -> None:
     """Print what was found, as a line of JSON."""
     found = self_test()
-    told = {name: {**vars(one), "off": one.off} for name, one in found.items()}
-    sys.stdout.write(json.dumps(told) + "\n")
+    summary = {name: {**vars(item), "off": item.off} for name, item in found.items()}
+    sys.stdout.write(json.dumps(summary) + "\n")

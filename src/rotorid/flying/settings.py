@@ -222,7 +222,7 @@ Changes: TypeAlias = Annotated[
 
 
 LIKE_HELP = "For results: a vehicle whose autopilot, sensors and missing numbers it has."
-PLANNED = tuple(one.key for one in AUTOPILOTS if one.has_plan_files)
+PLANNED = tuple(autopilot.key for autopilot in AUTOPILOTS if autopilot.has_plan_files)
 """Autopilots that files of a plan are written for."""
 
 
@@ -521,14 +521,14 @@ def plan_settings(
     if interface is not None:
         given.setdefault("band_rad_s", interface.band_rad_s)
     elif inputs or any(family_of(name).of_plans for name in models):
-        entries = list(dict.fromkeys(one.entry for one in answers)) or ["attitude_setpoint"]
+        entries = list(dict.fromkeys(answer.entry for answer in answers)) or ["attitude_setpoint"]
         if len(entries) > 1:
             raise UsageError(
                 f"the inputs {', '.join(inputs)} came", needed="set-points at one place of the cascade for one plan"
             )
         given.setdefault("entry", entries[0])
     usual = tuple(interface.entries) if interface is not None else ("roll",)
-    given.setdefault("axes", tuple(dict.fromkeys(one.axis for one in answers)) or usual)
+    given.setdefault("axes", tuple(dict.fromkeys(answer.axis for answer in answers)) or usual)
     if interface is not None or any(family_of(name).of_plans for name in models):
         given["together"] = True
     return PlanSettings(interface=interface, **given)  # type: ignore[arg-type]
@@ -666,7 +666,7 @@ class DesignSettings(Immutable):
         One behind set-points has no gains, and no file can hold it.
         """
         taken = self.own, self.gyro_noise_rad_s, self.hover_throttle
-        other = bool(self.changes or self.gains_source) or any(one is not None for one in taken)
+        other = bool(self.changes or self.gains_source) or any(item is not None for item in taken)
         return other and self.entry.interface is None
 
     @property
@@ -823,7 +823,7 @@ class SimulateSettings(Immutable):
         from rotorid.simulation.multirotor_flight import changed, piloted
 
         craft = changed(self.entry.aircraft, self.changes)
-        sent = self.plan is not None and any(one.entry == "attitude_setpoint" for one in self.plan.inputs)
+        sent = self.plan is not None and any(planned.entry == "attitude_setpoint" for planned in self.plan.inputs)
         return craft if self.entry.interface is not None and sent else piloted(craft)
 
     @property

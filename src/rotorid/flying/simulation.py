@@ -228,8 +228,8 @@ def everyday_plan(craft: Aircraft, *, duration_s: float = EVERYDAY_S, level: flo
 def write_run(path: Path, run: Run, choices: SimulateSettings) -> SimulatedLog:
     """Write the log of a run, and say what it is."""
     shown = choices.entry.shown
-    seen = run.flown if shown is None else shown(run.flown, np.random.default_rng([run.seed, 2]))
-    write_log(path, seen, format=choices.log_format)
+    written = run.flown if shown is None else shown(run.flown, np.random.default_rng([run.seed, 2]))
+    write_log(path, written, format=choices.log_format)
     return SimulatedLog(
         file=path.name,
         format=choices.log_format,
@@ -282,9 +282,9 @@ def truth_of(craft: Aircraft, speed_m_s: tuple[float, float] = (0.0, 0.0)) -> di
     first, last = speed_m_s
     derivatives = hover_derivatives_of(craft.vehicle, craft.autopilot, airspeed_m_s=first) if first == last else {}
     units = {parameter.name: parameter.unit for model in _MODELS for parameter in library_model(model).parameters}
-    held_s = 0.5 / craft.autopilot.rate_hz
+    hold_s = 0.5 / craft.autopilot.rate_hz
     delays = dict(zip(("roll", "pitch", "yaw", "thrust"), craft.autopilot.delay_s, strict=True))
-    values = derivatives | {f"tau_{axis}": delay_s + held_s for axis, delay_s in delays.items()}
+    values = derivatives | {f"tau_{axis}": delay_s + hold_s for axis, delay_s in delays.items()}
     if not craft.vehicle.rotors.lag_up_s:
         rate_hz = craft.autopilot.rate_hz
         values["tau_thrust"] = (math.floor(delays["thrust"] * rate_hz + _NOTICED) + 1) / rate_hz

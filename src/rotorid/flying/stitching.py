@@ -62,7 +62,7 @@ SAMPLE_RATE_HZ = 100.0
 DRAWS = 20
 """Models drawn from the covariance for the spread of a flight."""
 
-_APART_M_S = 0.2
+_LEAST_SPACING_M_S = 0.2
 """Least distance of the speeds of two results of one half."""
 
 _COLUMNS = (*MOTIONS, *AXES)
@@ -71,7 +71,7 @@ _OWN: Mapping[str, tuple[str, ...]] = {
     HALVES[1]: ("v", "phi", "roll_command", "yaw_command"),
 }
 _TRIM_CONSTANTS = {"u": "U0", "v": "V0", "w": "W0", "phi": "phi0", "theta": "theta0"}
-_JUDGED = ("u", "v", "w", "phi", "theta", "p", "q", "r")
+_COMPARED_STATES = ("u", "v", "w", "phi", "theta", "p", "q", "r")
 _FLOWN: tuple[Axis, ...] = ("roll", "pitch", "yaw")
 
 _ANGLES: Mapping[Axis, str] = {"roll": "phi_setpoint", "pitch": "theta_setpoint"}
@@ -258,8 +258,8 @@ class Stitched(Immutable):
             drawn = None if draw is None else _Draw.of(points, draw)
             values = [_values(point, drawn) for point in points]
             table = {
-                name: np.interp(speeds, own, [one.get(name, 0.0) for one in values])
-                for name in {name for one in values for name in one}
+                name: np.interp(speeds, own, [derivatives.get(name, 0.0) for derivatives in values])
+                for name in {name for derivatives in values for name in derivatives}
             }
             for (row, letter), (column, motion) in _entries():
                 if f"{letter}_{motion}" in table:
@@ -329,21 +329,23 @@ def _curves(points: Sequence[StitchedPoint]) -> dict[str, SpeedCurve]:
     curves = {}
     for name in names:
         found = [point.model.parameters.get(name) for point in points]
-        if all(one is None or one.status == "dropped" for one in found):
+        if all(estimate is None or estimate.status == "dropped" for estimate in found):
             continue
-        kept = [one for one in found if one is not None]
+        kept = [estimate for estimate in found if estimate is not None]
         curves[name] = SpeedCurve(
             unit=kept[0].unit,
             speed_m_s=np.array([point.speed_m_s for point in points]),
-            value=np.array([0.0 if one is None or one.status == "dropped" else one.value for one in found]),
-            std=np.array([_std(one) for one in found]),
-            std_model=np.array([getattr(one, "std_model", None) or 0.0 for one in found]),
+            value=np.array(
+                [0.0 if estimate is None or estimate.status == "dropped" else estimate.value for estimate in found]
+            ),
+            std=np.array([_std(estimate) for estimate in found]),
+            std_model=np.array([getattr(estimate, "std_model", None) or 0.0 for estimate in found]),
         )
     return curves
 
 
-def _std(one: object) -> float:
-    status, std = getattr(one, "status", "dropped"), getattr(one, "std", None)
+def _std(number: object) -> float:
+    status, std = getattr(number, "status", "dropped"), getattr(number, "std", None)
     if status == "fixed":
         return 0.0
     return float("nan") if std is None or status == "dropped" else float(std)
@@ -393,7 +395,8 @@ def stitch(
         points=points,
         findings=tuple(_dropped(points)),
         provenance=Provenance(
-            inputs={name: sha256 for one in sources for name, sha256 in one.inputs.items()} | hashes(records),
+            inputs={name: sha256 for provenance in sources for name, sha256 in provenance.inputs.items()}
+            | hashes(records),
             seed=chosen.seed,
         ),
     )
@@ -435,7 +438,7 @@ def _points(models: Mapping[str, IdentifiedModel]) -> tuple[StitchedPoint, ...]:
     for label, model in models.items():
         if model.name not in HALVES:
             raise UsageError(f"{label} is a model {model.name}", needed=f"results of {' or '.join(HALVES)}")
-        constants, means = model.structure.constants, {name: one.mean for name, one in model.covered.items()}
+        constants, means = model.structure.constants, {name: point.mean for name, point in model.covered.items()}
         trim = {name: float(constants[own]) for name, own in _TRIM_CONSTANTS.items() if own in constants}
         trim |= {name: mean for name in TRIMS if name.endswith("_command") and (mean := means.get(name)) is not None}
         points.append(StitchedPoint(label=label, model=model, speed_m_s=trim["u"], trim=trim))
@@ -448,11 +451,11 @@ def _points(models: Mapping[str, IdentifiedModel]) -> tuple[StitchedPoint, ...]:
                 needed="two and more speeds of each model that is stitched",
                 remedy="identify the model at another speed, or leave it out",
             )
-        for one, other in pairwise(own):
-            if other.speed_m_s - one.speed_m_s < _APART_M_S:
+        for point, other in pairwise(own):
+            if other.speed_m_s - point.speed_m_s < _LEAST_SPACING_M_S:
                 raise UsageError(
-                    f"{one.label} and {other.label} are both {name} at {one.speed_m_s:.2f} m/s",
-                    needed=f"speeds at least {_APART_M_S:g} m/s apart",
+                    f"{point.label} and {other.label} are both {name} at {point.speed_m_s:.2f} m/s",
+                    needed=f"speeds at least {_LEAST_SPACING_M_S:g} m/s apart",
                     remedy="identify one model from both logs, or leave one out",
                 )
     if not ordered:
@@ -491,7 +494,7 @@ def _through(
     flying = Controllers(record=record, given=given)
     history = _history(record, flying)
     closed, setpoints, findings = _closed_axes(record, flying, history)
-    names = (*_JUDGED, *setpoints)
+    names = (*_COMPARED_STATES, *setpoints)
     simulated = _fly(stitched.stitched_model(None), history, closed)
     _require_in_the_air(record, history, simulated, names)
     rng = np.random.default_rng(seed)
@@ -505,7 +508,7 @@ def _through(
             time_s=history.time_s,
             measured={name: history[name] for name in names},
             simulated={name: simulated[name] for name in names},
-            spread={name: np.nanstd([one[name] - simulated[name] for one in draws], axis=0) for name in names},
+            spread={name: np.nanstd([draw[name] - simulated[name] for draw in draws], axis=0) for name in names},
             scores=scores,
             setpoints=setpoints,
             low_pass_rad_s=cutoff,

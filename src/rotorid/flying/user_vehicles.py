@@ -123,8 +123,8 @@ def own_vehicle(
         No vehicle was named for what results never hold, the autopilot; or results contradict each other.
     """
     if like is None:
-        held = joined_vehicle(models, given=given, name=name)
-        absent = [key for key in ("m", "arm", "kappa", *MOTION) if key not in held.numbers]
+        vehicle = joined_vehicle(models, given=given, name=name)
+        absent = [key for key in ("m", "arm", "kappa", *MOTION) if key not in vehicle.numbers]
         others = f", nor {', '.join(absent)}" if absent else ""
         raise UsageError(
             f"results do not say which autopilot and sensors {name} has{others}",
@@ -133,7 +133,7 @@ def own_vehicle(
         )
     usual = numbers_of(like)
     flown = [model.motors for model in models if model.motors is not None]
-    of_speeds = any(one.outputs == "speed" for one in flown)
+    of_speeds = any(physics.outputs == "speed" for physics in flown)
     delayed = flown or any(_identified(model, name) for model in models for name in _DELAYS)
     if delayed and not of_speeds and not any(_identified(model, "T_motor") for model in models):
         # The delay that was identified stands for the lag too.
@@ -146,9 +146,9 @@ def own_vehicle(
     body = require(joined, target="simulation")
     autopilot, taken = _autopilot(joined, body, like)
     words = [
-        f"{key} = {one.value:.4g} {one.unit}"
-        for key, one in joined.numbers.items()
-        if one.source == "default" and (one.value != 0.0 or key == "T_motor")
+        f"{key} = {number.value:.4g} {number.unit}"
+        for key, number in joined.numbers.items()
+        if number.source == "default" and (number.value != 0.0 or key == "T_motor")
     ]
     return OwnVehicle(
         joined=joined,
@@ -181,10 +181,10 @@ def _answering(joined: JoinedVehicle, like: Aircraft) -> dict[str, VehicleNumber
     """
     body = require(joined, target="simulation")
     usual = hover_derivatives_of(body, _autopilot(joined, body, like)[0])
-    rates = [one for one in joined.models if family_of(one.structure).of_rates]
+    rates = [model for model in joined.models if family_of(model.structure).of_rates]
     found: dict[str, VehicleNumber] = {}
     for moment, control in _ANSWERS.values():
-        own = next((one for one in rates if control in one.parameters), None)
+        own = next((model for model in rates if control in model.parameters), None)
         number = joined.numbers[moment]
         if own is None or number.source != "default" or not own.parameters[control].value > 0.0:
             continue
@@ -208,8 +208,8 @@ def _autopilot(joined: JoinedVehicle, body: Multirotor, like: Aircraft) -> tuple
     late_s = joined.numbers.get("delay")
     if late_s is not None and late_s.source != "default":
         own = replace(own, delay_s=(max(late_s.value, 0.0),) * 4)
-    known = [one.motors for one in joined.models if one.motors is not None]
-    if any(one.outputs == "thrust_demand" and one.straightening is not None for one in known):
+    known = [model.motors for model in joined.models if model.motors is not None]
+    if any(physics.outputs == "thrust_demand" and physics.straightening is not None for physics in known):
         taken.append("no curve from demand to output: the logs knew demands of thrust, and outputs here are these")
     same_rotors = like.vehicle.rotors.layout.rotors == body.rotors.layout.rotors
     if own.kind != "simple" or not same_rotors:
@@ -287,7 +287,8 @@ def _hovering(own: Autopilot, body: Multirotor, like: Aircraft) -> Autopilot:
     """Loops of height about the thrust at which this vehicle hovers."""
     thrust = AXES.index("thrust")
     hover, before = (
-        float(one.hover_commands(vehicle)[thrust]) for one, vehicle in ((own, body), (like.autopilot, like.vehicle))
+        float(autopilot.hover_commands(vehicle)[thrust])
+        for autopilot, vehicle in ((own, body), (like.autopilot, like.vehicle))
     )
     guidance = own.guidance
     guidance = replace(guidance, climb_p=guidance.climb_p * hover / before, climb_i=guidance.climb_i * hover / before)

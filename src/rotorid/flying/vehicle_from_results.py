@@ -195,7 +195,7 @@ class JoinedVehicle(Immutable):
             The vehicle is not known in full.
         """
         motors = (model.motors for model in self.models if model.motors is not None)
-        return next((one.hover_output for one in motors if one.outputs != "speed"), self.hover_output)
+        return next((physics.hover_output for physics in motors if physics.outputs != "speed"), self.hover_output)
 
     @property
     def hover_output(self) -> float:
@@ -335,7 +335,7 @@ def joined_vehicle(
     _require_given(known)
     flown = [model for model in models if model.motors is not None]
     assumed = _assumed(flown, known, usual or {})
-    in_force = {**known, **{key: one.value for key, one in assumed.items()}}
+    in_force = {**known, **{key: number.value for key, number in assumed.items()}}
     rotors, arm = _rotors(flown, in_force, layout, usual or {})
     numbers = _joined_numbers(models, flown, in_force)
     if arm is not None:
@@ -354,9 +354,9 @@ def joined_vehicle(
         numbers=numbers,
         dropped=_dropped(models, numbers),
         models=tuple(models),
-        controller=next((one.controller for one in (*flown, *models) if one.controller is not None), None),
+        controller=next((model.controller for model in (*flown, *models) if model.controller is not None), None),
     )
-    return replace(vehicle, findings=(*findings, *_judged(vehicle, flown)))
+    return replace(vehicle, findings=(*findings, *_hover_remarks(vehicle, flown)))
 
 
 def _assumed(
@@ -364,8 +364,8 @@ def _assumed(
 ) -> dict[str, VehicleNumber]:
     """Mass and arm that nobody gave, where results need them for their scale."""
     motors = [model.motors for model in flown if model.motors is not None]
-    scaled = any(one.scale is not None for one in motors) or any(name in known for name in SCALES)
-    sized = any(one.arm_m is not None for one in motors) or "arm" in known
+    scaled = any(physics.scale is not None for physics in motors) or any(name in known for name in SCALES)
+    sized = any(physics.arm_m is not None for physics in motors) or "arm" in known
     wanted = [name for name, there in (("m", scaled), ("arm", sized)) if motors and not there and name in usual]
     return {name: usual[name] for name in wanted}
 
@@ -375,11 +375,11 @@ def _usual(numbers: Mapping[str, VehicleNumber], usual: Mapping[str, VehicleNumb
 
     The momentum of a rotor may follow from what is filled in here, and comes after it.
     """
-    found = {name: one for name, one in usual.items() if name not in numbers and name != "h"}
+    found = {name: number for name, number in usual.items() if name not in numbers and name != "h"}
     follows = set(_TERMS) if any(term in numbers for term in _TERMS) else set()
     if "kappa_per_I_zz" in numbers:
         follows |= {"kappa", "I_zz"} if "kappa" in numbers or "I_zz" in numbers else {"I_zz"}
-    return {name: one for name, one in found.items() if name not in follows}
+    return {name: number for name, number in found.items() if name not in follows}
 
 
 def _given(name: str, value: float) -> VehicleNumber:
@@ -411,28 +411,28 @@ def _rotors(
     usual: Mapping[str, VehicleNumber],
 ) -> tuple[RotorLayout | None, VehicleNumber | None]:
     """Where the rotors are, and the length of the arm."""
-    held = [(model, _layout_of(model.motors)) for model in flown if model.motors is not None]
-    for model, other in held[1:]:
-        first = held[0][1]
+    layouts = [(model, _layout_of(model.motors)) for model in flown if model.motors is not None]
+    for model, other in layouts[1:]:
+        first = layouts[0][1]
         if not np.array_equal(first.spins, other.spins) or not np.allclose(
             first.positions / first.arm, other.positions / other.arm, atol=1e-3
         ):
-            raise _conflict("the places of the rotors", "", (held[0][0].motors, _label(held[0][0])), model)
-    if layout is not None and held and layout.rotors != held[0][1].rotors:
+            raise _conflict("the places of the rotors", "", (layouts[0][0].motors, _label(layouts[0][0])), model)
+    if layout is not None and layouts and layout.rotors != layouts[0][1].rotors:
         raise UsageError(
-            f"{layout.name} has {layout.rotors} rotors, and {_label(held[0][0])} {held[0][1].rotors}",
+            f"{layout.name} has {layout.rotors} rotors, and {_label(layouts[0][0])} {layouts[0][1].rotors}",
             needed="a layout of the rotors that flew: their thrust was identified one by one",
         )
-    sized = [(model, one) for model, one in held if one.arm_known]
-    found = layout or (sized[0][1] if sized else held[0][1] if held else None)
+    sized = [(model, layout) for model, layout in layouts if layout.arm_known]
+    found = layout or (sized[0][1] if sized else layouts[0][1] if layouts else None)
     if found is None:
         return None, None
     if "arm" in known:
         return found.scaled(known["arm"]), None
     if found.arm_known:
-        for model, one in sized:
-            if not math.isclose(one.arm, found.arm, rel_tol=1e-3):
-                raise _conflict("arm", "arm", (sized[0][1].arm, _label(sized[0][0])), model, one.arm)
+        for model, item in sized:
+            if not math.isclose(item.arm, found.arm, rel_tol=1e-3):
+                raise _conflict("arm", "arm", (sized[0][1].arm, _label(sized[0][0])), model, item.arm)
         of = found.source or (_label(sized[0][0]) if sized else found.name)
         return found, VehicleNumber(value=found.arm, unit="m", source="given", of=of)
     if "arm" in usual:
@@ -484,17 +484,17 @@ def _joined_numbers(
     rates = [model for model, of_rates in linear if of_rates]
     hover: Estimates = {}
     for model in airframes:
-        for name, one in _of_airframe(model).items():
-            hover.setdefault(name, []).append(one)
+        for name, number in _of_airframe(model).items():
+            hover.setdefault(name, []).append(number)
     for name, found in hover.items():
         # A lag from commands holds the mixer's straightening too: that of the motors counts.
         if name in MOTION or name not in numbers:
             numbers[name] = _combined(name, [*([numbers[name]] if name in numbers else []), *found], known)
     left: Estimates = {}
     for model in rates:
-        for name, one in _of_airframe(model).items():
+        for name, number in _of_airframe(model).items():
             if name not in numbers:
-                left.setdefault(name, []).append(one)
+                left.setdefault(name, []).append(number)
     return numbers | {name: _combined(name, found, known) for name, found in left.items()}
 
 
@@ -510,22 +510,22 @@ def _of_motors(
     """Numbers of a result of motors in meters, shares of output and kilograms, as far as these are known."""
     motors, of = model.motors, _label(model)
     assert motors is not None
-    held = {name: one for name, one in model.parameters.items() if one.status != "dropped"}
+    kept = {name: estimate for name, estimate in model.parameters.items() if estimate.status != "dropped"}
     factors = _unit_factors(motors, known)
     scale = _scale(model, factors, known, mass)
     found: dict[str, VehicleNumber] = {}
     for name in (*_SCALED, "kappa_per_I_zz", "kappa", "I_zz"):
         power = -1.0 if name == "kappa_per_I_zz" else 0.0 if name in ("kappa", "I_zz") else 1.0
-        told = name in held and name in factors and (scale is not None or power == 0.0)
+        known_factor = name in kept and name in factors and (scale is not None or power == 0.0)
         # Of kappa and I_zz only the one that was held is a measurement, the other follows below.
-        if told and (power != 0.0 or held[name].status == "fixed"):
-            found[name] = _number(name, held[name], of, factors[name] * (scale or 1.0) ** power)
-    found |= {name: _number(name, held[name], of) for name in _OF_MOTORS if name in held}
-    if "h_per_I_zz" in held and "h_per_I_zz" in factors:
-        found["h_per_I_zz"] = _number("h_per_I_zz", held["h_per_I_zz"], of, factors["h_per_I_zz"])
-    delay = next((name for name in ("tau_gyro", "tau_accel") if name in held), None)
+        if known_factor and (power != 0.0 or kept[name].status == "fixed"):
+            found[name] = _number(name, kept[name], of, factors[name] * (scale or 1.0) ** power)
+    found |= {name: _number(name, kept[name], of) for name in _OF_MOTORS if name in kept}
+    if "h_per_I_zz" in kept and "h_per_I_zz" in factors:
+        found["h_per_I_zz"] = _number("h_per_I_zz", kept["h_per_I_zz"], of, factors["h_per_I_zz"])
+    delay = next((name for name in ("tau_gyro", "tau_accel") if name in kept), None)
     if delay is not None:
-        found["delay"] = _number("delay", held[delay], of)
+        found["delay"] = _number("delay", kept[delay], of)
     if motors.reference_v is not None:
         found["reference_v"] = VehicleNumber(value=motors.reference_v, unit="V", source="derived", of=of)
     return found
@@ -587,7 +587,7 @@ def _thrust(
     if len(flown) == 1:
         return {name: part[name] for name in terms} | absent
     volts = first.motors.reference_v
-    alike = [_at_voltage(one, volts) for _, one in flown]
+    alike = [_at_voltage(numbers, volts) for _, numbers in flown]
     return _joint_curve(flown, alike, terms, known) | absent
 
 
@@ -600,8 +600,8 @@ def _at_voltage(part: Mapping[str, VehicleNumber], volts: float | None) -> dict[
     own = part.get("reference_v")
     factor = 1.0 if own is None or volts is None else (volts / own.value) ** 2
     return {
-        name: replace(one, value=factor * one.value, std=None if one.std is None else factor * one.std)
-        for name, one in part.items()
+        name: replace(number, value=factor * number.value, std=None if number.std is None else factor * number.std)
+        for name, number in part.items()
         if name in _TERMS
     }
 
@@ -612,29 +612,31 @@ def _joint_curve(
     terms: Sequence[str],
     known: Mapping[str, float],
 ) -> dict[str, VehicleNumber]:
-    alone = {name: _combined(name, [one[name] for one in alike], known) for name in terms}
-    if any(one[name].std is None for one in alike for name in terms):
-        return alone
+    separate = {name: _combined(name, [numbers[name] for numbers in alike], known) for name in terms}
+    if any(numbers[name].std is None for numbers in alike for name in terms):
+        return separate
     information, weighted = np.zeros((len(terms),) * 2), np.zeros(len(terms))
-    for (model, _), one in zip(flown, alike, strict=True):
-        std = np.array([one[name].std or 0.0 for name in terms])
+    for (model, _), numbers in zip(flown, alike, strict=True):
+        std = np.array([numbers[name].std or 0.0 for name in terms])
         index = [model.bounds.names.index(name) for name in terms]
         precision = np.linalg.inv(model.bounds.correlation[np.ix_(index, index)] * np.outer(std, std))
         information += precision
-        weighted += precision @ np.array([one[name].value for name in terms])
+        weighted += precision @ np.array([numbers[name].value for name in terms])
     covariance = np.linalg.inv(information)
     values = covariance @ weighted
     spread = np.sqrt(covariance.diagonal())
-    return {name: replace(alone[name], value=float(values[i]), std=float(spread[i])) for i, name in enumerate(terms)}
+    return {name: replace(separate[name], value=float(values[i]), std=float(spread[i])) for i, name in enumerate(terms)}
 
 
 def _of_airframe(model: IdentifiedModel) -> dict[str, VehicleNumber]:
     """Damping, lag and delay of a model from commands to motion."""
     of = _label(model)
     found = {
-        name: _number(name, one, of)
-        for name, one in model.parameters.items()
-        if name in MOTION and one.status != "dropped" and _UNIT_WORDS.get(one.unit, one.unit) == UNITS[name]
+        name: _number(name, estimate, of)
+        for name, estimate in model.parameters.items()
+        if name in MOTION
+        and estimate.status != "dropped"
+        and _UNIT_WORDS.get(estimate.unit, estimate.unit) == UNITS[name]
     }
     lag = model.parameters.get("T_motor")
     if lag is not None and lag.status != "dropped":
@@ -666,12 +668,12 @@ def _dropped(models: Sequence[IdentifiedModel], numbers: Mapping[str, VehicleNum
 
 def _delay_std(model: IdentifiedModel) -> float | None:
     """Of the delay to the first output that has one, by its own parameters: with a lag their sum is known better."""
-    (pair, first), *_ = ((pair, one) for pair, one in model.delays.items() if one.total_s > 0.0)
+    (pair, first), *_ = ((pair, budget) for pair, budget in model.delays.items() if budget.total_s > 0.0)
     output, _, command = pair.partition("/")
     of = model.structure
     entries = of.input_delays[of.inputs.index(command)], of.output_delays[of.outputs.index(output)]
     names = {name for entry in entries for name in entry.names}
-    stds = [one.std for name, one in model.parameters.items() if name in names and one.std]
+    stds = [estimate.std for name, estimate in model.parameters.items() if name in names and estimate.std]
     return math.hypot(*stds) if stds else first.total_std_s
 
 
@@ -687,39 +689,39 @@ def _combined(name: str, found: Sequence[VehicleNumber], known: Mapping[str, flo
         return found[0]
     if name == "delay":
         # Each log and each filter adds its own: what is not in all of them is not the vehicle's.
-        return min(found, key=lambda one: one.value)
+        return min(found, key=lambda number: number.value)
     if name == "reference_v":
         return found[0]
-    certain = [one for one in found if not one.std]
-    measured = [one for one in found if one.std]
+    certain = [number for number in found if not number.std]
+    measured = [number for number in found if number.std]
     if certain:
         best = certain[0]
         mean, std = best.value, 0.0
     else:
-        weights = np.array([1.0 / one.std**2 for one in measured if one.std])
-        mean = float(weights @ [one.value for one in measured] / weights.sum())
+        weights = np.array([1.0 / number.std**2 for number in measured if number.std])
+        mean = float(weights @ [number.value for number in measured] / weights.sum())
         std = float(weights.sum() ** -0.5)
         best = VehicleNumber(
             value=mean,
             unit=measured[0].unit,
             source=measured[0].source,
             std=std,
-            of=" and ".join(dict.fromkeys(one.of for one in measured)),
+            of=" and ".join(dict.fromkeys(number.of for number in measured)),
         )
-    for one in found:
+    for number in found:
         for other in found:
-            reach = max(_AGREEMENT_SIGMAS * math.hypot(one.std or 0.0, other.std or 0.0), _SAME * abs(other.value))
-            if abs(one.value - other.value) > reach:
+            reach = max(_AGREEMENT_SIGMAS * math.hypot(number.std or 0.0, other.std or 0.0), _SAME * abs(other.value))
+            if abs(number.value - other.value) > reach:
                 raise UsageError(
-                    f"{one.of} and {other.of} contradict each other in {name}: {_words(one)} and {_words(other)}",
+                    f"{number.of} and {other.of} contradict each other in {name}: {_words(number)} and {_words(other)}",
                     needed="results of one vehicle, within three standard deviations of each other",
                     remedy=f"leave one out, or decide with --set {name}=…",
                 )
     return best
 
 
-def _words(one: VehicleNumber) -> str:
-    return f"{with_error(one.value, one.std)} {one.unit}"
+def _words(number: VehicleNumber) -> str:
+    return f"{with_error(number.value, number.std)} {number.unit}"
 
 
 def _turning(rotors: RotorLayout | None, numbers: dict[str, VehicleNumber]) -> tuple[RotorLayout | None, list[Finding]]:
@@ -792,11 +794,11 @@ def _spinning_up(
     return [remark("spin_up", "h", message, kg_m2_s=numbers["h"].value)]
 
 
-def _product(name: str, one: VehicleNumber, factor: float, other: VehicleNumber) -> VehicleNumber:
-    std = None if one.std is None else abs(factor) * one.std
+def _product(name: str, number: VehicleNumber, factor: float, other: VehicleNumber) -> VehicleNumber:
+    std = None if number.std is None else abs(factor) * number.std
     source: Source = "default" if other.source == "default" else "derived"
-    of = " and ".join(dict.fromkeys(text for text in (one.of, other.of) if text))
-    return VehicleNumber(value=one.value * factor, unit=UNITS[name], source=source, std=std, of=of)
+    of = " and ".join(dict.fromkeys(text for text in (number.of, other.of) if text))
+    return VehicleNumber(value=number.value * factor, unit=UNITS[name], source=source, std=std, of=of)
 
 
 def _lead_of(model: IdentifiedModel) -> VehicleNumber | None:
@@ -851,7 +853,7 @@ def _multirotor(
     curve = any(term in numbers for term in _TERMS)
     if rotors is None or not rotors.arm_known or not curve or not set(_BODY) <= set(numbers):
         return None
-    value = {key: one.value for key, one in numbers.items()}
+    value = {key: number.value for key, number in numbers.items()}
     inertia = np.diag([value[key] for key in _INERTIA])
     for key, (i, j) in _PRODUCTS.items():
         inertia[i, j] = inertia[j, i] = value.get(key, 0.0)
@@ -877,7 +879,7 @@ def _multirotor(
     )
 
 
-def _judged(vehicle: JoinedVehicle, flown: Iterable[IdentifiedModel]) -> list[Finding]:
+def _hover_remarks(vehicle: JoinedVehicle, flown: Iterable[IdentifiedModel]) -> list[Finding]:
     """Whether the rotors carry the weight where they did in flight."""
     if vehicle.multirotor is None:
         return []

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from rotorid.checking.candidate import candidate_model
-from rotorid.checking.predictions import Trial, fitted_logs, has_seen
+from rotorid.checking.predictions import Trial, fitted_logs, was_fitted
 from rotorid.checking.predictors import predictor_of
 from rotorid.checking.scores import common_band, common_horizon_s
 from rotorid.data.base import Immutable
@@ -60,9 +60,9 @@ class Entry(Immutable):
     sha256: str = ""
     scored: bool = True
 
-    def has_seen(self, flight: Flight) -> bool:
-        """Whether any part of a flight was fitted, see :func:`rotorid.checking.predictions.has_seen`."""
-        return has_seen(self.model.provenance, flight)
+    def was_fitted(self, flight: Flight) -> bool:
+        """Whether any part of a flight was fitted, see :func:`rotorid.checking.predictions.was_fitted`."""
+        return was_fitted(self.model.provenance, flight)
 
     @cached_property
     def fitted_logs(self) -> frozenset[str]:
@@ -97,7 +97,7 @@ class ComparedManeuver(Immutable):
     def mean_percent(self, label: str, outputs: Sequence[str]) -> float:
         """Mean fit percent of some outputs that move; not a number where one is missing."""
         group = self.scores.get(label, ())
-        if any(name not in one.scores for one in group for name in outputs):
+        if any(name not in scores.scores for scores in group for name in outputs):
             return math.nan
         found = [percent for name in outputs if math.isfinite(percent := fit_percent(group, name))]
         return float(np.mean(found)) if found else math.nan
@@ -151,7 +151,7 @@ def score_on_logs(
     trials, findings = _trials(entries, records, settings)
     band_rad_s = common_band([entry.model for entry in entries])
     found, failed = _scores(entries, trials, None, band_rad_s)
-    horizon_s = common_horizon_s([one for each in found for group in each.scores.values() for one in group])
+    horizon_s = common_horizon_s([scores for each in found for group in each.scores.values() for scores in group])
     if horizon_s is not None:
         found, failed = _scores(entries, trials, horizon_s, band_rad_s)
     return OnLogs(maneuvers=tuple(found), band_rad_s=band_rad_s, findings=(*findings, *failed))
@@ -205,15 +205,15 @@ def _scores(
     flights: list[Flight] = []
     scores: list[dict[str, tuple[FixedParameterScores, ...]]] = []
     findings = []
-    for one in trials:
-        flight, label = one.trial.flight, one.entry.label
+    for trial in trials:
+        flight, label = trial.trial.flight, trial.entry.label
         _PROGRESS.info(f"{label} on {flight.record.source.name}")
         try:
-            group = one.trial.score(horizon_s, band_rad_s)
+            group = trial.trial.score(horizon_s, band_rad_s)
         except (InsufficientDataError, ModelError) as error:
-            findings.append(_not_scored(one.entry, flight.record, error))
+            findings.append(_not_scored(trial.entry, flight.record, error))
             continue
-        place = next((place for place, other in enumerate(flights) if one.is_of(other)), len(flights))
+        place = next((place for place, other in enumerate(flights) if trial.is_of(other)), len(flights))
         if place == len(flights):
             flights.append(flight)
             scores.append({})
@@ -223,24 +223,24 @@ def _scores(
             record=flight.record.source.name,
             maneuver=flight.maneuver,
             scores=here,
-            seen=tuple(entry.label for entry in entries if entry.has_seen(flight)),
+            seen=tuple(entry.label for entry in entries if entry.was_fitted(flight)),
         )
         for flight, here in zip(flights, scores, strict=True)
     ]
-    if any(one.slack_s for one in trials):
-        found.sort(key=lambda one: (one.record, one.maneuver.start_s))
+    if any(trial.slack_s for trial in trials):
+        found.sort(key=lambda maneuver: (maneuver.record, maneuver.maneuver.start_s))
     return found, findings
 
 
 def common_outputs(entries: Sequence[Entry], maneuvers: Sequence[ComparedManeuver]) -> tuple[str, ...]:
     """Outputs that every model has been scored on, wherever it was scored."""
     names = [
-        {name for each in maneuvers for one in each.scores.get(entry.label, ()) for name in one.scores}
+        {name for each in maneuvers for scores in each.scores.get(entry.label, ()) for name in scores.scores}
         for entry in entries
     ]
-    shared = set.intersection(*(one for one in names if one)) if any(names) else set()
+    shared = set.intersection(*(channel_names for channel_names in names if channel_names)) if any(names) else set()
     every = dict.fromkeys(
-        n for each in maneuvers for group in each.scores.values() for one in group for n in one.scores
+        n for each in maneuvers for group in each.scores.values() for scores in group for n in scores.scores
     )
     return tuple(name for name in every if name in shared)
 
@@ -300,7 +300,7 @@ class Comparison(Immutable):
     def horizon_s(self) -> float:
         """How far ahead was predicted, infinite for simulations."""
         groups = (group for each in self.maneuvers for group in each.scores.values())
-        return min((one.horizon_s for group in groups for one in group), default=math.inf)
+        return min((scores.horizon_s for group in groups for scores in group), default=math.inf)
 
 
 Compared: TypeAlias = IdentifiedModel | Entry
@@ -440,7 +440,7 @@ def _on_logs(
 
 def scored_outputs(group: Sequence[FixedParameterScores]) -> tuple[str, ...]:
     """Outputs that were scored."""
-    return tuple(dict.fromkeys(name for one in group for name in one.scores))
+    return tuple(dict.fromkeys(name for scores in group for name in scores.scores))
 
 
 def _remarks(
@@ -450,9 +450,9 @@ def _remarks(
     summaries: Mapping[str, OnLogsSummary],
 ) -> list[Finding]:
     found = []
-    seen = {label: [each for each in maneuvers if label in each.seen] for label in summaries}
+    fitted_maneuvers = {label: [each for each in maneuvers if label in each.seen] for label in summaries}
     if any(summary.seen for summary in summaries.values()):
-        labels = ", ".join(label for label, them in seen.items() if them)
+        labels = ", ".join(label for label, them in fitted_maneuvers.items() if them)
         found.append(
             warn(
                 "seen_data",
@@ -491,7 +491,9 @@ def basis_of(model: IdentifiedModel, parameter: str) -> str:
     """
     if not parameter.startswith(_TIMES):
         return ""
-    dropped = [name for name, one in model.parameters.items() if name.startswith(_TIMES) and one.status == "dropped"]
+    dropped = [
+        name for name, estimate in model.parameters.items() if name.startswith(_TIMES) and estimate.status == "dropped"
+    ]
     words = [f"without {name}" for name in sorted(dropped)]
     return ", ".join([*words, *(f"{name} from {source}" for name, source in sorted(model.provenance.sources.items()))])
 
@@ -507,5 +509,5 @@ def other_basis(basis: str, usual: str) -> str:
     'r from RATE.Y'
     """
     own, others = ({part for part in one.split(", ") if part} for one in (basis, usual))
-    beside = (part.replace("without", "with", 1) for part in others - own if part.startswith("without "))
-    return ", ".join(sorted([*(own - others), *beside])) or "measured otherwise"
+    counterparts = (part.replace("without", "with", 1) for part in others - own if part.startswith("without "))
+    return ", ".join(sorted([*(own - others), *counterparts])) or "measured otherwise"

@@ -138,7 +138,7 @@ def cross_validate(
     found = engine.cross_validate(
         groups, names=[group.name for group in groups], kind=kind, fit=fit, score=score, progress=say
     )
-    horizon_s = common_horizon_s([one for fold in found.folds for scores in fold.scores for one in scores])
+    horizon_s = common_horizon_s([score for fold in found.folds for scores in fold.scores for score in scores])
     band_rad_s = common_band([fold.model for fold in found.folds if fold.model])
     if horizon_s is not None or band_rad_s is not None:
         # Known only when all models are: what they have in common.
@@ -152,12 +152,12 @@ def cross_validate(
 
 def signal_scores(group: tuple[FixedParameterScores, ...]) -> dict[str, SignalScore]:
     """Scores of a group of records by output, as means over its records."""
-    names = dict.fromkeys(name for one in group for name in one.scores)
+    names = dict.fromkeys(name for scores in group for name in scores.scores)
     return {name: _mean_score(group, name) for name in names}
 
 
 def _mean_score(group: tuple[FixedParameterScores, ...], name: str) -> SignalScore:
-    every = [one.scores[name] for one in group if name in one.scores]
+    every = [scores.scores[name] for scores in group if name in scores.scores]
     return SignalScore(
         nrmse_fit_percent=finite(fit_percent(group, name)),
         tic=sum(score.tic for score in every) / len(every),
@@ -225,10 +225,10 @@ def _groups(
                 needed="at least two maneuvers or two logs",
                 remedy="give more logs, or parts of this one with --segment",
             )
-        _require_apart([flight.maneuver for flight in fitted])
+        _require_disjoint([flight.maneuver for flight in fitted])
         return [
-            _Group(name=f"{one.axis} {one.maneuver.kind} at {one.maneuver.start_s:.1f} s", flights=(one,))
-            for one in fitted
+            _Group(name=f"{flight.axis} {flight.maneuver.kind} at {flight.maneuver.start_s:.1f} s", flights=(flight,))
+            for flight in fitted
         ], []
     groups, findings = [], []
     require_inside(records, settings.segments)
@@ -241,12 +241,12 @@ def _groups(
     return groups, findings
 
 
-def _require_apart(maneuvers: Sequence[Maneuver]) -> None:
+def _require_disjoint(maneuvers: Sequence[Maneuver]) -> None:
     """What two maneuvers share would be fitted in one fold and count as unseen in it."""
     ordered = sorted(maneuvers, key=lambda m: m.start_s)
-    for one, other in combinations(ordered, 2):
-        if other.start_s < one.stop_s:
-            spans = [f"{m.axis}:{m.start_s:g}:{m.stop_s:g}" for m in (one, other)]
+    for maneuver, other in combinations(ordered, 2):
+        if other.start_s < maneuver.stop_s:
+            spans = [f"{m.axis}:{m.start_s:g}:{m.stop_s:g}" for m in (maneuver, other)]
             raise UsageError(
                 f"{spans[0]} and {spans[1]} overlap",
                 needed="maneuvers apart from each other, of which each can be unseen by the others",
@@ -268,7 +268,7 @@ def _names(records: Sequence[FlightRecord]) -> list[str]:
 
 def _parameters(model: IdentifiedModel | None) -> dict[str, FoldParameter]:
     parameters = model.parameters if model else {}
-    return {name: FoldParameter(value=one.value, std=one.std) for name, one in parameters.items()}
+    return {name: FoldParameter(value=estimate.value, std=estimate.std) for name, estimate in parameters.items()}
 
 
 def _empty_folds(found: CrossValidation[IdentifiedModel]) -> list[Finding]:

@@ -252,7 +252,7 @@ def _pair(records: Sequence[FlightRecord], input: str, output: str, settings: Me
     flown, remarks = chosen_maneuvers(records, input, output, settings)
     instrument = _instrument(flown, input, output, settings)
     feedback = instrument != input
-    segments, cutting = _cut_apart(flown, input, output, settings)
+    segments, cutting = _cut_by_record(flown, input, output, settings)
     joint = settings.estimate != "direct" and feedback and instrument is not None
     one_rate = same_rate(histories(segments))
     if joint and not one_rate:
@@ -281,7 +281,7 @@ def _pair(records: Sequence[FlightRecord], input: str, output: str, settings: Me
     )
 
 
-def _cut_apart(
+def _cut_by_record(
     flown: Sequence[Flight], input: str, output: str, settings: MeasureSettings
 ) -> tuple[tuple[Segment, ...], tuple[Finding, ...]]:
     """Maneuvers of each record by itself, at its own rate: resampling would move the delay."""

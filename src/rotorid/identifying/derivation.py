@@ -51,7 +51,7 @@ def derivation(
     if not known and not all(name in values for name in _COEFFICIENTS):
         return None
     # A parameter that was dropped is held at zero because it was not seen: nothing follows from it.
-    rows = [place for place, one in enumerate(parameters) if one.status != "dropped"]
+    rows = [place for place, parameter in enumerate(parameters) if parameter.status != "dropped"]
     kept = [name for place, name in enumerate(parameters.names) if place in rows]
     covariance = covariance_of_all(parameters, bounds)[np.ix_(rows, rows)]
     found = derived_quantities({name: values[name] for name in kept}, covariance, known)
@@ -59,7 +59,8 @@ def derivation(
     by_name = {relation.name: relation for relation in RELATIONS}
     return DerivedSummary(
         known={
-            name: KnownQuantity(value=one, std=spread, unit=KNOWN_UNITS[name]) for name, (one, spread) in known.items()
+            name: KnownQuantity(value=value, std=spread, unit=KNOWN_UNITS[name])
+            for name, (value, spread) in known.items()
         },
         quantities={
             name: DerivedQuantity(
@@ -82,9 +83,9 @@ def derivation_findings(derived: DerivedSummary | None) -> list[Finding]:
     quantities = derived.quantities if derived else {}
     return [
         finding
-        for name, one in quantities.items()
-        if abs(one.value) > _CLEAR_STDS * one.std
-        for finding in check_signs({name: one.value})
+        for name, quantity in quantities.items()
+        if abs(quantity.value) > _CLEAR_STDS * quantity.std
+        for finding in check_signs({name: quantity.value})
     ]
 
 
@@ -110,7 +111,7 @@ def _thrust(
     covered: Mapping[str, Range],
 ) -> tuple[ThrustPoint, ...]:
     """The coefficient over the advance ratios that the rotors saw, where model or relations have its line."""
-    values = {**parameters, **{name: one for name, (one, _) in known.items()}, **found.values}
+    values = {**parameters, **{name: value for name, (value, _) in known.items()}, **found.values}
     names = tuple(parameters)
     if all(name in found.values for name in _COEFFICIENTS):
         places, whole = [tuple(found.values).index(name) for name in _COEFFICIENTS], found.covariance

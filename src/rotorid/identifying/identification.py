@@ -98,26 +98,26 @@ def identify_by(
     data = method.prepare(records)
     fitted = method.fit(data)
     unseen = method.verify(data, fitted, verify)
-    told = method.describe(data, fitted)
+    report = method.describe(data, fitted)
     parameters = parameter_estimates(fitted.listed, fitted.bounds)
     _require_numbers(fitted.structure.name, parameters)
-    derived = derivation(fitted.listed, fitted.bounds, known=_known(method.settings), covered=told.covered)
+    derived = derivation(fitted.listed, fitted.bounds, known=_known(method.settings), covered=report.covered)
     return IdentifiedModel(
         structure=fitted.structure,
         parameters=parameters,
         bounds=fitted.bounds,
-        fit=told.fit,
-        data=replace(told.data, command_densities=command_densities(records, fitted.structure.inputs)),
+        fit=report.fit,
+        data=replace(report.data, command_densities=command_densities(records, fitted.structure.inputs)),
         verification=method.checks(fitted, unseen),
         verifications=unseen,
-        pole_estimates=pole_estimates(told.poles),
-        delays=told.delays,
-        covered=told.covered,
+        pole_estimates=pole_estimates(report.poles),
+        delays=report.delays,
+        covered=report.covered,
         combinations=tuple(
-            UnseenCombination(words=found.words(), vector=dict(found.vector)) for found in told.combinations
+            UnseenCombination(words=found.words(), vector=dict(found.vector)) for found in report.combinations
         ),
-        motors=told.motors,
-        nonlinear=told.nonlinear,
+        motors=report.motors,
+        nonlinear=report.nonlinear,
         derived=derived,
         controller=controller_settings(records),
         findings=worst_first(
@@ -125,7 +125,7 @@ def identify_by(
                 *(finding for record in (*records, *verify) for finding in record.findings),
                 *(finding for record in records for finding in controller_findings(record)),
                 *data.findings,
-                *method.remarks(data, fitted, told),
+                *method.remarks(data, fitted, report),
                 *derivation_findings(derived),
                 *unseen.findings,
             ]

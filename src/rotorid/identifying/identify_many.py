@@ -70,11 +70,13 @@ class SeveralModels(Immutable, Mapping[str, "IdentifiedModel | Refused"]):
 
 def none_stands(models: SeveralModels, records: Sequence[FlightRecord]) -> InsufficientDataError:
     """That the data support none of the models."""
-    findings = [one for answer in models.refused.values() for one in answer.findings if one.severity == "error"]
+    findings = [
+        finding for answer in models.refused.values() for finding in answer.findings if finding.severity == "error"
+    ]
     if not models:
         found = [(record.source.name, supports(record)) for record in records]
         # What several models lack alike is said once.
-        why = {(log, one.because): (one.lacks, model) for log, each in found for model, one in each.items()}
+        why = {(log, support.because): (support.lacks, model) for log, each in found for model, support in each.items()}
         findings = [refusal(kind, model, f"{log}: {because}.") for (log, because), (kind, model) in why.items()]
     logs = " and ".join(record.source.name for record in records)
     return InsufficientDataError(
@@ -150,7 +152,9 @@ def own_choices(structure: LinearStructure, settings: IdentifySettings) -> Ident
         name: {key: value for key, value in getattr(settings, name).items() if key in known}
         for name, known in _known(structure).items()
     }
-    return replace(settings, segments=tuple(one for one in settings.segments if one.axis in axes), **kept)
+    return replace(
+        settings, segments=tuple(maneuver for maneuver in settings.segments if maneuver.axis in axes), **kept
+    )
 
 
 def _known(structure: LinearStructure) -> dict[str, frozenset[str]]:
@@ -193,7 +197,7 @@ def require_known_by_any(models: Sequence[str | Path | LinearStructure], setting
         return
     known = [_known(structure) for structure in structures]
     for choice, kind in _KINDS.items():
-        names = frozenset[str]().union(*(one[choice] for one in known))
+        names = frozenset[str]().union(*(channels[choice] for channels in known))
         for name in getattr(settings, choice):
             if name not in names:
                 raise no_such(kind, name, sorted(names))

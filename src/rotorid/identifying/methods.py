@@ -27,7 +27,7 @@ from rotorid.fits.bootstrapping import bootstrap, require_bootstrap
 from rotorid.fits.data_requirements import require_known_gain
 from rotorid.fits.frequency.fit import FrequencyFit, cost_of
 from rotorid.fits.frequency.inverse import Screened, pose_screened
-from rotorid.fits.frequency.refusals import fit_sound
+from rotorid.fits.frequency.refusals import fit_or_refuse
 from rotorid.fits.frequency.scatter_between_flights import with_scatter
 from rotorid.fits.frequency.speed_damping import first_step
 from rotorid.fits.remarks import judge_combinations
@@ -38,14 +38,14 @@ from rotorid.fits.time.frequency_check import (
     FrequencySide,
     compare_with,
     frequency_side,
-    held_response,
+    hold_response,
     judge_agreement,
     require_one_gain,
     responses_without_hold,
     with_model_error,
 )
 from rotorid.fits.time.orders import chosen_order
-from rotorid.fits.time.refusals import require_bounds, require_sound_in_time
+from rotorid.fits.time.refusals import require_bounds, require_time_fit_explains
 from rotorid.fits.time.remarks import judge_time_fit, nothing_unseen
 from rotorid.fits.time.summary import equation_fits, information, record_fits, residuals
 from rotorid.fitting.frequency.screening import is_coupling
@@ -136,7 +136,7 @@ class Fitted(Protocol):
         ...
 
 
-class Described(NamedTuple):
+class FitReport(NamedTuple):
     """What a method tells of a finished fit.
 
     Parameters
@@ -191,11 +191,11 @@ class Method(Protocol[DataT, FittedT]):
         """The same in numbers."""
         ...
 
-    def describe(self, data: DataT, fitted: FittedT) -> Described:
+    def describe(self, data: DataT, fitted: FittedT) -> FitReport:
         """What the fit tells of itself."""
         ...
 
-    def remarks(self, data: DataT, fitted: FittedT, told: Described) -> Sequence[Finding]:
+    def remarks(self, data: DataT, fitted: FittedT, report: FitReport) -> Sequence[Finding]:
         """What a careful engineer would remark on it."""
         ...
 
@@ -220,7 +220,7 @@ class _Linear(Generic[DataT]):
         return checks_of(found, fitted.structure.states)
 
 
-class Chosen(NamedTuple):
+class StructureAndLogs(NamedTuple):
     """What of a model and of logs goes into a fit."""
 
     structure: LinearStructure
@@ -235,7 +235,7 @@ def choose(
     *,
     in_time: bool,
     outputs: tuple[str, ...] = (),
-) -> Chosen:
+) -> StructureAndLogs:
     """The maneuvers to fit, and the model cut to what they can show, at their trim.
 
     Parameters
@@ -263,7 +263,9 @@ def choose(
     own = settings if settings.outputs or not outputs else replace(settings, outputs=outputs)
     scope = scoped(model, selection, records, own, joined=not in_time)
     at_trim = trimmed(scope.structure, selection.fitted, settings)
-    return Chosen(at_trim.structure, selection, (*ruled_out, *left, *remarks, *scope.findings, *at_trim.findings))
+    return StructureAndLogs(
+        at_trim.structure, selection, (*ruled_out, *left, *remarks, *scope.findings, *at_trim.findings)
+    )
 
 
 class ResponseData(NamedTuple):
@@ -342,7 +344,7 @@ class Frequency(_Linear[ResponseData]):
 
     def fit(self, data: ResponseData) -> FrequencyFit:
         """Fit, drop what the data do not show, bound the rest; refit noise drawn anew where that was asked for."""
-        fitted = fit_sound(data.screened.problem, data.measured, data.settings)
+        fitted = fit_or_refuse(data.screened.problem, data.measured, data.settings)
         again = bootstrap(fitted.problem, fitted.final, fitted.bounds, data.settings, weights=fitted.weights)
         scattered = with_scatter(fitted, data.flights, data.settings)
         # Logs of two vehicles may leave not even a sign, although each is certain by itself.
@@ -357,17 +359,17 @@ class Frequency(_Linear[ResponseData]):
         found = predictor.predict(records, judging(data.settings), data.selection).found
         if found.maneuvers or found.sweeps or records:
             return found
-        held = hold_out(fitted.problem.structure, data.flights, data.settings)
-        sweeps = (held,) if held.response is not None else ()
-        return Verifications(frequency=held.costs, findings=(*held.findings, *found.findings), sweeps=sweeps)
+        held_out = hold_out(fitted.problem.structure, data.flights, data.settings)
+        sweeps = (held_out,) if held_out.response is not None else ()
+        return Verifications(frequency=held_out.costs, findings=(*held_out.findings, *found.findings), sweeps=sweeps)
 
-    def describe(self, data: ResponseData, fitted: FrequencyFit) -> Described:
+    def describe(self, data: ResponseData, fitted: FrequencyFit) -> FitReport:
         """Costs, responses and delays."""
         structure, problem, measured = fitted.structure, fitted.problem, data.measured
         own, response = structure.parameters, measured.response
         used = np.asarray(problem.used)
         filters = filter_delays(measured, data.flights)
-        return Described(
+        return FitReport(
             fit=Fit(
                 method="frequency",
                 outputs=structure.outputs,
@@ -392,15 +394,15 @@ class Frequency(_Linear[ResponseData]):
             covered=covered_by(data.flights),
         )
 
-    def remarks(self, data: ResponseData, fitted: FrequencyFit, told: Described) -> Sequence[Finding]:  # noqa: ARG002 - as all methods
+    def remarks(self, data: ResponseData, fitted: FrequencyFit, report: FitReport) -> Sequence[Finding]:  # noqa: ARG002 - as all methods
         """On data, fit and parameters."""
         again = fitted.bootstrap.findings if fitted.bootstrap else ()
-        return (*fitted.findings, *judge_combinations(told.combinations), *again)
+        return (*fitted.findings, *judge_combinations(report.combinations), *again)
 
 
 def judging(settings: IdentifySettings) -> VerifySettings:
     """Choices of a run for what it judges unseen flights by; intervals were given of the fitted logs."""
-    shared = {one.name: getattr(settings, one.name) for one in fields(MeasureSettings)}
+    shared = {field.name: getattr(settings, field.name) for field in fields(MeasureSettings)}
     return VerifySettings(**{**shared, "segments": ()})
 
 
@@ -518,11 +520,11 @@ class InTime(_Linear[TimeDomainData]):
         theta = fitted.problem.parameters.with_values(fitted.parameters.values).pack()
         fitted = replace(fitted, simulated=simulated_records(fitted.problem.predicted(theta), data.records))
         side = data.frequency.fitted
-        require_sound_in_time(fitted, side, data.records)
+        require_time_fit_explains(fitted, side, data.records)
         widened = with_model_error(fitted, side, data.structure, data.records) if side else fitted
         require_one_gain(widened, side)
         if not family_of(data.structure).opaque:
-            couplings = [one.name for one in data.structure.parameters if is_coupling(one)]
+            couplings = [parameter.name for parameter in data.structure.parameters if is_coupling(parameter)]
             require_bounds(widened.parameters, widened.bounds, couplings)
         again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
         return replace(widened, bootstrap=again)
@@ -530,7 +532,7 @@ class InTime(_Linear[TimeDomainData]):
     def verify(self, data: TimeDomainData, fitted: TimeFit, records: Sequence[FlightRecord]) -> Verifications:
         """Predict unseen maneuvers as those of the frequency domain are, or simulate responses to set-points."""
         if not data.selection.unseen and not records:
-            return Verifications(findings=(nothing_unseen([one.record for one in data.records.segments]),))
+            return Verifications(findings=(nothing_unseen([segment.record for segment in data.records.segments]),))
         structure = fitted.structure
         if not all(is_command(name) for name in structure.inputs):
             return FittedResponses(fitted, data.records, data.settings).predict(records, data.selection)
@@ -541,15 +543,15 @@ class InTime(_Linear[TimeDomainData]):
         )
         return LinearPredictor(candidate).predict(records, judging(data.settings), data.selection).found
 
-    def describe(self, data: TimeDomainData, fitted: TimeFit) -> Described:
+    def describe(self, data: TimeDomainData, fitted: TimeFit) -> FitReport:
         """Fits of the records, their residuals, and the frequency domain beside."""
         structure, side, records = fitted.structure, data.frequency, data.records
         others = compare_with(side.fitted, data.structure, fitted, records) if side.fitted else None
         noise = np.sqrt(fitted.problem.noise.diagonal())
         parameters, bounds = structure.parameters, fitted.bounds
-        seen = np.ones((len(structure.outputs), len(structure.inputs)), dtype=np.bool_)
+        used = np.ones((len(structure.outputs), len(structure.inputs)), dtype=np.bool_)
         filters = filter_delays(side.measured, data.flights) if side.measured else {}
-        return Described(
+        return FitReport(
             fit=Fit(
                 method=self.kind,
                 outputs=structure.outputs,
@@ -574,20 +576,20 @@ class InTime(_Linear[TimeDomainData]):
             data=self._data(data, fitted),
             combinations=() if family_of(data.structure).opaque else unseen_combinations(fitted.parameters, bounds),
             poles=pole_confidence(structure, parameters, bounds),
-            delays=delay_budget(structure, parameters, bounds, seen, filters),
+            delays=delay_budget(structure, parameters, bounds, used, filters),
             covered=covered_by(data.flights),
         )
 
-    def remarks(self, data: TimeDomainData, fitted: TimeFit, told: Described) -> Sequence[Finding]:
+    def remarks(self, data: TimeDomainData, fitted: TimeFit, report: FitReport) -> Sequence[Finding]:
         """On fit, residuals and parameters, on feedback, and on the frequency domain."""
         return (
             *judge_time_fit(fitted, data.records, fitted.fit_percent),
             *judge_minima(fitted.search, fitted.parameters, fitted.bounds),
             *(fitted.bootstrap.findings if fitted.bootstrap else ()),
             *(_feedback(fitted, data.records) if self.kind == "output_error" else ()),
-            *judge_agreement(fitted, told.fit.frequency_fit or {}),
+            *judge_agreement(fitted, report.fit.frequency_fit or {}),
             *_not_compared(data),
-            *judge_combinations(told.combinations),
+            *judge_combinations(report.combinations),
         )
 
     def _data(self, data: TimeDomainData, fitted: TimeFit) -> FittedData:
@@ -601,7 +603,7 @@ class InTime(_Linear[TimeDomainData]):
         return FittedData(
             response=response,
             direct=side.measured.direct if side.measured else None,
-            model_response=exact * held_response(response.omega_rad_s, data.records),
+            model_response=exact * hold_response(response.omega_rad_s, data.records),
             used=np.asarray(used),
             least_coherence=limit,
             segments=data.records.segments,

@@ -20,7 +20,7 @@ from rotorid.fits.searching import judge_minima, search_summary, searched_minima
 from rotorid.flights.flights import Flight
 from rotorid.flights.motor_data import MotorData, motor_data
 from rotorid.flights.selection import Selection
-from rotorid.identifying.methods import Described
+from rotorid.identifying.methods import FitReport
 from rotorid.models.motors import CURVE_TERMS, DELAYS, scale_of
 from rotorid.results.model import FittedData, Verifications, no_response
 from rotorid.results.summary import (
@@ -80,11 +80,11 @@ class Motors:
             }
         )
 
-    def describe(self, data: MotorData, fitted: FittedMotors) -> Described:  # noqa: ARG002 - as all methods
+    def describe(self, data: MotorData, fitted: FittedMotors) -> FitReport:  # noqa: ARG002 - as all methods
         """Fits of the stretches, rotors and thrust."""
         response, solution = no_response(fitted.structure), fitted.fit.solution
         combinations = unseen_combinations(fitted.parameters, fitted.bounds)
-        return Described(
+        return FitReport(
             fit=Fit(
                 method=self.settings.method,
                 outputs=fitted.channels,
@@ -113,11 +113,11 @@ class Motors:
             motors=_physics(fitted, self.settings.known),
         )
 
-    def remarks(self, data: MotorData, fitted: FittedMotors, told: Described) -> Sequence[Finding]:  # noqa: ARG002 - as all methods
+    def remarks(self, data: MotorData, fitted: FittedMotors, report: FitReport) -> Sequence[Finding]:  # noqa: ARG002 - as all methods
         """On what was excited, what stays undetermined, and what physics does not allow."""
         return (
-            *judge_motors(fitted, self.settings, told.fit.fit_percent or {}),
-            *judge_combinations(told.combinations),
+            *judge_motors(fitted, self.settings, report.fit.fit_percent or {}),
+            *judge_combinations(report.combinations),
             *judge_minima(fitted.search, fitted.parameters, fitted.bounds),
             *(fitted.bootstrap.findings if fitted.bootstrap else ()),
         )
@@ -199,9 +199,9 @@ def _physics(fitted: FittedMotors, known: Mapping[str, float]) -> MotorPhysics:
                 start_s=flight.record.start_s,
                 stop_s=float(flight.record.time_s[-1]),
                 sample_rate_hz=flight.record.sample_rate_hz,
-                correlation={axis: excitation.correlation for axis, excitation in seen.items()},
+                correlation={axis: excitation.correlation for axis, excitation in excited.items()},
                 counted=tuple(axes),
             )
-            for flight, seen, axes in zip(data.stretches, fitted.fit.excitations, counted, strict=True)
+            for flight, excited, axes in zip(data.stretches, fitted.fit.excitations, counted, strict=True)
         ),
     )

@@ -28,7 +28,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, RotoridError
 from rotorid.fits.remarks import judge_combinations, judge_parameters
-from rotorid.fits.scatter import Alone, Disagreement, disagreements, widened
+from rotorid.fits.scatter import Disagreement, LogEstimate, disagreements, widened
 from rotorid.fits.searching import Searched, judge_minima, search_summary, searched, searched_minima
 from rotorid.fits.time.fit import explained_percents, simulated_records
 from rotorid.fits.time.refusals import does_not_describe, out_of_iterations, require_bounds, unexplained
@@ -40,7 +40,7 @@ from rotorid.flights.coverage import covered_by
 from rotorid.flights.flights import Flight
 from rotorid.flights.segments import TimeRecords, source_of
 from rotorid.flights.selection import Selection
-from rotorid.identifying.methods import Described
+from rotorid.identifying.methods import FitReport
 from rotorid.models.nonlinear import NonlinearStructure, linear_of
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
@@ -141,7 +141,7 @@ class FittedNonlinear(Immutable):
     fit: NonlinearFit
     bounds: Bounds
     simulated: tuple[SimulatedRecord, ...]
-    alone: tuple[Alone, ...] = ()
+    alone: tuple[LogEstimate, ...] = ()
     scattered: tuple[Disagreement, ...] = ()
     search: Searched | None = None
 
@@ -185,7 +185,7 @@ class Nonlinear:
         structure = model.select(outputs)
         flown = flown_records(structure, flights, self.settings)
         parameters = parameters.only(structure.parameters.names)
-        parameters, held = _held_at_rest(structure, parameters, flown.data)
+        parameters, remarks = _fixed_at_rest(structure, parameters, flown.data)
         if not parameters.free:
             raise InsufficientDataError(
                 f"nothing moves what {structure.name} has",
@@ -193,11 +193,11 @@ class Nonlinear:
                 findings=[refusal("no_excitation", structure.name, "No input of the model moves.")],
             )
         # Neither motor lag nor delay of a small multirotor is asked of drag and flight.
-        told = [finding for finding in flown.findings if "needed_hz" not in finding.numbers]
+        findings = [finding for finding in flown.findings if "needed_hz" not in finding.numbers]
         known = set(structure.parameters.names)
         more = [name for name in model.outputs if set(model.select([name]).parameters.names) <= known]
         whole = model.select([name for name in model.outputs if name in more or name in outputs])
-        return NonlinearData(whole, structure, parameters, flights, flown, (*told, *left, *held))
+        return NonlinearData(whole, structure, parameters, flights, flown, (*findings, *left, *remarks))
 
     def fit(self, data: NonlinearData) -> FittedNonlinear:
         """Fit all records together, bound the parameters, and fit each record alone."""
@@ -216,46 +216,46 @@ class Nonlinear:
                 findings=[refusal("not_converged", structure.name, "The simulation diverges at the start values.")],
             )
         bounds = bounds_of_parts(fit.problem.parts(fit.solution.theta), data.parameters.free)
-        alone = self._alone(data, fit)
-        scattered = disagreements(alone)
+        estimates = self._fit_each_record(data, fit)
+        scattered = disagreements(estimates)
         fitted = FittedNonlinear(
             model=replace(data.whole, parameters=fit.estimate.parameters),
             outputs=structure.outputs,
             fit=fit,
-            bounds=widened(bounds, {one.parameter: one.scatter for one in scattered}),
+            bounds=widened(bounds, {disagreement.parameter: disagreement.scatter for disagreement in scattered}),
             simulated=simulated_records(fit.problem.predicted(fit.solution.theta), records),
-            alone=alone,
+            alone=estimates,
             scattered=scattered,
             search=search,
         )
-        _require_sound(fitted)
+        _require_explained(fitted)
         return fitted
 
-    def _alone(self, data: NonlinearData, fit: NonlinearFit) -> tuple[Alone, ...]:
+    def _fit_each_record(self, data: NonlinearData, fit: NonlinearFit) -> tuple[LogEstimate, ...]:
         """What each record says by itself, begun at what all say together; records that tell nothing are left out."""
         if len(data.records.data) < 2:
             return ()
         found, shown = [], _shown(fit, data.records)
         for place, record in enumerate(data.records.data):
             _PROGRESS.info(f"fitting {record.name} alone", extra={"done": place, "total": len(data.records.data)})
-            parameters, _ = _held_at_rest(data.structure, fit.estimate.parameters, [record])
+            parameters, _ = _fixed_at_rest(data.structure, fit.estimate.parameters, [record])
             if not parameters.free:
                 continue
             try:
-                one = fit_nonlinear(_posed(data.structure, parameters, data.records, [record], self.settings.pieces_s))
-                bounds = bounds_of_parts(one.problem.parts(one.solution.theta), parameters.free)
+                item = fit_nonlinear(_posed(data.structure, parameters, data.records, [record], self.settings.pieces_s))
+                bounds = bounds_of_parts(item.problem.parts(item.solution.theta), parameters.free)
             except RotoridError:  # a record may be too short for what all show together
                 continue
             name = f"{record.name} at {data.records.segments[place].history.start_s:.1f} s"
             stds = {n: std for n, std in zip(bounds.names, bounds.std.tolist(), strict=True) if shown[place][n]}
             if stds:
-                found.append(Alone(record=name, values=one.estimate.parameters.values, stds=stds))
+                found.append(LogEstimate(record=name, values=item.estimate.parameters.values, stds=stds))
         return tuple(found)
 
     def verify(self, data: NonlinearData, fitted: FittedNonlinear, records: Sequence[FlightRecord]) -> Verifications:
         """Simulate further logs from their start on."""
         if not records:
-            names = list(dict.fromkeys(one.record for one in data.records.segments))
+            names = list(dict.fromkeys(segment.record for segment in data.records.segments))
             return Verifications(findings=(nothing_unseen(names),))
         selection = Selection(fitted=data.flights, unseen=())
         return NonlinearPredictor(fitted.model).predict(records, VerifySettings(), selection).found
@@ -264,7 +264,7 @@ class Nonlinear:
         """Scores of the flights."""
         return checks_of(found, ())
 
-    def describe(self, data: NonlinearData, fitted: FittedNonlinear) -> Described:
+    def describe(self, data: NonlinearData, fitted: FittedNonlinear) -> FitReport:
         """Fits of the records and their residuals."""
         structure, solution = fitted.structure, fitted.fit.solution
         response, problem = no_response(structure), fitted.fit.problem
@@ -272,10 +272,10 @@ class Nonlinear:
         outputs = len(fitted.outputs)
         numbers = len(fitted.bounds.names) + problem.most_unknowns + outputs * (outputs + 1) // 2
         likelihood = log_likelihood(problem)
-        alone = {one.record: one for one in fitted.alone}
+        estimates = {estimate.record: estimate for estimate in fitted.alone}
         fits = record_fits(fitted.simulated, data.records, fitted.outputs)
         linear = fitted.structure.parameters
-        return Described(
+        return FitReport(
             fit=Fit(
                 method="output_error",
                 outputs=fitted.outputs,
@@ -290,8 +290,10 @@ class Nonlinear:
                 hold=data.records.hold,
                 pieces_s=self.settings.pieces_s,
                 records=tuple(
-                    replace(one, parameters=_estimates(alone.get(f"{one.record} at {one.start_s:.1f} s"), fitted.model))
-                    for one in fits
+                    replace(
+                        fit, parameters=_estimates(estimates.get(f"{fit.record} at {fit.start_s:.1f} s"), fitted.model)
+                    )
+                    for fit in fits
                 ),
                 noise=dict(zip(fitted.outputs, map(float, noise), strict=True)),
                 log_likelihood=likelihood,
@@ -316,9 +318,9 @@ class Nonlinear:
             nonlinear=fitted.model,
         )
 
-    def remarks(self, data: NonlinearData, fitted: FittedNonlinear, told: Described) -> Sequence[Finding]:
+    def remarks(self, data: NonlinearData, fitted: FittedNonlinear, report: FitReport) -> Sequence[Finding]:
         """On the fit, its residuals and parameters, and on records that disagree."""
-        units = {one.name: one.unit for one in fitted.model.parameters}
+        units = {parameter.name: parameter.unit for parameter in fitted.model.parameters}
         step_s = 1.0 / data.records.data[0].sample_rate_hz
         return (
             *judge_explained(fitted.fit_percent),
@@ -326,8 +328,8 @@ class Nonlinear:
             *judge_solver(fitted.model.name, fitted.fit.solution, fitted.model.parameters, fitted.model.input_delays),
             *judge_parameters(fitted.model.parameters, fitted.bounds),
             *judge_minima(fitted.search, fitted.model.parameters, fitted.bounds),
-            *judge_combinations(told.combinations),
-            *(one.finding(units[one.parameter]) for one in fitted.scattered),
+            *judge_combinations(report.combinations),
+            *(disagreement.finding(units[disagreement.parameter]) for disagreement in fitted.scattered),
         )
 
 
@@ -345,7 +347,9 @@ def _outputs(
         return tuple(asked), ()
     logged = logged_outputs(model, records)
     rates = dict(zip(model.states, model.equations, strict=True))
-    own = {name for name, one in zip(model.outputs, model.output_equations, strict=True) if str(one) == name}
+    own = {
+        name for name, expression in zip(model.outputs, model.output_equations, strict=True) if str(expression) == name
+    }
     integrals = [name for name in logged if name in own and str(rates[name]) in logged and str(rates[name]) in own]
     chosen = tuple(name for name in logged if name not in integrals)
     if not chosen:
@@ -388,26 +392,35 @@ def _shown(fit: NonlinearFit, records: TimeRecords) -> list[dict[str, bool]]:
     return [dict(zip(names, (size * _ABOUT_AS_MUCH >= most).tolist(), strict=True)) for size in sizes]
 
 
-def _held_at_rest(
+def _fixed_at_rest(
     structure: NonlinearStructure, parameters: ParameterSet, data: Sequence[TimeData]
 ) -> tuple[ParameterSet, tuple[Finding, ...]]:
     """Parameters with those held that act only on states which inputs at rest, and no moving ones, would move."""
-    moving = {name for row, name in enumerate(structure.inputs) if any(np.ptp(one.inputs[row]) > 0.0 for one in data)}
+    moving = {
+        name for row, name in enumerate(structure.inputs) if any(np.ptp(record.inputs[row]) > 0.0 for record in data)
+    }
     still = [name for name in structure.inputs if name not in moving]
     if not still or not moving:
         return parameters, ()
     asleep = structure.reached(still) - structure.reached(moving)
     rows = dict(zip(structure.states, structure.equations, strict=True))
     delays = dict(zip(structure.inputs, structure.input_delays, strict=True))
-    awake = [*(one for state, one in rows.items() if state not in asleep), *(delays[name] for name in moving)]
-    awake += [one for one in structure.output_equations if not (one.names & set(structure.states)) <= asleep]
-    used = frozenset().union(*(one.names for one in awake)) if awake else frozenset()
-    held = [name for name in parameters.free if name not in parameters.only(used & set(parameters.names)).names]
-    for name in held:
+    awake = [
+        *(expression for state, expression in rows.items() if state not in asleep),
+        *(delays[name] for name in moving),
+    ]
+    awake += [
+        expression
+        for expression in structure.output_equations
+        if not (expression.names & set(structure.states)) <= asleep
+    ]
+    used = frozenset().union(*(expression.names for expression in awake)) if awake else frozenset()
+    fixed = [name for name in parameters.free if name not in parameters.only(used & set(parameters.names)).names]
+    for name in fixed:
         parameters = parameters.fix(name, parameters[name].value)
     words = f"{' and '.join(still)} did not move"
     return parameters, tuple(
-        remark("no_excitation", name, f"{words}, so {name} was held at {parameters[name].value:g}.") for name in held
+        remark("no_excitation", name, f"{words}, so {name} was held at {parameters[name].value:g}.") for name in fixed
     )
 
 
@@ -418,7 +431,7 @@ def _posed(
     data: Sequence[TimeData],
     pieces_s: float | None,
 ) -> NonlinearProblem:
-    parts = data if pieces_s is None else [piece for one in data for piece in one.pieces(pieces_s)]
+    parts = data if pieces_s is None else [piece for record in data for piece in record.pieces(pieces_s)]
     return NonlinearProblem(
         structure=structure, parameters=parameters, records=tuple(parts), scheme=Scheme(hold=records.hold)
     )
@@ -429,7 +442,7 @@ def _likelihood(fit: NonlinearFit) -> float:
     return -log_likelihood(fit.problem) if np.isfinite(fit.solution.cost) else math.inf
 
 
-def _require_sound(fitted: FittedNonlinear) -> None:
+def _require_explained(fitted: FittedNonlinear) -> None:
     """Refuse a search without an end, a simulation that leaves more than it explains, and values without bounds."""
     reasons = [*unexplained(fitted.fit_percent), *out_of_iterations(fitted.model.name, fitted.fit.solution)]
     if reasons:
@@ -438,11 +451,11 @@ def _require_sound(fitted: FittedNonlinear) -> None:
     require_bounds(fitted.model.parameters, fitted.bounds)
 
 
-def _estimates(alone: Alone | None, structure: NonlinearStructure) -> dict[str, Derived]:
+def _estimates(estimate: LogEstimate | None, structure: NonlinearStructure) -> dict[str, Derived]:
     """What a record says of the parameters by itself."""
-    if alone is None:
+    if estimate is None:
         return {}
     return {
-        name: Derived(value=alone.values[name], std=std, unit=structure.parameters[name].unit)
-        for name, std in alone.stds.items()
+        name: Derived(value=estimate.values[name], std=std, unit=structure.parameters[name].unit)
+        for name, std in estimate.stds.items()
     }

@@ -177,7 +177,7 @@ def with_channels_of(
     """
     lacking = {id(record): _lacking(structure, record) for record in records}
     if joined:
-        lacking |= {id(record): "" for record in records if _tells_of_some(structure, record)}
+        lacking |= {id(record): "" for record in records if _excites_some_input(structure, record)}
     kept = [record for record in records if not lacking[id(record)]]
     if not kept or len(kept) == len(records):
         return records, ()
@@ -207,9 +207,9 @@ def require_common_axes(structure: LinearStructure, records: Sequence[FlightReco
             topic.channels[row].unit: record.source.name for record in records for topic, row in record.holding(name)
         }
         if len(units) > 1:
-            told = " and ".join(f"{unit} in {log}" for unit, log in units.items())
+            unit_words = " and ".join(f"{unit} in {log}" for unit, log in units.items())
             raise UsageError(
-                f"{name} came in {told}",
+                f"{name} came in {unit_words}",
                 needed="one unit in all logs that are joined",
                 remedy="say its unit with --map",
             )
@@ -226,7 +226,7 @@ def require_common_axes(structure: LinearStructure, records: Sequence[FlightReco
         )
 
 
-def _tells_of_some(structure: LinearStructure, record: FlightRecord) -> bool:
+def _excites_some_input(structure: LinearStructure, record: FlightRecord) -> bool:
     """Whether some input of a model was excited in a log that holds it beside an output."""
     commands = [name for name in structure.inputs if is_command(name) and name in record.channel_names]
     excited = any(rich_excitations(record, axis_of(name)) for name in commands)
@@ -280,8 +280,8 @@ def _same_topic(record: FlightRecord, name: str, sensed: Sequence[str], fastest_
 
 
 def _holds(structure: LinearStructure, name: str, value: float) -> bool:
-    one = structure.parameters[name]
-    return one.status == "fixed" and one.value == value
+    parameter = structure.parameters[name]
+    return parameter.status == "fixed" and parameter.value == value
 
 
 def _require_left(
@@ -337,16 +337,16 @@ def _without(
     """What to say about outputs that were passed over by themselves."""
     if settings.outputs or not passed:
         return []
-    one = len(passed) == 1
-    gone = f" With {'it' if one else 'them'} go {', '.join(lost)}." if lost else ""
-    where = "is not in the log, or only as an estimate" if one else "are not in the log, or only as estimates"
+    single = len(passed) == 1
+    gone = f" With {'it' if single else 'them'} go {', '.join(lost)}." if lost else ""
+    where = "is not in the log, or only as an estimate" if single else "are not in the log, or only as estimates"
     return [
         remark(
             "outputs_left_out",
             ", ".join(passed),
             f"Only {', '.join(smaller.outputs)} {'was' if len(smaller.outputs) == 1 else 'were'} fitted. "
-            f"{', '.join(passed)} {where} of a filter that has a delay of its own; name {'it' if one else 'them'} "
-            f"with --outputs to fit {'it' if one else 'them'} too.{gone}",
+            f"{', '.join(passed)} {where} of a filter that has a delay of its own; name {'it' if single else 'them'} "
+            f"with --outputs to fit {'it' if single else 'them'} too.{gone}",
         )
     ]
 

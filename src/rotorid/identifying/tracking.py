@@ -164,7 +164,7 @@ def track(
     axis = RATE_AXIS.get(name)
     if axis is None:
         raise no_such("model that can be followed", name, tuple(RATE_AXIS))
-    beside = require_one_autopilot([model], [log]) if isinstance(model, IdentifiedModel) else ()
+    findings = require_one_autopilot([model], [log]) if isinstance(model, IdentifiedModel) else ()
     if not isinstance(model, IdentifiedModel) and (error := unsupported([log], name)):
         raise error
     start_s, stop_s = longest_flight(log, or_whole=False)
@@ -199,7 +199,7 @@ def track(
         log=log.source.name,
         model=name,
         axis=axis,
-        parameters={key: one.value for key, one in fitted.parameters.items()},
+        parameters={key: estimate.value for key, estimate in fitted.parameters.items()},
         given=isinstance(model, IdentifiedModel),
         instrument=instrument,
         reference_s=(start_s, start_s + chosen.first_s),
@@ -207,13 +207,18 @@ def track(
         trims=tuple(_trims(log, start_s, stop_s, chosen.first_s)),
         # What was remarked on a model that was given is of other logs.
         findings=worst_first(
-            [*log.findings, *left_out, *limits, *(beside if isinstance(model, IdentifiedModel) else _told(fitted))]
+            [
+                *log.findings,
+                *left_out,
+                *limits,
+                *(findings if isinstance(model, IdentifiedModel) else _reference_remarks(fitted)),
+            ]
         ),
         provenance=provenance([log], chosen),
     )
 
 
-def _told(reference: IdentifiedModel) -> Iterator[Finding]:
+def _reference_remarks(reference: IdentifiedModel) -> Iterator[Finding]:
     """Remarks on a model that was made on the way, without advice on options that only identify has."""
     for finding in reference.findings:
         words = re.sub(r" ?\([^()]{1,80}\)", lambda aside: "" if "--" in aside[0] else aside[0], finding.message)

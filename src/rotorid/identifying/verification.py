@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 from rotorid.checking.candidate import Candidate, candidate_model, read_candidate
 from rotorid.checking.checks import maneuver_check
-from rotorid.checking.predictions import has_seen, seen_data
+from rotorid.checking.predictions import fitted_before, was_fitted
 from rotorid.checking.predictors import predictor_of
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, refusal, worst_first
@@ -76,7 +76,7 @@ def verify(
 
     Short maneuvers are predicted in the time domain, in open loop and a little ahead from every sample; sweeps and
     random signals are compared in the frequency domain. Nothing of the model is adjusted. What was fitted flatters:
-    where the result says what that was, such a maneuver is shown with the finding ``seen_data``; else it is for the
+    where the result says what that was, such a maneuver is shown with the finding ``fitted_before``; else it is for the
     caller to know.
 
     Parameters
@@ -107,12 +107,12 @@ def verify(
     found, flights = predicted.found, predicted.flights
     findings = (
         *(finding for record in records for finding in record.findings),
-        *_seen(candidate, flights),
+        *_fitted_maneuvers(candidate, flights),
         *predicted.refusals,
         *found.findings,
     )
     if not found.maneuvers and not found.sweeps:
-        causes = "; ".join(one.message.rstrip(".") for one in found.findings if one.kind == "not_verified")
+        causes = "; ".join(finding.message.rstrip(".") for finding in found.findings if finding.kind == "not_verified")
         raise InsufficientDataError(
             causes or "no log can judge the model",
             needed=predictor.needed,
@@ -134,10 +134,10 @@ def verify(
     )
 
 
-def _seen(candidate: Candidate, flights: Sequence[Flight]) -> list[Finding]:
+def _fitted_maneuvers(candidate: Candidate, flights: Sequence[Flight]) -> list[Finding]:
     """Maneuvers that the model was fitted to."""
     known = candidate.provenance
-    return [] if known is None else [seen_data(one) for one in flights if has_seen(known, one)]
+    return [] if known is None else [fitted_before(flight) for flight in flights if was_fitted(known, flight)]
 
 
 def chosen(model: ModelSource, settings: VerifySettings) -> Candidate:

@@ -56,8 +56,8 @@ def allowed(wanted: Mapping[str, int]) -> dict[str, int]:
         return dict(wanted)
     found = {}
     for name, value in wanted.items():
-        held = [limit for limit in resource.getrlimit(getattr(resource, name)) if limit != resource.RLIM_INFINITY]
-        found[name] = min([value, *held])
+        limits = [limit for limit in resource.getrlimit(getattr(resource, name)) if limit != resource.RLIM_INFINITY]
+        found[name] = min([value, *limits])
     return found
 
 

@@ -137,9 +137,9 @@ def read(path: Path, source: Source) -> FlightRecord:
     log = decode(data)
     topics = tuple(topic for event in log.events if (topic := _topic(event)) is not None)
     if not topics:
-        held = ", ".join(repr(name)[1:-1] for event in log.events for name in event.columns) or "nothing"
+        column_names = ", ".join(repr(name)[1:-1] for event in log.events for name in event.columns) or "nothing"
         raise LogError(
-            f"{source.name} has no samples of a variable with a known name; its header announces {held[:300]}",
+            f"{source.name} has no samples of a variable with a known name; its header announces {column_names[:300]}",
             needed="variables such as gyro.x, acc.z, motor.m1",
             remedy="name them in config.txt on the card before the next flight",
         )
@@ -209,9 +209,9 @@ def _damage(log: UsdLog) -> Iterator[Finding]:
 
 
 def _missing(topics: tuple[Topic, ...]) -> Iterator[Finding]:
-    held = {channel.name for topic in topics for channel in topic.channels}
+    logged = {channel.name for topic in topics for channel in topic.channels}
     for name, meaning in _NEEDED.items():
-        if name not in held:
+        if name not in logged:
             yield warn(
                 "missing_channel",
                 name,

@@ -47,7 +47,7 @@ _TOML_TOKEN = re.compile(
     re.DOTALL,
 )
 _JSON_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*+"?|[\[\]{}]', re.DOTALL)
-_LONE = re.compile(r"\\u[dD][89a-fA-F]")
+_LONE_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 _AT_LINE = re.compile(r"at line (\d{1,9})")
 
 
@@ -137,13 +137,13 @@ def parse_json(text: str) -> Any:
     _check_size(len(text), MOST_JSON_BYTES, "JSON")
     depth = 0
     for token in _JSON_TOKEN.finditer(text):
-        if token[0].startswith('"') and _LONE.search(token[0]):
+        if token[0].startswith('"') and _LONE_SURROGATE.search(token[0]):
             _check_letters(token[0])
         depth = _deeper(depth, token[0], text, token.start())
     try:
         table = json.loads(text, parse_float=_number, parse_int=_integer, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
-        raise error if isinstance(error, DocumentError) else DocumentError(_said(error)) from error
+        raise error if isinstance(error, DocumentError) else DocumentError(_describe_error(error)) from error
     _check_integers(table)
     return table
 
@@ -285,13 +285,13 @@ def _check_integers(document: Any) -> None:
             raise DocumentError("a number has more than 64 bits")
 
 
-def _said(error: ValueError | RecursionError) -> str:
+def _describe_error(error: ValueError | RecursionError) -> str:
     message = str(error)
     return "a number has too many digits" if "integer string conversion" in message else message
 
 
 def _located(error: ValueError | RecursionError, text: str) -> DocumentError:
-    message = _said(error)
+    message = _describe_error(error)
     line = _AT_LINE.search(message)
     last = 1 + text.rstrip("\n").count("\n")
     return DocumentError(message, int(line[1]) if line else last if "end of document" in message else 0)

@@ -301,9 +301,9 @@ def _copy(stream: IO[bytes], out: IO[bytes], path: Path, limits: UnpackLimits) -
 _PROGRESS = logging.getLogger("rotorid.progress")
 
 
-def tell_progress(done: int, total: int) -> None:
+def log_progress(done: int, total: int) -> None:
     """Say how far a file has been read, in bytes; nobody is told of small ones."""
-    if total > _TOLD_BYTES:
+    if total > _LEAST_LOGGED_BYTES:
         _PROGRESS.info(f"reading, {100 * done // total} %", extra={"done": done, "total": total})
 
 
@@ -316,7 +316,7 @@ def let_go(data: AnyArray) -> None:
         base.madvise(mmap.MADV_DONTNEED)
 
 
-_TOLD_BYTES = 32 << 20
+_LEAST_LOGGED_BYTES = 32 << 20
 _LET_GO_BYTES = 16 << 20
 """So much of a mapped file may be in memory at once."""
 _CACHED_BYTES = 1 << 20

@@ -106,7 +106,7 @@ class Target:
 
 
 @dataclass
-class Making:
+class AtomicFolder:
     """A folder that is being made, and what becomes of it.
 
     Parameters
@@ -157,7 +157,7 @@ def target_folder(out: Path | None, default: Path, kind: ResultKind, *, force: b
 
 
 @contextmanager
-def making(target: Target) -> Iterator[Making]:
+def making(target: Target) -> Iterator[AtomicFolder]:
     """A folder to write results into; when the context ends well it takes the place of the target, and never in part.
 
     Inside of a folder that is being made already, the files go there directly.
@@ -169,23 +169,23 @@ def making(target: Target) -> Iterator[Making]:
     """
     folder = _resolved(target.folder)
     if is_being_made(folder):
-        with _said(target.asked or str(folder)):
+        with _as_unwritable(target.asked or str(folder)):
             folder.mkdir(parents=True, exist_ok=True)
-        yield Making(folder, folder)
+        yield AtomicFolder(folder, folder)
         return
-    with _said(target.asked or str(folder)):
+    with _as_unwritable(target.asked or str(folder)):
         inside = folder.is_dir() and not target.numbered and _stays(folder)
         parent = folder if inside else folder.parent
         parent.mkdir(parents=True, exist_ok=True)
         claim = _Claim(parent, _MAKING)
     place = claim.path / _NEW
     try:
-        with _said(target.asked or str(folder)):
+        with _as_unwritable(target.asked or str(folder)):
             place.mkdir()
         _active.add(place)
-        made = Making(place, target.folder)
+        made = AtomicFolder(place, target.folder)
         yield made
-        with _said(target.asked or str(folder)):
+        with _as_unwritable(target.asked or str(folder)):
             final = _publish(claim.path, folder, target)
         made.folder = target.folder.with_name(final.name) if target.numbered else target.folder
     finally:
@@ -331,7 +331,9 @@ def _in_the_way(folder: Path, kind: ResultKind, new: Sequence[str]) -> list[str]
         if name not in own and os.path.lexists(folder / name):
             taken.add(name)
         # A file where a folder belongs.
-        taken |= {one.as_posix() for one in places[1:] if os.path.lexists(folder / one) and not (folder / one).is_dir()}
+        taken |= {
+            path.as_posix() for path in places[1:] if os.path.lexists(folder / path) and not (folder / path).is_dir()
+        }
     return sorted(taken)
 
 
@@ -367,7 +369,7 @@ def _unwritable(asked: str, why: str) -> UsageError:
 
 
 @contextmanager
-def _said(asked: str) -> Iterator[None]:
+def _as_unwritable(asked: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
@@ -508,15 +510,15 @@ def _exchange(claim: Path, folder: Path) -> None:
         raise
 
 
-def _swapped(one: Path, other: Path) -> bool:
+def _swapped(path: Path, other: Path) -> bool:
     """Exchange two names in one step; False where system or file system cannot."""
     try:
         libc = ctypes.CDLL(None, use_errno=True)
         if sys.platform == "darwin":
-            return bool(libc.renamex_np(os.fsencode(one), os.fsencode(other), 2) == 0)
+            return bool(libc.renamex_np(os.fsencode(path), os.fsencode(other), 2) == 0)
         if sys.platform.startswith("linux"):
             here = -100  # AT_FDCWD
-            return bool(libc.renameat2(here, os.fsencode(one), here, os.fsencode(other), 2) == 0)
+            return bool(libc.renameat2(here, os.fsencode(path), here, os.fsencode(other), 2) == 0)
     except (AttributeError, OSError, TypeError):
         pass
     return False
@@ -630,20 +632,20 @@ def _lock(path: Path) -> int | None:
     except ImportError:  # Windows: leftovers are known by their age.
         return _NO_LOCKS
     try:
-        held = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     except FileNotFoundError:
         return None
     except OSError:
         return _NO_LOCKS
     try:
-        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        os.close(held)
+        os.close(descriptor)
         return None
     except OSError:  # A file system without locks.
-        os.close(held)
+        os.close(descriptor)
         return _NO_LOCKS
-    return held
+    return descriptor
 
 
 def _unlock(lock: int) -> None:

@@ -191,9 +191,9 @@ def _read_answer(folder: Path, name: str, code: int, limits: Limits, *, tight: b
     try:
         content = json.loads(answer.read_text(encoding="utf-8"))
         if "refused" in content:
-            told = LogError(**{part: str(content["refused"][part]) for part in ("came", "needed", "remedy")})
+            error = LogError(**{part: str(content["refused"][part]) for part in ("came", "needed", "remedy")})
         elif "failure" in content:
-            told = (refused if content.get("full") else _refused)(name, str(content["failure"]))
+            error = (refused if content.get("full") else _refused)(name, str(content["failure"]))
         else:
             names: list[str] = [str(label) for label in content["names"]]
             arrays: dict[str, AnyArray] = {}
@@ -203,7 +203,7 @@ def _read_answer(folder: Path, name: str, code: int, limits: Limits, *, tight: b
             return Extract(arrays=arrays, facts=dict(content["facts"]))
     except (ValueError, KeyError, TypeError, OSError, EOFError, RecursionError, zipfile.BadZipFile):
         raise _refused(name, "the parser left no answer that can be read") from None
-    raise told
+    raise error
 
 
 def _why(code: int, errors: Path, limits: Limits) -> str:
@@ -211,5 +211,5 @@ def _why(code: int, errors: Path, limits: Limits) -> str:
         if -code in {getattr(signal, "SIGXCPU", 0), getattr(signal, "SIGKILL", 0)}:
             return f"the parser was stopped after {limits.cpu_s} s of processor time or by the system's memory guard"
         return f"the parser crashed on it (signal {signal.Signals(-code).name})"
-    said = errors.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return f"the parser ended with code {code}" + (f" ({said[-1][:200]})" if said else "")
+    lines = errors.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    return f"the parser ended with code {code}" + (f" ({lines[-1][:200]})" if lines else "")

@@ -48,7 +48,7 @@ _LARGEST_STAMP_S = 2.0**53 / 1e6
 _LEAST_STEP_S = 1e-6
 _LEAST_STEP_ULPS = 256.0
 """Steps whose mean is below the larger of the two, seconds and units in the last place, are no steps of a clock."""
-_LONE_SAMPLES = 3
+_MOST_ISOLATED = 3
 _LONE_S, _LONE_STEPS = 1.0, 100.0
 """So many samples behind a pause so long, in seconds and in steps, say nothing about when the log begins or ends."""
 
@@ -120,14 +120,16 @@ def screened(record: FlightRecord) -> FlightRecord:
     )
     if unchanged:
         return replace(record, findings=(*record.findings, *findings)) if findings else record
-    held = {channel.name for topic in topics for channel in topic.channels}
+    logged = {channel.name for topic in topics for channel in topic.channels}
     instruments = {
-        axis: present for axis, names in record.instruments.items() if (present := tuple(n for n in names if n in held))
+        axis: present
+        for axis, names in record.instruments.items()
+        if (present := tuple(n for n in names if n in logged))
     }
     return replace(record, topics=tuple(topics), instruments=instruments, findings=(*record.findings, *findings))
 
 
-def without_lone(values: FloatArray) -> FloatArray:
+def without_isolated(values: FloatArray) -> FloatArray:
     """Each sample replaced by the median of itself and its two neighbors, so that a single wrong one has no say.
 
     Parameters
@@ -303,11 +305,11 @@ def _longest_rising(stamps: FloatArray) -> IntArray:
 
 def _span(stamps: FloatArray) -> tuple[float, float] | None:
     """First and last stamp of a topic, but for a few that a long pause parts from all others."""
-    if stamps.size <= 2 * _LONE_SAMPLES:
+    if stamps.size <= 2 * _MOST_ISOLATED:
         return None
     steps = np.diff(stamps)
     pause = max(_LONE_S, _LONE_STEPS * float(np.median(steps)))
-    ends = range(_LONE_SAMPLES)
+    ends = range(_MOST_ISOLATED)
     first = max((place + 1 for place in ends if steps[place] > pause), default=0)
     last = stamps.size - 1 - max((place + 1 for place in ends if steps[-1 - place] > pause), default=0)
     return float(stamps[first]), float(stamps[last])
@@ -320,12 +322,12 @@ class _Faults:
     channel: Channel
     no_number: BoolArray
     outside: BoolArray
-    lone: BoolArray
+    isolated: BoolArray
     still: BoolArray
 
     @property
     def bad(self) -> BoolArray:
-        return self.no_number | self.outside | self.lone | self.still
+        return self.no_number | self.outside | self.isolated | self.still
 
     @property
     def refused(self) -> bool:
@@ -341,7 +343,7 @@ def _possible(topic: Topic, topics: Sequence[Topic]) -> tuple[list[Topic], list[
     faulty = [fault for row in range(len(topic.channels)) if (fault := _faults(topic, row, topics)) is not None]
     if not faulty:
         return [topic], []
-    findings = [*(finding for fault in faulty for finding in _said(topic, fault)), *_empty(topic, faulty)]
+    findings = [*(finding for fault in faulty for finding in _fault_findings(topic, fault)), *_empty(topic, faulty)]
     bad = {fault.channel.name: fault.bad for fault in faulty if not fault.refused}
     refused = {fault.channel.name for fault in faulty if fault.refused}
     rows = [row for row, channel in enumerate(topic.channels) if channel.name not in refused]
@@ -363,24 +365,26 @@ def _faults(topic: Topic, row: int, topics: Sequence[Topic]) -> _Faults | None:
     low, high = range_of(channel) or (-np.inf, np.inf)
     # A comparison with a NaN is false; one pass tells that all is well.
     least, most = float(values.min()), float(values.max())
-    sound = low <= least and most <= high and np.isfinite(least) and np.isfinite(most)
-    no_number = np.zeros(values.size, dtype=np.bool_) if sound else ~np.isfinite(values)
+    plausible = low <= least and most <= high and np.isfinite(least) and np.isfinite(most)
+    no_number = np.zeros(values.size, dtype=np.bool_) if plausible else ~np.isfinite(values)
     with np.errstate(invalid="ignore"):
-        outside = no_number if sound else ((values < low) | (values > high)) & ~no_number
-    alone, still = np.zeros((2, values.size), dtype=np.bool_)
+        outside = no_number if plausible else ((values < low) | (values > high)) & ~no_number
+    isolated, still = np.zeros((2, values.size), dtype=np.bool_)
     if rate_hz >= _SLOWEST_HZ:
-        inside = slice(None) if sound else np.flatnonzero(~(no_number | outside))
+        inside = slice(None) if plausible else np.flatnonzero(~(no_number | outside))
         known, time_s = values[inside], topic.time_s[inside]
-        lone = _lone_samples(known, channel.name)
+        candidates = _isolated_samples(known, channel.name)
         if not _is_sensed(channel.name):
             elsewhere = [other for other in topics if other is not topic]
-            told = [place for place in _far(known, channel.name).tolist() if not _is_told(time_s[place], elsewhere)]
-            lone = np.union1d(lone, told).astype(np.int64)
-        for mask, found in ((alone, lone), (still, _still(known, channel.name, rate_hz))):
+            confirmed = [
+                place for place in _far(known, channel.name).tolist() if not _is_confirmed(time_s[place], elsewhere)
+            ]
+            candidates = np.union1d(candidates, confirmed).astype(np.int64)
+        for mask, found in ((isolated, candidates), (still, _still(known, channel.name, rate_hz))):
             mask[np.arange(values.size)[inside][found]] = True
-    if sound and not alone.any() and not still.any():
+    if plausible and not isolated.any() and not still.any():
         return None
-    return _Faults(channel=channel, no_number=no_number, outside=outside, lone=alone, still=still)
+    return _Faults(channel=channel, no_number=no_number, outside=outside, isolated=isolated, still=still)
 
 
 def _still(values: FloatArray, name: str, rate_hz: float) -> IntArray:
@@ -403,7 +407,7 @@ def _still(values: FloatArray, name: str, rate_hz: float) -> IntArray:
     return np.concatenate([np.arange(changes[place] + 2, changes[place + 1] + 1) for place in long])
 
 
-def _lone_samples(values: FloatArray, name: str) -> IntArray:
+def _isolated_samples(values: FloatArray, name: str) -> IntArray:
     """Indices of single samples that cannot belong to the motion around them."""
     none = np.empty(0, dtype=np.int64)
     if values.size < _FEWEST:
@@ -430,7 +434,7 @@ def _jumps(steps: FloatArray, out: FloatArray) -> IntArray:
     # Many of them are how this sensor is, or what the vehicle went through.
     if places.size > _FEW * (steps.size + 1):
         return none
-    return np.array([place + 1 for place in places.tolist() if _is_alone(steps, out, place)], dtype=np.int64)
+    return np.array([place + 1 for place in places.tolist() if _is_isolated(steps, out, place)], dtype=np.int64)
 
 
 def _far(values: FloatArray, name: str) -> IntArray:
@@ -442,7 +446,7 @@ def _far(values: FloatArray, name: str) -> IntArray:
     return places[distance[places] > _FAR * float(np.delete(distance, places).max())] if places.size else places
 
 
-def _is_told(time_s: float, topics: Sequence[Topic]) -> bool:
+def _is_confirmed(time_s: float, topics: Sequence[Topic]) -> bool:
     """Whether other messages tell of a jump at this time: then a controller made it, and no damage of one message."""
     for topic in topics:
         if topic.time_s.size < _FEWEST or topic.sample_rate_hz < _SLOWEST_HZ:
@@ -479,7 +483,7 @@ def _ordinary(sizes: FloatArray) -> float:
     return float(np.partition(some, some.size - 1 - rank)[some.size - 1 - rank])
 
 
-def _is_alone(steps: FloatArray, out: FloatArray, place: int) -> bool:
+def _is_isolated(steps: FloatArray, out: FloatArray, place: int) -> bool:
     """Whether the neighbors of a sample agree with each other, and its surroundings are smooth.
 
     ``place`` counts the inner samples: the steps to and from the sample are those of ``place`` and ``place + 1``.
@@ -512,11 +516,11 @@ def _giants(values: FloatArray, out: FloatArray, name: str) -> IntArray:
     return np.sort(inner[out[inner - 1] > 0.5 * distance[inner]])
 
 
-def _said(topic: Topic, fault: _Faults) -> Iterator[Finding]:
+def _fault_findings(topic: Topic, fault: _Faults) -> Iterator[Finding]:
     name = fault.channel.name
     where = f"{name} in {topic.name}"
     unit = "" if fault.channel.unit == "1" else f" {fault.channel.unit}"
-    impossible, lone, still = (int(np.sum(mask)) for mask in (fault.outside, fault.lone, fault.still))
+    impossible, isolated, still = (int(np.sum(mask)) for mask in (fault.outside, fault.isolated, fault.still))
     if fault.refused:
         low, high = range_of(fault.channel) or (-np.inf, np.inf)
         reason = (
@@ -532,11 +536,11 @@ def _said(topic: Topic, fault: _Faults) -> Iterator[Finding]:
             impossible=impossible,
         )
         return
-    if impossible or lone:
-        first = int(np.flatnonzero(fault.outside | fault.lone)[0])
+    if impossible or isolated:
+        first = int(np.flatnonzero(fault.outside | fault.isolated)[0])
         parts = [
             f"{count} {what}"
-            for count, what in ((impossible, "that cannot be"), (lone, "that jump and are back at once"))
+            for count, what in ((impossible, "that cannot be"), (isolated, "that jump and are back at once"))
             if count
         ]
         yield warn(
@@ -544,9 +548,9 @@ def _said(topic: Topic, fault: _Faults) -> Iterator[Finding]:
             name,
             f"{' and '.join(parts)} of {fault.bad.size} samples of {where} were left out, the first one "
             f"{topic.values[topic.row(name) or 0, first]:.4g}{unit} at {topic.time_s[first]:.3f} s.",
-            samples=impossible + lone,
+            samples=impossible + isolated,
             impossible=impossible,
-            lone=lone,
+            lone=isolated,
             first_s=float(topic.time_s[first]),
         )
     if still:

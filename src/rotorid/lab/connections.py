@@ -36,10 +36,14 @@ class PromptProtocol(H11Protocol):
         super().connection_made(transport)
         self._since_s = self.loop.time()
         self._watch()
-        others = [one for one in self.connections if isinstance(one, PromptProtocol) and not one.transport.is_closing()]
+        others = [
+            h11_protocol
+            for h11_protocol in self.connections
+            if isinstance(h11_protocol, PromptProtocol) and not h11_protocol.transport.is_closing()
+        ]
         if len(others) > MOST_OPEN:
-            waiting = [one for one in others if one.conn.their_state is h11.IDLE]
-            min(waiting, key=lambda one: one._since_s).transport.abort()
+            waiting = [connection for connection in others if connection.conn.their_state is h11.IDLE]
+            min(waiting, key=lambda connection: connection._since_s).transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop the clocks."""

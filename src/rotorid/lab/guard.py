@@ -76,12 +76,12 @@ class Guard:
             await send({"type": "websocket.close", "code": 1008})
             return
 
-        begun = False
+        started = False
 
         async def answer(message: MutableMapping[str, Any]) -> None:
-            nonlocal begun
+            nonlocal started
             if message["type"] == "http.response.start":
-                begun = True
+                started = True
                 kept = [(name, value) for name, value in message.get("headers", []) if name.lower() != b"server"]
                 own = any(name == b"content-security-policy" for name, _ in kept)
                 message["headers"] = [*kept, *(() if own else _OWN_PAGE), *_HEADERS]
@@ -94,11 +94,11 @@ class Guard:
         try:
             await self._app(scope, _limited(receive, scope["path"]), answer)
         except TooLargeError:
-            if not begun:
+            if not started:
                 await PlainTextResponse(_TOO_LARGE, 413)(scope, receive, answer)
         except Exception:
             # The application says what went wrong; what failed even there is this server's own matter.
-            if not begun:
+            if not started:
                 await PlainTextResponse("The server could not answer that.", 500)(scope, receive, answer)
 
     def _own_answer(self, scope: Scope, headers: Headers) -> Response | None:

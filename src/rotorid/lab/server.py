@@ -61,15 +61,15 @@ def lab_app(
 
     @app.get("/api/state")
     def state() -> Response:
-        told = {
-            "logs": [_told_log(one) for one in list(session.logs)],
-            "steps": [_told_step(one, session.logs) for one in list(session.steps)],
-            "waiting": [one.model_dump(mode="json") for one in session.waiting],
+        state = {
+            "logs": [_describe_log(log) for log in list(session.logs)],
+            "steps": [_describe_step(step, session.logs) for step in list(session.steps)],
+            "waiting": [step.model_dump(mode="json") for step in session.waiting],
             "following": not session.followed.is_set(),
             "folder": session.root is not None,
             "preferred": dict(preferred or {}),
         }
-        return JSONResponse(told)
+        return JSONResponse(state)
 
     for add in (_add_logs, _add_views, _add_steps, _add_files):
         add(app, session)
@@ -84,28 +84,28 @@ def _add_sentences(app: "FastAPI") -> None:
     from fastapi.responses import JSONResponse, PlainTextResponse, Response
     from starlette.requests import ClientDisconnect
 
-    def said(status: int, sentence: str) -> Response:
+    def sentence_response(status: int, sentence: str) -> Response:
         return JSONResponse({"sentence": sentence}, status_code=status)
 
     def refused(_: Request, error: Exception) -> Response:
-        return said(400, str(error))
+        return sentence_response(400, str(error))
 
     def wrong(_: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError | ValidationError)
-        return said(422, f"{first_wrong(error.errors())}.")
+        return sentence_response(422, f"{first_wrong(error.errors())}.")
 
     def no_text(_: Request, __: Exception) -> Response:
-        return said(422, "The request is not one that this page makes.")
+        return sentence_response(422, "The request is not one that this page makes.")
 
     def too_large(_: Request, __: Exception) -> Response:
         return PlainTextResponse("The request is too large.", status_code=413)
 
     def gone(_: Request, __: Exception) -> Response:
-        return said(410, "That is gone: its log was closed, or the session ended.")
+        return sentence_response(410, "That is gone: its log was closed, or the session ended.")
 
     def failed(_: Request, error: Exception) -> Response:
         _LOG.error("the lab could not answer", exc_info=error)
-        return said(500, "The server could not answer that; its terminal says why.")
+        return sentence_response(500, "The server could not answer that; its terminal says why.")
 
     app.add_exception_handler(TooLargeError, too_large)
     app.add_exception_handler(RotoridError, refused)
@@ -161,8 +161,8 @@ def _add_views(app: "FastAPI", session: Session) -> None:
     @app.get("/api/logs/{number}")
     def log(number: int) -> Response:
         tracks = tracks_of(number)
-        told = {"channels": tracks.channels, "span_s": tracks.span_s, "inspection": tracks.inspection()}
-        return JSONResponse(told)
+        answer = {"channels": tracks.channels, "span_s": tracks.span_s, "inspection": tracks.inspection()}
+        return JSONResponse(answer)
 
     @app.get("/api/logs/{number}/track")
     def track(number: int, channel: int, start: Seconds, stop: Seconds, points: int = 1000) -> Response:
@@ -205,9 +205,9 @@ def _add_steps(app: "FastAPI", session: Session) -> None:
         ran = _step_of(session, number)
         if not ran.job.ended.is_set():
             return JSONResponse({"document": None, "curves": {}, "parts": {}, "files": []})
-        files = [one.relative_to(ran.folder).as_posix() for one in session.files(ran)]
-        told = {"document": document(ran), "curves": curves(ran.folder), "parts": parts(ran.folder), "files": files}
-        return PlainTextResponse(json.dumps(told), media_type="application/json")
+        files = [path.relative_to(ran.folder).as_posix() for path in session.files(ran)]
+        answer = {"document": document(ran), "curves": curves(ran.folder), "parts": parts(ran.folder), "files": files}
+        return PlainTextResponse(json.dumps(answer), media_type="application/json")
 
     @app.delete("/api/steps/{number}")
     def cancel(number: int) -> Response:
@@ -278,20 +278,20 @@ async def _taken_in(session: Session, name: str, parts: AsyncIterable[bytes], an
         raise
 
 
-def _told_log(log: OpenLog) -> dict[str, Any]:
-    told = {"number": log.number, "name": log.name, "note": log.note, "bytes": log.size_bytes}
+def _describe_log(log: OpenLog) -> dict[str, Any]:
+    answer = {"number": log.number, "name": log.name, "note": log.note, "bytes": log.size_bytes}
     closed = {"state": "closed"} if log.closed else {}
-    return told | {"seen": log.tracks is not None} | _told(log.job) | closed
+    return answer | {"seen": log.tracks is not None} | _describe_job(log.job) | closed
 
 
-def _told_step(ran: Ran, logs: list[OpenLog]) -> dict[str, Any]:
-    told = {"number": ran.number, "step": ran.step.model_dump(mode="json"), "command": list(ran.shown)}
+def _describe_step(ran: Ran, logs: list[OpenLog]) -> dict[str, Any]:
+    answer = {"number": ran.number, "step": ran.step.model_dump(mode="json"), "command": list(ran.shown)}
     names = [logs[number - 1].name for number in ran.step.logs if 1 <= number <= len(logs)]
     # Costs are drawn while a fit goes on, and are in its document afterwards.
     costs = [] if ran.job.ended.is_set() else ran.job.costs[-200:]
-    return told | {"logs": names, "seconds": ran.job.seconds, "costs": costs} | _told(ran.job)
+    return answer | {"logs": names, "seconds": ran.job.seconds, "costs": costs} | _describe_job(ran.job)
 
 
-def _told(job: Job) -> dict[str, Any]:
+def _describe_job(job: Job) -> dict[str, Any]:
     """How far a job is."""
     return {"state": job.state, "told": job.told, "share": job.share, "sentence": job.sentence}

@@ -137,7 +137,7 @@ def serve(
             preferred=preferred,
         )
         server = server_of(app)
-        _end_when_told(server, session)
+        _end_on_signal(server, session)
         address = f"http://{_named(host)}:{port}/?token={word}"
         show(address)
         if launch is not None:
@@ -187,7 +187,7 @@ def server_of(app: "ASGIApp") -> "uvicorn.Server":
     return server
 
 
-def _end_when_told(server: "uvicorn.Server", session: "Session") -> None:
+def _end_on_signal(server: "uvicorn.Server", session: "Session") -> None:
     def stop(_number: int, _frame: Any) -> None:
         server.should_exit = True
         # Requests that wait for a command end with it.

@@ -181,12 +181,12 @@ class Session:
     def demo(self) -> OpenLog:
         """Fly the demonstration and open its log, or the one that flies already."""
         with self._lock:
-            flies = (one for one in self.logs if one.job.words[0] == "fly" and not one.job.ended.is_set())
+            flies = (log for log in self.logs if log.job.words[0] == "fly" and not log.job.ended.is_set())
             return next(flies, None) or self._open("fly", None, "flight.ulg", None)
 
     def _open(self, verb: str, path: Path | None, name: str, words: str | None) -> OpenLog:
         with self._lock:
-            if sum(not one.closed for one in self.logs) >= MOST_LOGS:
+            if sum(not log.closed for log in self.logs) >= MOST_LOGS:
                 raise UsageError(f"{MOST_LOGS} logs are open", needed="one of them to be closed")
             number = len(self.logs) + 1
             folder = self.place / f"log-{number}"
@@ -203,11 +203,11 @@ class Session:
     def _free(self, name: str, path: Path) -> str:
         """The name, with a number where another file of the session has it."""
         used = {number for ran in self.steps for number in (*ran.step.logs, *ran.step.verify)}
-        taken = {one.name for one in self.logs if one.path != path and (not one.closed or one.number in used)}
+        taken = {log.name for log in self.logs if log.path != path and (not log.closed or log.number in used)}
         found = _ENDINGS.search(name.lower())
         cut = found.start() if found else len(name)
         numbered = (f"{name[:cut]}-{k}{name[cut:]}" for k in itertools.count(2))
-        return next(one for one in itertools.chain([name], numbered) if one not in taken)
+        return next(candidate for candidate in itertools.chain([name], numbered) if candidate not in taken)
 
     def close_log(self, log: OpenLog) -> None:
         """Forget a log: what was read of it and, where it was uploaded, the file go away; results stay.
@@ -218,7 +218,7 @@ class Session:
             A command that may read it has not ended.
         """
         with self._lock:
-            if any(not one.job.ended.is_set() for one in self.steps):
+            if any(not step.job.ended.is_set() for step in self.steps):
                 raise UsageError("a command runs", needed="it to end before a log is closed")
             log.closed, log._tracks = True, None
         self.workers.cancel(log.job)
@@ -288,7 +288,7 @@ class Session:
         with self._lock:
             self._require_room()
             number = len(self.steps) + 1
-            files = ["" if one.closed else str(one.path.absolute()) for one in self.logs]
+            files = ["" if log.closed else str(log.path.absolute()) for log in self.logs]
             real = arguments(step, files, [str(ran.folder) if ran.job.state == "done" else "" for ran in self.steps])
             folder = self.place / f"step-{number}"
             job = self.workers.start([*real, "--out", "out", "--json", "--quiet"], folder)
@@ -302,7 +302,7 @@ class Session:
 
     def preview(self, step: Step) -> list[str]:
         """The command line of a step that is not started."""
-        logs = ["" if one.closed else one.words for one in self.logs]
+        logs = ["" if log.closed else log.words for log in self.logs]
         results = [f"step-{ran.number}" if ran.job.state == "done" else "" for ran in self.steps]
         return ["rotorid", *arguments(step, logs, results), "--out", f"step-{len(self.steps) + 1}"]
 
@@ -350,11 +350,11 @@ class Session:
             new: dict[int, int] = {}
             kept: list[Step] = []
             for number, step in rows:
-                if all(one in new for one in step.results):
+                if all(result in new for result in step.results):
                     new[number] = len(new) + 1
                     kept.append(step)
             used = {number for step in kept for number in (*step.logs, *step.verify)}
-            logs = [one for one in self.logs if one.number in used or (one.job.state == "done" and not one.closed)]
+            logs = [log for log in self.logs if log.number in used or (log.job.state == "done" and not log.closed)]
         place = {log.number: k for k, log in enumerate(logs, start=1)}
         steps = [
             step.model_copy(
@@ -367,14 +367,14 @@ class Session:
             for step in kept
         ]
         return project_text(
-            Project(schema="rotorid.project/1", logs=tuple(one.name for one in logs), steps=tuple(steps))
+            Project(schema="rotorid.project/1", logs=tuple(log.name for log in logs), steps=tuple(steps))
         )
 
     def files(self, ran: Ran) -> list[Path]:
         """Files of a step, in the order of their names."""
         if ran.job.state != "done" or not ran.folder.is_dir():
             return []
-        return sorted(one for one in ran.folder.rglob("*") if one.is_file() and not one.is_symlink())
+        return sorted(path for path in ran.folder.rglob("*") if path.is_file() and not path.is_symlink())
 
     def report(self, ran: Ran) -> Path:
         """The page that a step wrote; where it wrote several, the one that tells of all.
@@ -384,10 +384,10 @@ class Session:
         UsageError
             It wrote none.
         """
-        pages = [one for one in self.files(ran) if one.suffix == ".html"]
+        pages = [path for path in self.files(ran) if path.suffix == ".html"]
         if not pages:
             raise UsageError("this step wrote no page", needed="a review, an identification, a tuning or the like")
-        return min(pages, key=lambda one: (len(one.parts), one.name != "report.html", one))
+        return min(pages, key=lambda path: (len(path.parts), path.name != "report.html", path))
 
 
 def _entries(folder: Path, most: int) -> list[os.DirEntry[str]]:
@@ -399,7 +399,7 @@ def _entries(folder: Path, most: int) -> list[os.DirEntry[str]]:
                 break
             if not entry.name.startswith("."):
                 found.append(entry)
-    return sorted(found, key=lambda one: one.name)
+    return sorted(found, key=lambda entry: entry.name)
 
 
 def _text(name: str) -> str:
@@ -417,22 +417,22 @@ def document(ran: Ran) -> Any:
 def parts(folder: Path) -> dict[str, dict[str, list[Any]]]:
     """What :func:`curves` finds in each folder below that of a step, which is one for each of several models."""
     found = sorted(folder.glob("*/responses.npz"))
-    return {one.parent.name: curves(one.parent) for one in found}
+    return {path.parent.name: curves(path.parent) for path in found}
 
 
 def curves(folder: Path) -> dict[str, list[Any]]:
     """Arrays of a ``responses.npz`` as numbers; those of complex numbers as real and imaginary part."""
     path = folder / "responses.npz"
-    told: dict[str, list[Any]] = {}
+    curves: dict[str, list[Any]] = {}
     if not path.is_file():
-        return told
+        return curves
     with np.load(path, allow_pickle=False) as arrays:
-        for name in (one for one in _DRAWN if one in arrays.files):
+        for name in (name for name in _DRAWN if name in arrays.files):
             values = arrays[name]
             if values.dtype.kind == "c":
-                told[f"{name}.re"], told[f"{name}.im"] = listed(values.real), listed(values.imag)
+                curves[f"{name}.re"], curves[f"{name}.im"] = listed(values.real), listed(values.imag)
             elif values.dtype.kind in "fiub":
-                told[name] = listed(values)
+                curves[name] = listed(values)
             elif values.dtype.kind == "U":
-                told[name] = values.tolist()
-    return told
+                curves[name] = values.tolist()
+    return curves

@@ -157,8 +157,10 @@ def first_wrong(errors: Sequence[Any]) -> str:
     first = errors[0]
     field = ".".join(str(part) for part in first["loc"] if part not in ("body", "query", "path"))
     came = first.get("input")
-    told = f", {came!r} came"[:100] if isinstance(came, str | int | float) and "came;" not in first["msg"] else ""
-    return f"{field or 'the whole'}: {first['msg'].removeprefix('Value error, ')}{told}"
+    value_words = (
+        f", {came!r} came"[:100] if isinstance(came, str | int | float) and "came;" not in first["msg"] else ""
+    )
+    return f"{field or 'the whole'}: {first['msg'].removeprefix('Value error, ')}{value_words}"
 
 
 class Project(BaseModel):
@@ -195,9 +197,9 @@ def _toml(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{name} = {_toml(one)}" for name, one in value.items()) + " }"
+        return "{ " + ", ".join(f"{name} = {_toml(item)}" for name, item in value.items()) + " }"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(_toml(one) for one in value)}]"
+        return f"[{', '.join(_toml(item) for item in value)}]"
     if isinstance(value, str):
         return toml_text(value)
     return repr(value)

@@ -49,7 +49,9 @@ def write_tracks(log: Path, folder: Path) -> None:
         for row, channel in enumerate(topic.channels):
             rows.append({"name": channel.name, "unit": channel.unit, "topic": topic.name, "file": number, "row": row})
     times = [topic.time_s for topic in record.topics if topic.time_s.size]
-    span = [min(float(one[0]) for one in times), max(float(one[-1]) for one in times)] if times else [0.0, 1.0]
+    span = (
+        [min(float(stamps[0]) for stamps in times), max(float(stamps[-1]) for stamps in times)] if times else [0.0, 1.0]
+    )
     _keep(folder / TRACKS, json.dumps({"channels": rows, "span_s": span}))
     _PROGRESS.info("looking for flights and excitations")
     _keep(folder / INSPECTION, to_json(inspect_document(inspect(record))))
@@ -107,19 +109,19 @@ class Tracks:
     """Channels of a log that was read, mapped from a folder, as are the pyramids of those that were looked at."""
 
     def __init__(self, folder: Path) -> None:
-        told = json.loads((folder / TRACKS).read_text(encoding="utf-8"))
+        saved = json.loads((folder / TRACKS).read_text(encoding="utf-8"))
         self._folder = folder
-        self.channels: list[dict[str, Any]] = told["channels"]
-        self.span_s: list[float] = told["span_s"]
+        self.channels: list[dict[str, Any]] = saved["channels"]
+        self.span_s: list[float] = saved["span_s"]
         self._lock = threading.Lock()
 
     def inspection(self) -> dict[str, Any] | None:
         """What ``inspect`` says of the log, as soon as it does."""
         try:
-            told: dict[str, Any] = json.loads((self._folder / INSPECTION).read_text(encoding="utf-8"))
+            saved: dict[str, Any] = json.loads((self._folder / INSPECTION).read_text(encoding="utf-8"))
         except FileNotFoundError:
             return None
-        return told
+        return saved
 
     def _samples(self, number: int) -> tuple[FloatArray, FloatArray]:
         """Times and values of a channel."""
@@ -159,15 +161,15 @@ class Tracks:
 
         cut = self.cut(number, start_s, stop_s)
         pieces = [] if cut is None else cut.pieces()
-        longest = max((one.size for one in pieces), default=0)
+        longest = max((piece.size for piece in pieces), default=0)
         if cut is None or longest < _FEWEST:
             return {"start_s": start_s, "stop_s": stop_s, "frequency_rad_s": [], "density": []}
-        length = min(longest, max(256, sum(one.size for one in pieces) // 8))
-        taken = [one for one in pieces if one.size >= length]
+        length = min(longest, max(256, sum(piece.size for piece in pieces) // 8))
+        taken = [piece for piece in pieces if piece.size >= length]
         with np.errstate(all="ignore"):
-            found = [welch(one, fs=cut.rate_hz, nperseg=length, detrend="constant") for one in taken]
-            counts = [1 + 2 * (one.size - length) // length for one in taken]
-            density = np.average([one for _, one in found], axis=0, weights=counts)
+            found = [welch(part, fs=cut.rate_hz, nperseg=length, detrend="constant") for part in taken]
+            counts = [1 + 2 * (part.size - length) // length for part in taken]
+            density = np.average([power for _, power in found], axis=0, weights=counts)
         return {
             "start_s": float(cut.time_s[0]),
             "stop_s": float(cut.time_s[-1]),
@@ -180,7 +182,7 @@ class Tracks:
         from scipy.signal import periodogram
 
         cut = self.cut(number, start_s, stop_s)
-        longest = 0 if cut is None else max(one.size for one in cut.pieces())
+        longest = 0 if cut is None else max(piece.size for piece in cut.pieces())
         if cut is None or longest < 4 * _FEWEST:
             return {"start_s": start_s, "stop_s": stop_s, "time_s": [], "frequency_rad_s": [], "density_db": []}
         first, last = float(cut.time_s[0]), float(cut.time_s[-1])

@@ -32,7 +32,7 @@ MEMORY_BYTES = 4 << 30
 WALL_S = 3600.0
 """Time after which a command is ended."""
 
-SAID_WHY: Final = 3
+EXIT_WITH_REASON: Final = 3
 """Code of a worker that could not go on, and has said why in its last line."""
 
 _MOST_OUTPUT = 64 << 20
@@ -98,7 +98,7 @@ class Workers:
         """
         job = Job(list(words), folder)
         with self._changed:
-            self._jobs = [one for one in self._jobs if not one.ended.is_set()]
+            self._jobs = [job for job in self._jobs if not job.ended.is_set()]
             if self._closed or len(self._jobs) >= MOST_WAITING:
                 raise UsageError(f"{MOST_WAITING} commands run or wait", needed="one of them to end")
             self._jobs.append(job)
@@ -191,7 +191,7 @@ def _how(code: int, last: str) -> tuple[State, str]:
         return "done", ""
     if code in (1, 2):
         return "refused", last or "It was refused."
-    if code == SAID_WHY and last:
+    if code == EXIT_WITH_REASON and last:
         return "failed", last
     why = f"signal {-code}" if code < 0 else f"code {code}"
     return "failed", f"The worker ended with {why}; nothing else is lost, and it may be started again."
@@ -204,12 +204,12 @@ def _listen(job: Job, stream: IO[bytes]) -> str:
         text = line.decode("utf-8", "replace").strip()
         if text.startswith('{"progress"'):
             with contextlib.suppress(ValueError, TypeError, KeyError, ZeroDivisionError):
-                told = json.loads(text)["progress"]
-                if "cost" in told:
-                    job.costs = [*job.costs[-999:], float(told["cost"])]
+                progress = json.loads(text)["progress"]
+                if "cost" in progress:
+                    job.costs = [*job.costs[-999:], float(progress["cost"])]
                     continue
-                job.told = str(told["words"])[:300]
-                job.share = float(told["done"]) / float(told["total"]) if told.get("total") else None
+                job.told = str(progress["words"])[:300]
+                job.share = float(progress["done"]) / float(progress["total"]) if progress.get("total") else None
         elif text:
             last = text[:2000]
     return last

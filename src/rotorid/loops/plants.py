@@ -27,7 +27,16 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fits.frequency.inverse import without_inverse_controller
 from rotorid.fitting.delay.estimate import AIRFRAME_ORDERS, FASTEST_GROWTH_RAD_S, LONGEST_S
-from rotorid.fitting.delay.fit import LateLag, Limits, Order, OrderFit, ResponseFit, ResponsePoints, fit_order, simplest
+from rotorid.fitting.delay.fit import (
+    DelayedLag,
+    Limits,
+    Order,
+    OrderFit,
+    ResponseFit,
+    ResponsePoints,
+    fit_order,
+    simplest,
+)
 from rotorid.fitting.inverse_controller import inverse_controller
 from rotorid.fitting.problem import ResidualErrors
 from rotorid.flights.controllers import LoggedController
@@ -36,7 +45,7 @@ from rotorid.flights.instruments import is_injection
 from rotorid.flights.measure import measure
 from rotorid.flights.segments import source_of
 from rotorid.flights.selection import by_stick, select_maneuvers
-from rotorid.flights.whole_flights import LEAST_MOTION_S, Flown, Instrument, loop_response
+from rotorid.flights.whole_flights import LEAST_MOTION_S, FlightData, Instrument, loop_response
 from rotorid.results.model import IdentifiedModel
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.measuring import MeasureSettings
@@ -260,14 +269,14 @@ class WholeFlight:
     def source(self) -> str:
         """Where the rate stands in the log, as the longest stretch has it."""
         longest = max(self.histories, key=lambda history: history.duration_s)
-        return next((one.source for one in longest.channels if one.name == RATE_OF[self.axis]), "")
+        return next((channel.source for channel in longest.channels if channel.name == RATE_OF[self.axis]), "")
 
 
 _CROSSOVERS_RAD_S = (5.0, 60.0)
 """Where loops cross: instruments are compared by their coherence there."""
 
 
-def whole_flight(flight: Flown, axis: Axis) -> WholeFlight:
+def whole_flight(flight: FlightData, axis: Axis) -> WholeFlight:
     """A flight with the best instrument of an axis beside rich excitations.
 
     The set-point of the rate drives command and rate alike and costs no coherence; it is taken in place of the stick
@@ -284,13 +293,13 @@ def whole_flight(flight: Flown, axis: Axis) -> WholeFlight:
     choices = _instruments(flight, axis)
     names = flight.record.channel_names
     wanted = dict.fromkeys([*(channel for _, channel, _ in choices), f"{rate}_setpoint", f"{axis}_excitation"])
-    held = [name for name in wanted if name in names]
-    histories = flight.histories((command, rate), held=held, intervals=flight.during(choices[0][0]))
-    kind, channel, idle = max(choices, key=lambda one: _coherence(histories, one[1], command))
+    logged = [name for name in wanted if name in names]
+    histories = flight.histories((command, rate), sampled=logged, intervals=flight.during(choices[0][0]))
+    kind, channel, idle = max(choices, key=lambda item: _coherence(histories, item[1], command))
     return WholeFlight(axis=axis, histories=histories, instrument=kind, channel=channel, idle=idle)
 
 
-def _instruments(flight: Flown, axis: Axis) -> list[tuple[Instrument, str, bool]]:
+def _instruments(flight: FlightData, axis: Axis) -> list[tuple[Instrument, str, bool]]:
     """Kind, channel and whether it is idle, of what may show the plant of an axis; at least one."""
     kind, channel = flight.instrument(axis)
     setpoint, injected = f"{RATE_OF[axis]}_setpoint", f"{axis}_excitation"
@@ -339,10 +348,10 @@ def _spectra(histories: Sequence[TimeHistory], name: str) -> ComplexArray:
     found = []
     for history in histories:
         values = history[name]
-        sound = np.asarray(np.isfinite(history.values).all(axis=0))
+        finite = np.asarray(np.isfinite(history.values).all(axis=0))
         for start in range(0, values.size - count + 1, max(count // 2, 1)):
             part = slice(start, start + count)
-            if sound[part].all():
+            if finite[part].all():
                 found.append(np.fft.rfft(taper * (values[part] - values[part].mean())))
     if not found:
         raise InsufficientDataError(
@@ -353,7 +362,7 @@ def _spectra(histories: Sequence[TimeHistory], name: str) -> ComplexArray:
     return np.array(found, dtype=np.complex128)
 
 
-def ordinary_plant(flight: Flown, whole: WholeFlight, controllers: Sequence[LoggedController]) -> MeasuredPlant:
+def ordinary_plant(flight: FlightData, whole: WholeFlight, controllers: Sequence[LoggedController]) -> MeasuredPlant:
     """The plant as a whole flight shows it, without points that are the inverse of a controller.
 
     Parameters
@@ -486,7 +495,7 @@ class _Lag:
     through beyond the band what they take away.
     """
 
-    model: LateLag
+    model: DelayedLag
     theta: FloatArray
     filters: tuple[KnownFilter, ...]
     explains: bool
@@ -517,7 +526,7 @@ def _fitted(plant: FrequencyResponse, sample_rate_hz: float, filters: tuple[Know
     points = replace(points, errors=_Errors(covariance=points.errors.covariance, scale=points.errors.scale))
     scale = float(np.sqrt(points.omega_rad_s[0] * points.omega_rad_s[-1]))
     lags = [
-        LateLag(order=order, scale_rad_s=scale, hold="smooth", sample_s=1.0 / sample_rate_hz)
+        DelayedLag(order=order, scale_rad_s=scale, hold="smooth", sample_s=1.0 / sample_rate_hz)
         for order in _ORDERS
         if 2 * points.omega_rad_s.size > order.coefficients + 1
     ]
@@ -533,9 +542,9 @@ def _fitted(plant: FrequencyResponse, sample_rate_hz: float, filters: tuple[Know
 def _fit(problem: ResponseFit) -> OrderFit:
     """The best fit from the delays at which a linear one is best."""
     limits = Limits(delays_s=(0.0, LONGEST_S), fastest_rad_s=FASTEST_GROWTH_RAD_S)
-    starts = sorted((problem.linear(delay_s, FASTEST_GROWTH_RAD_S) for delay_s in _DELAYS_S), key=lambda one: one[1])
+    starts = sorted((problem.linear(delay_s, FASTEST_GROWTH_RAD_S) for delay_s in _DELAYS_S), key=lambda item: item[1])
     fits = [fit_order(problem, limits, start=start) for start, _ in starts[:_TRIED]]
-    return min(fits, key=lambda one: one.criterion)
+    return min(fits, key=lambda fit: fit.criterion)
 
 
 class _Errors(ResidualErrors):

@@ -34,7 +34,7 @@ from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.command_relation import injection_delay_s
 from rotorid.flights.controller_check import ControllerCheck, check_controller
-from rotorid.flights.controllers import LoggedController, acting_on, controllers_of
+from rotorid.flights.controllers import LoggedController, controller_as_logged, controllers_of
 from rotorid.flights.flights import Flight
 from rotorid.flights.measure import Measured
 from rotorid.flights.segments import cut, histories, with_surroundings
@@ -164,11 +164,11 @@ def rate_loop(
     """
     logs = [records] if isinstance(records, FlightRecord) else list(records)
     record = logs[0]
-    for one in logs:
-        _require_logged(one, axis)
+    for log in logs:
+        _require_logged(log, axis)
     _require_same_gains(axis, logs)
     known, check = _settings(record, axis), check_controller(record, axis)
-    controllers = _nearest(known, check)
+    controllers = _order_by_flown_derivative(known, check)
     try:
         measured = swept_plant(axis, logs, settings)
     except InsufficientDataError:
@@ -187,7 +187,10 @@ def rate_loop(
         flight = flown(record)
         whole = whole_flight(flight, axis)
         _require_made(check, in_doubt=True)
-        acting = [acting_on(record, one.rate_loop, source=whole.source) for one in controllers.values()]
+        acting = [
+            controller_as_logged(record, controller.rate_loop, source=whole.source)
+            for controller in controllers.values()
+        ]
         by_stick = None
         with contextlib.suppress(PlantUnavailableError):
             if (identified := _as_identified(whole, record)) is not None:
@@ -243,7 +246,7 @@ def _require_same_gains(axis: Axis, records: Sequence[FlightRecord]) -> None:
         replace(controllers_of(record), loop_rate_hz=first.loop_rate_hz, throttle=first.throttle).axis(axis)
         for record in records
     ]
-    if changed or any(_made_of(one) != _made_of(each[0]) for one in each):
+    if changed or any(_made_of(controller) != _made_of(each[0]) for controller in each):
         where = "in the log" if changed else "between the logs"
         raise PlantUnavailableError(
             f"The gains changed {where}, so no loop belongs to them.", "Give one log that was flown with one set."
@@ -271,7 +274,7 @@ def _require_made(check: ControllerCheck, *, in_doubt: bool = False) -> None:
         raise PlantUnavailableError(f"{check.why}.", check.remedy)
 
 
-def _nearest(settings: AxisController, check: ControllerCheck) -> dict[str, RateController]:
+def _order_by_flown_derivative(settings: AxisController, check: ControllerCheck) -> dict[str, RateController]:
     """The controllers at the ends between which it moves, that nearest to what flew first."""
     if not settings.ends:
         return {"": settings.controller}
@@ -300,16 +303,19 @@ def _read(
 ) -> RateLoop:
     plant = drawn_plant(measured)
     withheld = _NOT_BY_GUSTS if measured.gusts else _BY_STICK if measured.idle else ()
-    acting = {name: acting_on(record, one.rate_loop, source=measured.source) for name, one in controllers.items()}
+    acting = {
+        name: controller_as_logged(record, controller.rate_loop, source=measured.source)
+        for name, controller in controllers.items()
+    }
     each = {
-        name: read_margins(figures_of(plant, one, gusts=measured.gusts), plant, withheld=withheld)
-        for name, one in acting.items()
+        name: read_margins(figures_of(plant, logged, gusts=measured.gusts), plant, withheld=withheld)
+        for name, logged in acting.items()
     }
     main, *_ = each
     numbers, by_model, places = each[main]
     moved = _integral_as_flown(controllers[main], check)
     if moved is not None:
-        other = acting_on(record, moved.rate_loop, source=measured.source)
+        other = controller_as_logged(record, moved.rate_loop, source=measured.source)
         numbers = _widened(
             numbers, read_margins(figures_of(plant, other, gusts=measured.gusts), plant, withheld=withheld)[0]
         )
@@ -329,7 +335,7 @@ def _read(
         by_model=by_model,
         missing=missing,
         places_rad_s=places,
-        ends={name: one[0] for name, one in each.items()} if len(each) > 1 else {},
+        ends={name: answers[0] for name, answers in each.items()} if len(each) > 1 else {},
     )
 
 
@@ -380,26 +386,26 @@ def read_margins(
     """
     flew = figures.as_flown
     unstable = not figures.stable.any()
-    told = quantities(flew)
-    told["disturbance_rejection_rad_s"] = told.pop("rejection_bandwidth_rad_s", None)  # type: ignore[arg-type]
+    margins = quantities(flew)
+    margins["disturbance_rejection_rad_s"] = margins.pop("rejection_bandwidth_rad_s", None)  # type: ignore[arg-type]
     low, high = plant.band_rad_s
     numbers: dict[str, Quantity] = {}
     places: dict[str, Quantity] = {}
     by_model = []
     for name, where in _PLACES.items():
         at = getattr(flew, where)
-        seen = at[np.isfinite(at)]
-        quantity = told.get(name)
-        if quantity is None or seen.size < _LEAST_SHARE * at.size or name in withheld:
+        finite = at[np.isfinite(at)]
+        quantity = margins.get(name)
+        if quantity is None or finite.size < _LEAST_SHARE * at.size or name in withheld:
             continue
         # A loop that no draw makes stable is not the one that flew: its other numbers are no margins.
         if unstable and name != "crossover_rad_s":
             continue
-        place = float(np.median(seen))
+        place = float(np.median(finite))
         beyond = place > high
         if not low <= place <= plant.reach_rad_s:
             continue
-        at_place = _at(seen)
+        at_place = _at(finite)
         if where == "crossover_rad_s" and at_place.upper > _WIDEST_CROSSOVER * at_place.lower:
             continue
         numbers[name] = quantity
@@ -421,7 +427,9 @@ def shown_quantities(figures: LoopFigures, plant: UncertainPlant) -> dict[str, Q
         As for :func:`read_margins`.
     """
     shown, _, _ = read_margins(figures, plant)
-    return {name: one for name, one in quantities(figures.as_flown).items() if _AS_READ.get(name, name) in shown}
+    return {
+        name: quantity for name, quantity in quantities(figures.as_flown).items() if _AS_READ.get(name, name) in shown
+    }
 
 
 def _at(omega_rad_s: FloatArray) -> Quantity:
@@ -436,16 +444,16 @@ def _widened(numbers: Mapping[str, Quantity], other: Mapping[str, Quantity]) -> 
     What lies between both is as likely everywhere, :math:`\sigma^2 = \Delta^2 / 3`.
     """
     found = {}
-    for name, one in numbers.items():
-        found[name] = one
-        if name in other and one.std > 0.0:
-            moved = other[name].value - one.value
-            more = math.hypot(1.0, moved / math.sqrt(3.0) / one.std)
+    for name, quantity in numbers.items():
+        found[name] = quantity
+        if name in other and quantity.std > 0.0:
+            moved = other[name].value - quantity.value
+            more = math.hypot(1.0, moved / math.sqrt(3.0) / quantity.std)
             found[name] = replace(
-                one,
-                std=one.std * more,
-                lower=one.value - more * (one.value - one.lower),
-                upper=one.value + more * (one.upper - one.value),
+                quantity,
+                std=quantity.std * more,
+                lower=quantity.value - more * (quantity.value - quantity.lower),
+                upper=quantity.value + more * (quantity.upper - quantity.value),
             )
     return found
 
@@ -595,7 +603,7 @@ def axis_loop(
     # Band, windows and estimate are choices of the response that is shown: the loop is that of the other verbs.
     shown = settings or MeasureSettings()
     own = {name: shift for name, shift in shown.shifts.items() if name in (f"{axis}_command", RATE_OF.get(axis))}
-    segments = tuple(one for one in shown.segments if one.axis == axis)
+    segments = tuple(maneuver for maneuver in shown.segments if maneuver.axis == axis)
     plain = MeasureSettings(segments=segments, shifts=own)
     try:
         found = _of_rate(rate_loop(axis, records, plain)) if axis in RATE_OF else None
@@ -628,26 +636,26 @@ def _whole_loop(axis: Axis, records: Sequence[FlightRecord]) -> AxisLoop | None:
 def _of_rate(found: RateLoop) -> AxisLoop:
     """A rate loop under the names of ``response``."""
     named = _named(found)
-    seen = {name: value for name, value in named.items() if _SOURCES[name] not in found.by_model}
+    measured = {name: value for name, value in named.items() if _SOURCES[name] not in found.by_model}
     local = loop_margins(found.loop)
     rejection = disturbance_rejection(sensitivity(found.loop))
-    omega, phase, delay = (seen.get(name) for name in ("crossover_rad_s", "phase_margin_rad", "delay_margin_s"))
+    omega, phase, delay = (measured.get(name) for name in ("crossover_rad_s", "phase_margin_rad", "delay_margin_s"))
     crossovers = (
         (GainCrossover(omega_rad_s=omega, phase_margin_rad=phase, delay_margin_s=delay),)
         if omega and phase and delay
         else ()
     )
-    up = seen.get("gain_margin_up")
+    up = measured.get("gain_margin_up")
     turns = (
         (PhaseCrossover(omega_rad_s=_estimated(found.places_rad_s["gain_margin_db"]), gain_margin=up),) if up else ()
     )
     margins = {
-        name: seen.get(name)
+        name: measured.get(name)
         for name in ("phase_margin_rad", "delay_margin_s", "gain_margin_up", "modulus_margin", "modulus_omega_rad_s")
     }
     margins["gain_margin_down"] = local.gain_margin_down
     rejected = {
-        name: seen.get(f"disturbance_rejection_{name}") for name in ("bandwidth_rad_s", "peak", "peak_omega_rad_s")
+        name: measured.get(f"disturbance_rejection_{name}") for name in ("bandwidth_rad_s", "peak", "peak_omega_rad_s")
     }
     reasons = {name: found.missing.get(source, _BEYOND_BAND) for name, source in _SOURCES.items()}
     return AxisLoop(
@@ -658,20 +666,26 @@ def _of_rate(found: RateLoop) -> AxisLoop:
             phase_crossovers=turns,
             **margins,
             not_seen={
-                name: reasons.get(name, local.not_seen.get(name, "")) for name, one in margins.items() if one is None
+                name: reasons.get(name, local.not_seen.get(name, ""))
+                for name, estimated in margins.items()
+                if estimated is None
             },
             bounds={name: bound for name, bound in local.bounds.items() if margins[name] is None},
         ),
         rejection=DisturbanceRejection(
             **rejected,
-            not_seen={name: reasons[f"disturbance_rejection_{name}"] for name, one in rejected.items() if one is None},
+            not_seen={
+                name: reasons[f"disturbance_rejection_{name}"]
+                for name, estimated in rejected.items()
+                if estimated is None
+            },
             bounds={name: bound for name, bound in rejection.bounds.items() if rejected[name] is None},
         ),
         attitude=None,
         beyond=Beyond(
             method="a lag with a delay fitted to the measured vehicle, times the controller in the log",
             up_to_rad_s=found.plant.reach_rad_s,
-            numbers={name: value for name, value in named.items() if name not in seen},
+            numbers={name: value for name, value in named.items() if name not in measured},
         )
         if found.by_model
         else None,
@@ -700,25 +714,29 @@ def _named(found: RateLoop) -> dict[str, Estimated]:
     for name, source in _SOURCES.items():
         if source not in found.numbers:
             continue
-        one = found.numbers[source]
+        quantity = found.numbers[source]
         if name.endswith("_omega_rad_s"):
             named[name] = _estimated(found.places_rad_s[source])
         elif name == "phase_margin_rad":
-            named[name] = _estimated(one, math.pi / 180.0)
+            named[name] = _estimated(quantity, math.pi / 180.0)
         elif name == "gain_margin_up":
-            factor = 10.0 ** (one.value / 20.0)
-            ends = 10.0 ** (one.lower / 20.0), 10.0 ** (one.upper / 20.0)
-            named[name] = Estimated(value=factor, std=factor * one.std * math.log(10.0) / 20.0, ends=ends)
+            factor = 10.0 ** (quantity.value / 20.0)
+            ends = 10.0 ** (quantity.lower / 20.0), 10.0 ** (quantity.upper / 20.0)
+            named[name] = Estimated(value=factor, std=factor * quantity.std * math.log(10.0) / 20.0, ends=ends)
         elif name == "modulus_margin":
-            ends = 1.0 / one.upper, 1.0 / one.lower
-            named[name] = Estimated(value=1.0 / one.value, std=one.std / one.value**2, ends=ends)
+            ends = 1.0 / quantity.upper, 1.0 / quantity.lower
+            named[name] = Estimated(value=1.0 / quantity.value, std=quantity.std / quantity.value**2, ends=ends)
         else:
-            named[name] = _estimated(one)
+            named[name] = _estimated(quantity)
     return named
 
 
-def _estimated(one: Quantity, factor: float = 1.0) -> Estimated:
-    return Estimated(value=factor * one.value, std=factor * one.std, ends=(factor * one.lower, factor * one.upper))
+def _estimated(quantity: Quantity, factor: float = 1.0) -> Estimated:
+    return Estimated(
+        value=factor * quantity.value,
+        std=factor * quantity.std,
+        ends=(factor * quantity.lower, factor * quantity.upper),
+    )
 
 
 INJECTED = "measured with {}, all loops closed"
@@ -753,11 +771,11 @@ def loop_by_injection(axis: Axis, records: Sequence[FlightRecord]) -> AxisLoop |
     ]
     if not flights:
         return None
-    wider = with_surroundings(flights, margin_s([one.maneuver for one in flights]), (command, excitation))
+    wider = with_surroundings(flights, margin_s([flight.maneuver for flight in flights]), (command, excitation))
     segments, _ = cut(wider, channels=(command, excitation))
     cut_out = histories(segments)
-    band = band_of([one.maneuver for one in flights], cut_out[0].sample_rate_hz)
-    plan = plan_of_records([one.duration_s for one in cut_out], band)
+    band = band_of([flight.maneuver for flight in flights], cut_out[0].sample_rate_hz)
+    plan = plan_of_records([history.duration_s for history in cut_out], band)
     loop = injected_loop(
         cut_out,
         command=command,
@@ -812,7 +830,7 @@ def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
     bounds = {name: bound for name, bound in loop.bounds.items() if name in _BOUNDED}
     if not bounds:
         return ()
-    told = [_said(name, bound) for name, bound in bounds.items()]
+    bound_sentences = [_bound_words(name, bound) for name, bound in bounds.items()]
     end = next(iter(bounds.values())).omega_rad_s
     known = loop.beyond.numbers if loop.beyond else {}
     further = [f"{QUANTITIES[name].words} {_shown(name, known[name])}" for name in bounds if name in known]
@@ -824,7 +842,8 @@ def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
         make(
             "margin_beyond_band",
             axis,
-            f"The {loop.scope} loop of {axis} was measured up to {end:.3g} rad/s, and {', and '.join(told)}.{go_on} "
+            f"The {loop.scope} loop of {axis} was measured up to "
+            f"{end:.3g} rad/s, and {', and '.join(bound_sentences)}.{go_on} "
             "Sweep to higher frequencies to measure it.",
             omega_rad_s=end,
             **numbers,
@@ -832,12 +851,12 @@ def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
     )
 
 
-def _said(name: str, bound: Bound) -> str:
+def _bound_words(name: str, bound: Bound) -> str:
     sign, still = ("at least", "rising") if bound.at_least else ("at most", "falling")
     return f"its {QUANTITIES[name].words} is {sign} {_shown(name, bound)}, still {still} there"
 
 
-def _shown(name: str, one: Bound | Estimated) -> str:
+def _shown(name: str, bound: Bound | Estimated) -> str:
     """A margin in the unit of paper, ± one standard deviation."""
     row = QUANTITIES[name]
-    return with_unit(row.with_error(one.value, one.std), row.unit)
+    return with_unit(row.with_error(bound.value, bound.std), row.unit)

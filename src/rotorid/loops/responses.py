@@ -86,7 +86,7 @@ class ResponseRecord(LoggedManeuver):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Chosen:
+class ManeuverChoice:
     """Maneuvers of a response, those left out among the candidates."""
 
     candidates: tuple[Candidate, ...]
@@ -103,7 +103,7 @@ def choose(
     inputs: Sequence[str],
     outputs: tuple[str, ...],
     settings: ResponseSettings,
-) -> Chosen:
+) -> ManeuverChoice:
     """The rich excitations of the inputs' axes, without those that are far less coherent than the best of their axis.
 
     Inputs that are no commands of an axis take the excitations of the outputs' axes. Without any excitation the parts
@@ -122,7 +122,7 @@ def choose(
     if not flown:
         return _whole_flights(records, axes, inputs)
     if len(flown) < 2:
-        return Chosen(candidates=tuple(_plain(item) for item in flown), findings=())
+        return ManeuverChoice(candidates=tuple(_plain(item) for item in flown), findings=())
     _PROGRESS.info("coherence of each maneuver")
     return _by_coherence([_candidate(item, inputs, outputs, settings) for item in flown])
 
@@ -137,7 +137,7 @@ def _found(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight
     return [Flight(record, m) for record in records for axis in axes for m in rich_excitations(record, axis)]
 
 
-def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs: Sequence[str]) -> Chosen:
+def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs: Sequence[str]) -> ManeuverChoice:
     candidates, findings = [], []
     # Of one command the parts in which its stick moves, as identify takes them.
     parts = by_stick(records, axes) if len(inputs) == 1 and is_command(inputs[0]) else []
@@ -157,7 +157,7 @@ def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs
                 stop_s=stop_s,
             )
         )
-    return Chosen(candidates=tuple(candidates), findings=tuple(findings))
+    return ManeuverChoice(candidates=tuple(candidates), findings=tuple(findings))
 
 
 def _every_flight(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs: Sequence[str]) -> list[Flight]:
@@ -174,11 +174,11 @@ def _plain(flown: Flight) -> Candidate:
 def _candidate(flown: Flight, inputs: Sequence[str], outputs: tuple[str, ...], settings: ResponseSettings) -> Candidate:
     """A maneuver with the coherence that it has alone, to the input of its own axis."""
     own = tuple(name for name in inputs if name == f"{flown.axis}_command") or tuple(inputs)
-    alone = (
+    direct = (
         replace(settings, instruments=(), windows_s=()) if len(own) < len(inputs) else replace(settings, windows_s=())
     )
     try:
-        measured = measure([flown], inputs=own, outputs=outputs, settings=alone)
+        measured = measure([flown], inputs=own, outputs=outputs, settings=direct)
     except InsufficientDataError:
         # Too short or too still to be judged alone: it may still add to the others.
         return _plain(flown)
@@ -192,7 +192,7 @@ def _candidate(flown: Flight, inputs: Sequence[str], outputs: tuple[str, ...], s
     return Candidate(record=flown.record, maneuver=flown.maneuver, coherence=coherence)
 
 
-def _by_coherence(candidates: Sequence[Candidate]) -> Chosen:
+def _by_coherence(candidates: Sequence[Candidate]) -> ManeuverChoice:
     best = {axis: max((_peak(item) for item in candidates if item.maneuver.axis == axis), default=0.0) for axis in AXES}
     kept, findings = [], []
     for item in candidates:
@@ -213,7 +213,7 @@ def _by_coherence(candidates: Sequence[Candidate]) -> Chosen:
                     best=top,
                 )
             )
-    return Chosen(candidates=tuple(kept), findings=tuple(findings))
+    return ManeuverChoice(candidates=tuple(kept), findings=tuple(findings))
 
 
 def _peak(item: Candidate) -> float:

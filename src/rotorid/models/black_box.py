@@ -59,7 +59,7 @@ def modal_parts(A: FloatArray, B: FloatArray, C: FloatArray) -> list[Part]:
     groups = _groups(poles)
     if len(groups) == 1:
         return [Part(A, B, C)]
-    _check_apart(poles, groups)
+    _check_distinct(poles, groups)
     basis = np.hstack([_invariant(A, poles, group) for group in groups])
     inverse = np.linalg.inv(basis)
     A, B, C = inverse @ A @ basis, inverse @ B, C @ basis
@@ -85,27 +85,27 @@ def _groups(poles: ComplexArray) -> list[list[int]]:
     below = [k for k, pole in enumerate(poles) if pole.imag < 0.0]
     pairs = [[k, min(below, key=lambda j: abs(poles[j] - poles[k].conjugate()))] for k in above]
     real = sorted((k for k, pole in enumerate(poles) if pole.imag == 0.0), key=lambda k: poles[k].real)
-    alone: list[list[int]] = []
+    single: list[list[int]] = []
     if len(real) % 2:
         # The one is left alone without which the others lie closest to their neighbours.
         left = min(range(0, len(real), 2), key=lambda j: _width(poles, real[:j] + real[j + 1 :]))
-        alone = [[real.pop(left)]]
+        single = [[real.pop(left)]]
     pairs += [real[k : k + 2] for k in range(0, len(real), 2)]
-    return [*sorted(pairs, key=lambda group: float(np.abs(poles[group]).min())), *alone]
+    return [*sorted(pairs, key=lambda group: float(np.abs(poles[group]).min())), *single]
 
 
 def _width(poles: ComplexArray, real: Sequence[int]) -> float:
     return float(sum(abs(poles[first] - poles[second]) for first, second in zip(real[::2], real[1::2], strict=True)))
 
 
-def _check_apart(poles: ComplexArray, groups: Sequence[Sequence[int]]) -> None:
+def _check_distinct(poles: ComplexArray, groups: Sequence[Sequence[int]]) -> None:
     """Refuse poles that two sections would share."""
     size = 1e-300 + float(np.abs(poles).max(initial=0.0))
     for number, group in enumerate(groups):
         for other in groups[number + 1 :]:
-            apart = np.abs(poles[list(group)][:, None] - poles[list(other)])
-            if apart.min() < _SAME_POLE * size:
-                pole = poles[list(group)][int(np.argmin(apart.min(axis=1)))]
+            distances = np.abs(poles[list(group)][:, None] - poles[list(other)])
+            if distances.min() < _SAME_POLE * size:
+                pole = poles[list(group)][int(np.argmin(distances.min(axis=1)))]
                 raise ModelError(
                     f"the pole {pole:.6g} stands in two sections",
                     needed="different poles in different sections",
@@ -273,7 +273,7 @@ def from_state_space(A: FloatArray, B: FloatArray, C: FloatArray, structure: Lin
     values: dict[str, float] = {}
     for section, part in zip(block.sections, modal_parts(A, B, C), strict=True):
         row = structure.outputs.index(section.reference)
-        _check_seen(section, part, row, float(np.linalg.norm(C[row])))
+        _check_reference(section, part, row, float(np.linalg.norm(C[row])))
         values |= section.values(part)
     return structure.parameters.with_values(values)
 
@@ -300,8 +300,8 @@ def best_references(A: FloatArray, C: FloatArray, outputs: Sequence[str]) -> tup
     ('p', 'r')
     """
     none = np.zeros((len(A), 0))
-    seen = [[least_observed(part.A, row) for row in part.C] for part in modal_parts(A, none, C)]
-    return tuple(outputs[int(np.argmax(rows))] for rows in seen)
+    observed = [[least_observed(part.A, row) for row in part.C] for part in modal_parts(A, none, C)]
+    return tuple(outputs[int(np.argmax(rows))] for rows in observed)
 
 
 class _Section(NamedTuple):
@@ -333,7 +333,7 @@ class _Section(NamedTuple):
             for x, right in zip(self.states, onward, strict=True)
         ]
 
-    def seen(self, output: str) -> str:
+    def output_text(self, output: str) -> str:
         """What an output shows of this section."""
         if output == self.reference:
             return self.states[0]
@@ -408,7 +408,7 @@ def _structure(name: str, blocks: Sequence[_Block], delays: Mapping[str, str], *
         states=[x for section in sections for x in section.states],
         equations=[equation for section in sections for equation in section.equations],
         outputs=[
-            f"{y} = " + " + ".join(section.seen(y) for section in block.sections)
+            f"{y} = " + " + ".join(section.output_text(y) for section in block.sections)
             for block in blocks
             for y in block.outputs
         ],
@@ -438,7 +438,7 @@ def _per_second(power: int) -> str:
     return "1/s" if power == 1 else f"1/s^{power}"
 
 
-def _check_seen(section: _Section, part: Part, row: int, size: float) -> None:
+def _check_reference(section: _Section, part: Part, row: int, size: float) -> None:
     """Refuse a reference output that does not see the modes of its section."""
     if least_observed(part.A, part.C[row]) <= _UNSEEN * size:
         poles = ", ".join(f"{pole:.4g}" for pole in np.linalg.eigvals(part.A))

@@ -321,11 +321,11 @@ class _Writing:
 
 def _numbers(expressions: Sequence[Expression]) -> set[float]:
     """Every number that stands in the expressions."""
-    waiting, seen, numbers = list(expressions), set(), set()
+    waiting, visited, numbers = list(expressions), set(), set()
     while waiting:
         part = waiting.pop()
-        if part not in seen:
-            seen.add(part)
+        if part not in visited:
+            visited.add(part)
             waiting += part.operands
             if part.kind == "number":
                 numbers.add(part.number)

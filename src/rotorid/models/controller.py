@@ -229,8 +229,8 @@ def _low_pass(s: ComplexArray, cutoff_hz: float, step_s: float) -> ComplexArray:
 
 def _row(filters: Sequence[LoopFilter], s: ComplexArray, step_s: float) -> ComplexArray:
     total = np.ones_like(s)
-    for one in filters:
-        total = total * one.response(s, step_s)
+    for loop_filter in filters:
+        total = total * loop_filter.response(s, step_s)
     return total
 
 
@@ -327,7 +327,7 @@ class _Program:
         self.controller, self.step_s, self.driven = controller, step_s, driven
         own = controller
         chains = (own.angle_filters, own.target_filters, own.error_filters, own.error_filters, own.derivative_filters)
-        sampled = [[one.sampled(1.0 / step_s) for one in chain] for chain in chains]
+        sampled = [[loop_filter.sampled(1.0 / step_s) for loop_filter in chain] for chain in chains]
         self.rows = [[_Section(known) for known in row if known is not None] for row in sampled]
 
     def advanced(self, before: FloatArray) -> list[float]:
@@ -349,9 +349,11 @@ class _Program:
             return last + share * (value - last)
 
         angle += step_s * rate
-        held = through(0, own.angle_1_s * (setpoint - angle))
+        rate_setpoint = through(0, own.angle_1_s * (setpoint - angle))
         before_target = target
-        target = low_pass(target, through(1, held if self.driven == "angle" else setpoint), own.target_cutoff_hz)
+        target = low_pass(
+            target, through(1, rate_setpoint if self.driven == "angle" else setpoint), own.target_cutoff_hz
+        )
         error = low_pass(error, through(2, target - rate), own.error_cutoff_hz)
         damped = low_pass(damped, through(3, -rate), own.error_cutoff_hz)
         now = error if own.derivative_of_error else damped

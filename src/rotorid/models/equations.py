@@ -97,8 +97,8 @@ def structure_from_equations(
         symbols.check(symbol)
     rows = [dynamic_rows(text, symbols) for text in equations]
     check_equations(rows, symbols.states)
-    seen = [output_rows(text, symbols) for text in outputs]
-    names = tuple(row.name for row in seen)
+    output_equations = [output_rows(text, symbols) for text in outputs]
+    names = tuple(row.name for row in output_equations)
     delayed = {key: Expression.parse(value) for key, value in (delays or {}).items()}
     for key in delayed:
         check_delayed(key, symbols.inputs, names)
@@ -110,8 +110,8 @@ def structure_from_equations(
         M=tuple(row.M for row in rows),
         F=tuple(row.F for row in rows),
         G=tuple(row.G for row in rows),
-        H0=tuple(row.H0 for row in seen),
-        H1=tuple(row.H1 for row in seen),
+        H0=tuple(row.H0 for row in output_equations),
+        H1=tuple(row.H1 for row in output_equations),
         input_delays=tuple(delayed.get(key, Expression()) for key in symbols.inputs),
         output_delays=tuple(delayed.get(key, Expression()) for key in names),
         parameters=parameters,
@@ -185,9 +185,11 @@ def check_once(rows: Sequence[DynamicRows], states: Sequence[str]) -> None:
     ModelError
         Two do.
     """
-    alone = [row.M.index(own[0]) for row in rows if len(own := [entry for entry in row.M if not entry.is_zero]) == 1]
-    for slot in alone:
-        if alone.count(slot) > 1:
+    determined = [
+        row.M.index(own[0]) for row in rows if len(own := [entry for entry in row.M if not entry.is_zero]) == 1
+    ]
+    for slot in determined:
+        if determined.count(slot) > 1:
             raise ModelError(f"two equations say what {states[slot]}' is", needed="one equation for each state")
 
 
@@ -204,8 +206,8 @@ def check_equations(rows: Sequence[DynamicRows], states: Sequence[str]) -> None:
         return
     came = f"{len(rows)} equations came for {len(states)} states"
     if len(rows) < len(states):
-        seen = {slot for row in rows for slot, entry in enumerate(row.M) if not entry.is_zero}
-        lost = [f"{state}'" for slot, state in enumerate(states) if slot not in seen]
+        used_slots = {slot for row in rows for slot, entry in enumerate(row.M) if not entry.is_zero}
+        lost = [f"{state}'" for slot, state in enumerate(states) if slot not in used_slots]
         came += f"; none says what {' and '.join(lost)} is" if lost else ""
     raise ModelError(came, needed="one equation for each state")
 

@@ -152,18 +152,20 @@ class Expression:
         return self + -_expression(other)
 
     def __mul__(self, other: Expression | float) -> Expression:
-        (one, minus), (two, turned) = self._sign(), _expression(other)._sign()
-        if one.is_zero or two.is_zero:
+        (expression, minus), (two, turned) = self._sign(), _expression(other)._sign()
+        if expression.is_zero or two.is_zero:
             return Expression()
-        if one == _ONE or two == _ONE:
-            plain = two if one == _ONE else one
+        if expression == _ONE or two == _ONE:
+            plain = two if expression == _ONE else expression
         else:
-            plain = Expression(kind="product", operands=(one, two))
+            plain = Expression(kind="product", operands=(expression, two))
         return plain if minus == turned else -plain
 
     def __truediv__(self, other: Expression | float) -> Expression:
-        (one, minus), (two, turned) = self._sign(), _expression(other)._sign()
-        plain = one if one.is_zero or two == _ONE else Expression(kind="quotient", operands=(one, two))
+        (expression, minus), (two, turned) = self._sign(), _expression(other)._sign()
+        plain = (
+            expression if expression.is_zero or two == _ONE else Expression(kind="quotient", operands=(expression, two))
+        )
         return plain if minus == turned else -plain
 
     def __pow__(self, other: Expression | float) -> Expression:
@@ -281,12 +283,12 @@ class Expression:
         if self.kind == "negative":
             return _scaled(self.operands[0].linear_in(symbols), lambda factor: -factor)
         if self.kind in ("product", "quotient"):
-            one, two = self.operands
+            expression, two = self.operands
             if not two.names & symbols:
                 divide = self.kind == "quotient"
-                return _scaled(one.linear_in(symbols), lambda factor: factor / two if divide else factor * two)
-            if self.kind == "product" and not one.names & symbols:
-                return _scaled(two.linear_in(symbols), lambda factor: one * factor)
+                return _scaled(expression.linear_in(symbols), lambda factor: factor / two if divide else factor * two)
+            if self.kind == "product" and not expression.names & symbols:
+                return _scaled(two.linear_in(symbols), lambda factor: expression * factor)
         came = ", ".join(sorted(self.names & symbols))
         raise ModelError(f"{self} is not linear in {came}", needed="a sum in which each stands once, times a factor")
 
@@ -322,13 +324,13 @@ class Expression:
             signed = [term._sign() for term in self.operands]
             text = " ".join(f"{'-' if minus else '+'} {term._within('sum')}" for term, minus in signed)
             return text[2:] if text.startswith("+") else "-" + text[2:]
-        one, two = self.operands
+        expression, two = self.operands
         if self.kind == "power":
             exponent = str(two) if two.kind == "number" else two._within(*_OPERATIONS)
-            base = one._within(*_OPERATIONS) if one._sign()[1] is False else f"({one})"
+            base = expression._within(*_OPERATIONS) if expression._sign()[1] is False else f"({expression})"
             return f"{base}**{exponent}"
         sign = "*" if self.kind == "product" else "/"
-        return f"{one._within('sum', 'negative')}{sign}{two._within('sum', 'negative', 'product', 'quotient')}"
+        return f"{expression._within('sum', 'negative')}{sign}{two._within('sum', 'negative', 'product', 'quotient')}"
 
     def _within(self, *bracketed: Kind) -> str:
         return f"({self})" if self.kind in bracketed else str(self)

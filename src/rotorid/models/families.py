@@ -256,7 +256,7 @@ MOTORS = Family(
         "Inertia, thrust, motor lag and torque of the vehicle from its motor outputs, gyros and accelerometer."
     ),
     by_logs=True,
-    units={one.name: one.unit for one in motor_parameters(known={"kappa": 1.0})},
+    units={motor_parameter.name: motor_parameter.unit for motor_parameter in motor_parameters(known={"kappa": 1.0})},
     needs="motors",
     axes={"physical.motors": ()},
     in_all=True,
@@ -423,7 +423,7 @@ def named_model(
         raise ModelError(
             f"{name} came, which is no linear structure",
             needed="a linear structure",
-            remedy=f"rotorid identify LOG --model {name}, in Python rotorid.pipeline.identify_motors",
+            remedy=f"rotorid identify LOG --model {name}, in Python rotorid.identifying.identify_motors",
         )
     own = family.channels == "own"
     if own and name not in family.names:

@@ -55,7 +55,7 @@ _STRAIGHT = 1e-3
 _FLAT = 1e-3
 """Height or distance, in arms, below which it is none."""
 
-_APART = 0.05
+_LEAST_DISTANCE = 0.05
 """Rotors nearer to each other, in arms and seen from above, are above one another."""
 
 
@@ -152,7 +152,7 @@ def _require_plain(layout: RotorLayout) -> None:
     places = layout.positions / layout.arm
     heights = _numbers(np.flatnonzero(np.abs(places[:, 2] - places[:, 2].mean()) > _FLAT))
     between = np.hypot(*(places[:, None, :2] - places[None, :, :2]).transpose(2, 0, 1))
-    above = _numbers(np.flatnonzero((between + np.eye(layout.rotors) < _APART).any(axis=1)))
+    above = _numbers(np.flatnonzero((between + np.eye(layout.rotors) < _LEAST_DISTANCE).any(axis=1)))
     for rotors, what in ((tilted, "tilted"), (above, "above one another"), (heights, "at different heights")):
         if rotors:
             raise ModelError(

@@ -232,7 +232,7 @@ def rate_model(name: str) -> LinearStructure:
         delays={axis.input: axis.delay},
         parameters=ParameterSet(parameters),
         gain=axis.gain,
-        optional=(*(one.name for one in lead), MOTOR_LAG),
+        optional=(*(parameter.name for parameter in lead), MOTOR_LAG),
         source=_RATE_SOURCE,
     )
 
@@ -474,7 +474,7 @@ def transfer_function(
         for u in inputs
         for x, following in zip(states[u], [*states[u][1:], _feedback(states[u], u)], strict=True)
     ]
-    seen = [
+    equations = [
         f"{y} = "
         + " + ".join(
             f"b{k}{tails[y, u]}*{x}"
@@ -489,7 +489,7 @@ def transfer_function(
         inputs=inputs,
         states=[x for u in inputs for x in states[u]],
         equations=feedback,
-        outputs=seen,
+        outputs=equations,
         delays=delays,
         parameters=ParameterSet(
             _coefficients_of(numerator, denominator, tuple(tails.values()), tuple(delays.values()))

@@ -160,23 +160,23 @@ def motor_parameters(
     >>> motor_parameters(curve="linear", known={"m": 1.5, "kappa": 0.06})["I_zz"].status
     'tied'
     """
-    held = dict(known or {})
-    _require(held, curve)
-    if scale_of(held, axes) is None:
-        held["m"] = 1.0
+    fixed = dict(known or {})
+    _require(fixed, curve)
+    if scale_of(fixed, axes) is None:
+        fixed["m"] = 1.0
     names = ["m", *CURVE_TERMS[curve]]
     names += [name for axis in ("p", "q", "r", "az") if axis in axes for name in _OF_AXIS[axis]]
-    names += [SPIN_UP] if "r" in axes and (spin_up or SPIN_UP in held) else []
+    names += [SPIN_UP] if "r" in axes and (spin_up or SPIN_UP in fixed) else []
     # Without a lag a delay to samples of the force moves whole samples or nothing.
     names = [*names, "T_motor"] if lag else [name for name in names if name != "tau_accel"]
     names += ["tau_gyro"] if set(axes) & set(RATES) else []
-    names += [YAW_DELAY] if "r" in axes and (yaw_delay or YAW_DELAY in held) else []
+    names += [YAW_DELAY] if "r" in axes and (yaw_delay or YAW_DELAY in fixed) else []
     if not delays:
         names = [name for name in names if name not in DELAYS]
     if not heave_damping:
         names = [name for name in names if name != "Z_w"]
-    parameters = [_parameter(name, held.get(name), earliest_s) for name in names]
-    return ParameterSet((*parameters, *_yaw(held, "r" in axes)))
+    parameters = [_parameter(name, fixed.get(name), earliest_s) for name in names]
+    return ParameterSet((*parameters, *_yaw(fixed, "r" in axes)))
 
 
 def scale_of(known: Mapping[str, float], axes: Sequence[str]) -> str | None:
@@ -205,25 +205,25 @@ def _parameter(name: str, value: float | None, earliest_s: float) -> Parameter:
     )
 
 
-def _yaw(held: Mapping[str, float], seen: bool) -> tuple[Parameter, ...]:
+def _yaw(fixed: Mapping[str, float], visible: bool) -> tuple[Parameter, ...]:
     """Torque by thrust and inertia of yaw, of which one gives the other."""
-    if not seen:
+    if not visible:
         return ()
-    if "kappa" in held:
+    if "kappa" in fixed:
         tie = Expression.parse("kappa/kappa_per_I_zz")
-        known = Parameter(name="kappa", value=held["kappa"], unit="m", status="fixed")
+        known = Parameter(name="kappa", value=fixed["kappa"], unit="m", status="fixed")
         return known, Parameter(name="I_zz", unit="kg m^2", tied=tie)
-    if "I_zz" in held:
-        known = Parameter(name="I_zz", value=held["I_zz"], unit="kg m^2", status="fixed")
+    if "I_zz" in fixed:
+        known = Parameter(name="I_zz", value=fixed["I_zz"], unit="kg m^2", status="fixed")
         return known, Parameter(name="kappa", unit="m", tied=Expression.parse("kappa_per_I_zz*I_zz"))
     return ()
 
 
-def _require(held: Mapping[str, float], curve: Curve) -> None:
+def _require(fixed: Mapping[str, float], curve: Curve) -> None:
     if curve not in get_args(Curve):
         raise ModelError(f"there is no curve {curve!r}", needed=f"one of {', '.join(get_args(Curve))}")
     allowed = {*_UNITS, "kappa", "I_zz"}
-    for name, value in held.items():
+    for name, value in fixed.items():
         if name not in allowed:
             near = difflib.get_close_matches(name, allowed, n=1)
             raise ModelError(
@@ -235,19 +235,19 @@ def _require(held: Mapping[str, float], curve: Curve) -> None:
             raise ModelError(f"{name} = {value:g} came as known", needed="a positive number")
         if name.startswith("c_") and name not in CURVE_TERMS[curve]:
             raise ModelError(f"{name} came, which a {curve} curve does not have", remedy="choose another curve")
-    if any(name in held for name in CURVE_TERMS[curve]) and not _lifts(held, curve):
+    if any(name in fixed for name in CURVE_TERMS[curve]) and not _lifts(fixed, curve):
         raise ModelError(
             "the thrust that came as known does not lift anything",
             needed="coefficients that add up to a positive thrust",
         )
-    if {"kappa", "I_zz"} <= set(held):
+    if {"kappa", "I_zz"} <= set(fixed):
         raise ModelError("both kappa and I_zz came as known", needed="one of them, which gives the other")
 
 
-def _lifts(held: Mapping[str, float], curve: Curve) -> bool:
+def _lifts(fixed: Mapping[str, float], curve: Curve) -> bool:
     """Whether known coefficients leave a rotor that lifts at full output, as far as all of them are known."""
     terms = CURVE_TERMS[curve]
-    return not set(terms) <= set(held) or sum(held[name] for name in terms) > 0.0
+    return not set(terms) <= set(fixed) or sum(fixed[name] for name in terms) > 0.0
 
 
 _WEIGHT_TOLERANCE = 0.05

@@ -100,9 +100,9 @@ class NonlinearStructure(Immutable):
             ("outputs", self.outputs, "output equations", self.output_equations),
             ("inputs", self.inputs, "input delays", self.input_delays),
         )
-        for kind, names, said, expressions in pairs:
+        for kind, names, label, expressions in pairs:
             if len(names) != len(expressions):
-                raise ModelError(f"{self.name}: {len(expressions)} {said} came for {len(names)} {kind}")
+                raise ModelError(f"{self.name}: {len(expressions)} {label} came for {len(names)} {kind}")
             if len(set(names)) < len(names):
                 raise ModelError(f"{self.name}: the {kind} are {', '.join(names)}", needed="every name once")
         if not self.states or not self.outputs:
@@ -170,20 +170,20 @@ class NonlinearStructure(Immutable):
         known = {*outputs, *self.inputs, *self.constants}
         chosen = tuple(self.output_equations[self.outputs.index(name)] for name in outputs)
         rates = dict(zip(self.states, self.equations, strict=True))
-        seen = frozenset().union(*(expression.names for expression in chosen))
-        while found := frozenset().union(*(rates[state].names for state in seen & rates.keys())) - seen:
-            seen |= found
+        used_names = frozenset().union(*(expression.names for expression in chosen))
+        while found := frozenset().union(*(rates[state].names for state in used_names & rates.keys())) - used_names:
+            used_names |= found
         pairs = zip(self.inputs, self.input_delays, strict=True)
-        delays = tuple(delay if name in seen else Expression() for name, delay in pairs)
-        used = seen.union(*(delay.names for delay in delays))
+        delays = tuple(delay if name in used_names else Expression() for name, delay in pairs)
+        used = used_names.union(*(delay.names for delay in delays))
         return replace(
             self,
-            states=tuple(state for state in self.states if state in seen),
+            states=tuple(state for state in self.states if state in used_names),
             outputs=tuple(outputs),
-            equations=tuple(rates[state] for state in self.states if state in seen),
+            equations=tuple(rates[state] for state in self.states if state in used_names),
             output_equations=chosen,
             input_delays=delays,
-            starts={state: s for state, s in self.starts.items() if state in seen and s.names <= known},
+            starts={state: s for state, s in self.starts.items() if state in used_names and s.names <= known},
             parameters=self.parameters.only(name for name in self.parameters.names if name in used),
         )
 
@@ -294,14 +294,19 @@ def about_rest(structure: NonlinearStructure) -> LinearStructure:
     zero = dict.fromkeys((*structure.states, *structure.inputs), 0.0)
     values = {**structure.constants, **structure.parameters.values}
     moving = (*structure.equations, *structure.output_equations)
-    if any(abs(one.substitute(zero).evaluate(values)) > _REST for one in moving):
+    if any(abs(expression.substitute(zero).evaluate(values)) > _REST for expression in moving):
         raise ModelError(f"{structure.name} does not rest at zero", needed="equations that are zero there")
 
     def slopes(rows: Row, names: Sequence[str]) -> tuple[Row, ...]:
         return tuple(tuple(row.derivative(name).substitute(zero) for name in names) for row in rows)
 
-    through = [one for row in slopes(structure.output_equations, structure.inputs) for one in row if not one.is_zero]
-    if any(one.evaluate(values) != 0.0 for one in through):
+    through = [
+        expression
+        for row in slopes(structure.output_equations, structure.inputs)
+        for expression in row
+        if not expression.is_zero
+    ]
+    if any(expression.evaluate(values) != 0.0 for expression in through):
         raise ModelError(f"an output of {structure.name} follows an input at once", needed="outputs of states")
     F, G = (slopes(structure.equations, names) for names in (structure.states, structure.inputs))
     H0 = slopes(structure.output_equations, structure.states)
@@ -392,7 +397,7 @@ def nonlinear_structure(
     for symbol in (*inputs, *states, *symbols.coefficients):
         symbols.check(symbol)
     rates = explicit([equation(text, symbols) for text in equations], symbols.states)
-    seen = [output(text, symbols, rates) for text in outputs]
+    output_equations = [output(text, symbols, rates) for text in outputs]
     delayed = {key: Expression.parse(value) for key, value in (delays or {}).items()}
     for key in delayed:
         check_delayed(key, symbols.inputs)
@@ -400,9 +405,9 @@ def nonlinear_structure(
         name=name,
         inputs=symbols.inputs,
         states=symbols.states,
-        outputs=tuple(key for key, _ in seen),
+        outputs=tuple(key for key, _ in output_equations),
         equations=tuple(rates[f"{state}'"] for state in symbols.states),
-        output_equations=tuple(expression for _, expression in seen),
+        output_equations=tuple(expression for _, expression in output_equations),
         input_delays=tuple(delayed.get(key, Expression()) for key in symbols.inputs),
         parameters=parameters,
         constants=constants or {},
@@ -442,12 +447,12 @@ def explicit(rows: Iterable[tuple[str, Expression]], states: Sequence[str]) -> d
     ModelError
         A derivative has two equations or none, or derivatives stand for each other in a loop.
     """
-    said: dict[str, Expression] = {}
+    solved: dict[str, Expression] = {}
     for derivative, expression in rows:
-        if derivative in said:
+        if derivative in solved:
             raise ModelError(f"two equations say what {derivative} is", needed="one equation for each state")
-        said[derivative] = expression
-    if lost := [f"{state}'" for state in states if f"{state}'" not in said]:
+        solved[derivative] = expression
+    if lost := [f"{state}'" for state in states if f"{state}'" not in solved]:
         raise ModelError(f"no equation says what {' and '.join(lost)} is", needed="one equation for each state")
     done: dict[str, Expression] = {}
 
@@ -456,12 +461,12 @@ def explicit(rows: Iterable[tuple[str, Expression]], states: Sequence[str]) -> d
             loop = " -> ".join([*path[path.index(derivative) :], derivative])
             raise ModelError(f"the derivatives go in a loop: {loop}", remedy="solve the equations for them")
         if derivative not in done:
-            inner = sorted(name for name in said[derivative].names if name.endswith("'"))
+            inner = sorted(name for name in solved[derivative].names if name.endswith("'"))
             meant = {name: resolve(name, (*path, derivative)) for name in inner}
-            done[derivative] = said[derivative].substitute(meant)
+            done[derivative] = solved[derivative].substitute(meant)
         return done[derivative]
 
-    for derivative in said:
+    for derivative in solved:
         resolve(derivative, ())
     return done
 

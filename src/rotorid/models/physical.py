@@ -399,14 +399,14 @@ def from_derivatives(
     problem = _Problem(
         targets=dict(derivatives) | {name: known[name] for name in PHYSICAL_UNITS if spread.get(name)},
         root=_joined(root, [spread[name] for name in PHYSICAL_UNITS if spread.get(name)]),
-        held={name: float(value) for name, value in known.items() if not spread.get(name)},
+        fixed={name: float(value) for name, value in known.items() if not spread.get(name)},
     )
     start = problem.start()
     problem.require_determined(start, derivatives)
     values = problem.solve(start)
     jacobian = problem.jacobian(values)
     inverse = np.linalg.pinv(jacobian)
-    names = tuple(name for name in PHYSICAL_UNITS if name not in problem.held)
+    names = tuple(name for name in PHYSICAL_UNITS if name not in problem.fixed)
     spreading = np.array([problem.gradient(values, name) for name in names]).reshape(len(names), -1) @ inverse
     whole = problem.complete(values)
     return PhysicalEstimate(
@@ -429,20 +429,20 @@ class _Problem:
 
     targets: Mapping[str, float]
     root: FloatArray  # lower Cholesky factor of the covariance of the targets
-    held: Mapping[str, float]
+    fixed: Mapping[str, float]
 
     @property
     def dependent(self) -> str | None:
         """The quantity that the weight gives once the others are known."""
-        return next((name for name in _BALANCE if name not in self.held), None)
+        return next((name for name in _BALANCE if name not in self.fixed), None)
 
     @property
     def free(self) -> tuple[str, ...]:
-        return tuple(name for name in PHYSICAL_UNITS if name not in self.held and name != self.dependent)
+        return tuple(name for name in PHYSICAL_UNITS if name not in self.fixed and name != self.dependent)
 
     def complete(self, values: Mapping[str, Number]) -> dict[str, Number]:
         """Every physical parameter from the free ones."""
-        known: dict[str, Number] = {**self.held, **values}
+        known: dict[str, Number] = {**self.fixed, **values}
         if self.dependent == "n_h":
             known["n_h"] = hover_speed(known)
         elif self.dependent is not None:

@@ -305,8 +305,8 @@ def layout_from_toml(text: str, *, where: str) -> RotorLayout:
     unknown = sorted(set(table) - {"name", "rotor"})
     rotors = table.get("rotor")
     if unknown or not isinstance(rotors, list) or not all(isinstance(rotor, dict) for rotor in rotors) or not rotors:
-        held = ", ".join(unknown) or "no tables [[rotor]]"
-        raise ModelError(f"{where} holds {held}", needed=_NEEDED)
+        available = ", ".join(unknown) or "no tables [[rotor]]"
+        raise ModelError(f"{where} holds {available}", needed=_NEEDED)
     rows = [_rotor(rotor, f"{where}, rotor {number}") for number, rotor in enumerate(rotors, start=1)]
     return RotorLayout(
         name=_name_of(table, where),

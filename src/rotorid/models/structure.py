@@ -179,13 +179,13 @@ def _without(matrices: Matrices, i: int, j: int) -> Matrices:
         return row[:j] + row[j + 1 :]
 
     rows = [r for r in range(len(matrices.F)) if r != i]
-    said = matrices.G[i]
+    input_row = matrices.G[i]
     return Matrices(
         states=tuple(state for k, state in enumerate(matrices.states) if k != j),
         M=tuple(cut(matrices.M[r]) for r in rows),
         F=tuple(cut(matrices.F[r]) for r in rows),
         G=tuple(
-            tuple(own + matrices.F[r][j] * through for own, through in zip(matrices.G[r], said, strict=True))
+            tuple(own + matrices.F[r][j] * through for own, through in zip(matrices.G[r], input_row, strict=True))
             for r in rows
         ),
         H0=tuple(cut(row) for row in matrices.H0),
@@ -508,13 +508,13 @@ def connected(structure: LinearStructure) -> LinearStructure:
     """
     links = _filled(structure.M) | _filled(structure.F)
     moved = _spread(_filled(structure.G), links)
-    seen = _spread((_filled(structure.H0) | _filled(structure.H1)).T, links.T)
+    observed = _spread((_filled(structure.H0) | _filled(structure.H1)).T, links.T)
     # From each input to each output there is a response where one state is both moved and seen.
-    responses = np.asarray(seen.T @ moved)
+    responses = np.asarray(observed.T @ moved)
     if not responses.any():
         return structure
     inputs, outputs = np.asarray(responses.any(axis=0)), np.asarray(responses.any(axis=1))
-    states = np.asarray(moved[:, inputs].any(axis=1) & seen[:, outputs].any(axis=1))
+    states = np.asarray(moved[:, inputs].any(axis=1) & observed[:, outputs].any(axis=1))
     if states.all() and inputs.all() and outputs.all():
         return structure
     return _part(structure, states, inputs, outputs)

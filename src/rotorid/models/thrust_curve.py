@@ -107,7 +107,7 @@ class PolynomialCurve(Immutable):
 
     def slope(self, command: ArrayLike) -> AnyArray:
         """Derivative of the thrust with respect to the command."""
-        slopes = [power * one for power, one in enumerate(self.coefficients)][1:]
+        slopes = [power * coefficient for power, coefficient in enumerate(self.coefficients)][1:]
         return np.asarray(np.polynomial.polynomial.polyval(np.asarray(command), slopes))
 
     def gradients(self, command: ArrayLike) -> AnyArray:
@@ -148,7 +148,7 @@ class PolynomialCurve(Immutable):
         return np.asarray(guess)
 
     def _last_minimum(self, low: float, high: float) -> float:
-        slopes = np.array([power * one for power, one in enumerate(self.coefficients)][1:])
+        slopes = np.array([power * coefficient for power, coefficient in enumerate(self.coefficients)][1:])
         roots = np.polynomial.polynomial.polyroots(np.trim_zeros(slopes, "b")) if np.any(slopes) else np.empty(0)
         real = np.sort(roots.real[(np.abs(roots.imag) < 1e-12) & (roots.real > low) & (roots.real < high)])
         start = float(real[-1]) if real.size else low

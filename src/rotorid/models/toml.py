@@ -245,7 +245,7 @@ def nonlinear_to_toml(structure: NonlinearStructure, std: Mapping[str, float]) -
         Standard deviations of the parameters that have one; for people, ignored when read back.
     """
     rates = zip(structure.states, structure.equations, strict=True)
-    seen = zip(structure.outputs, structure.output_equations, strict=True)
+    equations = zip(structure.outputs, structure.output_equations, strict=True)
     delays = zip(structure.inputs, structure.input_delays, strict=True)
     tables: dict[str, list[str]] = {
         "delays": [f"{_key(name)} = {_entry(delay)}" for name, delay in delays if not delay.is_zero],
@@ -260,7 +260,9 @@ def nonlinear_to_toml(structure: NonlinearStructure, std: Mapping[str, float]) -
         f"inputs = {_list(structure.inputs)}",
         f"states = {_list(structure.states)}",
         *_listed("equations", (f"{state}' = {rate}" for state, rate in rates)),
-        *_listed("outputs", (name if name == str(one) else f"{name} = {one}" for name, one in seen)),
+        *_listed(
+            "outputs", (name if name == str(expression) else f"{name} = {expression}" for name, expression in equations)
+        ),
     ]
     for name, entries in tables.items():
         lines += ["", f"[{name}]", *entries] if entries else []

@@ -57,7 +57,7 @@ def aircraft_loop(
     system = linearize(aircraft.vehicle, autopilot, accelerometer_m=sensors.accelerometer_place_m)
     plant = _Sampled(aircraft=aircraft, system=system)
     feedback = feedback_of(autopilot, gyro_lag_s=sensors.gyro_lag_s)
-    seen = _seen(aircraft, filtered=not adds_sweeps if filtered is None else filtered)
+    filters = _sensor_filters(aircraft, filtered=not adds_sweeps if filtered is None else filtered)
     std = np.repeat(
         [
             sensors.gyro_noise_rad_s,
@@ -68,13 +68,17 @@ def aircraft_loop(
         3,
     )
     return loop_model(
-        _Behind(path=plant, filters=seen),
-        _Before(feedback=feedback, filters=seen),
+        _Behind(path=plant, filters=filters),
+        _Before(feedback=feedback, filters=filters),
         [
             Noise(
-                source=_gusts(wind), path=_Behind(path=_wind_path(system, hover_states(aircraft.vehicle)), filters=seen)
+                source=_gusts(wind),
+                path=_Behind(path=_wind_path(system, hover_states(aircraft.vehicle)), filters=filters),
             ),
-            Noise(source=White(std=tuple(std.tolist()), sample_rate_hz=autopilot.rate_hz), path=_Alone(filters=seen)),
+            Noise(
+                source=White(std=tuple(std.tolist()), sample_rate_hz=autopilot.rate_hz),
+                path=_FiltersOnly(filters=filters),
+            ),
         ],
         name=aircraft.name,
         inputs=[f"{axis}_command" for axis in AXES],
@@ -89,7 +93,7 @@ def aircraft_loop(
 
 def rate_filters(aircraft: Aircraft, omega_rad_s: FloatArray) -> ComplexArray:
     """What stands between the motion and each output in front of the controllers, shape ``(y, f)``."""
-    return _seen(aircraft, filtered=True).factors(omega_rad_s)
+    return _sensor_filters(aircraft, filtered=True).factors(omega_rad_s)
 
 
 def _entries(autopilot: Autopilot) -> dict[Entry, Responds]:
@@ -119,7 +123,7 @@ class _Target:
         return np.asarray(self.rate.response(omega_rad_s) * by_angle[None, :, :])
 
 
-def _seen(aircraft: Aircraft, *, filtered: bool) -> _Filters:
+def _sensor_filters(aircraft: Aircraft, *, filtered: bool) -> _Filters:
     autopilot, sensors = aircraft.autopilot, aircraft.sensors
     lags = [sensors.gyro_lag_s] * 3 + [0.0] * 6 + [sensors.accelerometer_lag_s] * 3
     cutoffs = [autopilot.gyro_cutoff_hz] * 3 + [0.0] * 6 + [autopilot.accelerometer_cutoff_hz] * 3
@@ -205,7 +209,7 @@ class _Before:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Alone:
+class _FiltersOnly:
     """The filters themselves."""
 
     filters: _Filters

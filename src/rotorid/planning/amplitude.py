@@ -260,21 +260,23 @@ def common_amplitude(
     for plan_of in plans:
         for seed in seeds:
             if not found or not found[0].value:
-                one = tries.largest(plan_of, seed, start=start, largest=largest)
+                amplitude = tries.largest(plan_of, seed, start=start, largest=largest)
             else:
                 near = found[0].value
-                one = tries.largest(plan_of, seed, start=near, largest=largest, widen=_NEAR, tolerance=_NEAR_TOLERANCE)
-            found.append(one)
-    ranked = sorted(found, key=lambda one: one.value)
+                amplitude = tries.largest(
+                    plan_of, seed, start=near, largest=largest, widen=_NEAR, tolerance=_NEAR_TOLERANCE
+                )
+            found.append(amplitude)
+    ranked = sorted(found, key=lambda amplitude: amplitude.value)
     taken = ranked[math.floor(_QUANTILE * (len(ranked) - 1))]
     if taken.value == 0.0:
         raise _no_room(aircraft, taken)
     # What limits most flights is what a larger amplitude would meet.
-    limited = Counter(one.limited_by for one in found if one.limited_by or not taken.limited_by)
+    limited = Counter(amplitude.limited_by for amplitude in found if amplitude.limited_by or not taken.limited_by)
     return replace(
         taken,
         limited_by=limited.most_common(1)[0][0] if limited else "",
-        flights=sum(one.flights for one in found),
+        flights=sum(amplitude.flights for amplitude in found),
         spread=(ranked[0].value, ranked[-1].value),
     )
 

@@ -235,8 +235,8 @@ class LoopModel(Immutable):
             # Of a real signal the spectrum at a negative frequency is the conjugate one.
             total[..., inside] += np.where(moved[inside] < 0.0, density.conj(), density)
         outputs = slice(len(self.inputs), None)
-        apart = [noise for noise in self.noises if noise.logged_only]
-        total[outputs, outputs] += _summed(apart, omega_rad_s, len(self.outputs))
+        logged_only = [noise for noise in self.noises if noise.logged_only]
+        total[outputs, outputs] += _summed(logged_only, omega_rad_s, len(self.outputs))
         return total
 
     @property

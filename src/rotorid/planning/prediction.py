@@ -97,8 +97,8 @@ def open_loop_noise(
     """
     chosen = loop_rows(loop, (*inputs, *outputs))
     excited = np.moveaxis(excited_channels(loop, planned, omega_rad_s, (*inputs, *outputs)), -1, 0)
-    moved, seen = np.split(excited[:, :, : len(inputs)], [len(inputs)], axis=1)
-    response = seen @ np.linalg.inv(moved)
+    moved, measured = np.split(excited[:, :, : len(inputs)], [len(inputs)], axis=1)
+    response = measured @ np.linalg.inv(moved)
     own = np.broadcast_to(np.eye(len(outputs)), (omega_rad_s.size, len(outputs), len(outputs)))
     mix = np.concatenate([-response, own], axis=2)
     logged = np.moveaxis(loop.logged_noise(omega_rad_s)[np.ix_(chosen, chosen)], -1, 0)
@@ -180,12 +180,12 @@ def scattering_errors(problem: FrequencyProblem, loop: LoopModel, planned: Plann
     noise = np.moveaxis(open_loop_noise(loop, planned, data.omega_rad_s, data.inputs, data.outputs), 0, -1)
     level = np.sqrt(np.einsum("yyf->yf", noise).real)
     factor = (level / np.sqrt(data.disturbance.level))[:, None, :]
-    alone = replace(
+    scattered = replace(
         data,
         covariance=data.covariance * factor[..., :, None] * factor[..., None, :],
         output_correlation=np.stack([noise / level[:, None] / level[None, :]] * len(data.inputs)),
     )
-    return residual_errors(alone, problem.used, problem.point_scales)
+    return residual_errors(scattered, problem.used, problem.point_scales)
 
 
 def expected_scatter(

@@ -130,10 +130,10 @@ def _on_parameters(solution: Solution, limits: Bounds) -> tuple[Finding, ...]:
     for name, value, cramer_rao, insensitivity in zip(*columns, strict=True):
         if value == 0.0:
             continue
-        seen, known = 100.0 * insensitivity / abs(value), 100.0 * cramer_rao / abs(value)
+        insensitivity_percent, known = 100.0 * insensitivity / abs(value), 100.0 * cramer_rao / abs(value)
         kind, percent, limit = "", 0.0, 0.0
-        if seen > INSENSITIVITY_GUIDELINE_PERCENT:
-            kind, percent, limit = "insensitive_parameter", seen, INSENSITIVITY_GUIDELINE_PERCENT
+        if insensitivity_percent > INSENSITIVITY_GUIDELINE_PERCENT:
+            kind, percent, limit = "insensitive_parameter", insensitivity_percent, INSENSITIVITY_GUIDELINE_PERCENT
         elif known > CRAMER_RAO_GUIDELINE_PERCENT:
             kind, percent, limit = "uncertain_parameter", known, CRAMER_RAO_GUIDELINE_PERCENT
         if kind:

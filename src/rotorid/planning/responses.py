@@ -85,7 +85,9 @@ def setpoint_of(axis: Axis, entry: Entry) -> str | None:
     >>> setpoint_of("thrust", "stick"), setpoint_of("roll", "command")
     ('velocity_down_setpoint', None)
     """
-    return next((name for name, one in SETPOINTS.items() if (one.axis, one.entry) == (axis, entry)), None)
+    return next(
+        (name for name, setpoint in SETPOINTS.items() if (setpoint.axis, setpoint.entry) == (axis, entry)), None
+    )
 
 
 def answers_setpoints(structure: LinearStructure) -> bool:
@@ -93,7 +95,7 @@ def answers_setpoints(structure: LinearStructure) -> bool:
     return all(name in SETPOINTS for name in structure.inputs)
 
 
-def setpoint_loop(loop: LoopModel, names: Sequence[str], *, held: bool = False) -> LoopModel:
+def setpoint_loop(loop: LoopModel, names: Sequence[str], *, sampled: bool = False) -> LoopModel:
     """A loop as it is from outside: from set-points to what answers them, with nothing fed back that shows.
 
     Parameters
@@ -103,7 +105,7 @@ def setpoint_loop(loop: LoopModel, names: Sequence[str], *, held: bool = False) 
         set-points.
     names
         Set-points, some of :data:`SETPOINTS`.
-    held
+    sampled
         Whether they are sent at the samples of the log, and stand until the next one.
 
     Raises
@@ -124,14 +126,14 @@ def setpoint_loop(loop: LoopModel, names: Sequence[str], *, held: bool = False) 
     if wrong := [name for name in names if name not in SETPOINTS]:
         raise UsageError(f"the input {wrong[0]} came", needed=f"set-points, of {', '.join(SETPOINTS)}")
     # Near hover on a level airframe the speed downward is that along its own axis.
-    seen = {**{name: name for name in loop.outputs}, "velocity_down": "w"}
-    rows = tuple(loop.outputs.index(row) for row in seen.values())
+    channels = {**{name: name for name in loop.outputs}, "velocity_down": "w"}
+    rows = tuple(loop.outputs.index(row) for row in channels.values())
     own = tuple(SETPOINTS[name] for name in names)
-    entered = {one.entry: _Signs(tuple(other.sign for other in own)) for one in own}
+    entered = {setpoint.entry: _Signs(tuple(other.sign for other in own)) for setpoint in own}
     return LoopModel(
         name=loop.name,
         inputs=tuple(names),
-        outputs=tuple(seen),
+        outputs=tuple(channels),
         plant=_Answers(loop=loop, setpoints=own, rows=rows),
         feedback=None,
         noises=(Noise(source=_Logged(loop=loop, rows=rows), logged_only=True),),
@@ -139,8 +141,8 @@ def setpoint_loop(loop: LoopModel, names: Sequence[str], *, held: bool = False) 
         log_rate_hz=loop.log_rate_hz,
         loop_rate_hz=loop.loop_rate_hz,
         declared=(),
-        axes=tuple(one.axis for one in own),
-        held=held,
+        axes=tuple(setpoint.axis for setpoint in own),
+        held=sampled,
     )
 
 
@@ -155,9 +157,9 @@ class _Answers:
     def response(self, omega_rad_s: FloatArray) -> ComplexArray:
         closed = self.loop.at(omega_rad_s)
         columns = []
-        for one in self.setpoints:
-            place = self.loop.inputs.index(self.loop.input_of(one.axis))
-            entered = one.sign * self.loop.excitation(omega_rad_s, one.entry)[:, place]
+        for setpoint in self.setpoints:
+            place = self.loop.inputs.index(self.loop.input_of(setpoint.axis))
+            entered = setpoint.sign * self.loop.excitation(omega_rad_s, setpoint.entry)[:, place]
             commands = np.einsum("ijf,jf->if", closed.excited, entered)
             columns.append(np.einsum("yuf,uf->yf", closed.plant, commands)[list(self.rows)])
         return np.stack(columns, axis=1)
@@ -276,7 +278,7 @@ def predict_responses(
     solver = LevenbergMarquardt(iterations=100, tolerance=1e-9)
     problem = TimeProblem(
         structure=structure,
-        parameters=_begun(structure.parameters, values),
+        parameters=_with_free_values(structure.parameters, values),
         records=data,
         hold="zero",
         unknowns=("initial_state", "output_shift"),
@@ -293,7 +295,7 @@ def predict_responses(
     stated = [bounds_of_parts(fit.problem.parts(fit.solution.theta), fit.parameters.free) for fit in fits]
     parts = weighed.parts(ended.theta)
     scatter, information = _of_noise(parts, weighed.whitening, structure, loop)
-    covariance = np.mean([one.random for one in stated], axis=0)
+    covariance = np.mean([bounds.random for bounds in stated], axis=0)
     inflation = _ratio(covariance, scatter)
     band = choices.band_rad_s or shown.band_rad_s
     windows = shown.windows(band, choices.windows_s)
@@ -306,9 +308,9 @@ def predict_responses(
         windows_s=windows.lengths_s,
         joint=False,
     )
-    apart = np.eye(len(structure.outputs), len(structure.inputs), dtype=np.bool_)[:, :, None]
+    mask = np.eye(len(structure.outputs), len(structure.inputs), dtype=np.bool_)[:, :, None]
     least = choices.coherence if choices.coherence is not None else DIRECT_COHERENCE
-    used = usable(response, shown, axes, band, replace(choices, estimate="direct", coherence=least)) & apart
+    used = usable(response, shown, axes, band, replace(choices, estimate="direct", coherence=least)) & mask
     known = {**weighed.parameters.unpack(ended.theta).values, **values}
     return Prediction(
         plan=plan.name,
@@ -334,7 +336,7 @@ def _scoped(structure: LinearStructure, loop: LoopModel) -> LinearStructure:
     return connected(structure)
 
 
-def _begun(parameters: ParameterSet, values: Mapping[str, float]) -> ParameterSet:
+def _with_free_values(parameters: ParameterSet, values: Mapping[str, float]) -> ParameterSet:
     return parameters.with_values({name: value for name, value in values.items() if name in parameters.free})
 
 
@@ -350,12 +352,12 @@ def _records(structure: LinearStructure, loop: LoopModel, planned: Planned) -> t
 def _logged(record: TimeHistory, turn: int, signs: FloatArray, inputs: int, loop: LoopModel) -> TimeData:
     sources = sum(name.endswith("_excitation") for name in record.names)
     late = turn // 2 if loop.held else 0
-    asked, seen = record.values[:inputs, late::turn], record.values[sources:, ::turn]
-    count = min(asked.shape[1], seen.shape[1])
+    asked, measured = record.values[:inputs, late::turn], record.values[sources:, ::turn]
+    count = min(asked.shape[1], measured.shape[1])
     return TimeData(
         name="planned",
         inputs=signs[:, None] * asked[:, :count],
-        outputs=seen[:, :count],
+        outputs=measured[:, :count],
         sample_rate_hz=loop.log_rate_hz,
         before=np.zeros(inputs),
     )
@@ -363,7 +365,7 @@ def _logged(record: TimeHistory, turn: int, signs: FloatArray, inputs: int, loop
 
 def _noisy(problem: TimeProblem, noise: Sequence[FloatArray]) -> TimeProblem:
     records = tuple(
-        replace(one, outputs=one.outputs + added) for one, added in zip(problem.records, noise, strict=True)
+        replace(record, outputs=record.outputs + added) for record, added in zip(problem.records, noise, strict=True)
     )
     return replace(problem, records=records)
 
@@ -386,14 +388,14 @@ def _draws(
     """What gusts and noise may do to the outputs of each record, shapes ``(y, n)``."""
     from scipy.fft import irfft, next_fast_len, rfft
 
-    lengths = [int(next_fast_len(2 * one.samples, real=True)) for one in data]
+    lengths = [int(next_fast_len(2 * record.samples, real=True)) for record in data]
     # One-sided densities: white noise of unit variance has twice one over the rate.
     roots = [np.linalg.cholesky(_spectrum(structure, loop, length) * loop.log_rate_hz / 2.0) for length in lengths]
     for _ in range(_DRAWS):
         drawn = []
-        for one, length, root in zip(data, lengths, roots, strict=True):
+        for record, length, root in zip(data, lengths, roots, strict=True):
             white = rfft(rng.standard_normal((length, len(structure.outputs))), axis=0)[:, :, None]
-            drawn.append(np.asarray(irfft((root @ white)[:, :, 0], n=length, axis=0)[: one.samples].T))
+            drawn.append(np.asarray(irfft((root @ white)[:, :, 0], n=length, axis=0)[: record.samples].T))
         yield drawn
 
 
@@ -448,8 +450,8 @@ def _parameters(
             expected=float(theta[row]),
             std=float(np.sqrt(covariance[row, row])),
             scatter=float(np.sqrt(scatter[row, row])),
-            cramer_rao=float(np.mean([one.cramer_rao[row] for one in stated])),
-            insensitivity=float(np.mean([one.insensitivity[row] for one in stated])),
+            cramer_rao=float(np.mean([bounds.cramer_rao[row] for bounds in stated])),
+            insensitivity=float(np.mean([bounds.insensitivity[row] for bounds in stated])),
             lowest_std=float(lowest[row]),
         )
         for row, name in enumerate(own.free)

@@ -212,10 +212,13 @@ def _require_agreement(settings: SystemId, planned: PlannedInput, trim_s: float)
     """The plan was designed with its samples: what the firmware makes of the settings must be these."""
     time_s = np.arange(planned.values.size) / planned.sample_rate_hz - trim_s
     flown = settings.waveform(time_s) * (planned.amplitude / settings.magnitude)
-    apart = float(np.abs(flown - planned.values).max()) / planned.amplitude
-    if apart > _AGREEMENT:
+    deviation = float(np.abs(flown - planned.values).max()) / planned.amplitude
+    if deviation > _AGREEMENT:
         raise UsageError(
-            f"the samples of the sweep on {planned.axis} differ from ArduPilot's chirp by {apart:.0%} of the amplitude",
+            (
+                f"the samples of the sweep on {planned.axis} differ from "
+                f"ArduPilot's chirp by {deviation:.0%} of the amplitude"
+            ),
             needed=f"a constant part of two cycles, {settings.constant_s:g} s, and the fades among the settings",
             remedy=f"plan it with constant_s={settings.constant_s:g}, fade_in_s and fade_out_s",
         )
@@ -322,7 +325,7 @@ def versions_words() -> str:
     return f"{oldest[0]}.{oldest[1]} to {newest[0]}.{newest[1]}"
 
 
-def _lean_limit(firmware: str) -> str:
+def _tilt_limit_parameter(firmware: str) -> str:
     """The parameter of the largest lean, which 4.7 renamed."""
     version = named(firmware).copter
     if version is None:
@@ -355,7 +358,7 @@ def _chirp_files(plan: FlightPlan, sweeps: Sequence[PlannedInput], facts: Flight
             planned=planned,
             settings=settings,
             fast_imu=bool(shared["LOG_BITMASK"] >> FAST_IMU_BIT & 1),
-            lean_limit=_lean_limit(facts.firmware),
+            lean_limit=_tilt_limit_parameter(facts.firmware),
             lines=_lines(settings.parameters | shared),
         )
     files["ardupilot-after.param"] = filled("ardupilot_after.param", **words, default=DEFAULT_LOG_BITMASK)

@@ -136,9 +136,12 @@ class FlightFacts(Immutable):
 
     def __post_init__(self) -> None:
         numbers = (self.room_m, self.height_m, self.climb_m, self.tilt_rad, self.rate_rad_s, *self.motors)
-        if not all(math.isfinite(one) and one >= 0.0 for one in numbers) or max(self.motors) > 1.0:
+        if not all(math.isfinite(number) and number >= 0.0 for number in numbers) or max(self.motors) > 1.0:
             raise UsageError(
-                f"predictions for a flight of {self.vehicle} that contain {', '.join(f'{one:g}' for one in numbers)}",
+                (
+                    f"predictions for a flight of {self.vehicle} that "
+                    f"contain {', '.join(f'{number:g}' for number in numbers)}"
+                ),
                 needed="finite numbers from zero up, and motors from 0 to 1",
             )
 

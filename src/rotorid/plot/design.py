@@ -34,7 +34,7 @@ from rotorid.typing import BoolArray, FloatArray
 _TIME_AXIS = {"title": {"text": "Time on the plan's clock [s]"}}
 _MOST_POINTS = 1500
 _ROW_PX, _LEAST_PX = 30.0, 90.0
-_APART = 0.56
+_BAR_SPACING = 0.56
 _DEEPEST_DB = 60.0
 _EXPECTED = {"measured": "expected", LEFT_OUT: "expected, not usable", LEFT_OUT_BAND: "± 2 σ, not usable"}
 
@@ -95,28 +95,28 @@ def planned_flight(strips: Sequence[Strip]) -> Figure:
     >>> [trace["name"] for trace in planned_flight([tilt])["data"]]
     ['tilt', 'limit']
     """
-    named = [strip for strip in strips if len({one.words for one in strip.signals}) > 1]
-    names = list(dict.fromkeys(one.words for strip in named for one in strip.signals))
-    seen: set[str] = set()
-    panels = [_strip(strip, names, seen) for strip in strips]
+    named = [strip for strip in strips if len({signal.words for signal in strip.signals}) > 1]
+    names = list(dict.fromkeys(signal.words for strip in named for signal in strip.signals))
+    shown: set[str] = set()
+    panels = [_strip(strip, names, shown) for strip in strips]
     return stacked(panels, x_axis=_TIME_AXIS)
 
 
-def _strip(strip: Strip, names: Sequence[str], seen: set[str]) -> Panel:
-    """One panel; ``seen`` holds what already stands in the legend."""
+def _strip(strip: Strip, names: Sequence[str], shown: set[str]) -> Panel:
+    """One panel; ``shown`` holds what already stands in the legend."""
     traces: list[Trace] = []
-    for one in strip.signals:
-        known = one.words in names
-        color = SERIES[names.index(one.words) % len(SERIES)] if known else SERIES[-1]
-        drawn = line(*one[2:], one.channel, words=text(one.words), color=color, width=1.0, most=_MOST_POINTS)
-        traces.append({**drawn, "showlegend": known and one.words not in seen})
-        seen.add(one.words)
+    for signal in strip.signals:
+        known = signal.words in names
+        color = SERIES[names.index(signal.words) % len(SERIES)] if known else SERIES[-1]
+        drawn = line(*signal[2:], signal.channel, words=text(signal.words), color=color, width=1.0, most=_MOST_POINTS)
+        traces.append({**drawn, "showlegend": known and signal.words not in shown})
+        shown.add(signal.words)
     channel = strip.signals[0].channel
-    edges = [min(one.time_s[0] for one in strip.signals), max(one.time_s[-1] for one in strip.signals)]
+    edges = [min(signal.time_s[0] for signal in strip.signals), max(signal.time_s[-1] for signal in strip.signals)]
     for limit in strip.limits:
         flat = line(np.array(edges), np.full(2, limit), channel, words="limit", color=SECONDARY, width=1.4, dash="2 3")
-        traces.append({**flat, "showlegend": "limit" not in seen})
-        seen.add("limit")
+        traces.append({**flat, "showlegend": "limit" not in shown})
+        shown.add("limit")
     unit = quantity(channel).unit
     return Panel(
         label=f"{strip.label} [{unit}]" if unit else strip.label,
@@ -171,15 +171,15 @@ def excited_bands(inputs: Sequence[Excited], *, frequency: Frequency = "rad/s", 
     ([-10.0, -30.0], 'Density [dB re 1/Hz]')
     """
     view = View(frequency=frequency, magnitude=magnitude)
-    units = list(dict.fromkeys(quantity(one.channel).unit for one in inputs))
-    axes = list(dict.fromkeys(_axis(one) for one in inputs))
+    units = list(dict.fromkeys(quantity(excited.channel).unit for excited in inputs))
+    axes = list(dict.fromkeys(_axis(excited) for excited in inputs))
     panels = []
     for unit in units:
         density = f"({unit})²/Hz" if unit else "1/Hz"
         drawn = f"dB re {density}" if magnitude == "dB" else density
-        members = [(number, one) for number, one in enumerate(inputs) if quantity(one.channel).unit == unit]
-        bands = list(dict.fromkeys(one.band_rad_s for _, one in members if one.band_rad_s is not None))
-        traces = [_density(view, one, number, axes.index(_axis(one)), drawn) for number, one in members]
+        members = [(number, excited) for number, excited in enumerate(inputs) if quantity(excited.channel).unit == unit]
+        bands = list(dict.fromkeys(excited.band_rad_s for _, excited in members if excited.band_rad_s is not None))
+        traces = [_density(view, excited, number, axes.index(_axis(excited)), drawn) for number, excited in members]
         panels.append(
             Panel(
                 label=f"Density [{drawn}]",
@@ -189,11 +189,11 @@ def excited_bands(inputs: Sequence[Excited], *, frequency: Frequency = "rad/s", 
                 shaded=view.bands(bands),
             )
         )
-    return stacked(panels, x_axis=view.axis(np.concatenate([one.omega_rad_s for one in inputs])))
+    return stacked(panels, x_axis=view.axis(np.concatenate([excited.omega_rad_s for excited in inputs])))
 
 
-def _axis(one: Excited) -> str:
-    return one.words.partition(" ")[0]
+def _axis(excited: Excited) -> str:
+    return excited.words.partition(" ")[0]
 
 
 def _level_axis(view: View, traces: list[Trace]) -> dict[str, Any]:
@@ -204,10 +204,10 @@ def _level_axis(view: View, traces: list[Trace]) -> dict[str, Any]:
     return {"range": [float(heights.max()) - _DEEPEST_DB, float(heights.max()) + 0.05 * _DEEPEST_DB]}
 
 
-def _density(view: View, one: Excited, number: int, color: int, unit: str) -> Trace:
-    level = decibels(quantity(one.channel).factor ** 2 * one.density, of_power=True)
+def _density(view: View, excited: Excited, number: int, color: int, unit: str) -> Trace:
+    level = decibels(quantity(excited.channel).factor ** 2 * excited.density, of_power=True)
     style = Style(
-        name=one.words,
+        name=excited.words,
         color=SERIES[color % len(SERIES)],
         dash=DASHES[number % len(DASHES)],
         symbol=SYMBOLS[number % len(SYMBOLS)],
@@ -215,8 +215,8 @@ def _density(view: View, one: Excited, number: int, color: int, unit: str) -> Tr
         legend=True,
         unit=unit,
     )
-    draw = points if one.lines else over_frequency
-    return draw(view, one.omega_rad_s, view.height(level, decibels=10.0), style)
+    draw = points if excited.lines else over_frequency
+    return draw(view, excited.omega_rad_s, view.height(level, decibels=10.0), style)
 
 
 def predicted_bode(
@@ -264,7 +264,7 @@ def percent_dots(labels: Sequence[str], percent: Mapping[str, Sequence[float]]) 
     [[0.4, 2.0], [0.5, None]]
     """
     rows = np.arange(len(labels), dtype=np.float64)
-    offsets = _APART * (np.arange(len(percent)) - (len(percent) - 1) / 2.0) / max(len(percent), 2)
+    offsets = _BAR_SPACING * (np.arange(len(percent)) - (len(percent) - 1) / 2.0) / max(len(percent), 2)
     traces = [
         _dots(rows + offset, name, np.asarray(found), labels, number)
         for number, (offset, (name, found)) in enumerate(zip(offsets, percent.items(), strict=True))

@@ -135,7 +135,7 @@ def bode(
         else unwrapped_deg(response.omega_rad_s, exact)
     )
     measured = measured_curve(response, output=output, input=input, lean_deg=lean_deg)
-    other = _beside(beside, measured, output=output, input=input, lean_deg=lean_deg)
+    other = _other_estimate(beside, measured, output=output, input=input, lean_deg=lean_deg)
     name = f"{beside.estimate} estimate" if beside else ""
     panels = (
         _magnitude_panel(
@@ -147,15 +147,15 @@ def bode(
     return stacked(panels, x_axis=view.axis(response.omega_rad_s))
 
 
-def _beside(
-    beside: FrequencyResponse | None, measured: Curve, *, output: str, input: str, lean_deg: FloatArray
+def _other_estimate(
+    other: FrequencyResponse | None, measured: Curve, *, output: str, input: str, lean_deg: FloatArray
 ) -> Curve | None:
     """The other estimate on the phase branch of the measured one, with gaps where it cannot be trusted."""
-    if beside is None or not beside.omega_rad_s.size:
+    if other is None or not other.omega_rad_s.size:
         return None
-    near = np.interp(beside.omega_rad_s, measured.omega_rad_s, lean_deg)
-    drawn, row = measured_curve(beside, output=output, input=input, lean_deg=near), beside.pair(output, input)
-    used = used_points(beside, row, None, coherence_needed(None, joint=beside.estimate == "joint"))
+    near = np.interp(other.omega_rad_s, measured.omega_rad_s, lean_deg)
+    drawn, row = measured_curve(other, output=output, input=input, lean_deg=near), other.pair(output, input)
+    used = used_points(other, row, None, coherence_needed(None, joint=other.estimate == "joint"))
     return replace(
         drawn,
         magnitude_db=np.where(used, drawn.magnitude_db, np.nan),
@@ -436,12 +436,12 @@ def _paper(named: Named, least_coherence: float) -> Curve:
 def _on_one_branch(papers: Sequence[Curve]) -> list[Curve]:
     """Each phase shifted by whole turns to lie nearest to the first where both are seen."""
     first = papers[0]
-    seen = np.isfinite(first.phase_deg)
-    if not seen.any():
+    finite = np.isfinite(first.phase_deg)
+    if not finite.any():
         return list(papers)
     shifted = []
     for paper in papers:
-        there = np.interp(np.log(paper.omega_rad_s), np.log(first.omega_rad_s[seen]), first.phase_deg[seen])
+        there = np.interp(np.log(paper.omega_rad_s), np.log(first.omega_rad_s[finite]), first.phase_deg[finite])
         gap = (there - paper.phase_deg)[np.isfinite(paper.phase_deg)]
         turns = np.round(np.median(gap) / 360.0) if gap.size else 0.0
         shifted.append(replace(paper, phase_deg=paper.phase_deg + 360.0 * turns))

@@ -135,10 +135,10 @@ def _group(group: str, bars: Sequence[Bar]) -> Trace:
     y: list[str | None] = []
     words: list[str] = []
     for bar in bars:
-        for (start_s, stop_s), said in zip(bar.spans, bar.words, strict=True):
+        for (start_s, stop_s), label in zip(bar.spans, bar.words, strict=True):
             x += [round(start_s, 4), round(stop_s, 4), None]
             y += [text(bar.row), text(bar.row), None]
-            words += [text(said), text(said), ""]
+            words += [text(label), text(label), ""]
     return {
         "type": "scatter",
         "mode": "lines",

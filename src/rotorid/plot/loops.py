@@ -195,9 +195,9 @@ def disturbance_rejection(
     if peak is not None:
         words = f"peak {_level_words(view, peak)} at {_where(view, peak)}"
         traces.append(_mark(view, peak, words, MODEL, [_factor(view, peak.value)], _reach(view, peak, peak.value)))
-    held: list[tuple[float, float]] = []
+    bands: list[tuple[float, float]] = []
     if bandwidth is not None:
-        held = view.bands([(float(omega_rad_s[0]), bandwidth.omega_rad_s)])
+        bands = view.bands([(float(omega_rad_s[0]), bandwidth.omega_rad_s)])
         words, height = f"bandwidth {_where(view, bandwidth)}", [_factor(view, bandwidth.value)]
         traces.append(_mark(view, bandwidth, words, INPUT, height, _reach(view, bandwidth, bandwidth.value)))
     panel = Panel(
@@ -205,7 +205,7 @@ def disturbance_rejection(
         traces=traces,
         height_px=250,
         axis=magnitude_axis(view, traces),
-        shaded=held,
+        shaded=bands,
         level=float(view.height(np.array([MINUS_3_DB]))[0]),
     )
     return stacked([panel], x_axis=view.axis(omega_rad_s))
@@ -245,10 +245,10 @@ def _with_band(
 
 def _beyond(used: BoolArray) -> BoolArray:
     """Points that do not count, and the used ones beside them, so that a dashed line meets the solid one."""
-    beside = np.zeros(used.size, dtype=bool)
-    beside[1:] |= ~used[:-1]
-    beside[:-1] |= ~used[1:]
-    return np.asarray(~used | (used & beside))
+    outside = np.zeros(used.size, dtype=bool)
+    outside[1:] |= ~used[:-1]
+    outside[:-1] |= ~used[1:]
+    return np.asarray(~used | (used & outside))
 
 
 def _gain_margin(view: View, crossing: Crossing) -> Trace:
@@ -259,8 +259,8 @@ def _gain_margin(view: View, crossing: Crossing) -> Trace:
 
 def _phase_margin(view: View, crossing: Crossing, drawn: Curve) -> Trace:
     margin, std = math.degrees(crossing.value), math.degrees(crossing.value_std)
-    seen = np.isfinite(drawn.phase_deg)
-    there = np.interp(math.log(crossing.omega_rad_s), np.log(drawn.omega_rad_s[seen]), drawn.phase_deg[seen])
+    finite = np.isfinite(drawn.phase_deg)
+    there = np.interp(math.log(crossing.omega_rad_s), np.log(drawn.omega_rad_s[finite]), drawn.phase_deg[finite])
     # The loop may be a whole turn further down than the −180° that the margin counts from.
     foot = -180.0 + 360.0 * round((float(there) - margin + 180.0) / 360.0)
     words = f"phase margin {with_error(margin, std, digits=3)}° at {_where(view, crossing)}"

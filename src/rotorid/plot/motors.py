@@ -87,11 +87,11 @@ def rotor_layout(positions: FloatArray, spins: FloatArray, *, in_meters: bool) -
 
 def _radii(places: Any) -> tuple[FloatArray, dict[complex, str]]:
     """Radius of each rotor, and the numbers at each place: coaxial rotors lie within each other."""
-    apart = np.abs(places[:, None] - places[None, :])
-    far = apart[apart > 1e-6]
+    distances = np.abs(places[:, None] - places[None, :])
+    far = distances[distances > 1e-6]
     size = float(np.abs(places).max()) or 1.0
     base = _TOUCHING * float(far.min(initial=_WIDEST * size))
-    above = np.array([int(np.sum(apart[row, :row] <= 1e-6)) for row in range(places.size)])
+    above = np.array([int(np.sum(distances[row, :row] <= 1e-6)) for row in range(places.size)])
     labels: dict[complex, str] = {}
     for row, count in enumerate(above.tolist()):
         place = complex(places[row])

@@ -150,7 +150,7 @@ def _dots(cell: Axes, trace: Trace, x: Any, y: FloatArray, label: str | None) ->
     marker = trace.get("marker", {})
     colors, sizes, symbols = marker.get("color"), marker.get("size", 6), marker.get("symbol", "circle")
     color = (
-        [_color(one) for one in colors]
+        [_color(color) for color in colors]
         if isinstance(colors, Sequence) and not isinstance(colors, str)
         else _color(colors)
     )
@@ -203,7 +203,7 @@ def _vertical(cell: Axes, axis: Mapping[str, Any]) -> None:
     if axis.get("showgrid") is False:
         cell.grid(visible=False)
     if "tickvals" in axis:
-        cell.set_yticks(axis["tickvals"], [_plain(str(one)) for one in axis.get("ticktext", axis["tickvals"])])
+        cell.set_yticks(axis["tickvals"], [_plain(str(tick)) for tick in axis.get("ticktext", axis["tickvals"])])
     title = axis.get("title", {})
     words = title.get("text", "") if isinstance(title, Mapping) else title
     if words:
@@ -216,7 +216,7 @@ def _horizontal(rows: Sequence[Axes], axis: Mapping[str, Any]) -> None:
         last.set_xscale("log")
     if "tickvals" in axis:
         last.set_xticks(
-            axis["tickvals"], [_plain(str(one)) for one in axis.get("ticktext", axis["tickvals"])], minor=False
+            axis["tickvals"], [_plain(str(tick)) for tick in axis.get("ticktext", axis["tickvals"])], minor=False
         )
         last.set_xticks([], minor=True)
     if "range" in axis:
@@ -275,11 +275,11 @@ def _unbroken(x: FloatArray, y: FloatArray) -> Iterator[slice]:
 
 def _column(values: Sequence[Any]) -> Any:
     """Numbers, or the names of categories."""
-    return [_plain(one) for one in values] if any(isinstance(one, str) for one in values) else _numbers(values)
+    return [_plain(value) for value in values] if any(isinstance(value, str) for value in values) else _numbers(values)
 
 
 def _numbers(values: Sequence[Any]) -> FloatArray:
-    return np.array([np.nan if one is None else one for one in values], dtype=np.float64)
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
 
 
 def _color(color: Any) -> Any:

@@ -122,7 +122,7 @@ def step_answers(curves: Mapping[str, Curve], *, until_s: float | None = None) -
     for number, (name, curve) in enumerate(curves.items()):
         color = SERIES[number % len(SERIES)]
         shown = curve.time_s <= end
-        traces += _with_band(1e3 * curve.time_s[shown], [one[shown] for one in _three(curve)], name, color)
+        traces += _with_band(1e3 * curve.time_s[shown], [values[shown] for values in _three(curve)], name, color)
     panel = Panel(label="Answer to a step of 1", traces=traces, height_px=_STEP_PX)
     axis = {"title": {"text": "time after the step [ms]"}, "range": [-50.0 * end, 1e3 * end]}
     return stacked([panel], x_axis=axis)
@@ -184,16 +184,16 @@ def noise_maps(maps: Mapping[str, Map], *, against: str, unit: str) -> Figure:
     if not maps:
         raise UsageError("a picture of no noise was asked for", needed="at least one map")
     low, high = _color_range(list(maps.values()))
-    top_hz = max(float(one.frequency_hz[-1]) for one in maps.values())
-    flown = [one.level[np.isfinite(one.density).any(axis=1)] for one in maps.values()]
+    top_hz = max(float(level_map.frequency_hz[-1]) for level_map in maps.values())
+    flown = [level_map.level[np.isfinite(level_map.density).any(axis=1)] for level_map in maps.values()]
     reach = [
         float(np.min([one.min() for one in flown if one.size])),
         float(np.max([one.max() for one in flown if one.size])),
     ]
     panels = []
     images = []
-    for number, (name, one) in enumerate(maps.items(), start=1):
-        step = float(np.median(np.diff(one.level))) if one.level.size > 1 else 0.04
+    for number, (name, level_map) in enumerate(maps.items(), start=1):
+        step = float(np.median(np.diff(level_map.level))) if level_map.level.size > 1 else 0.04
         bottom, top = reach[0] - 0.5 * step, reach[1] + 0.5 * step
         panels.append(
             Panel(
@@ -205,7 +205,13 @@ def noise_maps(maps: Mapping[str, Map], *, against: str, unit: str) -> Figure:
         )
         images.append(
             _image(
-                one, low=low, high=high, bottom=bottom, top=top, step=step, axis="y" if number == 1 else f"y{number}"
+                level_map,
+                low=low,
+                high=high,
+                bottom=bottom,
+                top=top,
+                step=step,
+                axis="y" if number == 1 else f"y{number}",
             )
         )
     figure = stacked(panels, x_axis={"title": {"text": "frequency [Hz]"}, "range": [0.0, top_hz], "showgrid": False})
@@ -216,11 +222,11 @@ def noise_maps(maps: Mapping[str, Map], *, against: str, unit: str) -> Figure:
 
 def _color_range(maps: Sequence[Map]) -> tuple[float, float]:
     levels = [
-        decibels(one.density[:, one.frequency_hz >= _SCALE_FROM_HZ], of_power=True)
-        for one in maps
-        if (one.density > 0).any()
+        decibels(level_map.density[:, level_map.frequency_hz >= _SCALE_FROM_HZ], of_power=True)
+        for level_map in maps
+        if (level_map.density > 0).any()
     ]
-    finite = np.concatenate([one[np.isfinite(one)] for one in levels]) if levels else np.zeros(0)
+    finite = np.concatenate([level[np.isfinite(level)] for level in levels]) if levels else np.zeros(0)
     if not finite.size:
         return -40.0, 0.0
     low, high = (float(value) for value in np.percentile(finite, (5.0, 99.7)))
@@ -251,21 +257,23 @@ def _scale_of_colors(low: float, high: float, x: float, y: float, *, shown: bool
     }
 
 
-def _image(one: Map, *, low: float, high: float, bottom: float, top: float, step: float, axis: str) -> dict[str, Any]:
+def _image(
+    level_map: Map, *, low: float, high: float, bottom: float, top: float, step: float, axis: str
+) -> dict[str, Any]:
     """The map as a picture that lies behind the axes."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        level = 10.0 * np.log10(one.density)
+        level = 10.0 * np.log10(level_map.density)
     share = np.clip((level - low) / (high - low), 0.0, 1.0)
-    inside = (one.level >= bottom) & (one.level <= top)
+    inside = (level_map.level >= bottom) & (level_map.level <= top)
     pixels = _colored(share[inside][::-1])
     return {
         "source": png(pixels),
         "xref": "x",
         "yref": axis,
-        "x": float(one.frequency_hz[0]),
-        "y": float(one.level[inside][-1] + 0.5 * step),
-        "sizex": float(one.frequency_hz[-1] - one.frequency_hz[0]),
-        "sizey": float(one.level[inside][-1] - one.level[inside][0] + step),
+        "x": float(level_map.frequency_hz[0]),
+        "y": float(level_map.level[inside][-1] + 0.5 * step),
+        "sizex": float(level_map.frequency_hz[-1] - level_map.frequency_hz[0]),
+        "sizey": float(level_map.level[inside][-1] - level_map.level[inside][0] + step),
         "sizing": "stretch",
         "layer": "below",
     }
@@ -367,7 +375,7 @@ def spectra(
 
 def _room_above(traces: Sequence[Trace]) -> dict[str, Any]:
     """An axis with room for words above the highest peak."""
-    heights = np.array([one for trace in traces for one in trace["y"] if one is not None])
+    heights = np.array([value for trace in traces for value in trace["y"] if value is not None])
     if not heights.size:
         return {}
     span = max(float(np.ptp(heights)), 1.0)

@@ -28,7 +28,7 @@ from rotorid.typing import BoolArray, FloatArray, IntArray
 
 _DEGREES = 180.0 / np.pi
 _MOST_MARKERS = 150
-_BESIDE = 0.1
+_MARKER_OFFSET = 0.1
 _FEW_DECADES = 3.0
 _FINE_TICKS, _COARSE_TICKS, _DECADES = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0), (1.0, 2.0, 5.0), (1.0,)
 
@@ -107,8 +107,8 @@ def clusters(
             needed="as many iterations of costs and owners, an owner for each place",
         )
     numbered = range(costs.shape[1])
-    owned = [_owned(owners == one, places, one) for one in numbered]
-    fallen = [_of_candidate(costs[:, one], one) for one in numbered]
+    owned = [_owned(owners == index, places, index) for index in numbered]
+    fallen = [_of_candidate(costs[:, index], index) for index in numbered]
     axis = {"type": "log"} if logarithmic else {}
     panels = [
         Panel(label=f"Points of each candidate, {place}" if place else "Points of each candidate", traces=owned,
@@ -125,7 +125,7 @@ def _owned(mine: BoolArray, places: FloatArray, number: int) -> Trace:
     return {
         "type": "scatter",
         "mode": "markers",
-        "x": numbers(np.asarray(iteration + (1.0 + _BESIDE * number), dtype=np.float64)),
+        "x": numbers(np.asarray(iteration + (1.0 + _MARKER_OFFSET * number), dtype=np.float64)),
         "y": numbers(places[point]),
         "marker": {"size": 5, "color": SERIES[number % len(SERIES)]},
         "hovertemplate": "%{y:.4~g}",

@@ -403,7 +403,7 @@ def _traces(segments: Sequence[Excited], name: str, *, words: str, color: str, l
 _ROW_PX, _LEAST_PX = 34.0, 90.0
 _COMPARED_HEIGHT_PX = 210.0
 _KINDS = ((SECONDARY, "circle-open"), (MEASURED, "diamond"), (MODEL, "circle"), (INPUT, "square"))
-_APART = 0.16
+_MARKER_SPACING = 0.16
 
 
 class Score(NamedTuple):
@@ -439,7 +439,7 @@ def score_dots(labels: Sequence[str], scores: Mapping[str, Sequence[Score]]) -> 
     """
     rows = np.arange(len(labels), dtype=np.float64)
     known = {kind for kind, found in scores.items() if any(math.isfinite(score.mean) for score in found)}
-    offsets = iter(_APART * (np.arange(len(known)) - (len(known) - 1) / 2.0))
+    offsets = iter(_MARKER_SPACING * (np.arange(len(known)) - (len(known) - 1) / 2.0))
     traces = [
         _dots(rows + next(offsets), kind, found, labels, number)
         for number, (kind, found) in enumerate(scores.items())

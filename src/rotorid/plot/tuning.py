@@ -106,9 +106,11 @@ def _beyond_dotted(
     """A line that is dotted where the plant was not measured."""
     if seen_rad_s is None:
         return [line(view, omega_rad_s, values, style)]
-    seen = (omega_rad_s >= seen_rad_s[0]) & (omega_rad_s <= seen_rad_s[1])
+    inside = (omega_rad_s >= seen_rad_s[0]) & (omega_rad_s <= seen_rad_s[1])
     dotted = replace(style, dash="dot", width=1.2, legend=False)
-    parts = ((seen, style), (~spanned(seen), dotted)) if seen.any() else ((~seen, replace(dotted, legend=True)),)
+    parts = (
+        ((inside, style), (~spanned(inside), dotted)) if inside.any() else ((~inside, replace(dotted, legend=True)),)
+    )
     return [line(view, omega_rad_s, np.where(part, values, np.nan), ink) for part, ink in parts if part.any()]
 
 

@@ -16,11 +16,11 @@ from rotorid.loops.plants import identified_plant
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.proposing.filters import with_filters
 from rotorid.proposing.flown_gains import (
-    FlownAxis,
+    LoggedLoop,
     at_ends,
-    explained,
     flown_axis,
     require_calm,
+    require_controller_match,
     require_gains,
     require_room,
 )
@@ -58,7 +58,7 @@ class KnownAxis(Immutable):
         The controller and what its gains do, with the filters that are to be flown.
     """
 
-    flown: FlownAxis
+    flown: LoggedLoop
     plant: UncertainPlant
     omega_rad_s: FloatArray
     flown_parts: ControllerParts
@@ -102,15 +102,15 @@ def needed_rad_s(
 
 def log_of(axis: Axis, logs: Sequence[FlightRecord]) -> FlightRecord | None:
     """The log that shows an axis: the first with its command, else the first."""
-    return next((one for one in logs if f"{axis}_command" in one.channel_names), logs[0] if logs else None)
+    return next((record for record in logs if f"{axis}_command" in record.channel_names), logs[0] if logs else None)
 
 
 def logs_of(axis: Axis, logs: Sequence[FlightRecord]) -> list[FlightRecord]:
     """The logs that hold command and rate of an axis."""
-    return [one for one in logs if {f"{axis}_command", RATE_OF[axis]} <= set(one.channel_names)]
+    return [record for record in logs if {f"{axis}_command", RATE_OF[axis]} <= set(record.channel_names)]
 
 
-def gains_apart(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[Finding]:
+def differing_gains(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[Finding]:
     """A warning for each log that was flown with other gains than the log that is taken for the one that flew.
 
     Parameters
@@ -118,7 +118,7 @@ def gains_apart(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[Find
     axes, logs
         As for :func:`rotorid.proposing.proposal.tune`.
     """
-    apart: dict[tuple[str, str], dict[str, str]] = {}
+    differences: dict[tuple[str, str], dict[str, str]] = {}
     for axis in axes:
         taken = log_of(axis, logs)
         others = [record for record in logs if record is not taken]
@@ -131,10 +131,10 @@ def gains_apart(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[Find
                 for name, (now, then) in different_gains(here, gains_of(record, (axis,))).items()
             }
             if changed:
-                apart.setdefault((record.source.name, taken.source.name), {}).update(changed)
+                differences.setdefault((record.source.name, taken.source.name), {}).update(changed)
     found = []
-    for (name, taken_name), changed in apart.items():
-        listed = ", ".join(changed[one] for one in sorted(changed)[:_NAMED])
+    for (name, taken_name), changed in differences.items():
+        listed = ", ".join(changed[name] for name in sorted(changed)[:_NAMED])
         more = f" and {len(changed) - _NAMED} more" if len(changed) > _NAMED else ""
         message = (
             f"{name} was flown with other gains than {taken_name}: {listed}{more}. Those of {taken_name} are taken for "
@@ -182,10 +182,10 @@ def known_axis(
         require_calm(record)
     model = rate_model(axis, given, logs)
     if record is not None:
-        findings += [one for one in require_room(record, model) if one not in findings]
-    findings += [one for one in plant_remarks(axis, given, model) if one not in findings]
+        findings += [finding for finding in require_room(record, model) if finding not in findings]
+    findings += [finding for finding in plant_remarks(axis, given, model) if finding not in findings]
     flown = flown_axis(axis, model, record)
-    findings += explained(flown) if record is not None else _unchecked(model)
+    findings += require_controller_match(flown) if record is not None else _unchecked(model)
     then = with_filters(flown.record, filters) if filters else None
     # A result that was given may hold choices of its user; logs alone show what every verb measures of them.
     swept = None if model in given else identified_plant(axis, logs_of(axis, logs))
@@ -212,5 +212,5 @@ def _unchecked(model: IdentifiedModel) -> list[Finding]:
         f"{model.name} came without its log: whether a motor reached a limit, and whether the gains made the commands, "
         "was not checked. Give the log beside the result."
     )
-    told = [finding for finding in model.findings if finding.kind in _OF_FIRMWARE]
-    return [*told, remark("room_not_checked", model.name, message)]
+    findings = [finding for finding in model.findings if finding.kind in _OF_FIRMWARE]
+    return [*findings, remark("room_not_checked", model.name, message)]

@@ -154,7 +154,7 @@ def _foreseen(axis: Axis, controller: AxisController, craft: Aircraft, loop: Loo
     omega = frequency_grid(controller.controller)
     # The plant is seen behind the filters that the controller has in front of it.
     filters = rate_filters(craft, omega)[row]
-    parts = ControllerParts(controller=controller.controller, omega_rad_s=omega, seen=filters, logged=filters)
+    parts = ControllerParts(controller=controller.controller, omega_rad_s=omega, filters=filters, logged=filters)
     ends = tuple(at_ends(controller, parts).values())
     wishes = wishes_of(controller, TuneSettings())
     found = foreseen(axis, plant, controller.controller, parts, wishes=wishes, ends=ends)

@@ -172,7 +172,7 @@ class CheckedTuning(Immutable):
     @property
     def as_foretold(self) -> bool:
         """Whether every axis flies as it was foretold."""
-        return all(one.verdict == "as_foretold" for one in self.axes.values())
+        return all(checked.verdict == "as_foretold" for checked in self.axes.values())
 
 
 def check_tuning(
@@ -207,18 +207,18 @@ def check_tuning(
     if not foretold:
         raise UsageError("a proposal without any axis came", needed="a tune.json in which gains were looked at")
     chosen = replace(settings or TuneSettings(), **options)
-    asked = max(one.robustness for one in foretold.values())
+    asked = max(item.robustness for item in foretold.values())
     axes_told = tuple(axis for axis in chosen.axes if axis in foretold)
     chosen = replace(chosen, axes=axes_told, filters={}, robustness=asked)
     found = tune(models, records, settings=chosen)
     logs = as_records(records)
-    axes = {axis: _checked(axis, foretold[axis], one, _injected(axis, logs)) for axis, one in found.axes.items()}
+    axes = {axis: _checked(axis, foretold[axis], tuning, _injected(axis, logs)) for axis, tuning in found.axes.items()}
     if not axes:
         raise InsufficientDataError("no axis of the proposal was flown", needed="a sweep of an axis of the proposal")
-    said = [_finding(axis, one) for axis, one in axes.items()]
+    findings = [_finding(axis, checked) for axis, checked in axes.items()]
     return CheckedTuning(
         axes=axes,
-        findings=worst_first([*(one for one in said if one is not None), *found.findings]),
+        findings=worst_first([*(finding for finding in findings if finding is not None), *found.findings]),
         provenance=found.provenance,
     )
 
@@ -260,7 +260,7 @@ def _checked(axis: Axis, before: Foretold, now: AxisTuning, injected: Mapping[st
         for name, measured in injected.items()
         if name in before.whole
     ]
-    figures.sort(key=lambda one: (list(_LOOP).index(one.loop), COMPARED.index(one.name)))
+    figures.sort(key=lambda figure: (list(_LOOP).index(figure.loop), COMPARED.index(figure.name)))
     logged = {name: value for name, (value, _) in now.parameters.items()}
     gains = _which(before, logged)
     unstable = not contradicted and not bool(np.median(judged.rate.stable * judged.whole.stable))
@@ -301,33 +301,33 @@ def _compared(
     )
 
 
-def _narrow(name: str, one: Quantity) -> bool:
-    half = 0.5 * (one.upper - one.lower)
-    return half <= WIDEST_PHASE_DEG if name == "phase_margin_deg" else half <= WIDEST[name] * abs(one.value)
+def _narrow(name: str, quantity: Quantity) -> bool:
+    half = 0.5 * (quantity.upper - quantity.lower)
+    return half <= WIDEST_PHASE_DEG if name == "phase_margin_deg" else half <= WIDEST[name] * abs(quantity.value)
 
 
 def _band_reaches_peak(now: AxisTuning) -> bool:
     return now.plant.band_rad_s[1] >= BAND_OVER_CROSSOVER * now.proposal.flown.rate.usual_crossover_rad_s
 
 
-def _contradict(one: Quantity, other: Quantity) -> bool:
+def _contradict(quantity: Quantity, other: Quantity) -> bool:
     """Whether two estimates of one figure exclude each other."""
-    return abs(one.value - other.value) > _MOST_DEVIATIONS * math.hypot(one.std, other.std)
+    return abs(quantity.value - other.value) > _MOST_DEVIATIONS * math.hypot(quantity.std, other.std)
 
 
 def _verdict(figures: Sequence[ComparedFigure], robustness: float, *, unstable: bool) -> str:
     """What the figures that decide something say together."""
-    decided = [one for one in figures if one.decided]
-    missed = [one for one in decided if not one.inside]
-    peaks = [one for one in decided if one.name == "sensitivity_peak"]
+    decided = [figure for figure in figures if figure.decided]
+    missed = [figure for figure in decided if not figure.inside]
+    peaks = [figure for figure in decided if figure.name == "sensitivity_peak"]
     limit = _PEAK_SLACK * robustness
-    if unstable or (missed and any(one.measured.value > limit for one in peaks)):
+    if unstable or (missed and any(figure.measured.value > limit for figure in peaks)):
         return "worse"
     # The whole loop is what flies: each of its figures has to be known.
     if missed:
-        robust = any(one.loop == "whole" and _narrow("sensitivity_peak", one.measured) for one in peaks)
+        robust = any(figure.loop == "whole" and _narrow("sensitivity_peak", figure.measured) for figure in peaks)
         return "inside_limits" if robust else "cannot_tell"
-    whole = {one.name for one in decided if one.loop == "whole"}
+    whole = {figure.name for figure in decided if figure.loop == "whole"}
     return "as_foretold" if whole == set(COMPARED) else "cannot_tell"
 
 
@@ -339,10 +339,10 @@ def _inside(foretold: Quantity, measured: Quantity) -> bool:
 def _which(before: Foretold, logged: Mapping[str, float]) -> str:
     """Which gains a log has."""
 
-    def alike(told: Mapping[str, float]) -> bool:
-        shared = [name for name in told if name in logged]
+    def alike(figures: Mapping[str, float]) -> bool:
+        shared = [name for name in figures if name in logged]
         return bool(shared) and all(
-            math.isclose(told[name], logged[name], rel_tol=_SAME, abs_tol=1e-9) for name in shared
+            math.isclose(figures[name], logged[name], rel_tol=_SAME, abs_tol=1e-9) for name in shared
         )
 
     return "proposed" if alike(before.proposed) else "flown" if alike(before.flown) else "other"
@@ -352,7 +352,7 @@ def _words(
     axis: Axis, verdict: str, gains: str, figures: Sequence[ComparedFigure], now: AxisTuning, *, contradicted: bool
 ) -> tuple[str, str]:
     """What came of it and what to do next, in sentences."""
-    peak = next((one for one in figures if (one.loop, one.name) == ("whole", "sensitivity_peak")), None)
+    peak = next((figure for figure in figures if (figure.loop, figure.name) == ("whole", "sensitivity_peak")), None)
     peak_words = f" Its peak sensitivity M_s is {peak.measured.value:.2f}." if peak is not None and peak.decided else ""
     other = (
         f" The test signal at the mixer contradicts the identified plant of {axis}, which may be wrong in both flights."
@@ -365,7 +365,7 @@ def _words(
         which = "the old gains" if old else "neither the proposed nor the old gains"
         todo = "Load the proposed file, and fly again" if old else "Tune from this log, or load the proposed file"
         return f"This log was flown with {which} of {axis}, so nothing can be checked.{peak_words}", f"{todo}."
-    names = _named([one for one in figures if one.decided and not one.inside])
+    names = _named([figure for figure in figures if figure.decided and not figure.inside])
     if verdict == "cannot_tell":
         missed = f" These differ from the prediction: {names}." if names else ""
         return (
@@ -395,12 +395,12 @@ def _words(
 
 
 def _named(figures: Sequence[ComparedFigure]) -> str:
-    return ", ".join(f"{QUANTITIES[one.name].words} of {_LOOP[one.loop]}" for one in figures)
+    return ", ".join(f"{QUANTITIES[figure.name].words} of {_LOOP[figure.loop]}" for figure in figures)
 
 
 def _undecided(figures: Sequence[ComparedFigure]) -> str:
     """Figures of the whole loop that decide nothing, or are not there."""
-    decided = {one.name for one in figures if one.loop == "whole" and one.decided}
+    decided = {figure.name for figure in figures if figure.loop == "whole" and figure.decided}
     return " or the ".join(QUANTITIES[name].words for name in COMPARED if name not in decided)
 
 
@@ -414,9 +414,9 @@ def _further(axis: Axis, sweep: str, now: AxisTuning) -> str:
     return f"No better gains of {axis} were found inside the limits."
 
 
-def _finding(axis: Axis, one: CheckedAxis) -> Finding | None:
-    if one.verdict == "as_foretold":
+def _finding(axis: Axis, checked: CheckedAxis) -> Finding | None:
+    if checked.verdict == "as_foretold":
         return None
     kinds = {"other_gains": "other_gains", "cannot_tell": "check_undecided"}
-    kind = kinds.get(one.verdict, "not_as_foretold")
-    return warn(kind, axis, f"{one.sentence} {one.advice}")
+    kind = kinds.get(checked.verdict, "not_as_foretold")
+    return warn(kind, axis, f"{checked.sentence} {checked.advice}")

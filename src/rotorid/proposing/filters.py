@@ -90,7 +90,7 @@ def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRec
     for name, value in values.items():
         place = header_name(name)
         if place not in known:
-            near = get_close_matches(name, [command_line_name(one) for one in known], n=3)
+            near = get_close_matches(name, [command_line_name(name) for name in known], n=3)
             raise UsageError(
                 f"--set {name} came",
                 needed=f"a filter among the parameters of {record.source.name}",
@@ -186,7 +186,7 @@ def prices(
     for name, without in _each_left_out(record, controller.controller, parts):
         phase = float(np.degrees(np.angle(plant[at] * without.whole(gains)[at] / loop[at])))
         found.append(FilterPrice(name=name, phase_deg=phase, noise_ratio=without.noise(gains) / noise))
-    return tuple(sorted(found, key=lambda one: -one.phase_deg))
+    return tuple(sorted(found, key=lambda price: -price.phase_deg))
 
 
 def _each_left_out(
@@ -196,15 +196,15 @@ def _each_left_out(
     without: dict[str, Any]
     for known in controller_filters(record) if record is not None else ():
         response = known.response(parts.omega_rad_s)
-        found.append((f"gyro: {known.name}", replace(parts, seen=parts.seen / response)))
+        found.append((f"gyro: {known.name}", replace(parts, filters=parts.filters / response)))
     for field, words in _CUTOFFS.items():
         if cutoff := getattr(controller, field):
             without = {field: 0.0}
             found.append((f"{words} at {cutoff:g} Hz", replace(parts, controller=replace(controller, **without))))
     for field in FILTERS:
         row = getattr(controller, field)
-        for index, one in enumerate(row):
+        for index, value in enumerate(row):
             without = {field: (*row[:index], *row[index + 1 :])}
-            name = f"{one.kind} {_ROWS[field]} at {one.frequency_hz:g} Hz"
+            name = f"{value.kind} {_ROWS[field]} at {value.frequency_hz:g} Hz"
             found.append((name, replace(parts, controller=replace(controller, **without))))
     return found

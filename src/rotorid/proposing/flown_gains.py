@@ -21,7 +21,7 @@ from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.command_noise import LEAST_NOISE_HZ, command_density
 from rotorid.flights.controller_check import check_controller
-from rotorid.flights.controllers import LogControllers, acting_on, controllers_of, controllers_of_result
+from rotorid.flights.controllers import LogControllers, controller_as_logged, controllers_of, controllers_of_result
 from rotorid.flights.oscillations import describe, numbers_of, remedy, reviewed_oscillations
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.results.model import IdentifiedModel
@@ -41,7 +41,7 @@ _FEWEST_NOISE_POINTS = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlownAxis:
+class LoggedLoop:
     """The controller of an axis, and where its rate stands in the log.
 
     Parameters
@@ -88,15 +88,17 @@ class FlownAxis:
             Density of the noise of the rate, shape ``(f,)``.
         """
         source = self.source.removesuffix(UNFILTERED)
-        acting = acting_on(self.record, self.controller.controller, source=source)
-        seen, logged = combined_response(acting.seen, omega_rad_s), combined_response(self.passed, omega_rad_s)
+        acting = controller_as_logged(self.record, self.controller.controller, source=source)
+        filters, logged = combined_response(acting.filters, omega_rad_s), combined_response(self.passed, omega_rad_s)
         controller = self.controller.controller
         if then is not None:
-            before, after = (combined_response(controller_filters(one), omega_rad_s) for one in (self.record, then))
-            seen = seen * after / before
+            before, after = (
+                combined_response(controller_filters(record), omega_rad_s) for record in (self.record, then)
+            )
+            filters = filters * after / before
             controller = self.with_parameters(then).controller
         return ControllerParts(
-            controller=controller, omega_rad_s=omega_rad_s, seen=seen, logged=logged, rate_noise=noise
+            controller=controller, omega_rad_s=omega_rad_s, filters=filters, logged=logged, rate_noise=noise
         )
 
     def with_parameters(self, record: FlightRecord) -> AxisController:
@@ -131,7 +133,7 @@ class FlownAxis:
         return np.asarray(rate)
 
 
-def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) -> FlownAxis:
+def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) -> LoggedLoop:
     """The controller that flew an axis, by the parameters of the log or by what the result says of them.
 
     Raises
@@ -156,7 +158,7 @@ def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) 
             needed="a result of this version",
             remedy="identify anew, or give the log beside the result",
         )
-    return FlownAxis(axis=axis, controller=found, known=flown, record=own, source=source, density=density)
+    return LoggedLoop(axis=axis, controller=found, known=flown, record=own, source=source, density=density)
 
 
 def record_of(model: IdentifiedModel) -> FlightRecord:
@@ -288,13 +290,18 @@ def require_calm(record: FlightRecord) -> None:
             needed="a flight in which nothing oscillates, since the log shows the limits of the loop otherwise",
             remedy="lower the gains of the axis first",
             findings=[
-                refusal("oscillation", one.axis, f"{describe((one,))} {remedy(one)}", **numbers_of(one))
-                for one in found
+                refusal(
+                    "oscillation",
+                    oscillation.axis,
+                    f"{describe((oscillation,))} {remedy(oscillation)}",
+                    **numbers_of(oscillation),
+                )
+                for oscillation in found
             ],
         )
 
 
-def explained(flown: FlownAxis) -> list[Finding]:
+def require_controller_match(flown: LoggedLoop) -> list[Finding]:
     """Refuse a controller that did not make the logged command; a remark where that was not checked.
 
     Raises

@@ -33,21 +33,21 @@ _WITHOUT_SPEED_RAD_S = (3.0, 300.0)
 def rate_model(axis: Axis, given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> IdentifiedModel:
     """The rate model of an axis: one that came, else one of the logs."""
     name = rate_model_of(axis)
-    own = next((one for one in given if one.name == name), None)
+    own = next((model for model in given if model.name == name), None)
     if own is not None:
         return own
     if not logs:
         raise InsufficientDataError(f"no result of {name} came", needed=f"one of rotorid identify --model {name}")
-    held = [one for one in logs if {f"{axis}_command", RATE_OF[axis]} <= set(one.channel_names)]
-    if not held:
+    candidates = [record for record in logs if {f"{axis}_command", RATE_OF[axis]} <= set(record.channel_names)]
+    if not candidates:
         raise unsupported(logs, name) or InsufficientDataError(f"no log holds what {name} needs")
     try:
-        return identify(held, name)
+        return identify(candidates, name)
     except InsufficientDataError as error:
         # Below some rad/s the speed of the vehicle acts, which a rate model lacks; no margin lies there.
         if not any(finding.kind == "poor_fit" for finding in error.findings):
             raise
-        return identify(held, name, band_rad_s=_WITHOUT_SPEED_RAD_S)
+        return identify(candidates, name, band_rad_s=_WITHOUT_SPEED_RAD_S)
 
 
 def plant_remarks(axis: Axis, given: Sequence[IdentifiedModel], model: IdentifiedModel) -> list[Finding]:
@@ -75,11 +75,11 @@ def plant_remarks(axis: Axis, given: Sequence[IdentifiedModel], model: Identifie
         message = (
             f"{model.name} was identified with {', '.join(changed)}: with the usual choices the gains of {axis} may be "
             "others."
-            if any(one is model for one in given)
+            if any(item is model for item in given)
             else chosen_here
         )
         remarks.append(remark("plant_of_choice", axis, message))
-    unused = [one for one in given if one.name == model.name and one is not model]
+    unused = [item for item in given if item.name == model.name and item is not model]
     if unused:
         message = (
             f"{counted(len(unused) + 1, 'result')} of {model.name} came, and the first was used, of "
@@ -92,7 +92,7 @@ def plant_remarks(axis: Axis, given: Sequence[IdentifiedModel], model: Identifie
 def _in_words(value: Setting) -> str:
     """A choice in one short piece of text."""
     values = value if isinstance(value, list) else [value]
-    return ", ".join(f"{one:g}" if isinstance(one, float) else str(one) for one in values)
+    return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
 
 
 def plant_of(
@@ -132,7 +132,9 @@ def plant_of(
 
     def response(omega_rad_s: FloatArray) -> ComplexArray:
         omega = np.atleast_1d(omega_rad_s)
-        beyond_delay = combined_response(passed, omega) * np.exp(1j * omega * sum(one.delay_s for one in passed))
+        beyond_delay = combined_response(passed, omega) * np.exp(
+            1j * omega * sum(known_filter.delay_s for known_filter in passed)
+        )
         return np.asarray(structure.response(values, omega)[row, column] * beyond_delay)
 
     if model.band_rad_s is None:

@@ -29,9 +29,9 @@ from rotorid.flying.next_steps import sweep_for_tune
 from rotorid.io.records import as_records
 from rotorid.models.autopilots.gains import Parameter, parameters_of
 from rotorid.models.autopilots.settings import AxisController
-from rotorid.proposing.axis import KnownAxis, gains_apart, known_axis, needed_rad_s
+from rotorid.proposing.axis import KnownAxis, differing_gains, known_axis, needed_rad_s
 from rotorid.proposing.filters import FilterPrice, changed_filters, prices
-from rotorid.proposing.flown_gains import FlownAxis, at_ends, flown_controllers, settings_records
+from rotorid.proposing.flown_gains import LoggedLoop, at_ends, flown_controllers, settings_records
 from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.proposing.shared_filters import require_filters_hold
 from rotorid.proposing.thrust import ThrustLinearization, linearization
@@ -199,8 +199,8 @@ class TuningProposal(Immutable):
         return lines_of(self._head, self._rows)
 
     def _repr_html_(self) -> str:
-        said = Findings(self.findings)._repr_html_() if self.findings else ""
-        return html_table(self._head, ["axis", "parameter", "flown", "proposed"], self._rows) + said
+        findings_html = Findings(self.findings)._repr_html_() if self.findings else ""
+        return html_table(self._head, ["axis", "parameter", "flown", "proposed"], self._rows) + findings_html
 
     @property
     def _head(self) -> str:
@@ -210,8 +210,8 @@ class TuningProposal(Immutable):
     def _rows(self) -> list[tuple[str, str, str, str]]:
         return [
             (axis, name, f"{before:.4g}", f"{after:.4g}")
-            for axis, one in self.axes.items()
-            for name, (before, after) in one.parameters.items()
+            for axis, tuning in self.axes.items()
+            for name, (before, after) in tuning.parameters.items()
             if after != before
         ]
 
@@ -262,7 +262,7 @@ def tune(
     if not given and not logs:
         raise UsageError("nothing came to tune", needed="results of identify, logs, or both")
     findings = [finding for record in logs for finding in (*record.findings, *controller_findings(record))]
-    findings += [*require_one_autopilot(given, logs), *gains_apart(chosen.axes, logs)]
+    findings += [*require_one_autopilot(given, logs), *differing_gains(chosen.axes, logs)]
     settings_from = settings_records(given, logs)
     autopilot = next((name for record in settings_from if (name := writer_of(record).name)), "")
     thrust = linearization(given, next(iter(settings_from), None), autopilot=autopilot, seed=chosen.seed)
@@ -279,7 +279,7 @@ def tune(
             # Options of identify, which tune does not have, are no remedy here.
             parts = (error.came, f"needed: {error.needed}", "" if "--" in error.remedy else error.remedy)
             why = "; ".join(part.rstrip(".") for part in parts if part not in ("", "needed: "))
-            findings += [one for one in error.findings if one not in findings]
+            findings += [finding for finding in error.findings if finding not in findings]
             findings.append(warn("not_tuned", axis, f"The gains of {axis} stay: {why}."))
             _PROGRESS.info(f"{axis}: {error}")
     if not known:
@@ -291,7 +291,8 @@ def tune(
         )
     axes, shared = _axes(known, chosen, thrust)
     axes = {
-        axis: replace(one, path=_path(axis, known[axis], one.proposal, chosen, thrust)) for axis, one in axes.items()
+        axis: replace(tuning, path=_path(axis, known[axis], tuning.proposal, chosen, thrust))
+        for axis, tuning in axes.items()
     }
     findings += shared
     findings += _remarks(axes, settings_from)
@@ -316,12 +317,12 @@ def _axes(
     Where they would have two values of it, the smaller is flown by both; where one of them has no gains for that, or
     where one alone was looked at, it stays.
     """
-    sharing = [axis for axis, one in known.items() if (angle := _angle(one)) is not None and angle.shared]
+    sharing = [axis for axis, known_axis in known.items() if (angle := _angle(known_axis)) is not None and angle.shared]
     flown = known[sharing[0]].gains.A if sharing else 0.0
     alone = flown if len(sharing) == 1 else None
     axes = {
-        axis: _axis(axis, one, settings, thrust, angle_1_s=alone if axis in sharing else None)
-        for axis, one in known.items()
+        axis: _axis(axis, known_axis, settings, thrust, angle_1_s=alone if axis in sharing else None)
+        for axis, known_axis in known.items()
     }
     proposed = {axis: axes[axis].proposal.proposed.gains.A for axis in sharing}
     for value in (min(proposed.values(), default=flown), flown):
@@ -371,10 +372,10 @@ def _axis(
         wishes=wishes,
     )
     if found.changed:
-        found = replace(found, proposed=_judged(known, parts, rounded(controller, found.proposed.gains)))
+        found = replace(found, proposed=_scores(known, parts, rounded(controller, found.proposed.gains)))
     elif then is not None:
         # Gains that stay fly the other filters too.
-        found = replace(found, proposed=_judged(known, parts, found.flown.gains))
+        found = replace(found, proposed=_scores(known, parts, found.flown.gains))
         found = replace(found, better=float(np.median(found.proposed.attitude_rms / found.flown.attitude_rms)))
     sets = {"flown": (known.flown_parts, found.flown.gains), "proposed": (parts, found.proposed.gains)}
     return AxisTuning(
@@ -388,7 +389,7 @@ def _axis(
         parts=parts,
         wishes=wishes,
         prices=prices(then or flown.record, controller, parts, plant.response(omega), found.proposed.gains),
-        ends={name: _judged(known, end, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
+        ends={name: _scores(known, end, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
         noise_seen=parts.rate_noise is not None,
         **_steps(flown, then, plant, found),
     )
@@ -413,16 +414,18 @@ def _path(
     if not beyond:
         return ()
     steps = [found.proposed]
-    steps += [_judged(known, known.parts, rounded(known.controller, one.gains)) for one in beyond]
+    steps += [_scores(known, known.parts, rounded(known.controller, scores.gains)) for scores in beyond]
     flights = [1, *range(2, len(beyond) + 1)]
     flights.append(flights[-1] + max(1, flights_between(steps[-2].gains, steps[-1].gains, wishes)))
     return tuple(
-        PathStep(flight=flight, goal=one is steps[-1], judged=one, parameters=written(known.controller, one.gains))
-        for flight, one in zip(flights, steps, strict=True)
+        PathStep(
+            flight=flight, goal=scores is steps[-1], judged=scores, parameters=written(known.controller, scores.gains)
+        )
+        for flight, scores in zip(flights, steps, strict=True)
     )
 
 
-def _judged(known: KnownAxis, parts: ControllerParts, gains: Gains) -> Judged:
+def _scores(known: KnownAxis, parts: ControllerParts, gains: Gains) -> Judged:
     return judged(parts, known.drawn(), gains, from_rad_s=known.plant.known_from_rad_s)
 
 
@@ -511,7 +514,7 @@ def _responses(omega: FloatArray, drawn: ComplexArray, sets: _Sets) -> dict[str,
     return found
 
 
-def _steps(flown: FlownAxis, then: FlightRecord | None, plant: UncertainPlant, found: AxisProposal) -> dict[str, Any]:
+def _steps(flown: LoggedLoop, then: FlightRecord | None, plant: UncertainPlant, found: AxisProposal) -> dict[str, Any]:
     """Answer of the attitude to a step of its set-point, by both gains, on all plants."""
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(_STEP_SAMPLES, 1.0 / _STEP_RATE_HZ), dtype=np.float64)
     omega[0] = omega[1] * 1e-3
@@ -539,12 +542,12 @@ def _together(
 ) -> TuningProposal:
     """All axes, with their files."""
     first = next(iter(axes.values())).controller
-    changes = {name: pair for one in axes.values() for name, pair in one.parameters.items() if pair[0] != pair[1]}
+    changes = {name: pair for tuning in axes.values() for name, pair in tuning.parameters.items() if pair[0] != pair[1]}
     for record in settings_records(given, logs)[:1]:
         changes |= changed_filters(record, settings.filters)
     every: dict[str, float] = {}
-    for one in axes.values():
-        every |= written(one.controller, one.proposal.flown.gains)
+    for tuning in axes.values():
+        every |= written(tuning.controller, tuning.proposal.flown.gains)
     make = partial(parameter_files, first.autopilot, firmware=first.firmware)
     files = make({name: after for name, (_, after) in changes.items()}, role="proposed") if changes else {}
     old = {name: before for name, (before, _) in changes.items()} or every
@@ -574,7 +577,7 @@ def _together(
 
 def _scale(models: Sequence[IdentifiedModel]) -> float | None:
     """Full scale over the distance between opposite rotors."""
-    arms = [one.motors.arm_m for one in models if one.motors is not None and one.motors.arm_m]
+    arms = [model.motors.arm_m for model in models if model.motors is not None and model.motors.arm_m]
     return FULL_SCALE_M / (2.0 * arms[0]) if arms else None
 
 
@@ -593,7 +596,7 @@ def _straightened(
     UsageError
         One of them leaves its range, or is not known.
     """
-    controllers = {axis: one.controller for axis, one in axes.items()}
+    controllers = {axis: tuning.controller for axis, tuning in axes.items()}
     controllers |= flown_controllers((axis for axis in TUNED_AXES if axis not in axes), given, logs)
     if unknown := [axis for axis in TUNED_AXES if axis not in controllers]:
         named = " and ".join(unknown)

@@ -19,7 +19,7 @@ from rotorid.proposing.filters import with_filters
 from rotorid.proposing.flown_gains import settings_records
 from rotorid.results.model import IdentifiedModel
 from rotorid.signal.autopilot_filters import controller_filters
-from rotorid.tuning.proposal import Wishes, judged, spoiled
+from rotorid.tuning.proposal import Wishes, judged, newly_broken_limit
 from rotorid.typing import Axis
 
 
@@ -53,7 +53,7 @@ def require_filters_hold(
         An axis breaks a limit with the filters and its flown gains, and did not, or less so, without them.
     """
     named = ", ".join(f"{name} = {value:g}" for name, value in filters.items())
-    said, known = [], dict(staying)
+    reasons, known = [], dict(staying)
     for axis, error in others.items():
         if not _reached(axis, log_of(axis, settings_records(given, logs)), filters):
             continue
@@ -66,8 +66,12 @@ def require_filters_hold(
                 f"{named} stands in the loop of {axis} too, and whether its flown gains hold with it was not judged: "
                 f"{why.came}."
             )
-            said.append(warn("filter_not_judged", axis, message))
-    broken = [finding for axis, one in known.items() if (finding := _broken(axis, one, named, wishes)) is not None]
+            reasons.append(warn("filter_not_judged", axis, message))
+    broken = [
+        finding
+        for axis, known_axis in known.items()
+        if (finding := _broken(axis, known_axis, named, wishes)) is not None
+    ]
     if broken:
         raise InsufficientDataError(
             broken[0].message.rstrip("."),
@@ -75,7 +79,7 @@ def require_filters_hold(
             remedy="tune that axis too, or choose another filter",
             findings=broken,
         )
-    return said
+    return reasons
 
 
 def _reached(axis: Axis, record: FlightRecord | None, filters: Mapping[str, float]) -> bool:
@@ -89,13 +93,14 @@ def _reached(axis: Axis, record: FlightRecord | None, filters: Mapping[str, floa
     return gyro or (before is not None and after is not None and before.controller != after.controller)
 
 
-def _broken(axis: Axis, one: KnownAxis, named: str, wishes: Wishes) -> Finding | None:
+def _broken(axis: Axis, known_axis: KnownAxis, named: str, wishes: Wishes) -> Finding | None:
     """Which limit an axis would break with its flown gains."""
-    drawn = one.drawn()
+    drawn = known_axis.drawn()
     before, after = (
-        judged(parts, drawn, one.gains, from_rad_s=one.plant.known_from_rad_s) for parts in (one.flown_parts, one.parts)
+        judged(parts, drawn, known_axis.gains, from_rad_s=known_axis.plant.known_from_rad_s)
+        for parts in (known_axis.flown_parts, known_axis.parts)
     )
-    limit = spoiled(before, after, one.plant, wishes)
+    limit = newly_broken_limit(before, after, known_axis.plant, wishes)
     if not limit:
         return None
     peaks = [float(np.median(np.maximum(x.rate.sensitivity_peak, x.whole.sensitivity_peak))) for x in (before, after)]

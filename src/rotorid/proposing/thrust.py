@@ -104,7 +104,7 @@ def linearization(
     seed
         Of the draws.
     """
-    model = next((one for one in models if one.motors is not None), None)
+    model = next((model for model in models if model.motors is not None), None)
     parameter = named(autopilot).thrust_parameter
     kind = parameter() if parameter is not None else None
     if model is None or model.motors is None or kind is None or model.motors.outputs == "speed":
@@ -124,7 +124,7 @@ def linearization(
             for demand, share in ((outputs, shares), (hover, at_hover))
         )
     else:
-        shares, at_hover = ((one - low) / (high - low) for one in (outputs, hover))
+        shares, at_hover = ((value - low) / (high - low) for value in (outputs, hover))
         slopes, slope_hover = _slope(model, outputs, seed), _slope(model, hover, seed)
     shares = np.clip(shares, 1e-3, 1.0)
     grid = np.linspace(0.0, kind.largest, _GRID)[:, None]
@@ -136,8 +136,8 @@ def linearization(
     proposed = float(round(best.value)) if kind.integer else float(np.float32(f"{best.value:.3g}"))
 
     def ranged(value: float) -> tuple[float, float]:
-        one = np.array([[value]])
-        gain = slopes[0] / slope_hover[0] * kind.bend(at_hover[None], one)[0] / kind.bend(shares[None], one)[0]
+        point = np.array([[value]])
+        gain = slopes[0] / slope_hover[0] * kind.bend(at_hover[None], point)[0] / kind.bend(shares[None], point)[0]
         return float(gain.min()), float(gain.max())
 
     before, after = ranged(flown), ranged(proposed)

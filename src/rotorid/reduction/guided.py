@@ -292,7 +292,7 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
             findings.append(_no_lead(name, away, rise))
         else:
             inputs = len(problem.structure.inputs)
-            findings += [_not_missed(best.parameters[one], rise, inputs=inputs) for one in gone]
+            findings += [_not_missed(best.parameters[name], rise, inputs=inputs) for name in gone]
         best, solution = smaller, trial
     for name in best.parameters.free:
         value = dict(zip(best.parameters.free, solution.theta, strict=True)).get(name)
@@ -340,7 +340,7 @@ def _each_state_moves(structure: LinearStructure, parameters: ParameterSet) -> b
 
 def _is_lead(problem: FrequencyProblem, name: str) -> bool:
     """Whether a parameter works against one of the lags that may go."""
-    lags = (one for one in problem.structure.optional if one in problem.parameters.free)
+    lags = (name for name in problem.structure.optional if name in problem.parameters.free)
     return any(name in _leads(problem.structure, problem.parameters, lag) for lag in lags if lag != name)
 
 
@@ -680,4 +680,4 @@ def _converge(problem: FrequencyProblem, start: FloatArray) -> Solution:
     solution = fit_frequency(problem, starts=[start])
     if solution.outcome is Outcome.CONVERGED:
         return solution
-    return min(solution, fit_frequency(problem), key=lambda one: one.cost)
+    return min(solution, fit_frequency(problem), key=lambda solution: solution.cost)

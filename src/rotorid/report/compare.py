@@ -75,38 +75,38 @@ class ManeuverRow:
 
 def model_rows(document: CompareDocument) -> tuple[ModelRow, ...]:
     """One row for each result."""
-    return tuple(_model_row(one) for one in document.models)
+    return tuple(_model_row(model) for model in document.models)
 
 
-def _model_row(one: ComparedModelDocument) -> ModelRow:
-    validated, logs = one.cross_validation, one.on_logs
+def _model_row(model: ComparedModelDocument) -> ModelRow:
+    validated, logs = model.cross_validation, model.on_logs
     return ModelRow(
-        label=one.label,
-        model=one.model,
-        method=METHODS[one.method].name if one.method in METHODS else one.method,
-        outputs=", ".join(one.outputs),
-        order=str(one.order),
-        parameters=str(one.free_parameters),
-        fit=badge(one.verdict) if one.verdict is not None else None,
-        own=significant(own_percent(one)),
+        label=model.label,
+        model=model.model,
+        method=METHODS[model.method].name if model.method in METHODS else model.method,
+        outputs=", ".join(model.outputs),
+        order=str(model.order),
+        parameters=str(model.free_parameters),
+        fit=badge(model.verdict) if model.verdict is not None else None,
+        own=significant(own_percent(model)),
         validated=with_error(validated.mean_percent, validated.spread_percent, digits=3) if validated else MISSING,
         validated_kind=_KINDS[validated.kind] if validated else "",
         on_logs=with_error(logs.mean_percent, logs.spread_percent, digits=3) if logs else MISSING,
-        cost=significant(one.cost),
-        aic=_criterion(one.aic),
-        bic=_criterion(one.bic),
-        poles=tuple(_pole(pole) for pole in one.poles if pole.imag >= 0.0),
+        cost=significant(model.cost),
+        aic=_criterion(model.aic),
+        bic=_criterion(model.bic),
+        poles=tuple(_pole(pole) for pole in model.poles if pole.imag >= 0.0),
         delays=tuple(
             (name, milliseconds(delay.total_s, delay.total_std_s))
-            for name, delay in one.delays.items()
+            for name, delay in model.delays.items()
             if delay.total_s > 0.0
         ),
     )
 
 
-def own_percent(one: ComparedModelDocument) -> float | None:
+def own_percent(model: ComparedModelDocument) -> float | None:
     """Mean fit of the outputs on the data that were fitted."""
-    fits = list((one.fit_percent or {}).values())
+    fits = list((model.fit_percent or {}).values())
     return sum(fits) / len(fits) if fits else None
 
 
@@ -121,37 +121,37 @@ def _pole(pole: PoleEstimate) -> str:
 
 def shared_rows(document: CompareDocument) -> tuple[SharedRow, ...]:
     """Parameters that at least two results have and have not dropped; those of all first."""
-    labels = [one.label for one in document.models]
+    labels = [model.label for model in document.models]
     kept = {
-        name: one
-        for name, one in document.parameters.items()
-        if sum(value.status != "dropped" for value in one.values.values()) > 1
+        name: parameter
+        for name, parameter in document.parameters.items()
+        if sum(value.status != "dropped" for value in parameter.values.values()) > 1
     }
     ordered = sorted(kept.items(), key=lambda item: -len(item[1].values))
-    return tuple(_shared_row(name, one, labels) for name, one in ordered)
+    return tuple(_shared_row(name, parameter, labels) for name, parameter in ordered)
 
 
-def lone_parameters(document: CompareDocument) -> dict[str, int]:
+def unshared_parameters(document: CompareDocument) -> dict[str, int]:
     """Label to the number of parameters that no other result has."""
     names = {row.name for row in shared_rows(document)}
     return {
         model.label: sum(
-            name not in names and model.label in one.values and one.values[model.label].status != "dropped"
-            for name, one in document.parameters.items()
+            name not in names and model.label in parameter.values and parameter.values[model.label].status != "dropped"
+            for name, parameter in document.parameters.items()
         )
         for model in document.models
     }
 
 
-def _shared_row(name: str, one: ComparedParameterDocument, labels: list[str]) -> SharedRow:
+def _shared_row(name: str, parameter: ComparedParameterDocument, labels: list[str]) -> SharedRow:
     def value(label: str) -> Cell:
-        found = one.values.get(label)
+        found = parameter.values.get(label)
         if found is None:
             return Cell(MISSING)
         return Cell("dropped" if found.status == "dropped" else with_error(found.value, found.std))
 
     def distance(label: str) -> Cell:
-        found = one.values.get(label)
+        found = parameter.values.get(label)
         if found is None or found.z is None:
             return Cell("")
         size = f"{abs(found.z):.1f}"
@@ -160,7 +160,7 @@ def _shared_row(name: str, one: ComparedParameterDocument, labels: list[str]) ->
 
     return SharedRow(
         name=name.partition(" [")[0],
-        unit=unit(one.unit),
+        unit=unit(parameter.unit),
         values=tuple(value(label) for label in labels),
         distances=tuple(distance(label) for label in labels),
     )
@@ -168,17 +168,17 @@ def _shared_row(name: str, one: ComparedParameterDocument, labels: list[str]) ->
 
 def maneuver_rows(document: CompareDocument) -> tuple[ManeuverRow, ...]:
     """One row for each maneuver."""
-    return tuple(_maneuver_row(one, [model.label for model in document.models]) for one in document.maneuvers)
+    return tuple(_maneuver_row(maneuver, [model.label for model in document.models]) for maneuver in document.maneuvers)
 
 
-def _maneuver_row(one: ComparedManeuverDocument, labels: list[str]) -> ManeuverRow:
+def _maneuver_row(maneuver: ComparedManeuverDocument, labels: list[str]) -> ManeuverRow:
     def fit(label: str) -> Cell:
-        found = one.models.get(label)
+        found = maneuver.models.get(label)
         return Cell(MISSING) if found is None else Cell(significant(found.mean_percent), found.seen)
 
     return ManeuverRow(
-        record=one.record,
-        what=f"{maneuver_words(one.axis, one.kind)}{one.start_s:.1f} to {one.stop_s:.1f} s",
+        record=maneuver.record,
+        what=f"{maneuver_words(maneuver.axis, maneuver.kind)}{maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s",
         fits=tuple(fit(label) for label in labels),
     )
 
@@ -241,10 +241,10 @@ def render_documents(document: CompareDocument, flown: Sequence[ComparedManeuver
         title=title,
         document=document,
         sentences=comparison_summary(document),
-        labels=[one.label for one in document.models],
+        labels=[model.label for model in document.models],
         models=model_rows(document),
         parameters=shared_rows(document),
-        lone={label: count for label, count in lone_parameters(document).items() if count},
+        lone={label: count for label, count in unshared_parameters(document).items() if count},
         maneuvers=maneuver_rows(document),
         dots=dots,
         overlays=overlays,
@@ -269,7 +269,7 @@ def _overlays(flown: Sequence[ComparedManeuver]) -> Sequence[Picture]:
 def comparison_summary(document: CompareDocument) -> tuple[str, ...]:
     """Which model does best where, in sentences: on logs, then by cross-validation."""
     sentences = []
-    on_logs = {one.label: one.on_logs for one in document.models if one.on_logs}
+    on_logs = {model.label: model.on_logs for model in document.models if model.on_logs}
     if on_logs:
         best = max(on_logs, key=lambda label: on_logs[label].mean_percent)
         won = on_logs[best]
@@ -281,9 +281,9 @@ def comparison_summary(document: CompareDocument) -> tuple[str, ...]:
             f"%{_runner_up({label: one.mean_percent for label, one in on_logs.items()}, best, won.spread_percent)}."
         )
     means = {
-        one.label: one.cross_validation.mean_percent
-        for one in document.models
-        if one.cross_validation and one.cross_validation.mean_percent is not None
+        model.label: model.cross_validation.mean_percent
+        for model in document.models
+        if model.cross_validation and model.cross_validation.mean_percent is not None
     }
     if len(means) > 1:
         best = max(means, key=means.__getitem__)
@@ -302,8 +302,8 @@ def _changes(document: CompareDocument) -> list[str]:
     """Whether numbers changed between results of different logs, by the rule of ``fleet``."""
     verdicts = [
         (name, label, value.verdict)
-        for name, one in document.parameters.items()
-        for label, value in one.values.items()
+        for name, parameter in document.parameters.items()
+        for label, value in parameter.values.items()
         if value.verdict is not None
     ]
     if not verdicts:
@@ -328,22 +328,22 @@ def _runner_up(means: Mapping[str, float], best: str, spread: float | None = Non
 def _dots(document: CompareDocument) -> Picture | None:
     models = document.models
     kinds = {
-        "on its own data": [_score(own_percent(one), None) for one in models],
-        "cross-validated": [_validated(one) for one in models],
+        "on its own data": [_score(own_percent(model), None) for model in models],
+        "cross-validated": [_validated(model) for model in models],
         "on the logs": [
-            _score(one.on_logs.mean_percent, one.on_logs.spread_percent) if one.on_logs else _score(None, None)
-            for one in models
+            _score(model.on_logs.mean_percent, model.on_logs.spread_percent) if model.on_logs else _score(None, None)
+            for model in models
         ],
     }
-    there = {kind: scores for kind, scores in kinds.items() if any(math.isfinite(one.mean) for one in scores)}
+    there = {kind: scores for kind, scores in kinds.items() if any(math.isfinite(score.mean) for score in scores)}
     if not there:
         return None
-    figure = score_dots([one.label for one in models], kinds)
+    figure = score_dots([model.label for model in models], kinds)
     return Picture(key="scores", description=f"Fit percent of each model: {', '.join(there)}", figure=figure)
 
 
-def _validated(one: ComparedModelDocument) -> Score:
-    found = one.cross_validation
+def _validated(model: ComparedModelDocument) -> Score:
+    found = model.cross_validation
     return _score(found.mean_percent, found.spread_percent) if found else _score(None, None)
 
 
@@ -355,8 +355,8 @@ def _overlay(each: ComparedManeuver, key: str) -> Picture:
     curves = {label: _curves(group) for label, group in each.scores.items()}
     measured: dict[str, Curve] = {}
     for found in curves.values():
-        measured = {name: one[0] for name, one in found.items()} | measured
-    models = {label: {name: one[1] for name, one in found.items()} for label, found in curves.items()}
+        measured = {name: curves[0] for name, curves in found.items()} | measured
+    models = {label: {name: curves[1] for name, curves in found.items()} for label, found in curves.items()}
     figure = predictions(list(measured), measured, models)
     maneuver = each.maneuver
     when = f"{maneuver_words(maneuver.axis, maneuver.kind)}{maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s"
@@ -367,10 +367,10 @@ def _curves(group: tuple[FixedParameterScores, ...]) -> dict[str, tuple[Curve, C
     """Output to measured and predicted samples; a gap between two stretches is a gap in the curve."""
     found = {}
     for row, name in enumerate(group[0].scores):
-        time_s = np.concatenate([np.append(one.time_s, np.nan) for one in group])[:-1]
+        time_s = np.concatenate([np.append(scores.time_s, np.nan) for scores in group])[:-1]
         measured, predicted = (
             np.concatenate([np.append(values[row], np.nan) for values in arrays])[:-1]
-            for arrays in ([one.measured for one in group], [one.predicted for one in group])
+            for arrays in ([scores.measured for scores in group], [scores.predicted for scores in group])
         )
         found[name] = Curve(time_s, measured), Curve(time_s, predicted)
     return found

@@ -57,37 +57,40 @@ def derived_shown(derived: DerivedSummary | None, *, key: str) -> DerivedShown |
     if derived is None:
         return None
     known = (
-        f"{name} = {with_error(one.value, one.std)} {unit(one.unit)}".strip() for name, one in derived.known.items()
+        f"{name} = {with_error(quantity.value, quantity.std)} {unit(quantity.unit)}".strip()
+        for name, quantity in derived.known.items()
     )
     return DerivedShown(
         rows=tuple(
             QuantityRow(
                 name=name,
-                words=one.words,
-                value=with_error(one.value, one.std),
-                identified=significant(one.std_identified, digits=2),
-                unit=unit(one.unit),
+                words=quantity.words,
+                value=with_error(quantity.value, quantity.std),
+                identified=significant(quantity.std_identified, digits=2),
+                unit=unit(quantity.unit),
             )
-            for name, one in derived.quantities.items()
+            for name, quantity in derived.quantities.items()
         ),
         known=", ".join(known),
         missing=tuple(f"{name} would follow with {', '.join(needed)}" for name, needed in derived.missing.items()),
         thrust=tuple(
             ThrustRow(
-                advance_ratio=significant(one.advance_ratio),
-                value=with_error(one.c_T, one.std),
-                interval=with_interval(one.c_T, one.lower, one.upper)[1],
-                flown={True: "yes", False: "no", None: "unknown"}[one.flown],
+                advance_ratio=significant(point.advance_ratio),
+                value=with_error(point.c_T, point.std),
+                interval=with_interval(point.c_T, point.lower, point.upper)[1],
+                flown={True: "yes", False: "no", None: "unknown"}[point.flown],
             )
-            for one in derived.thrust
+            for point in derived.thrust
         ),
         picture=_picture(derived.thrust, key) if derived.thrust else None,
     )
 
 
 def _picture(thrust: tuple[ThrustPoint, ...], key: str) -> Picture:
-    flown = [one.advance_ratio for one in thrust if one.flown]
-    ratio, value, std = (np.array([getattr(one, name) for one in thrust]) for name in ("advance_ratio", "c_T", "std"))
+    flown = [point.advance_ratio for point in thrust if point.flown]
+    ratio, value, std = (
+        np.array([getattr(point, name) for point in thrust]) for name in ("advance_ratio", "c_T", "std")
+    )
     return Picture(
         key=key,
         description="Thrust coefficient over the advance ratio, with one standard deviation",

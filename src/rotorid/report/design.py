@@ -22,7 +22,7 @@ from rotorid.data.quantity import percent, significant, unit, with_error
 from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
 from rotorid.documents.design import DesignDocument
 from rotorid.errors import UsageError
-from rotorid.flying.designs import STEPS, Designed, Planned, Told, as_flown
+from rotorid.flying.designs import STEPS, Designed, Planned, PlanPrediction, as_flown
 from rotorid.flying.settings import DesignSettings
 from rotorid.planning.amplitude import Amplitude, Limits, Reached
 from rotorid.planning.duration import Shortest
@@ -110,28 +110,28 @@ class InputRow:
 
 def input_rows(planned: Planned) -> tuple[InputRow, ...]:
     """One row for each test input of a plan."""
-    return tuple(_input_row(planned, one) for one in planned.plan.inputs)
+    return tuple(_input_row(planned, planned_input) for planned_input in planned.plan.inputs)
 
 
-def _input_row(planned: Planned, one: PlannedInput) -> InputRow:
-    found = planned.amplitudes.get(f"{one.shape} of {one.axis}")
-    symbol = unit(one.unit)
+def _input_row(planned: Planned, planned_input: PlannedInput) -> InputRow:
+    found = planned.amplitudes.get(f"{planned_input.shape} of {planned_input.axis}")
+    symbol = unit(planned_input.unit)
     limit = "" if found is None else found.limited_by
-    low, high = one.band_rad_s or (math.nan, math.nan)
+    low, high = planned_input.band_rad_s or (math.nan, math.nan)
     return InputRow(
-        axis=one.axis,
-        shape=kind_words(one.shape),
-        entry=_ENTRIES[one.entry],
-        interval=f"{one.start_s:.1f} to {one.stop_s:.1f}",
-        band=f"{significant(low)} to {significant(high)}" if one.band_rad_s else "",
-        amplitude=f"{significant(one.amplitude)} {symbol}".strip(),
-        words=amplitude_words(one),
+        axis=planned_input.axis,
+        shape=kind_words(planned_input.shape),
+        entry=_ENTRIES[planned_input.entry],
+        interval=f"{planned_input.start_s:.1f} to {planned_input.stop_s:.1f}",
+        band=f"{significant(low)} to {significant(high)}" if planned_input.band_rad_s else "",
+        amplitude=f"{significant(planned_input.amplitude)} {symbol}".strip(),
+        words=amplitude_words(planned_input),
         limited="given" if found is None else _LIMITS.get(limit, limit) if limit else "no limit up to 1",
-        alone=_alone(found, symbol) if found is not None and limit else "",
+        alone=_own_amplitude(found, symbol) if found is not None and limit else "",
     )
 
 
-def _alone(found: Amplitude, symbol: str) -> str:
+def _own_amplitude(found: Amplitude, symbol: str) -> str:
     """The amplitude that an axis may have, and what single flights may where they differ."""
     low, high = found.spread
     differ = f", single flights {significant(low)} to {significant(high)}" if high > _DIFFER * low > 0.0 else ""
@@ -190,22 +190,22 @@ class PredictedRow:
 
 def predicted_rows(prediction: Prediction) -> tuple[PredictedRow, ...]:
     """One row for each parameter that the fit will keep."""
-    return tuple(_predicted_row(one) for one in prediction.parameters)
+    return tuple(_predicted_row(parameter) for parameter in prediction.parameters)
 
 
-def _predicted_row(one: PredictedParameter) -> PredictedRow:
-    sigmas = one.off_sigmas
-    bound, insensitivity = one.in_percent(one.cramer_rao), one.in_percent(one.insensitivity)
+def _predicted_row(parameter: PredictedParameter) -> PredictedRow:
+    sigmas = parameter.off_sigmas
+    bound, insensitivity = parameter.in_percent(parameter.cramer_rao), parameter.in_percent(parameter.insensitivity)
     return PredictedRow(
-        name=one.name,
-        words=parameter_words(one.name),
-        unit=unit(one.unit),
-        value=significant(one.value, digits=4),
-        expected=with_error(one.expected, one.std),
+        name=parameter.name,
+        words=parameter_words(parameter.name),
+        unit=unit(parameter.unit),
+        value=significant(parameter.value, digits=4),
+        expected=with_error(parameter.expected, parameter.std),
         off=Cell(f"{sigmas:.1f} σ off", sigmas > FAR_SIGMAS),
-        percent=percent(one.percent),
-        scatter=percent(one.in_percent(one.scatter)),
-        least=percent(one.in_percent(one.lowest_std)),
+        percent=percent(parameter.percent),
+        scatter=percent(parameter.in_percent(parameter.scatter)),
+        least=percent(parameter.in_percent(parameter.lowest_std)),
         cramer_rao=Cell(percent(bound), CRAMER_RAO_GUIDELINE_PERCENT < bound < math.inf),
         insensitivity=Cell(percent(insensitivity), INSENSITIVITY_GUIDELINE_PERCENT < insensitivity < math.inf),
     )
@@ -290,10 +290,10 @@ class Compared:
 
 def compared(designed: Sequence[Designed]) -> Compared:
     """Predicted percents of every parameter of every model, plan by plan; equal numbers are equally good."""
-    known = [_percents(one) for one in designed]
+    known = [_percents(design) for design in designed]
     pairs = list(dict.fromkeys(pair for each in known for pair in each))
     names = [name for _, name in pairs]
-    durations_s = [one.planned.plan.duration_s for one in designed]
+    durations_s = [design.planned.plan.duration_s for design in designed]
     rows = []
     for model, name in pairs:
         values = tuple(each.get((model, name), math.inf) for each in known)
@@ -314,18 +314,18 @@ def compared(designed: Sequence[Designed]) -> Compared:
             )
         )
     return Compared(
-        plans=tuple(kind_words(one.kind) for one in designed),
+        plans=tuple(kind_words(design.kind) for design in designed),
         durations=tuple(f"{duration_s:.0f} s" for duration_s in durations_s),
         rows=tuple(rows),
     )
 
 
-def _percents(one: Designed) -> dict[tuple[str, str], float]:
+def _percents(design: Designed) -> dict[tuple[str, str], float]:
     """Those that there are: a parameter of the value zero has none."""
     return {
-        (told.model, parameter.name): parameter.percent
-        for told in one.told
-        for parameter in (told.prediction.parameters if told.prediction is not None else ())
+        (predicted.model, parameter.name): parameter.percent
+        for predicted in design.told
+        for parameter in (predicted.prediction.parameters if predicted.prediction is not None else ())
         if math.isfinite(parameter.percent)
     }
 
@@ -333,17 +333,19 @@ def _percents(one: Designed) -> dict[tuple[str, str], float]:
 def design_summary(designed: Sequence[Designed], choices: DesignSettings) -> tuple[str, ...]:
     """Which plan tells most, what each will tell, and the answers to what was asked for."""
     most = _best_sentences(compared(designed)) if len(designed) > 1 else []
-    each = [_plan_sentence(one) for one in designed]
+    each = [_plan_sentence(design) for design in designed]
     reach = _shared_answers(designed) if len(designed) > 1 else list(reach_sentences(designed[0]))
     return (*most, *each, *reach, f"All of it is for {choices.entry.name} in {wind_words(choices.plan.wind)}.")
 
 
-def _plan_sentence(one: Designed) -> str:
-    plan = one.planned.plan
-    found = compared([one])
-    lead = f"{kind_words(one.kind).capitalize()} on {listed(plan.axes)}, {plan.duration_s:.0f} s in all: "
-    refused = [told.model for told in one.told if told.prediction is None]
-    zero = sum(len(told.prediction.parameters) for told in one.told if told.prediction is not None) - len(found.rows)
+def _plan_sentence(design: Designed) -> str:
+    plan = design.planned.plan
+    found = compared([design])
+    lead = f"{kind_words(design.kind).capitalize()} on {listed(plan.axes)}, {plan.duration_s:.0f} s in all: "
+    refused = [predicted.model for predicted in design.told if predicted.prediction is None]
+    zero = sum(
+        len(predicted.prediction.parameters) for predicted in design.told if predicted.prediction is not None
+    ) - len(found.rows)
     parts = []
     if found.rows:
         worst = max(found.rows, key=lambda row: row.percent[0])
@@ -355,8 +357,8 @@ def _plan_sentence(one: Designed) -> str:
     off = [
         f"{parameter.name} {significant(parameter.expected, digits=3)} for {significant(parameter.value, digits=3)}, "
         f"{parameter.off_sigmas:.0f} σ off"
-        for told in one.told
-        for parameter in (told.prediction.parameters if told.prediction is not None else ())
+        for predicted in design.told
+        for parameter in (predicted.prediction.parameters if predicted.prediction is not None else ())
         if parameter.off_sigmas > FAR_SIGMAS
     ]
     if off:
@@ -370,10 +372,10 @@ def _plan_sentence(one: Designed) -> str:
 
 def _best_sentences(found: Compared) -> list[str]:
     """Which plan tells most about what, but for those parameters that several tell equally well."""
-    alone = [row for row in found.rows if sum(row.best) == 1]
-    best = {plan: [row.label for row in alone if row.best[number]] for number, plan in enumerate(found.plans)}
-    told = {plan: _named(labels, len(found.rows)) for plan, labels in best.items() if labels}
-    return [f"{plan.capitalize()} tells most about {words}." for plan, words in told.items()]
+    single_best = [row for row in found.rows if sum(row.best) == 1]
+    best = {plan: [row.label for row in single_best if row.best[number]] for number, plan in enumerate(found.plans)}
+    best_words = {plan: _named(labels, len(found.rows)) for plan, labels in best.items() if labels}
+    return [f"{plan.capitalize()} tells most about {words}." for plan, words in best_words.items()]
 
 
 def _named(labels: Sequence[str], of: int) -> str:
@@ -382,11 +384,11 @@ def _named(labels: Sequence[str], of: int) -> str:
     return listed(labels) if len(labels) <= _MOST_NAMED else f"{len(labels)} of {of} parameters"
 
 
-def reach_sentences(one: Designed) -> tuple[str, ...]:
+def reach_sentences(design: Designed) -> tuple[str, ...]:
     """The answer to a question for the shortest test input, for each model."""
     return tuple(
-        f"{_wanted(one.wanted[model])} in {model}: {found.words}{_least_tried(found)}"
-        for model, found in one.shortest.items()
+        f"{_wanted(design.wanted[model])} in {model}: {found.words}{_least_tried(found)}"
+        for model, found in design.shortest.items()
     )
 
 
@@ -397,20 +399,20 @@ def _least_tried(found: Shortest) -> str:
 def _shared_answers(designed: Sequence[Designed]) -> list[str]:
     """The answers of all plans, one sentence for each model; what is not reached in the words of its own."""
     sentences = []
-    for model in dict.fromkeys(model for one in designed for model in one.shortest):
-        asked = [one for one in designed if model in one.shortest]
+    for model in dict.fromkeys(model for design in designed for model in design.shortest):
+        asked = [design for design in designed if model in design.shortest]
         enough = [
-            f"{found.duration_s:.0f} s of {kind_words(one.kind)}"
-            for one in asked
-            if (found := one.shortest[model]).duration_s is not None
+            f"{found.duration_s:.0f} s of {kind_words(design.kind)}"
+            for design in asked
+            if (found := design.shortest[model]).duration_s is not None
         ]
         lead = f"{_wanted(asked[0].wanted[model])} in {model}: "
         if enough:
             sentences.append(f"{lead}{listed(enough)} are enough.")
         sentences += [
-            f"{lead}{kind_words(one.kind)}: {one.shortest[model].words}"
-            for one in asked
-            if one.shortest[model].duration_s is None
+            f"{lead}{kind_words(design.kind)}: {design.shortest[model].words}"
+            for design in asked
+            if design.shortest[model].duration_s is None
         ]
     return sentences
 
@@ -452,11 +454,11 @@ class ExpectedPictures:
     folded: tuple[Picture, ...]
 
 
-def flown(one: Designed, choices: DesignSettings) -> SimulatedFlight:
+def flown(design: Designed, choices: DesignSettings) -> SimulatedFlight:
     """One of the flights whose usual extremes the plan holds, once more: the first draw of wind and noise."""
     from rotorid.simulation.multirotor_flight import fly_multirotor
 
-    return fly_multirotor(choices.aircraft, one.planned.plan, wind=choices.plan.wind, seed=choices.plan.seed)
+    return fly_multirotor(choices.aircraft, design.planned.plan, wind=choices.plan.wind, seed=choices.plan.seed)
 
 
 def flight_picture(plan: FlightPlan, flight: SimulatedFlight, limits: Limits, *, key: str) -> Picture:
@@ -506,40 +508,40 @@ def flight_picture(plan: FlightPlan, flight: SimulatedFlight, limits: Limits, *,
 def _input_strips(plan: FlightPlan) -> list[Strip]:
     """Test inputs, those of one unit in one panel."""
     groups: dict[str, list[Signal]] = {}
-    for one in plan.inputs:
-        time_s = one.start_s + np.arange(one.values.size) / one.sample_rate_hz
-        signal = Signal(one.axis, input_channel(one), time_s, one.values)
+    for planned in plan.inputs:
+        time_s = planned.start_s + np.arange(planned.values.size) / planned.sample_rate_hz
+        signal = Signal(planned.axis, input_channel(planned), time_s, planned.values)
         groups.setdefault(quantity(signal.channel).unit, []).append(signal)
     return [Strip(label="Test inputs", signals=signals, height_px=110.0) for signals in groups.values()]
 
 
-def input_channel(one: PlannedInput) -> str:
+def input_channel(planned: PlannedInput) -> str:
     """The channel of the vocabulary that has the unit of a test input."""
-    if one.axis == "thrust" or one.entry == "command":
-        return f"{one.axis}_excitation"
-    if one.entry == "stick":
-        return f"{one.axis}_stick"
-    return f"{(RATE_OF if one.entry == 'rate_setpoint' else ANGLE_OF)[one.axis]}_setpoint"
+    if planned.axis == "thrust" or planned.entry == "command":
+        return f"{planned.axis}_excitation"
+    if planned.entry == "stick":
+        return f"{planned.axis}_stick"
+    return f"{(RATE_OF if planned.entry == 'rate_setpoint' else ANGLE_OF)[planned.axis]}_setpoint"
 
 
 def spectrum_picture(plan: FlightPlan, flies: FlightPlan, *, key: str) -> Picture:
     """What the test inputs excite as they fly; of those that are repeated the first."""
     first: dict[tuple[str, str], tuple[PlannedInput, bool]] = {}
-    for sent, one in zip(plan.inputs, flies.inputs, strict=True):
+    for sent, planned in zip(plan.inputs, flies.inputs, strict=True):
         # What an autopilot shapes has no lines any more.
-        first.setdefault((one.axis, one.shape), (one, one.shape == "multisine" and one is sent))
-    shapes = {one.shape for one in plan.inputs}
+        first.setdefault((planned.axis, planned.shape), (planned, planned.shape == "multisine" and planned is sent))
+    shapes = {planned.shape for planned in plan.inputs}
     inputs = []
-    for one, lines in first.values():
-        omega, values = density(one, lines=lines)
-        words = f"{one.axis} {kind_words(one.shape)}" if len(shapes) > 1 else one.axis
+    for planned, lines in first.values():
+        omega, values = density(planned, lines=lines)
+        words = f"{planned.axis} {kind_words(planned.shape)}" if len(shapes) > 1 else planned.axis
         inputs.append(
             Excited(
                 words=words,
-                channel=input_channel(one),
+                channel=input_channel(planned),
                 omega_rad_s=omega,
                 density=values,
-                band_rad_s=one.band_rad_s,
+                band_rad_s=planned.band_rad_s,
                 lines=lines,
             )
         )
@@ -550,16 +552,16 @@ def spectrum_picture(plan: FlightPlan, flies: FlightPlan, *, key: str) -> Pictur
     )
 
 
-def density(one: PlannedInput, *, lines: bool = False) -> tuple[FloatArray, FloatArray]:
+def density(planned: PlannedInput, *, lines: bool = False) -> tuple[FloatArray, FloatArray]:
     """One-sided spectral density of a test input in rad/s and SI units squared per hertz, each shape ``(f,)``.
 
     That of lines, as a multisine has them, stands at those from a tenth of the largest amplitude: it is their power
     over the distance to their neighbors. Others are averaged in bins of a tenth of their frequency or four lines,
     whichever is wider.
     """
-    rate_hz = one.sample_rate_hz
+    rate_hz = planned.sample_rate_hz
     # Behind the last period of a multisine stands a zero.
-    values = one.values[:-1] if lines else one.values
+    values = planned.values[:-1] if lines else planned.values
     size = values.size
     length = size if lines else max(size, round(_LONG_S * rate_hz))
     power = np.abs(np.fft.rfft(values, length)) ** 2
@@ -570,7 +572,7 @@ def density(one: PlannedInput, *, lines: bool = False) -> tuple[FloatArray, Floa
         apart_hz = np.gradient(frequency_hz[there]) if there.size > 1 else np.full(there.size, rate_hz / size)
         return 2.0 * np.pi * frequency_hz[there], 2.0 * power[there] / size**2 / apart_hz
     # Half and twice the band, or where steps excite most of what they do.
-    low, high = one.band_rad_s or (0.4, _STEP_TURNS * 2.0 * np.pi * rate_hz / size)
+    low, high = planned.band_rad_s or (0.4, _STEP_TURNS * 2.0 * np.pi * rate_hz / size)
     low_hz, high_hz = low / (4.0 * np.pi), min(high / np.pi, 0.5 * rate_hz)
     return _averaged(frequency_hz, 2.0 * power / (size * rate_hz), low_hz, high_hz)
 
@@ -624,15 +626,15 @@ def comparison_picture(compared: Compared, *, key: str) -> Picture:
 
 def duration_picture(found: Shortest, wanted: Mapping[str, float], *, key: str) -> Picture | None:
     """Percent over the durations that were tried; nothing where fewer than two could support the model."""
-    tried = [one for one in found.tried if one.prediction is not None]
+    tried = [attempt for attempt in found.tried if attempt.prediction is not None]
     if len(tried) < 2:
         return None
-    known = [_percent(one.prediction) for one in tried if one.prediction is not None]
+    known = [_percent(attempt.prediction) for attempt in tried if attempt.prediction is not None]
     return Picture(
         key=key,
         description=f"Predicted standard deviation of {', '.join(wanted)} over the duration of the test input",
         figure=percent_over_duration(
-            np.array([one.duration_s for one in tried]),
+            np.array([attempt.duration_s for attempt in tried]),
             {name: np.array([each.get(name, np.inf) for each in known]) for name in wanted},
             wanted=wanted,
             found_s=found.duration_s,
@@ -641,7 +643,7 @@ def duration_picture(found: Shortest, wanted: Mapping[str, float], *, key: str) 
 
 
 def _percent(prediction: Prediction) -> dict[str, float]:
-    return {one.name: one.percent for one in prediction.parameters}
+    return {parameter.name: parameter.percent for parameter in prediction.parameters}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -677,7 +679,7 @@ class PlanSection:
     @property
     def pictures(self) -> tuple[Picture, ...]:
         """All pictures of the section."""
-        of_models = [one for model in self.models for one in (*model.pictures.leading, *model.pictures.folded)]
+        of_models = [picture for model in self.models for picture in (*model.pictures.leading, *model.pictures.folded)]
         return (self.flight, self.spectrum, *of_models, *self.durations)
 
 
@@ -706,7 +708,7 @@ def render_design(
     """
     if not designed:
         raise UsageError("a page of no plan was asked for", needed="at least one")
-    plans = [_plan_section(one, choices, anchor=f"plan-{number}") for number, one in enumerate(designed, start=1)]
+    plans = [_plan_section(design, choices, anchor=f"plan-{number}") for number, design in enumerate(designed, start=1)]
     side_by_side = compared(designed) if len(designed) > 1 else None
     if side_by_side is not None and not side_by_side.rows:
         side_by_side = None
@@ -718,47 +720,50 @@ def render_design(
         compared=side_by_side,
         dots=dots,
         plans=plans,
-        grave={plan.title: grave for plan in plans if (grave := [one for one in plan.models if _grave(one)])},
+        grave={
+            plan.title: grave for plan in plans if (grave := [section for section in plan.models if _grave(section)])
+        },
         least_coherence=choices.fit.least_coherence,
         repeats=choices.plan.repeats,
         document=document,
         remarks=finding_rows(document.findings) if document is not None else (),
-        pictures=[*([dots] if dots is not None else []), *(one for plan in plans for one in plan.pictures)],
+        pictures=[*([dots] if dots is not None else []), *(picture for plan in plans for picture in plan.pictures)],
     )
 
 
-def _plan_section(one: Designed, choices: DesignSettings, *, anchor: str) -> PlanSection:
-    plan = one.planned.plan
+def _plan_section(design: Designed, choices: DesignSettings, *, anchor: str) -> PlanSection:
+    plan = design.planned.plan
     durations = [
-        duration_picture(found, one.wanted[model], key=f"{anchor}-duration-{number}")
-        for number, (model, found) in enumerate(one.shortest.items())
+        duration_picture(found, design.wanted[model], key=f"{anchor}-duration-{number}")
+        for number, (model, found) in enumerate(design.shortest.items())
     ]
-    asked = any(one.wanted.values())
-    steps = ("Steps have no duration to look for: it is their band.",) if asked and one.kind in STEPS else ()
+    asked = any(design.wanted.values())
+    steps = ("Steps have no duration to look for: it is their band.",) if asked and design.kind in STEPS else ()
     return PlanSection(
         anchor=anchor,
-        title=kind_words(one.kind).capitalize(),
+        title=kind_words(design.kind).capitalize(),
         name=plan.name,
         duration=f"{plan.duration_s:.0f} s",
-        inputs=input_rows(one.planned),
-        reached=reached_rows(one.planned.reached, choices.plan.limits),
-        flight=flight_picture(plan, flown(one, choices), choices.plan.limits, key=f"{anchor}-flight"),
+        inputs=input_rows(design.planned),
+        reached=reached_rows(design.planned.reached, choices.plan.limits),
+        flight=flight_picture(plan, flown(design, choices), choices.plan.limits, key=f"{anchor}-flight"),
         spectrum=spectrum_picture(plan, as_flown(choices.aircraft, plan), key=f"{anchor}-spectrum"),
         models=tuple(
-            _model_section(told, choices, anchor=f"{anchor}-model-{number}") for number, told in enumerate(one.told)
+            _model_section(predicted, choices, anchor=f"{anchor}-model-{number}")
+            for number, predicted in enumerate(design.told)
         ),
-        answers=(*reach_sentences(one), *steps),
+        answers=(*reach_sentences(design), *steps),
         durations=tuple(picture for picture in durations if picture is not None),
     )
 
 
-def _model_section(told: Told, choices: DesignSettings, *, anchor: str) -> ModelSection:
-    prediction = told.prediction
+def _model_section(predicted: PlanPrediction, choices: DesignSettings, *, anchor: str) -> ModelSection:
+    prediction = predicted.prediction
     if prediction is None:
         return ModelSection(
             anchor=anchor,
-            name=told.model,
-            refused=told.refused,
+            name=predicted.model,
+            refused=predicted.refused,
             rows=(),
             usable=(),
             inflation="",
@@ -767,7 +772,7 @@ def _model_section(told: Told, choices: DesignSettings, *, anchor: str) -> Model
         )
     return ModelSection(
         anchor=anchor,
-        name=told.model,
+        name=predicted.model,
         refused="",
         rows=predicted_rows(prediction),
         usable=usable_rows(prediction),
@@ -779,4 +784,4 @@ def _model_section(told: Told, choices: DesignSettings, *, anchor: str) -> Model
 
 def _grave(model: ModelSection) -> bool:
     """Whether something limits the trust in what is said of a model."""
-    return bool(model.refused) or any(one.severity != "info" for one in model.findings)
+    return bool(model.refused) or any(row.severity != "info" for row in model.findings)

@@ -110,7 +110,7 @@ def link_files(page: Path, names: Sequence[str]) -> None:
 def result_kind(main: str) -> ResultKind:
     """How the results with this main file are known again: by its schema, and by what the command writes beside it."""
     return _KINDS.get(main) or ResultKind(
-        mains=(main,), schema=f"rotorid.{Path(main).stem}", files=(f"{Path(main).stem}*", *_BESIDE)
+        mains=(main,), schema=f"rotorid.{Path(main).stem}", files=(f"{Path(main).stem}*", *_REPORT_FILES)
     )
 
 
@@ -140,7 +140,7 @@ _OURS = re.compile(
 
 def _of_plans(document: Mapping[str, Any]) -> dict[str, str | None]:
     """Files of the plans of a ``design.json``."""
-    return {(Path(one["folder"]) / name).as_posix(): None for one in document["plans"] for name in one["files"]}
+    return {(Path(plan["folder"]) / name).as_posix(): None for plan in document["plans"] for name in plan["files"]}
 
 
 def _of_logs(document: Mapping[str, Any]) -> dict[str, str | None]:
@@ -150,31 +150,31 @@ def _of_logs(document: Mapping[str, Any]) -> dict[str, str | None]:
 
 def _of_export(document: Mapping[str, Any]) -> dict[str, str | None]:
     """Files of an ``export.json`` with their hashes."""
-    return {one["name"]: one["sha256"] for one in document["files"]}
+    return {file["name"]: file["sha256"] for file in document["files"]}
 
 
-_BESIDE = ("report.html", "responses.npz", "figures/*", "tables/*")
-_MODEL = ("result.json", "model.toml", *_BESIDE)
+_REPORT_FILES = ("report.html", "responses.npz", "figures/*", "tables/*")
+_MODEL = ("result.json", "model.toml", *_REPORT_FILES)
 _IDENTIFIED = ResultKind(
     mains=("result.json", "results.json"), schema="rotorid.result", files=(*_MODEL, *(f"*/{name}" for name in _MODEL))
 )
 _KINDS: Mapping[str, ResultKind] = {
     "result.json": _IDENTIFIED,
     "results.json": _IDENTIFIED,
-    "inspect.json": ResultKind(mains=("inspect.json",), schema="rotorid.inspect/", files=_BESIDE),
+    "inspect.json": ResultKind(mains=("inspect.json",), schema="rotorid.inspect/", files=_REPORT_FILES),
     "review.json": ResultKind(
         mains=("review.json",), schema="rotorid.review", files=("review*", "logger_topics.txt", "figures/*")
     ),
-    "response.json": ResultKind(mains=("response.json",), schema="rotorid.response/", files=_BESIDE),
-    "verification.json": ResultKind(mains=("verification.json",), schema="rotorid.verify/", files=_BESIDE),
-    "compare.json": ResultKind(mains=("compare.json",), schema="rotorid.compare/", files=_BESIDE),
-    "flown.json": ResultKind(mains=("flown.json",), schema="rotorid.flown/", files=("flown.npz", *_BESIDE)),
+    "response.json": ResultKind(mains=("response.json",), schema="rotorid.response/", files=_REPORT_FILES),
+    "verification.json": ResultKind(mains=("verification.json",), schema="rotorid.verify/", files=_REPORT_FILES),
+    "compare.json": ResultKind(mains=("compare.json",), schema="rotorid.compare/", files=_REPORT_FILES),
+    "flown.json": ResultKind(mains=("flown.json",), schema="rotorid.flown/", files=("flown.npz", *_REPORT_FILES)),
     "tune.json": ResultKind(
         mains=("tune.json",),
         schema="rotorid.tune/",
-        files=("tune.npz", "proposed.*", "thrust.*", "rollback.*", *_BESIDE),
+        files=("tune.npz", "proposed.*", "thrust.*", "rollback.*", *_REPORT_FILES),
     ),
-    "check.json": ResultKind(mains=("check.json",), schema="rotorid.tune_check/", files=_BESIDE),
+    "check.json": ResultKind(mains=("check.json",), schema="rotorid.tune_check/", files=_REPORT_FILES),
     "delay.json": ResultKind(mains=("delay.json",), schema="rotorid.delay/", files=("figures/*", "tables/*")),
     "design.json": ResultKind(
         mains=("design.json",), schema="rotorid.design/", files=("design.html", "*/flight-card.html"), listed=_of_plans
@@ -308,13 +308,13 @@ def _title(designed: Sequence[Designed], choices: DesignSettings) -> str:
 
 def require_autopilot(name: str | None) -> None:
     """Refuse an autopilot for which there are no files."""
-    known = [one.key for one in AUTOPILOTS if one.has_plan_files]
+    known = [autopilot.key for autopilot in AUTOPILOTS if autopilot.has_plan_files]
     if name is not None and name not in known:
         raise UsageError(f"--for {name} came", needed=f"one of {', '.join(known)}")
 
 
 def _files(
-    one: Designed, choices: DesignSettings, autopilot: str, *, explicit: bool
+    design: Designed, choices: DesignSettings, autopilot: str, *, explicit: bool
 ) -> tuple[dict[str, str | bytes], list[Finding]]:
     """Files of a plan by name; what an autopilot cannot fly is remarked on, and an error where it was asked for."""
     from rotorid.documents.design import plan_document
@@ -323,13 +323,13 @@ def _files(
     from rotorid.plans.files import plan_files
     from rotorid.report.flight_card import flight_card
 
-    plan, facts = one.planned.plan, _facts(one, choices, autopilot)
+    plan, facts = design.planned.plan, _facts(design, choices, autopilot)
     files: dict[str, str | bytes] = {
         "plan.json": to_json(plan_document(plan)),
         **plan_csv(plan),
         **flight_card(plan, facts),
     }
-    findings = [*beyond_limits(one, choices.plan.limits), *not_followed(one, choices.aircraft)]
+    findings = [*beyond_limits(design, choices.plan.limits), *not_followed(design, choices.aircraft)]
     if choices.firmware:
         findings += named(autopilot).plan_findings(plan, choices.firmware) or ()
     try:
@@ -337,7 +337,7 @@ def _files(
     except UsageError as error:
         if explicit:
             raise
-        findings.append(_unwritten(one.kind, f"No files for {autopilot} were written", error))
+        findings.append(_unwritten(design.kind, f"No files for {autopilot} were written", error))
     return files, findings
 
 
@@ -345,13 +345,13 @@ def _unwritten(kind: str, what: str, error: UsageError) -> Finding:
     return warn("not_written", kind, f"{what}: {error}")
 
 
-def _facts(one: Designed, choices: DesignSettings, autopilot: str) -> FlightFacts:
+def _facts(design: Designed, choices: DesignSettings, autopilot: str) -> FlightFacts:
     from rotorid.flying.designs import computed_for
     from rotorid.plans.facts import HAND_CLIMB_M, FlightFacts, PredictedBound, throttle_by_hand
 
-    reached = one.planned.reached
+    reached = design.planned.reached
     height_m = max(choices.plan.wind.height_m, 3.0 * reached.height_m)
-    by_hand = throttle_by_hand(one.planned.plan, autopilot)
+    by_hand = throttle_by_hand(design.planned.plan, autopilot)
     climb_m = max(reached.height_m, min(HAND_CLIMB_M, height_m / 3.0) if by_hand else 0.0)
     bounds = [
         PredictedBound(
@@ -359,11 +359,11 @@ def _facts(one: Designed, choices: DesignSettings, autopilot: str) -> FlightFact
             unit=parameter.unit,
             value=parameter.expected,
             std=parameter.std,
-            model=told.model,
+            model=predicted.model,
             given=parameter.value,
         )
-        for told in one.told
-        for parameter in (told.prediction.parameters if told.prediction is not None else ())
+        for predicted in design.told
+        for parameter in (predicted.prediction.parameters if predicted.prediction is not None else ())
     ]
     return FlightFacts(
         vehicle=choices.entry.name,

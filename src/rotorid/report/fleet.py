@@ -48,7 +48,7 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
     document
         The same as it is written, with what failed.
     """
-    unchanged = [one for one in document.verdicts if one.verdict != "changed"]
+    unchanged = [verdict for verdict in document.verdicts if verdict.verdict != "changed"]
     return render(
         "fleet.html",
         pictures=(),
@@ -60,7 +60,9 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
         more_unchanged=max(len(unchanged) - _MOST_UNCHANGED, 0),
         document=document,
         populations=[
-            _row(model, name, one) for model, many in document.population.items() for name, one in many.items()
+            _row(model, name, population)
+            for model, many in document.population.items()
+            for name, population in many.items()
         ],
         failed=document.failed[:_MOST_FAILED],
         more_failed=max(len(document.failed) - _MOST_FAILED, 0),
@@ -72,15 +74,15 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
     )
 
 
-def _checked(one: VehicleVerdictDocument) -> str:
+def _checked(verdict: VehicleVerdictDocument) -> str:
     """Numbers of a vehicle that could be checked, with the change that each would have shown."""
     found = [
         f"{quantity_of(number.parameter)} ({100.0 * number.detectable_share:.0f} %)"
-        for number in one.numbers
+        for number in verdict.numbers
         if number.verdict == "unchanged" and number.detectable_share is not None
     ]
     more = ", …" if len(found) > _MOST_NUMBERS else ""
-    quantities = {(number.model, quantity_of(number.parameter)) for number in one.numbers}
+    quantities = {(number.model, quantity_of(number.parameter)) for number in verdict.numbers}
     return f"{len(found)} of {len(quantities)}" + (f": {', '.join(found[:_MOST_NUMBERS])}{more}" if found else "")
 
 
@@ -88,18 +90,18 @@ def _percent(value: float | None) -> str:
     return MISSING if value is None else minus(f"{100.0 * value:+.1f} %")
 
 
-def _row(model: str, name: str, one: PopulationDocument) -> PopulationRow:
+def _row(model: str, name: str, population: PopulationDocument) -> PopulationRow:
     return PopulationRow(
         model=model,
         parameter=name,
-        unit=unit(one.unit),
-        mean=with_error(one.mean.value, one.mean.std),
-        shared=significant(one.model_std, digits=2),
-        between=_deviation(one.between_std),
-        within=_deviation(one.within_std),
-        normal=MISSING if one.normal is None else " to ".join(significant(end) for end in one.normal),
-        vehicles=one.vehicles,
-        flights=one.flights,
+        unit=unit(population.unit),
+        mean=with_error(population.mean.value, population.mean.std),
+        shared=significant(population.model_std, digits=2),
+        between=_deviation(population.between_std),
+        within=_deviation(population.within_std),
+        normal=MISSING if population.normal is None else " to ".join(significant(end) for end in population.normal),
+        vehicles=population.vehicles,
+        flights=population.flights,
     )
 
 
@@ -120,24 +122,24 @@ def _for_script(analysis: FleetAnalysis) -> dict[str, Any]:
 
     series = [
         {
-            "vehicle": number(vehicles, one.vehicle),
-            "model": one.model,
-            "parameter": one.parameter,
-            "unit": unit(one.unit),
-            "log": [number(logs, row.log) for row in one.rows],
-            "time": [row.time_utc for row in one.rows] if any(row.time_utc for row in one.rows) else [],
-            "value": [_short(row.value) for row in one.rows],
-            "std": [_short(row.std) for row in one.rows],
-            "ends": [[_short(row.lower), _short(row.upper)] for row in one.rows],
-            "findings": [number(findings, row.findings) for row in one.rows],
-            "level": None if one.level is None else [_short(end) for end in _ends(one.level)],
-            "verdict": one.verdict,
-            "changes": [_change(one, k) for k in range(len(one.changes))],
-            "drift": None if one.drift is None else _short(one.drift.slope.value),
-            "odd": [odd.flight for odd in one.odd],
-            "odd_vehicle": one.odd_vehicle is not None,
+            "vehicle": number(vehicles, history.vehicle),
+            "model": history.model,
+            "parameter": history.parameter,
+            "unit": unit(history.unit),
+            "log": [number(logs, row.log) for row in history.rows],
+            "time": [row.time_utc for row in history.rows] if any(row.time_utc for row in history.rows) else [],
+            "value": [_short(row.value) for row in history.rows],
+            "std": [_short(row.std) for row in history.rows],
+            "ends": [[_short(row.lower), _short(row.upper)] for row in history.rows],
+            "findings": [number(findings, row.findings) for row in history.rows],
+            "level": None if history.level is None else [_short(end) for end in _ends(history.level)],
+            "verdict": history.verdict,
+            "changes": [_change(history, k) for k in range(len(history.changes))],
+            "drift": None if history.drift is None else _short(history.drift.slope.value),
+            "odd": [odd.flight for odd in history.odd],
+            "odd_vehicle": history.odd_vehicle is not None,
         }
-        for one in analysis.histories
+        for history in analysis.histories
     ]
     return {
         "vehicles": list(vehicles),
@@ -148,12 +150,12 @@ def _for_script(analysis: FleetAnalysis) -> dict[str, Any]:
             {
                 "model": model,
                 "parameter": name,
-                "unit": unit(one.mean.unit),
-                "mean": _short(one.mean.value),
-                "low": None if one.low is None else _short(one.low),
-                "high": None if one.high is None else _short(one.high),
+                "unit": unit(population.mean.unit),
+                "mean": _short(population.mean.value),
+                "low": None if population.low is None else _short(population.low),
+                "high": None if population.high is None else _short(population.high),
             }
-            for (model, name), one in analysis.populations.items()
+            for (model, name), population in analysis.populations.items()
         ],
     }
 
@@ -162,10 +164,10 @@ def _ends(level: Quantity) -> tuple[float, float, float]:
     return level.value, level.lower, level.upper
 
 
-def _change(one: History, number: int) -> Mapping[str, float]:
-    change = one.changes[number]
-    stop = one.changes[number + 1].at_flight if number + 1 < len(one.changes) else len(one.rows) + 1
-    start = one.changes[number - 1].at_flight if number else 1
+def _change(history: History, number: int) -> Mapping[str, float]:
+    change = history.changes[number]
+    stop = history.changes[number + 1].at_flight if number + 1 < len(history.changes) else len(history.rows) + 1
+    start = history.changes[number - 1].at_flight if number else 1
     return {
         "at": change.at_flight,
         "from": start,

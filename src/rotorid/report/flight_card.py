@@ -384,7 +384,7 @@ def flight_card_html(plan: FlightPlan, facts: FlightFacts) -> str:
 
 def _runs(plan: FlightPlan, facts: FlightFacts) -> tuple[Run, ...]:
     groups: list[list[PlannedInput]] = []
-    for planned in sorted(plan.inputs, key=lambda one: excited_s(one)[0]):
+    for planned in sorted(plan.inputs, key=lambda planned: excited_s(planned)[0]):
         if groups and excited_s(planned)[0] < _edges_s(groups[-1])[1]:
             groups[-1].append(planned)
         else:

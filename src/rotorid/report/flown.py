@@ -54,7 +54,7 @@ def render_flown(flown: FlownModel, *, title: str) -> str:
         Heading of the page.
     """
     document = flown_document(flown)
-    flights = [_flight(one, number) for number, one in enumerate(flown.stretches)]
+    flights = [_flight(stretch, number) for number, stretch in enumerate(flown.stretches)]
     return render(
         "flown.html",
         title=title,
@@ -62,30 +62,31 @@ def render_flown(flown: FlownModel, *, title: str) -> str:
         sentences=flown_sentences(document),
         flights=flights,
         remarks=finding_rows(document.findings),
-        pictures=[picture for one in flights for picture in one.pictures],
+        pictures=[picture for flight in flights for picture in flight.pictures],
     )
 
 
 def pictures_of(flown: FlownModel) -> list[Picture]:
     """All pictures of the page."""
-    return [picture for number, one in enumerate(flown.stretches) for picture in _flight(one, number).pictures]
+    return [picture for number, stretch in enumerate(flown.stretches) for picture in _flight(stretch, number).pictures]
 
 
 def flown_sentences(document: FlownDocument) -> tuple[str, ...]:
     """What was found, in sentences."""
     sentences = []
-    for one in document.flights:
-        if not one.scores:
-            words = f"{document.model} flew {one.record} for {significant(one.stop_s - one.start_s)} s."
+    for flight in document.flights:
+        if not flight.scores:
+            words = f"{document.model} flew {flight.record} for {significant(flight.stop_s - flight.start_s)} s."
             sentences.append(f"{words} Nothing was measured to hold against it.")
             continue
         best = ", ".join(
             f"{quantity(name).words} {significant(scores.nrmse_fit_percent, digits=2)} %"
-            for name, scores in one.scores.items()
+            for name, scores in flight.scores.items()
         )
-        how = "from its first sample on" if one.pieces == 1 else f"in {one.pieces} pieces"
+        how = "from its first sample on" if flight.pieces == 1 else f"in {flight.pieces} pieces"
         sentences.append(
-            f"Flown through {significant(one.stop_s - one.start_s)} s of {one.record} {how}, {document.model} follows "
+            f"Flown through {significant(flight.stop_s - flight.start_s)} "
+            f"s of {flight.record} {how}, {document.model} follows "
             f"the motion by: {best}."
         )
     return tuple(sentences)
@@ -94,9 +95,9 @@ def flown_sentences(document: FlownDocument) -> tuple[str, ...]:
 def flown_table(document: FlownDocument) -> Table:
     """Scores of each flight and output."""
     rows = [
-        (one.record, one.start_s, one.stop_s, name, scores.nrmse_fit_percent, scores.tic, scores.rms)
-        for one in document.flights
-        for name, scores in one.scores.items()
+        (flight.record, flight.start_s, flight.stop_s, name, scores.nrmse_fit_percent, scores.tic, scores.rms)
+        for flight in document.flights
+        for name, scores in flight.scores.items()
     ]
     return Table(
         name="flown",
@@ -114,17 +115,17 @@ def flown_table(document: FlownDocument) -> Table:
     )
 
 
-def _flight(one: FlownStretch, number: int) -> FlownFlight:
+def _flight(stretch: FlownStretch, number: int) -> FlownFlight:
     return FlownFlight(
-        name=one.record,
-        interval=f"{one.maneuver.start_s:.1f} to {one.maneuver.stop_s:.1f} s",
-        pieces=len(one.starts),
-        scores=tuple(_scores(one)),
-        pictures=tuple(_pictures(one, number)),
+        name=stretch.record,
+        interval=f"{stretch.maneuver.start_s:.1f} to {stretch.maneuver.stop_s:.1f} s",
+        pieces=len(stretch.starts),
+        scores=tuple(_scores(stretch)),
+        pictures=tuple(_pictures(stretch, number)),
     )
 
 
-def _scores(one: FlownStretch) -> Sequence[FlownScore]:
+def _scores(stretch: FlownStretch) -> Sequence[FlownScore]:
     return [
         FlownScore(
             output=quantity(name).words,
@@ -133,7 +134,7 @@ def _scores(one: FlownStretch) -> Sequence[FlownScore]:
             rms=f"{significant(quantity(name).factor * scores.rms)} {quantity(name).unit}",
             verdict=prediction_verdict(scores.tic, scores.nrmse_fit_percent),
         )
-        for name, scores in one.scores.items()
+        for name, scores in stretch.scores.items()
     ]
 
 
@@ -143,27 +144,29 @@ def _kind(name: str) -> str:
     return "velocities" if name in _VELOCITIES else "attitude and rates"
 
 
-def _pictures(one: FlownStretch, number: int) -> Sequence[Picture]:
+def _pictures(stretch: FlownStretch, number: int) -> Sequence[Picture]:
     """A picture of each kind of output: positions, velocities, attitude; the inputs stand below the last."""
-    ordered = sorted(one.output_names, key=lambda name: ("positions", "velocities").count(_kind(name)) == 0)
+    ordered = sorted(stretch.output_names, key=lambda name: ("positions", "velocities").count(_kind(name)) == 0)
     groups = [(kind, list(names)) for kind, names in groupby(ordered, key=_kind)]
     found = []
     for place, (kind, names) in enumerate(groups):
-        rows = [one.output_names.index(name) for name in names]
+        rows = [stretch.output_names.index(name) for name in names]
         last = place == len(groups) - 1
         found.append(
             Picture(
                 key=f"flown-{number}-{kind.partition(' ')[0]}",
-                description=f"{kind.capitalize()} over time in {one.record}, measured and of the model with its band",
+                description=(
+                    f"{kind.capitalize()} over time in {stretch.record}, measured and of the model with its band"
+                ),
                 figure=drawn(
-                    one.time_s,
-                    one.inputs,
-                    one.measured[rows],
-                    one.simulated[rows],
-                    (one.lower[rows], one.upper[rows]),
-                    input_names=one.input_names if last else (),
+                    stretch.time_s,
+                    stretch.inputs,
+                    stretch.measured[rows],
+                    stretch.simulated[rows],
+                    (stretch.lower[rows], stretch.upper[rows]),
+                    input_names=stretch.input_names if last else (),
                     output_names=names,
-                    held=one.held,
+                    held=stretch.held,
                 ),
             )
         )

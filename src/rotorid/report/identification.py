@@ -51,7 +51,7 @@ from rotorid.report.words import (
     PoleRow,
     document_verdict,
     fit_sentences,
-    held_out,
+    has_held_out_costs,
     pole_rows,
     poles_picture,
     poles_sentence,
@@ -169,11 +169,13 @@ def delay_sentence(document: ResultDocument) -> str:
     >>> delay_sentence(ResultDocument.model_construct(delays={"q/pitch_command": budget}))
     'The vehicle answers the pitch command after 40.0 ± 0.4 ms.'
     """
-    told: dict[str, str] = {}
+    delay_words: dict[str, str] = {}
     for name, outputs, budget in _ways(document):
-        if name not in told and not ("r" in outputs and name == "yaw_command" and _spins_up(document)):
-            told[name] = f"the {quantity(name).words} after {milliseconds(budget.total_s, budget.total_std_s)} ms"
-    return f"The vehicle answers {', '.join(told.values())}." if told else ""
+        if name not in delay_words and not ("r" in outputs and name == "yaw_command" and _spins_up(document)):
+            delay_words[name] = (
+                f"the {quantity(name).words} after {milliseconds(budget.total_s, budget.total_std_s)} ms"
+            )
+    return f"The vehicle answers {', '.join(delay_words.values())}." if delay_words else ""
 
 
 def _spins_up(document: ResultDocument) -> bool:
@@ -204,7 +206,7 @@ HIGH = 0.9
 _LEAST_DRAWN = 5
 """Parameters from which correlations are drawn and not only said."""
 
-_MOST_TOLD = 8
+_MOST_LISTED = 8
 """Pairs that are named; the others are counted."""
 
 
@@ -236,9 +238,12 @@ def correlation_sentence(correlation: Correlation | None) -> str:
     high = [pair for pair in pairs if abs(pair.correlation) > HIGH]
     if not high:
         return f"No two parameters are correlated by more than {HIGH:g}; the highest is {pairs[0].words}."
-    told = "; ".join(pair.words for pair in high[:_MOST_TOLD])
-    more = f"; and {len(high) - _MOST_TOLD} more" if len(high) > _MOST_TOLD else ""
-    return f"Correlated by more than {HIGH:g}, so that an error of one is an error of the other: {told}{more}."
+    correlation_words = "; ".join(pair.words for pair in high[:_MOST_LISTED])
+    more = f"; and {len(high) - _MOST_LISTED} more" if len(high) > _MOST_LISTED else ""
+    return (
+        f"Correlated by more than {HIGH:g}, so that an error of "
+        f"one is an error of the other: {correlation_words}{more}."
+    )
 
 
 def correlation_picture(correlation: Correlation | None, *, key: str) -> Picture | None:
@@ -305,12 +310,12 @@ def bootstrap_shown(document: ResultDocument) -> BootstrapShown | None:
 
 
 def _line(document: ResultDocument, again: BootstrapSummary, name: str, disagrees: bool) -> SpreadLine:
-    one, spread = document.parameters[name], again.parameters[name]
-    value, stated = error_columns(one.value, one.std)
+    estimate, spread = document.parameters[name], again.parameters[name]
+    value, stated = error_columns(estimate.value, estimate.std)
     mean, std = error_columns(spread.mean, spread.std)
     return SpreadLine(
         name=name,
-        unit=unit(one.unit),
+        unit=unit(estimate.unit),
         value=value,
         stated=stated,
         mean=mean,
@@ -372,7 +377,9 @@ class SearchShown:
     @property
     def pictures(self) -> tuple[Picture, ...]:
         """All, as far as there are any."""
-        return tuple(one for one in (self.picture, self.cluster_picture, self.run_picture) if one is not None)
+        return tuple(
+            picture for picture in (self.picture, self.cluster_picture, self.run_picture) if picture is not None
+        )
 
 
 def search_shown(document: SearchSummary | None, *, key: str) -> SearchShown | None:
@@ -391,11 +398,11 @@ def search_shown(document: SearchSummary | None, *, key: str) -> SearchShown | N
     names = tuple(minima[0].parameters)
     rows = tuple(
         BasinRow(
-            cost=significant(one.cost, digits=5),
-            share=percent(100.0 * one.share),
-            values=tuple(significant(one.parameters[name], digits=4) for name in names),
+            cost=significant(minimum.cost, digits=5),
+            share=percent(100.0 * minimum.share),
+            values=tuple(significant(minimum.parameters[name], digits=4) for name in names),
         )
-        for one in minima[:_MOST_ROWS]
+        for minimum in minima[:_MOST_ROWS]
     )
     return SearchShown(
         words=_search_words(document),
@@ -406,14 +413,14 @@ def search_shown(document: SearchSummary | None, *, key: str) -> SearchShown | N
         population=document.name.partition(":")[0] in POPULATIONS,
         picture=_picture(document, key),
         cluster_picture=_cluster_picture(document, f"{key}-clusters"),
-        alone=_alone(document, names),
+        alone=_search_only_row(document, names),
         run_words="" if document.runs is None else _run_words(document.name, document.runs),
         run_rows=() if document.runs is None else _run_rows(document.runs),
         run_picture=None if document.runs is None else _run_picture(document, document.runs, f"{key}-runs"),
     )
 
 
-def _alone(document: SearchSummary, names: Sequence[str]) -> tuple[str, ...]:
+def _search_only_row(document: SearchSummary, names: Sequence[str]) -> tuple[str, ...]:
     """Cost and parameters where the search ended by itself."""
     if document.alone is None:
         return ()
@@ -431,13 +438,15 @@ def _run_words(name: str, runs: SearchRuns) -> str:
 
 
 def _run_rows(runs: SearchRuns) -> tuple[RunRow, ...]:
-    def told(one: RunSpread) -> tuple[str, ...]:
-        ends = (significant(number, digits=4) for number in (one.min, one.max))
-        return (*error_columns(one.mean, one.std), *ends)
+    def run_row(spread: RunSpread) -> tuple[str, ...]:
+        ends = (significant(number, digits=4) for number in (spread.min, spread.max))
+        return (*error_columns(spread.mean, spread.std), *ends)
 
     alone = {"cost": runs.alone.cost, **runs.alone.parameters}
     polished = {"cost": runs.polished.cost, **runs.polished.parameters}
-    return tuple(RunRow(name=name, alone=told(one), polished=told(polished[name])) for name, one in alone.items())
+    return tuple(
+        RunRow(name=name, alone=run_row(spread), polished=run_row(polished[name])) for name, spread in alone.items()
+    )
 
 
 def _run_picture(document: SearchSummary, runs: SearchRuns, key: str) -> Picture | None:
@@ -482,7 +491,7 @@ def _cluster_picture(document: SearchSummary, key: str) -> Picture | None:
     owners = np.array([step.owners for step in steps])
     of_responses = len(document.points) == owners.shape[1]
     places = np.array([point.omega_rad_s for point in document.points]) if of_responses else np.arange(owners.shape[1])
-    costs = [[np.nan if one.cost is None else one.cost for one in step.clusters] for step in steps]
+    costs = [[np.nan if cluster.cost is None else cluster.cost for cluster in step.clusters] for step in steps]
     return Picture(
         key=key,
         description=f"Points that each candidate of {document.name} owns, and its cost, over the iterations",
@@ -565,14 +574,14 @@ def reduction_sentence(steps: Sequence[ReductionStep]) -> str:
     dropped = [step for step in steps if step.action == "dropped"]
     looked = "1 parameter" if len(steps) == 1 else f"{len(steps)} parameters"
     verb = "was" if len(dropped) == 1 else "were"
-    told = f"{len(dropped) or 'None'} of {looked} looked at {verb} dropped"
+    sentence = f"{len(dropped) or 'None'} of {looked} looked at {verb} dropped"
     if not dropped:
-        return f"{told}."
+        return f"{sentence}."
     before, after = significant(steps[0].mean_cost_before), significant(dropped[-1].mean_cost_after)
-    return f"{told}; the mean cost went from {before} to {after}."
+    return f"{sentence}; the mean cost went from {before} to {after}."
 
 
-def told_by_steps(finding: FindingDocument, document: ResultDocument) -> bool:
+def repeats_steps(finding: FindingDocument, document: ResultDocument) -> bool:
     """Whether a finding only repeats what the table of steps says; a warning is worth its repetition."""
     parameters = {step.parameter for step in document.reduction}
     return finding.kind == "dropped_parameter" and finding.severity == "info" and finding.where in parameters
@@ -649,7 +658,7 @@ class Section:
             *self.responses,
             *self.folded_responses,
             *(picture for check in self.checks for picture in check.pictures),
-            *(picture for one in self.sweeps for picture in one.pictures),
+            *(picture for sweeps in self.sweeps for picture in sweeps.pictures),
             *(picture for picture in single if picture is not None),
             *self.timelines,
         )
@@ -669,7 +678,7 @@ def section(shown: Shown, *, anchor: str, truth: Mapping[str, float]) -> Section
     """
     document = shown.document
     responses = model_pictures(shown, anchor=anchor)
-    findings = [finding for finding in document.findings if not told_by_steps(finding, document)]
+    findings = [finding for finding in document.findings if not repeats_steps(finding, document)]
     return Section(
         anchor=anchor,
         title=_title(document),
@@ -684,7 +693,7 @@ def section(shown: Shown, *, anchor: str, truth: Mapping[str, float]) -> Section
         bounds=BOUNDS_MEANING,
         fit=_fit(document),
         costs=cost_rows(document),
-        unseen_words="Held-out maneuver" if held_out(document) else "Unseen sweeps",
+        unseen_words="Held-out maneuver" if has_held_out_costs(document) else "Unseen sweeps",
         responses=responses.leading,
         folded_responses=responses.folded,
         joint=shown.data.response.estimate == "joint",
@@ -694,8 +703,8 @@ def section(shown: Shown, *, anchor: str, truth: Mapping[str, float]) -> Section
             for number, check in enumerate(() if document.motors else shown.verifications.maneuvers)
         ),
         sweeps=tuple(
-            unseen_sweeps(one, key=f"{anchor}-sweeps-{number}", least_coherence=shown.data.least_coherence)
-            for number, one in enumerate(shown.verifications.sweeps)
+            unseen_sweeps(frequency_check, key=f"{anchor}-sweeps-{number}", least_coherence=shown.data.least_coherence)
+            for number, frequency_check in enumerate(shown.verifications.sweeps)
         ),
         poles=pole_rows(document.poles),
         poles_words=poles_sentence(document.poles),

@@ -18,7 +18,7 @@ from rotorid.plot.inspection import Bar, LogPicture, Trend, log_figure
 from rotorid.report.frame import Picture, render
 from rotorid.report.parts import finding_rows
 from rotorid.reviewing.inspection import Inspection, coverage
-from rotorid.signal.airborne import told_by
+from rotorid.signal.airborne import evidence_words
 from rotorid.signal.excitations import excitation_signals
 from rotorid.typing import FloatArray
 
@@ -107,7 +107,7 @@ def log_picture(record: FlightRecord, inspection: Inspection) -> LogPicture:
         row="in the air",
         group="flight",
         spans=[(flight.start_s, flight.stop_s) for flight in inspection.flights],
-        words=[told_by(flight.seen_in) for flight in inspection.flights],
+        words=[evidence_words(flight.seen_in) for flight in inspection.flights],
     )
     topics = [_topic_bar(topic.name, topic.sample_rate_hz, coverage(topic.time_s)) for topic in record.topics]
     trends = [trend for axis in RATE_AXES.values() for trend in _trends(record, inspection, axis.input, axis.output)]
@@ -121,10 +121,10 @@ def _topic_bar(name: str, rate_hz: float, spans: Sequence[tuple[float, float]]) 
 def _trends(record: FlightRecord, inspection: Inspection, command: str, output: str) -> list[Trend]:
     """The signal that excites an axis, or would, and the output that answers; whichever the log holds."""
     axis = next(axis for axis in AXES if command == f"{axis}_command")
-    seen = [item for item in inspection.excitations if item.axis == axis]
+    excitations = [item for item in inspection.excitations if item.axis == axis]
     tried = [item for item in inspection.candidates if item.axis == axis]
-    known = (*(item.signal for item in (*seen, *tried)), *excitation_signals(record, axis))  # type: ignore[arg-type]
-    shaded = [(item.start_s, item.stop_s) for item in seen]
+    known = (*(item.signal for item in (*excitations, *tried)), *excitation_signals(record, axis))  # type: ignore[arg-type]
+    shaded = [(item.start_s, item.stop_s) for item in excitations]
     shown = ((next(iter(known), command), True), (output, False))
     return [
         Trend(channel=name, is_input=is_input, time_s=time_s, values=values, shaded=shaded)

@@ -98,7 +98,7 @@ def _body(document: ResultDocument, motors: MotorPhysics) -> Iterator[VehicleRow
 
 
 def _missing(motors: MotorPhysics, axis: str) -> str:
-    if any(axis in one.counted for one in motors.excitation):
+    if any(axis in flight.counted for flight in motors.excitation):
         return "kappa over I_zz alone is told"
     return f"{AXIS_WORDS[axis]} was not excited"
 
@@ -114,13 +114,13 @@ def _thrust(motors: MotorPhysics) -> Iterator[VehicleRow]:
     hover = f"{significant(motors.hover_output)}{' rad/s' if speed else ''}"
     highest = motors.flown_outputs[1]
     beyond = f"extrapolated, flown up to {significant(highest, digits=2)}" if highest < FULL_OUTPUT else ""
-    told = {
+    labels = {
         "thrust_hover": ("Thrust of a rotor near hover", f"at the mean output, {hover}"),
         "thrust_slope": ("Its slope there", "by the speed" if speed else "by the output from 0 to 1"),
         "thrust_full": ("Thrust of a rotor at full output", beyond),
         "thrust_to_weight": ("Thrust to weight", beyond),
     }
-    for name, (words, note) in told.items():
+    for name, (words, note) in labels.items():
         if (found := motors.derived.get(name)) is not None:
             value = with_error(found.value, found.std)
             yield VehicleRow(words=words, symbol="", value=value, unit=unit(found.unit), note=note)
@@ -154,19 +154,19 @@ def excitation_rows(document: ResultDocument, motors: MotorPhysics) -> tuple[Exc
     records = document.records
     return tuple(
         ExcitationRow(
-            record=one.record,
-            interval=f"{one.start_s:.1f} to {one.stop_s:.1f} s",
-            rate=f"{significant(one.sample_rate_hz, digits=4)} Hz",
-            axes=tuple(_axis(one, axis, records[row].fit_percent) for axis in AXIS_WORDS),
+            record=flight.record,
+            interval=f"{flight.start_s:.1f} to {flight.stop_s:.1f} s",
+            rate=f"{significant(flight.sample_rate_hz, digits=4)} Hz",
+            axes=tuple(_axis(flight, axis, records[row].fit_percent) for axis in AXIS_WORDS),
         )
-        for row, one in enumerate(motors.excitation)
+        for row, flight in enumerate(motors.excitation)
     )
 
 
-def _axis(one: ExcitedFlight, axis: str, percents: Mapping[str, float]) -> tuple[str, Verdict | None]:
+def _axis(flight: ExcitedFlight, axis: str, percents: Mapping[str, float]) -> tuple[str, Verdict | None]:
     percent = percents.get(_CHANNELS[axis])
-    counted = axis in one.counted and percent is not None
-    correlation = f"{one.correlation[axis]:.2f}" if axis in one.correlation else MISSING
+    counted = axis in flight.counted and percent is not None
+    correlation = f"{flight.correlation[axis]:.2f}" if axis in flight.correlation else MISSING
     return correlation, percent_verdict(percent) if counted and percent is not None else None
 
 
@@ -176,13 +176,13 @@ def unseen_rows(records: Mapping[str, Mapping[str, Scores]]) -> tuple[UnseenRow,
         UnseenRow(
             where=where,
             channel=quantity(name).words,
-            verdict=prediction_verdict(one.tic, one.nrmse_fit_percent),
-            tic=significant(one.tic, digits=2),
-            fit=significant(one.nrmse_fit_percent),
-            rms=f"{significant(quantity(name).factor * one.rms)} {quantity(name).unit}",
+            verdict=prediction_verdict(scores.tic, scores.nrmse_fit_percent),
+            tic=significant(scores.tic, digits=2),
+            fit=significant(scores.nrmse_fit_percent),
+            rms=f"{significant(quantity(name).factor * scores.rms)} {quantity(name).unit}",
         )
         for where, record in records.items()
-        for name, one in record.items()
+        for name, scores in record.items()
     )
 
 
@@ -226,7 +226,7 @@ class MotorsShown:
     def pictures(self) -> tuple[Picture, ...]:
         """All of its figures."""
         stretches = (*self.flights, *self.unseen_flights)
-        return (self.layout, self.curve, *(one.picture for one in stretches))
+        return (self.layout, self.curve, *(stretch.picture for stretch in stretches))
 
 
 def motors_shown(shown: Shown, *, key: str) -> MotorsShown | None:
@@ -305,9 +305,9 @@ def curve_with_error(document: ResultDocument, outputs: FloatArray) -> tuple[Flo
     """
     found = {name: document.parameters[name] for name in _TERMS if name in document.parameters}
     thrust_n = np.zeros(outputs.shape)
-    for name, one in found.items():
-        thrust_n = thrust_n + one.value * outputs ** _TERMS[name]
-    free = [name for name, one in found.items() if one.std]
+    for name, estimate in found.items():
+        thrust_n = thrust_n + estimate.value * outputs ** _TERMS[name]
+    free = [name for name, estimate in found.items() if estimate.std]
     if not free:
         return thrust_n, np.zeros(outputs.shape)
     deviations = np.stack([(found[name].std or 0.0) * outputs ** _TERMS[name] for name in free])
@@ -326,22 +326,22 @@ def _flights(shown: Shown, motors: MotorPhysics, key: str) -> tuple[Stretch, ...
     """Stretches with the channels that count; one that excites nothing shows only noise and is left out."""
     document = shown.document
     drawn = []
-    for number, (one, record) in enumerate(zip(shown.data.simulated, document.records, strict=True)):
+    for number, (simulated, record) in enumerate(zip(shown.data.simulated, document.records, strict=True)):
         rows = [row for row, name in enumerate(document.outputs) if name in record.fit_percent]
         if rows:
-            drawn.append((number, one, rows))
-    numbers = sum(one.inputs.shape[0] + 2 * len(rows) for _, one, rows in drawn)
+            drawn.append((number, simulated, rows))
+    numbers = sum(simulated.inputs.shape[0] + 2 * len(rows) for _, simulated, rows in drawn)
     return tuple(
         Stretch(
-            title=f"{one.record}, {one.time_s[0]:.1f} to {one.time_s[-1]:.1f} s",
+            title=f"{simulated.record}, {simulated.time_s[0]:.1f} to {simulated.time_s[-1]:.1f} s",
             picture=Picture(
                 key=f"{key}-flight-{number}",
-                description=f"Accelerations measured and made by the motors, and the motors, in {one.record}",
+                description=f"Accelerations measured and made by the motors, and the motors, in {simulated.record}",
                 figure=made_by_motors(
-                    one.time_s,
-                    one.inputs,
-                    one.measured[rows],
-                    one.simulated[rows],
+                    simulated.time_s,
+                    simulated.inputs,
+                    simulated.measured[rows],
+                    simulated.simulated[rows],
                     motor_names=document.inputs,
                     channels=[document.outputs[row] for row in rows],
                     held=motors.outputs != "speed",
@@ -349,30 +349,32 @@ def _flights(shown: Shown, motors: MotorPhysics, key: str) -> tuple[Stretch, ...
                 ),
             ),
         )
-        for number, one, rows in drawn
+        for number, simulated, rows in drawn
     )
 
 
 def _unseen(shown: Shown, motors: MotorPhysics, key: str) -> tuple[Stretch, ...]:
-    stretches = [one for one in shown.verifications.maneuvers if one.moved]
-    numbers = sum(one.inputs.shape[0] + 2 * len(one.moved) for one in stretches)
+    stretches = [verification for verification in shown.verifications.maneuvers if verification.moved]
+    numbers = sum(verification.inputs.shape[0] + 2 * len(verification.moved) for verification in stretches)
     drawn = []
-    for number, one in enumerate(stretches):
-        rows = [one.output_names.index(name) for name in one.moved]
+    for number, verification in enumerate(stretches):
+        rows = [verification.output_names.index(name) for name in verification.moved]
         picture = Picture(
             key=f"{key}-unseen-{number}",
-            description=f"Accelerations measured and made by the motors, and the motors, in {one.record}, unseen",
+            description=(
+                f"Accelerations measured and made by the motors, and the motors, in {verification.record}, unseen"
+            ),
             figure=made_by_motors(
-                one.time_s,
-                one.inputs,
-                one.measured[rows],
-                one.predicted[rows],
-                motor_names=one.input_names,
-                channels=one.moved,
+                verification.time_s,
+                verification.inputs,
+                verification.measured[rows],
+                verification.predicted[rows],
+                motor_names=verification.input_names,
+                channels=verification.moved,
                 held=motors.outputs != "speed",
                 most=points_of(numbers),
             ),
         )
-        title = f"{one.record}, {one.time_s[0]:.1f} to {one.time_s[-1]:.1f} s"
+        title = f"{verification.record}, {verification.time_s[0]:.1f} to {verification.time_s[-1]:.1f} s"
         drawn.append(Stretch(title=title, picture=picture))
     return tuple(drawn)

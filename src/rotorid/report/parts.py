@@ -265,12 +265,12 @@ def constants_sentence(constants: Mapping[str, float]) -> str:
     >>> constants_sentence({"g": 9.80665, "U0": 2.1, "theta0": 0.0})
     'Constants of the model: g = 9.807 m/s², U0 = 2.1 m/s.'
     """
-    told = []
+    sentences = []
     for name, value in constants.items():
         if value != 0.0:
             shown, factor = _CONSTANTS.get(name, ("", 1.0))
-            told.append(f"{name} = {significant(factor * value, digits=4)} {shown}".rstrip())
-    return f"Constants of the model: {', '.join(told)}." if told else ""
+            sentences.append(f"{name} = {significant(factor * value, digits=4)} {shown}".rstrip())
+    return f"Constants of the model: {', '.join(sentences)}." if sentences else ""
 
 
 def _paper(name: str, si: str) -> tuple[str, str, float]:
@@ -323,7 +323,7 @@ def timelines(
                 within,
                 inputs=inputs,
                 outputs=outputs,
-                shaded=[(one.start_s, one.stop_s) for one in maneuvers if one.record == record],
+                shaded=[(maneuver.start_s, maneuver.stop_s) for maneuver in maneuvers if maneuver.record == record],
             ),
         )
         for number, (record, within) in enumerate(by_record.items())

@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from rotorid.typing import BoolArray
 
 FIGURES, TABLES, CAPTIONS = "figures", "tables", "captions.txt"
-_MOST_BESIDE = 4
+_MOST_SIDE_BY_SIDE = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Beside:
+class SideBySide:
     """Responses to one input that stand side by side in one figure, as pairs of output and input."""
 
     name: str
@@ -50,7 +50,7 @@ class Publication:
     """Pictures by the name of their file, figures of several responses, and tables."""
 
     pictures: Mapping[str, Picture]
-    beside: tuple[Beside, ...] = ()
+    figures: tuple[SideBySide, ...] = ()
     tables: tuple[Table, ...] = ()
 
 
@@ -63,7 +63,7 @@ def of_model(model: IdentifiedModel) -> Publication:
     drawn = section(shown, anchor="fit", truth={})
     return Publication(
         pictures=_named(drawn.pictures, "fit-"),
-        beside=_beside(shown.data, shown.data.used),
+        figures=_side_by_side(shown.data, shown.data.used),
         tables=result_tables(shown.document),
     )
 
@@ -75,7 +75,7 @@ def of_responses(result: Responses) -> Publication:
 
     return Publication(
         pictures=_named(pictures_of(result)),
-        beside=_beside(_Measured(result), result.used),
+        figures=_side_by_side(_Measured(result), result.used),
         tables=response_tables(response_document(result)),
     )
 
@@ -90,7 +90,7 @@ def of_verification(verified: Verified) -> Publication:
     )
 
 
-def of_flown(flown: FlownModel) -> Publication:
+def of_simulated(flown: FlownModel) -> Publication:
     """Of a model flown through logs: positions, velocities and attitude, and their scores."""
     from rotorid.documents.flown import flown_document
     from rotorid.report.flown import flown_table, pictures_of
@@ -149,9 +149,9 @@ def _write_figures(folder: Path, made: Publication, kind: PrintedAs) -> None:
 
     folder.mkdir()
     captions = []
-    for beside in made.beside:
-        write_atomically(folder / f"{beside.name}.{kind}", saved(side_by_side(beside.fitted, beside.pairs), kind))
-        captions.append(f"{beside.name}.{kind}: {beside.caption}\n")
+    for figure in made.figures:
+        write_atomically(folder / f"{figure.name}.{kind}", saved(side_by_side(figure.fitted, figure.pairs), kind))
+        captions.append(f"{figure.name}.{kind}: {figure.caption}\n")
     for name, picture in made.pictures.items():
         write_atomically(folder / f"{name}.{kind}", printed(picture.figure, kind))
         captions.append(f"{name}.{kind}: {picture.description}\n")
@@ -162,20 +162,20 @@ def _named(pictures: Sequence[Picture], prefix: str = "") -> dict[str, Picture]:
     return {picture.key.removeprefix(prefix): picture for picture in pictures}
 
 
-def _beside(fitted: Fitted, used: BoolArray) -> tuple[Beside, ...]:
+def _side_by_side(fitted: Fitted, used: BoolArray) -> tuple[SideBySide, ...]:
     """Responses with usable points, by input, so many in a figure as one can read, those on its axis first."""
     response = fitted.response
     found = []
     for u, input in enumerate(response.inputs):
         pairs = by_axis([(output, input) for y, output in enumerate(response.outputs) if used[y, u].any()])
-        figures = -(-len(pairs) // _MOST_BESIDE)
+        figures = -(-len(pairs) // _MOST_SIDE_BY_SIDE)
         for number in range(figures):
             few = tuple(pairs[len(pairs) * number // figures : len(pairs) * (number + 1) // figures])
             name = f"responses-{input}" + (f"-{number + 1}" if figures > 1 else "")
             caption = (
                 f"Responses of {', '.join(output for output, _ in few)} to {input}, with ± 2 σ of the random error"
             )
-            found.append(Beside(name=_file(name), caption=caption, fitted=fitted, pairs=few))
+            found.append(SideBySide(name=_file(name), caption=caption, fitted=fitted, pairs=few))
     return tuple(found)
 
 

@@ -32,9 +32,9 @@ from rotorid.reviewing.values import (
     NoiseMap,
     Review,
     StepCurve,
-    Untold,
+    Unavailable,
 )
-from rotorid.signal.airborne import told_by
+from rotorid.signal.airborne import evidence_words
 from rotorid.spectral.derived import read_points
 from rotorid.typing import BoolArray
 
@@ -83,7 +83,7 @@ class Section:
     motor_numbers: tuple[NumberRow, ...]
     power: tuple[NumberRow, ...]
     models: tuple[ModelRow, ...]
-    untold: tuple[Untold, ...]
+    untold: tuple[Unavailable, ...]
 
     @property
     def sweepless(self) -> bool:
@@ -184,7 +184,7 @@ def headline(review: Review) -> str:
     spans = ", ".join(f"{start_s:.1f} to {stop_s:.1f} s" for start_s, stop_s in air.flights)
     total_s = sum(stop_s - start_s for start_s, stop_s in air.flights)
     count = "one flight" if len(air.flights) == 1 else f"{len(air.flights)} flights"
-    return f"{what or 'Unknown vehicle'} · {count}, {total_s:.0f} s in the air ({spans}, {told_by(air.seen_in)})"
+    return f"{what or 'Unknown vehicle'} · {count}, {total_s:.0f} s in the air ({spans}, {evidence_words(air.seen_in)})"
 
 
 def _rows(part: Part, columns: Sequence[Mapping[str, Quantity]]) -> tuple[NumberRow, ...]:
@@ -285,11 +285,11 @@ def _broken_loop(
 ) -> Figure:
     """The picture of a broken loop with the name of its axis, and 95 % intervals in its legend as all over the page."""
     # Beyond what the numbers are read from, feedback and noise would look like a loop at −1.
-    seen = read_points(margin.loop)
+    points = read_points(margin.loop)
     figure = broken_loop(
-        margin.loop.omega_rad_s[seen],
-        margin.loop.values[0, 0, seen],
-        random_error=margin.loop.random_error[0, 0, seen],
+        margin.loop.omega_rad_s[points],
+        margin.loop.values[0, 0, points],
+        random_error=margin.loop.random_error[0, 0, points],
         gain_crossovers=marked,
         frequency=frequency,
         magnitude=magnitude,
@@ -311,25 +311,27 @@ def _broken_loop(
 
 def _noise(review: Review, anchor: str) -> list[Picture]:
     pictures = []
-    for channel in dict.fromkeys(one.channel for one in review.noise.maps):
-        maps = [one for one in review.noise.maps if one.channel == channel]
+    for channel in dict.fromkeys(noise_map.channel for noise_map in review.noise.maps):
+        maps = [noise_map for noise_map in review.noise.maps if noise_map.channel == channel]
         words = _channel_words(channel)
         peaks = sorted(
-            (peak for peak in review.noise.peaks if peak.channel == channel), key=lambda one: -one.height_db
+            (peak for peak in review.noise.peaks if peak.channel == channel), key=lambda peak: -peak.height_db
         )[:_MOST_PEAKS]
         pictures.append(
             Picture(
                 key=f"{anchor}-spectrum-{channel}",
                 description=f"Mean noise spectrum of the {words} with its strongest lines",
                 figure=spectra(
-                    {_STAGES[one.stage]: (one.frequency_hz, one.average) for one in maps},
+                    {_STAGES[noise_map.stage]: (noise_map.frequency_hz, noise_map.average) for noise_map in maps},
                     peaks=[(peak.frequency_hz.value, _peak_words(peak.source, peak.harmonic)) for peak in peaks],
                     unit=unit(maps[0].unit),
                 ),
             )
         )
         drawn: dict[str, NoiseMap] = {
-            f"{words.capitalize()} {_STAGES[one.stage]}": one for one in maps if np.isfinite(one.density).any()
+            f"{words.capitalize()} {_STAGES[noise_map.stage]}": noise_map
+            for noise_map in maps
+            if np.isfinite(noise_map.density).any()
         }
         if drawn:
             pictures.append(
@@ -355,7 +357,7 @@ def _channel_words(channel: str) -> str:
 
 
 def _motors(review: Review, anchor: str) -> tuple[Picture, ...]:
-    means = {name.replace("_", " "): (one.value, one.std) for name, one in review.motors.means.items()}
+    means = {name.replace("_", " "): (quantity.value, quantity.std) for name, quantity in review.motors.means.items()}
     if not means:
         return ()
     description = "Mean output of each motor in steady flight"

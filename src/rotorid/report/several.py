@@ -53,5 +53,5 @@ def write_several(
         write_results(folder / whole.name, whole, title=f"{whole.name} from {logs}")
         folders.append(whole.name)
     page = render_report(list(models.identified.values()), title=title)
-    linked = with_files(page, [f"{one}/report.html" for one in folders])
+    linked = with_files(page, [f"{folder}/report.html" for folder in folders])
     write_together(folder, {"report.html": linked, RESULTS: results_document(models)})

@@ -75,10 +75,10 @@ def flight_tables(document: StitchedDocument) -> tuple[FlightTable, ...]:
             rows=tuple(
                 (
                     name,
-                    MISSING if one.tic is None else f"{one.tic:.3f}",
-                    MISSING if one.nrmse_fit_percent is None else significant(one.nrmse_fit_percent),
+                    MISSING if score.tic is None else f"{score.tic:.3f}",
+                    MISSING if score.nrmse_fit_percent is None else significant(score.nrmse_fit_percent),
                 )
-                for name, one in flown.scores.items()
+                for name, score in flown.scores.items()
             ),
         )
         for flown in document.flights

@@ -351,7 +351,7 @@ def response_tables(document: ResponseDocument) -> tuple[Table, ...]:
 
 def comparison_tables(document: CompareDocument) -> tuple[Table, ...]:
     """Tables of a comparison: models, shared parameters side by side, scores of each maneuver."""
-    labels = [one.label for one in document.models]
+    labels = [model.label for model in document.models]
     found = (_compared_models(document), _compared_parameters(document, labels), _compared_maneuvers(document, labels))
     return tuple(table for table in found if table.rows)
 
@@ -371,19 +371,19 @@ def _compared_models(document: CompareDocument) -> Table:
         ),
         rows=tuple(
             (
-                one.label,
-                one.model,
-                one.method,
-                one.order,
-                one.free_parameters,
-                _mean(one.fit_percent),
-                one.cross_validation.mean_percent if one.cross_validation else None,
-                one.on_logs.mean_percent if one.on_logs else None,
-                one.cost,
-                one.aic,
-                one.bic,
+                model.label,
+                model.model,
+                model.method,
+                model.order,
+                model.free_parameters,
+                _mean(model.fit_percent),
+                model.cross_validation.mean_percent if model.cross_validation else None,
+                model.on_logs.mean_percent if model.on_logs else None,
+                model.cost,
+                model.aic,
+                model.bic,
             )
-            for one in document.models
+            for model in document.models
         ),
     )
 
@@ -397,10 +397,10 @@ def _compared_parameters(document: CompareDocument, labels: Sequence[str]) -> Ta
         rows=tuple(
             (
                 name,
-                one.unit,
-                *(entry for label in labels for entry in _with_std(one.values.get(label))),
+                parameter.unit,
+                *(entry for label in labels for entry in _with_std(parameter.values.get(label))),
             )
-            for name, one in document.parameters.items()
+            for name, parameter in document.parameters.items()
         ),
         symbols=("parameter",),
         errors={label: f"{label}_std" for label in labels},
@@ -417,18 +417,18 @@ def _compared_maneuvers(document: CompareDocument, labels: Sequence[str]) -> Tab
         ),
         rows=tuple(
             (
-                one.record,
-                one.axis,
-                one.kind,
-                *(one.models[label].mean_percent if label in one.models else None for label in labels),
+                maneuver.record,
+                maneuver.axis,
+                maneuver.kind,
+                *(maneuver.models[label].mean_percent if label in maneuver.models else None for label in labels),
             )
-            for one in document.maneuvers
+            for maneuver in document.maneuvers
         ),
     )
 
 
-def _with_std(one: ComparedValueDocument | None) -> tuple[Entry, Entry]:
-    return (None, None) if one is None else (one.value, one.std)
+def _with_std(value: ComparedValueDocument | None) -> tuple[Entry, Entry]:
+    return (None, None) if value is None else (value.value, value.std)
 
 
 def _mean(values: Mapping[str, float] | None) -> float | None:
@@ -455,16 +455,16 @@ def _parameters(document: ResultDocument) -> Table:
         rows=tuple(
             (
                 name,
-                one.value,
-                one.std,
-                one.lower,
-                one.upper,
-                one.unit,
-                one.cramer_rao_percent,
-                one.insensitivity_percent,
-                one.status,
+                estimate.value,
+                estimate.std,
+                estimate.lower,
+                estimate.upper,
+                estimate.unit,
+                estimate.cramer_rao_percent,
+                estimate.insensitivity_percent,
+                estimate.status,
             )
-            for name, one in document.parameters.items()
+            for name, estimate in document.parameters.items()
         ),
         symbols=("parameter",),
         errors={"value": "std", "lower": "std", "upper": "std"},
@@ -484,7 +484,8 @@ def _poles(document: ResultDocument) -> Table:
             Column("frequency_rad_s", "Frequency [rad/s]"),
         ),
         rows=tuple(
-            (one.real, one.real_std, one.imag, one.imag_std, one.damping, one.frequency_rad_s) for one in document.poles
+            (pole.real, pole.real_std, pole.imag, pole.imag_std, pole.damping, pole.frequency_rad_s)
+            for pole in document.poles
         ),
         errors={"real_rad_s": "real_std_rad_s", "imag_rad_s": "imag_std_rad_s"},
     )
@@ -501,7 +502,7 @@ def _responses(document: ResultDocument) -> Table | None:
         caption=f"Cost of each response, {significant(document.cost.average)} in the mean. Fit: {found.word}. "
         f"{found.reason}",
         columns=(Column("response", "Response"), Column("cost", "Cost"), *_BAND, Column("points", "Points", _whole)),
-        rows=tuple((name, one.value, *one.band_rad_s, one.points) for name, one in document.cost.pairs.items()),
+        rows=tuple((name, pair.value, *pair.band_rad_s, pair.points) for name, pair in document.cost.pairs.items()),
     )
 
 
@@ -522,12 +523,12 @@ def maneuver_table(maneuvers: Sequence[ManeuverCheck]) -> Table:
         ),
         rows=tuple(
             (
-                *(one.record, one.axis, one.kind, one.start_s, output),
-                *(scores.tic, scores.nrmse_fit_percent, scores.rms, one.j_rms, one.verdict),
+                *(check.record, check.axis, check.kind, check.start_s, output),
+                *(scores.tic, scores.nrmse_fit_percent, scores.rms, check.j_rms, check.verdict),
             )
-            for one in maneuvers
-            for output, scores in one.scores.items()
-            if output in one.moved
+            for check in maneuvers
+            for output, scores in check.scores.items()
+            if output in check.moved
         ),
     )
 
@@ -557,13 +558,13 @@ def _delays(document: ResultDocument) -> Table:
         rows=tuple(
             (
                 name,
-                milli * one.input_delay_s,
-                milli * one.motor_lag_s,
-                milli * one.output_delay_s,
-                milli * one.total_s,
-                None if one.total_std_s is None else milli * one.total_std_s,
+                milli * budget.input_delay_s,
+                milli * budget.motor_lag_s,
+                milli * budget.output_delay_s,
+                milli * budget.total_s,
+                None if budget.total_std_s is None else milli * budget.total_std_s,
             )
-            for name, one in document.delays.items()
+            for name, budget in document.delays.items()
         ),
         errors={"total_ms": "total_std_ms"},
     )
@@ -599,8 +600,8 @@ def _bootstrap(document: ResultDocument) -> Table | None:
             *(Column(name, name.capitalize()) for name in ("low", "median", "high")),
         ),
         rows=tuple(
-            (name, one.mean, one.std, one.relative_percent, one.low, one.median, one.high)
-            for name, one in document.bootstrap.parameters.items()
+            (name, spread.mean, spread.std, spread.relative_percent, spread.low, spread.median, spread.high)
+            for name, spread in document.bootstrap.parameters.items()
         ),
         symbols=("parameter",),
         errors={"mean": "std"},
@@ -614,9 +615,9 @@ def _search_runs(document: ResultDocument) -> Table | None:
     runs = document.search.runs
     kinds = {"alone": runs.alone, "with local searches": runs.polished}
     rows = [
-        (words, name, one.mean, one.std, one.min, one.max)
+        (words, name, spread.mean, spread.std, spread.min, spread.max)
         for words, table in kinds.items()
-        for name, one in {"cost": table.cost, **table.parameters}.items()
+        for name, spread in {"cost": table.cost, **table.parameters}.items()
     ]
     return Table(
         name="search_runs",
@@ -674,7 +675,7 @@ def motor_tables(motors: MotorPhysics) -> tuple[Table, ...]:
             Column("std", "Std", _two),
             Column("unit", "Unit"),
         ),
-        rows=tuple((name, one.value, one.std, one.unit) for name, one in motors.derived.items()),
+        rows=tuple((name, derived.value, derived.std, derived.unit) for name, derived in motors.derived.items()),
         errors={"value": "std"},
     )
     both = Table(
@@ -685,7 +686,9 @@ def motor_tables(motors: MotorPhysics) -> tuple[Table, ...]:
             *(Column(name, name.replace("_", " ").capitalize()) for name in _BOTH_WAYS),
             Column("unit", "Unit"),
         ),
-        rows=tuple((one.parameter, *one.plain, *one.corrected, one.unit) for one in motors.both_ways),
+        rows=tuple(
+            (estimate.parameter, *estimate.plain, *estimate.corrected, estimate.unit) for estimate in motors.both_ways
+        ),
         symbols=("parameter",),
     )
     return derived, both
@@ -705,8 +708,8 @@ def derived_tables(derived: DerivedSummary) -> tuple[Table, ...]:
             Column("meaning", "Meaning"),
         ),
         rows=tuple(
-            (name, one.value, one.std, one.std_identified, one.unit, one.words)
-            for name, one in derived.quantities.items()
+            (name, quantity.value, quantity.std, quantity.std_identified, quantity.unit, quantity.words)
+            for name, quantity in derived.quantities.items()
         ),
         errors={"value": "std"},
         symbols=("quantity",),
@@ -724,14 +727,14 @@ def derived_tables(derived: DerivedSummary) -> tuple[Table, ...]:
         ),
         rows=tuple(
             (
-                one.advance_ratio,
-                one.c_T,
-                one.std,
-                one.lower,
-                one.upper,
-                "unknown" if one.flown is None else "yes" if one.flown else "no",
+                point.advance_ratio,
+                point.c_T,
+                point.std,
+                point.lower,
+                point.upper,
+                "unknown" if point.flown is None else "yes" if point.flown else "no",
             )
-            for one in derived.thrust
+            for point in derived.thrust
         ),
         errors={"c_T": "std"},
     )

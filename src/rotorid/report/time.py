@@ -37,7 +37,7 @@ class RecordRow:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class BesideRow:
+class DomainRow:
     """A parameter in time and in the frequency domain."""
 
     name: str
@@ -98,7 +98,7 @@ class TimeFits:
     rows: tuple[RecordRow, ...]
     pictures: tuple[Picture, ...]
     memory: Picture | None
-    beside: tuple[BesideRow, ...]
+    beside: tuple[DomainRow, ...]
     held: bool
     minima: tuple[MinimumRow, ...]
     equations: tuple[EquationRow, ...]
@@ -126,17 +126,19 @@ def time_fits(shown: Shown, *, key: str) -> TimeFits | None:
     document = shown.document
     if not shown.data.simulated:
         return None
-    free = tuple(name for name, one in document.parameters.items() if one.status == "free")
+    free = tuple(name for name, estimate in document.parameters.items() if estimate.status == "free")
     return TimeFits(
         outputs=tuple(quantity(name).words for name in document.outputs),
         rows=_record_rows(document),
         pictures=_pictures(shown, key),
         memory=_memory(document, f"{key}-memory"),
-        beside=_beside(document),
-        held=any(one.hold_s for one in (document.frequency_fit or {}).values()),
+        beside=_domain_rows(document),
+        held=any(compared.hold_s for compared in (document.frequency_fit or {}).values()),
         minima=tuple(
-            MinimumRow(cost=significant(one.cost), values=tuple(significant(one.parameters.get(name)) for name in free))
-            for one in document.minima
+            MinimumRow(
+                cost=significant(minimum.cost), values=tuple(significant(minimum.parameters.get(name)) for name in free)
+            )
+            for minimum in document.minima
         ),
         equations=_equations(document),
         free=free,
@@ -149,36 +151,36 @@ def time_fits(shown: Shown, *, key: str) -> TimeFits | None:
 def _record_rows(document: ResultDocument) -> tuple[RecordRow, ...]:
     return tuple(
         RecordRow(
-            record=one.record,
-            interval=f"{one.start_s:.2f} to {one.stop_s:.2f} s",
-            samples=str(one.samples),
-            rate=f"{significant(one.sample_rate_hz, digits=4)} Hz",
-            pieces=str(one.pieces),
-            fits=tuple(percent_verdict(one.fit_percent[name]) for name in document.outputs if name in one.fit_percent),
+            record=fit.record,
+            interval=f"{fit.start_s:.2f} to {fit.stop_s:.2f} s",
+            samples=str(fit.samples),
+            rate=f"{significant(fit.sample_rate_hz, digits=4)} Hz",
+            pieces=str(fit.pieces),
+            fits=tuple(percent_verdict(fit.fit_percent[name]) for name in document.outputs if name in fit.fit_percent),
         )
-        for one in document.records
+        for fit in document.records
     )
 
 
 def _pictures(shown: Shown, key: str) -> tuple[Picture, ...]:
     document = shown.document
-    traces = sum(2 * len(one.measured) + len(one.inputs) for one in shown.data.simulated)
+    traces = sum(2 * len(simulated.measured) + len(simulated.inputs) for simulated in shown.data.simulated)
     return tuple(
         Picture(
             key=f"{key}-{number}",
-            description=f"Outputs measured and simulated, and inputs, over time in {one.record}",
+            description=f"Outputs measured and simulated, and inputs, over time in {item.record}",
             figure=simulated(
-                one.time_s,
-                one.inputs,
-                one.measured,
-                one.simulated,
+                item.time_s,
+                item.inputs,
+                item.measured,
+                item.simulated,
                 input_names=document.inputs,
                 output_names=document.outputs,
                 held=document.hold == "zero",
                 most=points_of(traces),
             ),
         )
-        for number, one in enumerate(shown.data.simulated)
+        for number, item in enumerate(shown.data.simulated)
     )
 
 
@@ -200,21 +202,21 @@ def _memory(document: ResultDocument, key: str) -> Picture | None:
     )
 
 
-def _beside(document: ResultDocument) -> tuple[BesideRow, ...]:
+def _domain_rows(document: ResultDocument) -> tuple[DomainRow, ...]:
     rows = []
     for name, other in (document.frequency_fit or {}).items():
-        one = document.parameters[name]
-        if one.status != "free":
+        estimate = document.parameters[name]
+        if estimate.status != "free":
             continue
         distance = None
-        if one.std and other.std:
-            distance = abs(one.value + other.hold_s - other.value) / float(np.hypot(one.std, other.std))
+        if estimate.std and other.std:
+            distance = abs(estimate.value + other.hold_s - other.value) / float(np.hypot(estimate.std, other.std))
         rows.append(
-            BesideRow(
+            DomainRow(
                 name=name,
-                time=with_error(one.value, one.std),
+                time=with_error(estimate.value, estimate.std),
                 frequency=with_error(other.value, other.std),
-                unit=unit(one.unit),
+                unit=unit(estimate.unit),
                 distance=MISSING if distance is None else f"{distance:.1f} σ",
                 far=distance is not None and distance > _FAR_SIGMAS,
             )
@@ -225,12 +227,12 @@ def _beside(document: ResultDocument) -> tuple[BesideRow, ...]:
 def _equations(document: ResultDocument) -> tuple[EquationRow, ...]:
     return tuple(
         EquationRow(
-            name=one.name.replace("'", "′"),
-            explained=f"{100.0 * one.r_squared:.2f} %",
-            misfit=f"{100.0 * one.misfit:.2g} %",
-            press=significant(one.press),
+            name=fit.name.replace("'", "′"),
+            explained=f"{100.0 * fit.r_squared:.2f} %",
+            misfit=f"{100.0 * fit.misfit:.2g} %",
+            press=significant(fit.press),
         )
-        for one in document.equations
+        for fit in document.equations
     )
 
 
@@ -252,18 +254,18 @@ def _orders(document: ResultDocument) -> OrderTable | None:
 
     lines = tuple(
         OrderLine(
-            order=one.order,
-            parameters=one.parameters,
-            fitted=plain(one.fitted_percent, 1),
-            unseen="" if one.refused else with_error(one.unseen_percent, one.unseen_std),
-            behind="" if one.refused else with_error(one.behind_percent, one.behind_std),
-            aic=plain(one.aic, 0),
-            bic=plain(one.bic, 0),
-            color=plain(one.color, 2),
-            refused=one.refused,
-            chosen=one.order == choice.order,
+            order=row.order,
+            parameters=row.parameters,
+            fitted=plain(row.fitted_percent, 1),
+            unseen="" if row.refused else with_error(row.unseen_percent, row.unseen_std),
+            behind="" if row.refused else with_error(row.behind_percent, row.behind_std),
+            aic=plain(row.aic, 0),
+            bic=plain(row.bic, 0),
+            color=plain(row.color, 2),
+            refused=row.refused,
+            chosen=row.order == choice.order,
         )
-        for one in choice.rows
+        for row in choice.rows
     )
     return OrderTable(lines=lines, words=order_words(choice))
 
@@ -283,10 +285,11 @@ def order_words(choice: OrderChoice) -> str:
 def _information(document: ResultDocument) -> str:
     if document.information is None:
         return ""
-    one = document.information
+    information = document.information
     return (
-        f"{one.numbers} numbers were estimated; Akaike's criterion is {significant(one.aic, digits=5)}, Schwarz's "
-        f"{significant(one.bic, digits=5)}, for comparing models on the same records."
+        f"{information.numbers} numbers were estimated; Akaike's "
+        f"criterion is {significant(information.aic, digits=5)}, Schwarz's "
+        f"{significant(information.bic, digits=5)}, for comparing models on the same records."
     )
 
 

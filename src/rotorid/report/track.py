@@ -45,34 +45,34 @@ def render_track(found: FlightTracking) -> str:
 
 def sentences(document: TrackDocument) -> list[str]:
     """What happened, in words; the first is the answer."""
-    steps, said = document.steps, []
+    steps, lines = document.steps, []
     if steps:
-        said += [
+        lines += [
             f"The gain changed at about {step.since_s:.0f} s to {with_error(step.ratio, step.std)} of the reference "
             f"(seen at {step.at_s:.0f} s)."
             for step in steps
         ]
     elif document.verdict == "changed" and document.gain is not None:
         gain = with_error(document.gain.value, document.gain.std)
-        said.append(f"The gain changed without a clear step: at the end it is {gain} of the reference.")
+        lines.append(f"The gain changed without a clear step: at the end it is {gain} of the reference.")
     elif document.verdict == "unchanged":
-        said.append(f"No change of the gain was found: {_would_be_found(document)}.")
+        lines.append(f"No change of the gain was found: {_would_be_found(document)}.")
     elif document.told_s > 0.0:
-        said.append(f"Not enough data to say whether the gain changed: {_would_be_found(document)}.")
+        lines.append(f"Not enough data to say whether the gain changed: {_would_be_found(document)}.")
     else:
-        said.append("Not enough data after the reference to say whether the gain changed.")
-    said += [
+        lines.append("Not enough data after the reference to say whether the gain changed.")
+    lines += [
         f"{trim.channel} at rest moved from {significant(trim.before)} to {significant(trim.after)}, seen at "
         f"{trim.at_s:.0f} s: a propeller, the center of gravity, or wind that turned."
         for trim in document.trims
     ]
-    lost_s = sum(one.stop_s - one.start_s for one in document.cannot_tell)
+    lost_s = sum(gap.stop_s - gap.start_s for gap in document.cannot_tell)
     if lost_s > 0.0:
-        reasons = " or ".join(WHY[why] for why in dict.fromkeys(one.why for one in document.cannot_tell))
-        said.append(f"No verdict for {lost_s:.0f} s: {reasons}.")
-    if any(one.why == "air" for one in document.cannot_tell):
-        said.append("Wind rose after the reference: cut the log there, and track the rest as a log of its own.")
-    return said
+        reasons = " or ".join(WHY[why] for why in dict.fromkeys(gap.why for gap in document.cannot_tell))
+        lines.append(f"No verdict for {lost_s:.0f} s: {reasons}.")
+    if any(gap.why == "air" for gap in document.cannot_tell):
+        lines.append("Wind rose after the reference: cut the log there, and track the rest as a log of its own.")
+    return lines
 
 
 def _would_be_found(document: TrackDocument) -> str:

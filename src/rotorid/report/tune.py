@@ -124,7 +124,7 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
         Heading of the page.
     """
     document = tune_document(proposal)
-    axes = [_axis(axis, document.axes[axis], one, proposal.scale) for axis, one in proposal.axes.items()]
+    axes = [_axis(axis, document.axes[axis], tuning, proposal.scale) for axis, tuning in proposal.axes.items()]
     return render(
         "tune.html",
         title=title,
@@ -137,9 +137,9 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
         kept=LIMIT_IS_KEPT,
         path_margins=[(capital(QUANTITIES[name].before), QUANTITIES[name].unit) for name in PATH_MARGINS],
         remarks=finding_rows(document.findings),
-        pictures=[picture for one in axes for picture in (*one.pictures, one.by_hand)],
+        pictures=[picture for tuned in axes for picture in (*tuned.pictures, tuned.by_hand)],
         further_script="tune.js",
-        further={axis: loops_for_page(one, limit=_limit(proposal)) for axis, one in proposal.axes.items()},
+        further={axis: loops_for_page(tuning, limit=_limit(proposal)) for axis, tuning in proposal.axes.items()},
     )
 
 
@@ -190,8 +190,8 @@ def render_check(found: CheckedTuning, *, title: str) -> str:
         CheckedCard(
             name=axis,
             verdict=document.axes[axis].verdict,
-            sentence=one.sentence,
-            advice=one.advice,
+            sentence=checked.sentence,
+            advice=checked.advice,
             rows=tuple(
                 ComparedRow(
                     name=f"{_named(row.name)}, {'rate loop' if row.loop == 'rate' else 'with the angle loop'}",
@@ -202,9 +202,9 @@ def render_check(found: CheckedTuning, *, title: str) -> str:
                 )
                 for row in document.axes[axis].figures
             ),
-            pictures=tuple(_check_pictures(axis, one)),
+            pictures=tuple(_check_pictures(axis, checked)),
         )
-        for axis, one in found.axes.items()
+        for axis, checked in found.axes.items()
     ]
     return render(
         "tune_check.html",
@@ -213,7 +213,7 @@ def render_check(found: CheckedTuning, *, title: str) -> str:
         cards=cards,
         verdicts=_VERDICTS,
         remarks=finding_rows(document.findings),
-        pictures=[picture for one in cards for picture in one.pictures],
+        pictures=[picture for card in cards for picture in card.pictures],
     )
 
 
@@ -221,18 +221,18 @@ def _named(name: str) -> str:
     return capital(QUANTITIES[name].label)
 
 
-def _check_pictures(axis: str, one: CheckedAxis) -> list[Picture]:
+def _check_pictures(axis: str, checked: CheckedAxis) -> list[Picture]:
     """Sensitivity as foretold and as flown, where the proposal's own signals are at hand."""
-    told, now = one.foretold, one.tuning
-    if told.loops is None or told.omega_rad_s is None:
+    expected, now = checked.foretold, checked.tuning
+    if expected.loops is None or expected.omega_rad_s is None:
         return []
     measured = _band(np.abs(1.0 / (1.0 + now.loops["flown_whole"])))
-    at = np.log(told.omega_rad_s)
+    at = np.log(expected.omega_rad_s)
     rows = [np.interp(at, np.log(now.omega_rad_s), edge) for edge in measured]
-    both = {"foretold": _band(np.abs(1.0 / (1.0 + told.loops))), "measured": (rows[0], rows[1], rows[2])}
+    both = {"foretold": _band(np.abs(1.0 / (1.0 + expected.loops))), "measured": (rows[0], rows[1], rows[2])}
     return [
         in_all_units(
-            partial(responses, told.omega_rad_s, both, label=_SENSITIVITY),
+            partial(responses, expected.omega_rad_s, both, label=_SENSITIVITY),
             key=f"{axis}-check",
             description=f"Sensitivity of {axis} to disturbances, as foretold and as flown, with bands of 95 %",
             converted=True,
@@ -245,32 +245,32 @@ def _limit(proposal: TuningProposal) -> float:
     return float(value) if isinstance(value, (int, float)) else ROBUSTNESS
 
 
-def loops_for_page(one: AxisTuning, *, limit: float) -> dict[str, Any]:
+def loops_for_page(tuning: AxisTuning, *, limit: float) -> dict[str, Any]:
     """An axis for the page's own script: plant, some draws, and what each gain does, by frequency.
 
     Parameters
     ----------
-    one
+    tuning
         The axis.
     limit
         Largest sensitivity peak that was asked for.
     """
-    parts, omega = one.parts, one.omega_rad_s
+    parts, omega = tuning.parts, tuning.omega_rad_s
     controller = parts.controller
-    known = parameters_of(one.controller)
-    drawn = one.plant.drawn(omega)
+    known = parameters_of(tuning.controller)
+    drawn = tuning.plant.drawn(omega)
     noise = np.ones(omega.size) if parts.rate_noise is None else parts.rate_noise
     first_order = controller.derivative_cutoff_hz
     return {
         "omega": _short(omega),
-        "from_rad_s": one.plant.known_from_rad_s,
-        "plant": _complex(one.plant.response(omega)),
+        "from_rad_s": tuning.plant.known_from_rad_s,
+        "plant": _complex(tuning.plant.response(omega)),
         "draws": [_complex(row) for row in drawn[:_DRAWS_ON_PAGE]],
         "rate": {name: _complex(row) for name, row in parts.by_rate.items()},
         "angle": {name: _complex(row) for name, row in parts.by_angle.items()},
         "noise": _short(noise / noise.max()),
-        "flown": one.proposal.flown.gains.as_dict(),
-        "units": {name: {"name": held.name, "per_si": held.per_si} for name, held in known.items()},
+        "flown": tuning.proposal.flown.gains.as_dict(),
+        "units": {name: {"name": known_axis.name, "per_si": known_axis.per_si} for name, known_axis in known.items()},
         "derivative_cutoff_hz": first_order,
         "derivative_step_s": controller.derivative_step_s or controller.step_s,
         "limit": 1.03 * limit,
@@ -285,18 +285,18 @@ def _complex(row: ComplexArray) -> list[list[float]]:
     return [_short(row.real), _short(row.imag)]
 
 
-def _sliders(one: AxisTuning) -> tuple[Slider, ...]:
+def _sliders(tuning: AxisTuning) -> tuple[Slider, ...]:
     """A slider for each gain that the firmware has a parameter for, and one for a first-order low-pass of D."""
     found = []
-    flown, proposed = one.proposal.flown.gains.as_dict(), one.proposal.proposed.gains.as_dict()
-    for name, held in parameters_of(one.controller).items():
-        values = [gains[name] / held.per_si for gains in (flown, proposed)]
+    flown, proposed = tuning.proposal.flown.gains.as_dict(), tuning.proposal.proposed.gains.as_dict()
+    for name, parameter in parameters_of(tuning.controller).items():
+        values = [gains[name] / parameter.per_si for gains in (flown, proposed)]
         most = 2.5 * max(values)
         if most > 0.0:
-            step = 1.0 if held.integer else float(f"{most / 400.0:.1g}")
-            high = min(max(most, step), held.high)
-            found.append(_slider(name, held.name, min(held.low, min(values)), high, step, values[1]))
-    if cutoff := one.parts.controller.derivative_cutoff_hz:
+            step = 1.0 if parameter.integer else float(f"{most / 400.0:.1g}")
+            high = min(max(most, step), parameter.high)
+            found.append(_slider(name, parameter.name, min(parameter.low, min(values)), high, step, values[1]))
+    if cutoff := tuning.parts.controller.derivative_cutoff_hz:
         found.append(_slider("cutoff", "low-pass of D [Hz]", 5.0, max(150.0, 2.0 * cutoff), 1.0, cutoff))
     return tuple(found)
 
@@ -308,34 +308,38 @@ def _slider(name: str, label: str, low: float, high: float, step: float, value: 
 
 def _thrust(document: TuneDocument) -> str:
     """What would straighten thrust, in a sentence; empty without a fit of the motors."""
-    one = document.thrust
-    if one is None:
+    thrust = document.thrust
+    if thrust is None:
         return ""
-    before, after = (f"{low:.2f} to {high:.2f}" for low, high in (one.flown_range, one.proposed_range))
-    if one.flown == one.proposed:
+    before, after = (f"{low:.2f} to {high:.2f}" for low, high in (thrust.flown_range, thrust.proposed_range))
+    if thrust.flown == thrust.proposed:
         return (
-            f"{one.parameter} stays at {one.flown:g}: over the throttle that was flown gains go from {before} of that "
+            f"{thrust.parameter} stays at {thrust.flown:g}: over the "
+            f"throttle that was flown gains go from {before} of that "
             "in hover."
         )
     return (
-        f"With {one.parameter} = {one.proposed:g} in place of {one.flown:g} gains would go from {after} of that in "
+        f"With {thrust.parameter} = {thrust.proposed:g} in place "
+        f"of {thrust.flown:g} gains would go from {after} of that in "
         f"hover over the flown throttle, not from {before}. The file thrust sets it with the flown gains times "
-        f"{1.0 / one.hover_gain:.3f}, so that the vehicle hovers as before; the throttle of hover becomes "
-        f"{one.hover_demand:.2f}. Fly it by itself, and tune afterwards."
+        f"{1.0 / thrust.hover_gain:.3f}, so that the vehicle hovers as before; the throttle of hover becomes "
+        f"{thrust.hover_demand:.2f}. Fly it by itself, and tune afterwards."
     )
 
 
 def tune_sentences(document: TuneDocument) -> tuple[str, ...]:
     """What is proposed, in sentences."""
     sentences = []
-    for axis, one in document.axes.items():
-        if not one.changed:
-            why = f": {one.reasons[0]}" if one.reasons else ""
+    for axis, tuning in document.axes.items():
+        if not tuning.changed:
+            why = f": {tuning.reasons[0]}" if tuning.reasons else ""
             sentences.append(f"The gains of {axis} stay as they were flown{why}.")
             continue
-        ratio, peak = one.attitude_ratio, one.proposed_whole.get("sensitivity_peak")
-        held = f" Predicted peak sensitivity M_s: {_told(peak)}." if peak is not None else ""
-        sentences.append(f"With the new gains, a disturbance tilts the vehicle in {axis} {_less(ratio)} today.{held}")
+        ratio, peak = tuning.attitude_ratio, tuning.proposed_whole.get("sensitivity_peak")
+        peak_sentence = f" Predicted peak sensitivity M_s: {_format_quantity(peak)}." if peak is not None else ""
+        sentences.append(
+            f"With the new gains, a disturbance tilts the vehicle in {axis} {_less(ratio)} today.{peak_sentence}"
+        )
     return tuple(sentences)
 
 
@@ -349,7 +353,7 @@ def _less(ratio: QuantityDocument) -> str:
     return f"{abs(change):.0f} % {'less' if change < 0.0 else 'more'} than"
 
 
-def _axis(axis: str, document: AxisTuneDocument, one: AxisTuning, scale: float | None) -> TunedAxis:
+def _axis(axis: str, document: AxisTuneDocument, tuning: AxisTuning, scale: float | None) -> TunedAxis:
     stays = document.reasons[0] if document.reasons else ""
     loops = (document.flown, document.proposed, document.flown_whole, document.proposed_whole)
     whole = (document.flown_attitude, document.proposed_attitude)
@@ -389,10 +393,10 @@ def _axis(axis: str, document: AxisTuneDocument, one: AxisTuning, scale: float |
         ),
         path_gains=tuple(document.path[0].gains) if document.path else (),
         path_sentence=path_sentence(document) if document.path else "",
-        pictures=tuple(_pictures(axis, one, scale)),
+        pictures=tuple(_pictures(axis, tuning, scale)),
         filters=tuple(document.filters),
-        ends=tuple((name, _told(end.get("sensitivity_peak"))) for name, end in document.ends.items()),
-        sliders=_sliders(one),
+        ends=tuple((name, _format_quantity(end.get("sensitivity_peak"))) for name, end in document.ends.items()),
+        sliders=_sliders(tuning),
         by_hand=Picture(
             key=f"{axis}-by-hand",
             description=f"Answer of {axis} to a step of its set-point, with the flown gains and those chosen here",
@@ -408,29 +412,29 @@ def _cell(name: str, quantity: QuantityDocument | None) -> tuple[str, str]:
     return QUANTITIES[name].cells(quantity)
 
 
-def _told(peak: QuantityDocument | None) -> str:
+def _format_quantity(peak: QuantityDocument | None) -> str:
     """A peak in a sentence."""
     return MISSING if peak is None else with_ends(peak.value, peak.lower, peak.upper)
 
 
-def _pictures(axis: str, one: AxisTuning, scale: float | None) -> Sequence[Picture]:
-    both = ("flown", "proposed") if one.proposal.changed else ("flown",)
+def _pictures(axis: str, tuning: AxisTuning, scale: float | None) -> Sequence[Picture]:
+    both = ("flown", "proposed") if tuning.proposal.changed else ("flown",)
     bands = {
-        kind: {name: _band(np.abs(one.responses[f"{kind}_{name}"])) for name in both}
+        kind: {name: _band(np.abs(tuning.responses[f"{kind}_{name}"])) for name in both}
         for kind in ("attitude", "disturbance")
     }
     quick = {
-        "flown": shown_quantities(one.proposal.flown.whole, one.plant),
-        "proposed": quantities(one.proposal.proposed.whole),
+        "flown": shown_quantities(tuning.proposal.flown.whole, tuning.plant),
+        "proposed": quantities(tuning.proposal.proposed.whole),
     }
-    told = {
+    edges = {
         name: (_edges(found["rejection_bandwidth_rad_s"]), _edges(found["rejection_peak_db"]))
         for name, found in quick.items()
         if name in both and {"rejection_bandwidth_rad_s", "rejection_peak_db"} <= found.keys()
     }
     guided = "" if scale is None else f", with the guideline for helicopters {scale:.0f} times larger"
-    sensitivities = {name: _band(np.abs(1.0 / (1.0 + one.loops[f"{name}_whole"]))) for name in both}
-    drawn = partial(responses, one.omega_rad_s, seen_rad_s=one.plant.band_rad_s)
+    sensitivities = {name: _band(np.abs(1.0 / (1.0 + tuning.loops[f"{name}_whole"]))) for name in both}
+    drawn = partial(responses, tuning.omega_rad_s, seen_rad_s=tuning.plant.band_rad_s)
     further = [
         in_all_units(
             partial(drawn, bands["attitude"], label=f"{capital(axis)} over its set-point"),
@@ -445,21 +449,21 @@ def _pictures(axis: str, one: AxisTuning, scale: float | None) -> Sequence[Pictu
             converted=True,
         ),
     ]
-    if one.proposal.flown.gains.A == 0.0:
+    if tuning.proposal.flown.gains.A == 0.0:
         further = further[1:]
-    if told:
+    if edges:
         further.append(
             Picture(
                 key=f"{axis}-rejection",
                 description=f"Bandwidth and peak of the rejection of disturbances in {axis}{guided}",
-                figure=rejection(axis, told, scale=scale),
+                figure=rejection(axis, edges, scale=scale),
             )
         )
     return [
         Picture(
             key=f"{axis}-step",
             description=f"Answer of {axis} to a step of its set-point, flown and proposed gains, with bands of 95 %",
-            figure=steps(one.step_s, {name: _band(one.steps[name]) for name in both}, axis=axis),
+            figure=steps(tuning.step_s, {name: _band(tuning.steps[name]) for name in both}, axis=axis),
         ),
         in_all_units(
             partial(drawn, sensitivities, label=_SENSITIVITY),

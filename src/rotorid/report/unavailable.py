@@ -9,7 +9,7 @@ from types import MappingProxyType
 from rotorid.data.display import listed
 from rotorid.data.quantities import figure
 from rotorid.reviewing.loops import LOOPS
-from rotorid.reviewing.values import Untold
+from rotorid.reviewing.values import Unavailable
 
 _LOOPS: Mapping[str, str] = MappingProxyType({loop.name: f"{loop.words} loop" for loop in LOOPS})
 
@@ -40,7 +40,7 @@ _PARTS: Mapping[str, str] = MappingProxyType(
 """Parts of a review that are no figures."""
 
 
-def untold_words(name: str) -> tuple[str, str]:
+def unavailable_words(name: str) -> tuple[str, str]:
     """What a quantity that cannot be told is called: the thing itself, and which number of it, if one alone.
 
     Examples
@@ -89,7 +89,7 @@ _AXIS_WORDS = re.compile(r"\b(roll|pitch|yaw|p|q|r|phi|theta|psi)(_setpoint|_sti
 """What is said of one axis in the words of another: one row for both, with the words of each."""
 
 
-def gathered(untold: Iterable[Untold]) -> tuple[Untold, ...]:
+def gathered(unavailable: Iterable[Unavailable]) -> tuple[Unavailable, ...]:
     """What cannot be told for one reason in one row: the numbers of a loop that a slow log hides, for instance.
 
     Examples
@@ -99,17 +99,18 @@ def gathered(untold: Iterable[Untold]) -> tuple[Untold, ...]:
     ['roll rate loop: rise time and resonance peak']
     """
     rows: dict[tuple[str, str, str], list[str]] = {}
-    for one in untold:
-        thing, number = untold_words(one.what)
-        rows.setdefault((thing, one.why, one.remedy), []).append(number)
+    for gap in unavailable:
+        thing, number = unavailable_words(gap.what)
+        rows.setdefault((thing, gap.why, gap.remedy), []).append(number)
     numbers = [
-        Untold(what=of_numbers(thing, told), why=why, remedy=remedy) for (thing, why, remedy), told in rows.items()
+        Unavailable(what=of_numbers(thing, labels), why=why, remedy=remedy)
+        for (thing, why, remedy), labels in rows.items()
     ]
-    alike: dict[tuple[str, str], list[Untold]] = {}
+    alike: dict[tuple[str, str], list[Unavailable]] = {}
     for row in numbers:
         alike.setdefault((_AXIS_WORDS.sub("…", row.why), _AXIS_WORDS.sub("…", row.remedy)), []).append(row)
     return tuple(
-        Untold(
+        Unavailable(
             what="; ".join(row.what for row in same),
             why=_of_all_axes([row.why for row in same]),
             remedy=_of_all_axes([row.remedy for row in same]),

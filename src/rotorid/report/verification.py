@@ -64,7 +64,7 @@ def score_rows(check: Verification) -> tuple[ScoreRow, ...]:
 
 def horizons(check: Verification) -> tuple[str, ...]:
     """The horizons over which a maneuver was predicted ahead."""
-    return tuple(f"{one.horizon_s:.2g} s" for one in check.ahead.horizons) if check.ahead else ()
+    return tuple(f"{horizon.horizon_s:.2g} s" for horizon in check.ahead.horizons) if check.ahead else ()
 
 
 def _output(check: Verification, name: str, moved: bool) -> ScoreRow:
@@ -90,7 +90,7 @@ def _commands(check: Verification) -> list[ScoreRow]:
 
 
 def _ahead(check: Verification, name: str) -> tuple[tuple[str, str], ...]:
-    found = [one.scores[name] for one in check.ahead.horizons] if check.ahead else []
+    found = [horizon.scores[name] for horizon in check.ahead.horizons] if check.ahead else []
     return tuple((significant(scores.tic, digits=2), significant(scores.skill, digits=2)) for scores in found)
 
 
@@ -116,7 +116,7 @@ class Check:
     @property
     def pictures(self) -> tuple[Picture, ...]:
         """All of its figures."""
-        return tuple(one for one in (self.picture, self.ahead, self.loop) if one is not None)
+        return tuple(picture for picture in (self.picture, self.ahead, self.loop) if picture is not None)
 
 
 def check_section(check: Verification, *, key: str) -> Check:
@@ -193,17 +193,17 @@ class UnseenSweeps:
     @property
     def leading(self) -> tuple[UnseenResponse, ...]:
         """Responses with a picture in sight."""
-        return tuple(one for one in self.responses if one.leading and one.picture)
+        return tuple(response for response in self.responses if response.leading and response.picture)
 
     @property
     def folded(self) -> tuple[UnseenResponse, ...]:
         """Responses whose picture folds away."""
-        return tuple(one for one in self.responses if not one.leading and one.picture)
+        return tuple(response for response in self.responses if not response.leading and response.picture)
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
         """All figures."""
-        return tuple(one.picture for one in self.responses if one.picture)
+        return tuple(response.picture for response in self.responses if response.picture)
 
 
 def unseen_sweeps(judged: FrequencyCheck, *, key: str, least_coherence: float | None = None) -> UnseenSweeps:
@@ -302,7 +302,7 @@ def _sections(found: Verifications) -> tuple[list[Check], list[UnseenSweeps]]:
 
 def _pictures(checks: Sequence[Check], sweeps: Sequence[UnseenSweeps]) -> list[Picture]:
     of_checks = [picture for check in checks for picture in check.pictures]
-    return of_checks + [picture for one in sweeps for picture in one.pictures]
+    return of_checks + [picture for sweep in sweeps for picture in sweep.pictures]
 
 
 def verification_summary(document: VerifyDocument) -> tuple[str, ...]:
@@ -324,12 +324,12 @@ def verification_summary(document: VerifyDocument) -> tuple[str, ...]:
 
 def _closed_loop(document: VerifyDocument) -> str:
     """The worst command in closed loop: rates would flatter the model."""
-    flown = [one.closed_loop for one in document.maneuvers if one.closed_loop]
-    commands = [(one.scores[name].tic, name) for one in flown for name in one.setpoints]
+    flown = [check.closed_loop for check in document.maneuvers if check.closed_loop]
+    commands = [(scores.scores[name].tic, name) for scores in flown for name in scores.setpoints]
     if not commands:
         return ""
     tic, name = max(commands)
-    own = max(one.controller_tic[name] for one in flown if name in one.controller_tic)
+    own = max(scores.controller_tic[name] for scores in flown if name in scores.controller_tic)
     return (
         f"In closed loop, under the controller that flew, the {name.replace('_', ' ')} comes out with a TIC of "
         f"{significant(tic, digits=2)} at worst; the controller alone, on the measured rate, with one of "
@@ -341,7 +341,7 @@ def j_rms_sentence(document: VerifyDocument) -> str:
     """J_rms of all maneuvers against its guideline, in both readings where the scale is given; empty without any."""
     if not document.maneuvers:
         return ""
-    values = [one.j_rms for one in document.maneuvers]
+    values = [check.j_rms for check in document.maneuvers]
     ends = dict.fromkeys(significant(value, digits=2) for value in (min(values), max(values)))
     return f"J_rms is {' to '.join(ends)} in degrees and feet. {_guideline(document.j_rms_guideline)}"
 

@@ -62,15 +62,15 @@ def motor_sentences(document: ResultDocument) -> tuple[str, ...]:
     if motors is None:
         return ()
     assumed = scale_sentence(document) if motors.scale is None else ""
-    told = (_inertia(document, motors), _thrust(motors), _lag(document, motors), assumed)
-    return tuple(sentence for sentence in told if sentence)
+    sentences = (_inertia(document, motors), _thrust(motors), _lag(document, motors), assumed)
+    return tuple(sentence for sentence in sentences if sentence)
 
 
 def _inertia(document: ResultDocument, motors: MotorPhysics) -> str:
     parts = [
-        f"{name} {with_error(one.value, one.std)}"
+        f"{name} {with_error(estimate.value, estimate.std)}"
         for name in _INERTIAS
-        if (one := document.parameters.get(name)) is not None and one.status in ("free", "tied")
+        if (estimate := document.parameters.get(name)) is not None and estimate.status in ("free", "tied")
     ]
     return f"Inertia: {', '.join(parts)} kg m²{_per(motors)}." if parts else ""
 
@@ -144,7 +144,7 @@ def open_questions(document: ResultDocument) -> tuple[str, ...]:
 
 
 def _open(document: ResultDocument, motors: MotorPhysics) -> Iterator[str]:
-    quiet = [axis for axis in AXIS_WORDS if not any(axis in one.counted for one in motors.excitation)]
+    quiet = [axis for axis in AXIS_WORDS if not any(axis in flight.counted for flight in motors.excitation)]
     if turns := [AXIS_WORDS[axis] for axis in quiet if axis != "az"]:
         yield f"Inertia and damping of {listed(turns)}: no stretch excites that. Fly a sweep or doublets."
     if "az" in quiet:
@@ -182,7 +182,7 @@ def _warnings(document: ResultDocument, motors: MotorPhysics) -> Iterator[str]:
             f"{LOWEST_RATE_HZ:.0f} are needed: what they did in between is not in the log. Take these numbers as rough "
             "values; their ± includes what the gaps may hide."
         )
-    rates = [one.sample_rate_hz for one in motors.excitation if one.counted]
+    rates = [flight.sample_rate_hz for flight in motors.excitation if flight.counted]
     if rates and min(rates) < LOWEST_RATE_HZ:
         yield f"Rates or accelerations were logged at {significant(min(rates), digits=3)} Hz, too slowly as well."
     if any(finding.kind == "not_converged" for finding in document.findings):
@@ -211,7 +211,7 @@ def _absolute_errors() -> Iterator[str]:
 
 
 def _methods(motors: MotorPhysics) -> Iterator[str]:
-    counted = {axis for one in motors.excitation for axis in one.counted}
+    counted = {axis for flight in motors.excitation for axis in flight.counted}
     if counted - {"az"}:
         yield (
             "Prediction error: from sample to sample the motors predict how the rates change. The autoregressions that "
@@ -456,7 +456,7 @@ def maneuver_verdict(found: Found) -> Verdict:
 
 def worst_maneuver(maneuvers: Sequence[ManeuverCheck]) -> Verdict | None:
     """Verdict on the worst of several maneuvers, with how many are like it; ``None`` without any."""
-    found = [one.verdict for one in maneuvers]
+    found = [check.verdict for check in maneuvers]
     worst = max(found, key=list(_FOUND).index, default=None)
     if worst is None:
         return None
@@ -467,12 +467,14 @@ def worst_maneuver(maneuvers: Sequence[ManeuverCheck]) -> Verdict | None:
 
 def unseen_sentences(maneuvers: Sequence[ManeuverCheck]) -> tuple[str, ...]:
     """What unseen maneuvers say about the model: how many of each verdict, and the worst open loop of what moved."""
-    found = [one.verdict for one in maneuvers]
+    found = [check.verdict for check in maneuvers]
     several = "1 maneuver" if len(found) == 1 else f"{len(found)} maneuvers"
     groups = [(found.count(kind), words) for kind, (_, _, words) in _FOUND.items() if kind in found]
-    told = groups[0][1] if len(groups) == 1 else ", ".join(f"{count} {words}" for count, words in groups)
-    sentence = f"Unseen flight: {several}{' ' if len(groups) == 1 else ', '}{told}."
-    scores = [(name, one) for each in maneuvers for name, one in each.scores.items() if name in (each.moved or [name])]
+    summary = groups[0][1] if len(groups) == 1 else ", ".join(f"{count} {words}" for count, words in groups)
+    sentence = f"Unseen flight: {several}{' ' if len(groups) == 1 else ', '}{summary}."
+    scores = [
+        (name, scores) for each in maneuvers for name, scores in each.scores.items() if name in (each.moved or [name])
+    ]
     if not scores:
         return (sentence,)
     name, worst = max(scores, key=lambda item: _badness(item[1]))
@@ -486,19 +488,19 @@ def unseen_sentences(maneuvers: Sequence[ManeuverCheck]) -> tuple[str, ...]:
 
 def worst_record(records: Mapping[str, Mapping[str, Scores]]) -> Verdict | None:
     """Verdict on the worst output of unseen records that are judged by their scores alone; ``None`` without any."""
-    scores = [one for record in records.values() for one in record.values()]
+    scores = [scores for record in records.values() for scores in record.values()]
     worst = max(scores, key=_badness, default=None)
     return None if worst is None else prediction_verdict(worst.tic, worst.nrmse_fit_percent)
 
 
 def _records_sentence(records: Mapping[str, Mapping[str, Scores]]) -> str:
-    told = [(where, name, one) for where, record in records.items() for name, one in record.items()]
-    if not told:
+    rows = [(where, name, scores) for where, record in records.items() for name, scores in record.items()]
+    if not rows:
         return "The unseen flight moves no axis enough to judge the model."
-    where, name, worst = max(told, key=lambda item: _badness(item[2]))
-    good = sum(guidelines_met(one.tic, one.nrmse_fit_percent) == GUIDELINES for _, _, one in told)
+    where, name, worst = max(rows, key=lambda item: _badness(item[2]))
+    good = sum(guidelines_met(scores.tic, scores.nrmse_fit_percent) == GUIDELINES for _, _, scores in rows)
     return (
-        f"Unseen flight: {good} of {len(told)} predicted well{'; the worst is' if len(told) > 1 else ':'} "
+        f"Unseen flight: {good} of {len(rows)} predicted well{'; the worst is' if len(rows) > 1 else ':'} "
         f"{quantity(name).words} of {where} with a TIC of {significant(worst.tic, digits=2)} and a fit of "
         f"{significant(worst.nrmse_fit_percent, digits=2)} % (good: TIC up to {GOOD_TIC:g} and a fit of "
         f"{GOOD_FIT_PERCENT:g} % and more)."
@@ -510,7 +512,7 @@ def _badness(scores: Scores) -> tuple[int, float]:
     return -guidelines_met(scores.tic, scores.nrmse_fit_percent), tic
 
 
-def held_out(document: ResultDocument) -> bool:
+def has_held_out_costs(document: ResultDocument) -> bool:
     """Whether the costs on unseen sweeps are those of a second model, fitted without the last maneuver."""
     return any(finding.kind == "held_out" for finding in document.findings)
 
@@ -572,7 +574,11 @@ def _unseen_sentences(document: ResultDocument) -> tuple[str, ...]:
         sentences.append(_records_sentence(document.verification.records))
     if costs := document.verification.frequency:
         cost = max(costs.values())
-        what = "Held-out maneuver, by a second model fitted without it" if held_out(document) else "Unseen sweeps"
+        what = (
+            "Held-out maneuver, by a second model fitted without it"
+            if has_held_out_costs(document)
+            else "Unseen sweeps"
+        )
         sentences.append(f"{what}: cost at worst {significant(cost)}, {cost_verdict(cost).words}.")
     crossed = document.cross_validation
     if crossed is not None and crossed.mean_percent is not None:
@@ -820,17 +826,17 @@ def _octaves(pair: Pair) -> float:
 def _loop(axis: str, loop: AxisLoop) -> str:
     """Crossover and margins of one axis, of the rate loop and of the whole loop; empty where none was seen."""
     whole = _loop(axis, loop.whole) if loop.whole is not None else ""
-    seen = []
+    sentences = []
     if crossover := loop.numbers.get("crossover_rad_s"):
-        seen.append(f"crossover at {with_error(crossover.value, crossover.std)} rad/s")
+        sentences.append(f"crossover at {with_error(crossover.value, crossover.std)} rad/s")
     if phase := loop.numbers.get("phase_margin_rad"):
-        seen.append(f"phase margin {with_error(math.degrees(phase.value), math.degrees(phase.std))}°")
+        sentences.append(f"phase margin {with_error(math.degrees(phase.value), math.degrees(phase.std))}°")
     if up := loop.numbers.get("gain_margin_up"):
-        seen.append(f"gain margin {in_decibels(up.value, up.std)} dB")
+        sentences.append(f"gain margin {in_decibels(up.value, up.std)} dB")
     if bandwidth := loop.numbers.get("attitude_bandwidth_rad_s"):
-        seen.append(f"attitude bandwidth {with_error(bandwidth.value, bandwidth.std)} rad/s")
+        sentences.append(f"attitude bandwidth {with_error(bandwidth.value, bandwidth.std)} rad/s")
     name = "Whole loop" if loop.scope == "whole" else "Rate loop"
-    own = f"{name} of {axis}: {', '.join(seen)}." if seen else ""
+    own = f"{name} of {axis}: {', '.join(sentences)}." if sentences else ""
     return " ".join(sentence for sentence in (own, whole) if sentence)
 
 

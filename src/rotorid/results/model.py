@@ -344,7 +344,7 @@ class IdentifiedModel(Immutable):
         """
         from rotorid.simulation.linear import simulate_linear
 
-        inputs, held = np.atleast_2d(np.asarray(u, dtype=np.float64)), hold or self.fit.hold or "zero"
+        inputs, input_hold = np.atleast_2d(np.asarray(u, dtype=np.float64)), hold or self.fit.hold or "zero"
         if self.nonlinear is not None:
             from rotorid.simulation.nonlinear import Scheme, simulate_nonlinear
 
@@ -355,9 +355,9 @@ class IdentifiedModel(Immutable):
                 inputs,
                 sample_rate_hz=sample_rate_hz,
                 x0=x0,
-                scheme=Scheme(hold=held),
+                scheme=Scheme(hold=input_hold),
             )
-        return simulate_linear(self.system, inputs, sample_rate_hz=sample_rate_hz, x0=x0, hold=held)
+        return simulate_linear(self.system, inputs, sample_rate_hz=sample_rate_hz, x0=x0, hold=input_hold)
 
     def to_toml(self) -> str:
         """The structure with the identified values and their standard deviations, as ``model.toml`` holds it."""
@@ -468,16 +468,16 @@ class IdentifiedModel(Immutable):
         return attached(self)
 
     def __repr__(self) -> str:
-        return "\n".join([lines_of(self._head, self._rows()), *(cut(f"  {line}") for line in self._said())])
+        return "\n".join([lines_of(self._head, self._rows()), *(cut(f"  {line}") for line in self._summary_lines())])
 
     def _repr_html_(self) -> str:
         columns = ["parameter", "value", "± std", "unit", "CR %", "I %", "status"]
         poles = [
             (f"{pole.value:.4g}", *error_columns(pole.frequency_rad_s, pole.frequency_std_rad_s)) for pole in self.poles
         ]
-        said = "".join(f"<p>{html.escape(line)}</p>" for line in self._said())
+        paragraphs = "".join(f"<p>{html.escape(line)}</p>" for line in self._summary_lines())
         table = html_table("Poles", ["pole in 1/s", "rad/s", "± std"], poles)
-        return html_table(self._head, columns, self._table()) + said + table
+        return html_table(self._head, columns, self._table()) + paragraphs + table
 
     @property
     def _head(self) -> str:
@@ -489,7 +489,7 @@ class IdentifiedModel(Immutable):
             if found.status != "dropped":
                 value, std = error_columns(found.value, found.std, digits=5)
                 bounds = (found.cramer_rao_percent, found.insensitivity_percent)
-                percents = ("" if one is None else percent(one) for one in bounds)
+                percents = ("" if bound is None else percent(bound) for bound in bounds)
                 yield name, value, std, found.unit, *percents, found.status
 
     def _rows(self) -> list[tuple[str, ...]]:
@@ -500,27 +500,27 @@ class IdentifiedModel(Immutable):
         ]
         return rows if len(rows) <= most else [*rows[: most - 1], (f"… {len(rows) - most + 1} more", "", "", "", "")]
 
-    def _said(self) -> list[str]:
+    def _summary_lines(self) -> list[str]:
         """Cost or fit, what unseen flights say, and how many remarks there are."""
-        said = []
+        lines = []
         found = verdict(self)
-        said.append(f"fit: {found.word}. {found.reason}")
+        lines.append(f"fit: {found.word}. {found.reason}")
         if self.fit.fit_percent:
-            said.append(f"explained: {', '.join(f'{n} {p:.1f} %' for n, p in self.fit.fit_percent.items())}")
+            lines.append(f"explained: {', '.join(f'{n} {p:.1f} %' for n, p in self.fit.fit_percent.items())}")
         checks = self.verification
         verdicts = [check.verdict for check in checks.maneuvers]
         if checks.records:
-            told = ", ".join(f"{verdicts.count(word)} {word}" for word in dict.fromkeys(verdicts)) or "scored"
-            said.append(f"unseen maneuvers: {told}")
+            verdict_words = ", ".join(f"{verdicts.count(word)} {word}" for word in dict.fromkeys(verdicts)) or "scored"
+            lines.append(f"unseen maneuvers: {verdict_words}")
         if checks.frequency:
-            said.append(f"unseen sweeps: cost {max(checks.frequency.values()):.1f} at most")
+            lines.append(f"unseen sweeps: cost {max(checks.frequency.values()):.1f} at most")
         if not checks.records and not checks.frequency:
-            said.append("not verified on unseen flights")
+            lines.append("not verified on unseen flights")
         words = {"error": "error", "warning": "warning", "info": "remark"}
         counts = {word: sum(finding.severity == kind for finding in self.findings) for kind, word in words.items()}
         counted = [f"{count} {word}{'s' if count > 1 else ''}" for word, count in counts.items() if count]
-        said.append(f"findings: {', '.join(counted) or 'none'}")
-        return said
+        lines.append(f"findings: {', '.join(counted) or 'none'}")
+        return lines
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

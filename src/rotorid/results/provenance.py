@@ -117,8 +117,10 @@ def provenance(
         instruments=tuple(response.instruments) if response else (),
         sources=sources or {},
         maneuvers=tuple(
-            replace(logged(one.record, one.maneuver), record=names.get(_key(one.record), one.record.source.name))
-            for one in flights
+            replace(
+                logged(flight.record, flight.maneuver), record=names.get(_key(flight.record), flight.record.source.name)
+            )
+            for flight in flights
         ),
     )
 

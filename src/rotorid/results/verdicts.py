@@ -80,7 +80,9 @@ def verdict(result: IdentifiedModel | Refused) -> FitVerdict:
 
 def refused_verdict(findings: Iterable[FindingLike]) -> FitVerdict:
     """The verdict where no number was stated: its color is neutral, for nothing is known of a model."""
-    reason = next((one.message for one in findings if one.severity == "error"), "The data cannot support it.")
+    reason = next(
+        (finding.message for finding in findings if finding.severity == "error"), "The data cannot support it."
+    )
     return FitVerdict(word="no model", color="gray", reason=reason)
 
 
@@ -119,7 +121,7 @@ def fit_verdict(
     >>> found.word, found.color
     ('follows the data only', 'yellow')
     """
-    findings = [one for one in findings if one.severity != "info"]
+    findings = [finding for finding in findings if finding.severity != "info"]
     of_fit, number, reason = _measure(method, cost, fit_percent)
     doubts = list(_doubts(findings))
     if not doubts:
@@ -134,7 +136,7 @@ def fit_verdict(
 def _measure(method: str, cost: Cost | None, fit_percent: Mapping[str, float] | None) -> tuple[Verdict, str, str]:
     """How well the data are followed: verdict, the number that says so, and what that means."""
     if fit_percent and (method != "frequency" or cost is None):
-        name = min(fit_percent, key=lambda one: fit_percent[one])
+        name = min(fit_percent, key=lambda name: fit_percent[name])
         percent = fit_percent[name]
         level = percent_level(percent)
         words = {"good": "good", "fair": "weak", "poor": "poor"}[level]
@@ -153,27 +155,27 @@ def _measure(method: str, cost: Cost | None, fit_percent: Mapping[str, float] | 
 def _doubts(findings: Iterable[FindingLike]) -> Iterator[tuple[str, str]]:
     """What takes the meaning from a low cost, the gravest first: a word, and a clause that goes on behind "but"."""
     by_kind: dict[str, list[FindingLike]] = {}
-    for one in findings:
-        by_kind.setdefault(one.kind, []).append(one)
+    for finding in findings:
+        by_kind.setdefault(finding.kind, []).append(finding)
     if "not_converged" in by_kind:
         yield "not settled", "the solver did not come to rest"
     if "impossible_physics" in by_kind:
         yield "not physical", f"no vehicle has such values ({_named(by_kind['impossible_physics'])})"
     missed = by_kind.get("structure_error", [])
-    if meaningless := [one for one in missed if "model_error_percent" in one.numbers]:
-        most = max(one.numbers["model_error_percent"] for one in meaningless)
+    if meaningless := [finding for finding in missed if "model_error_percent" in finding.numbers]:
+        most = max(finding.numbers["model_error_percent"] for finding in meaningless)
         of_several = " at most" if len(meaningless) > 1 else ""
         yield (
             DATA_ONLY,
             f"the structure misses {_named(meaningless)} by {most:.0f} %{of_several}: the values follow the data and "
             "have no physical meaning",
         )
-    if others := [one for one in missed if "model_error_percent" not in one.numbers]:
+    if others := [finding for finding in missed if "model_error_percent" not in finding.numbers]:
         yield "holds in part", f"the structure does not describe {_named(others)}"
 
 
 def _named(findings: Iterable[FindingLike]) -> str:
-    places = list(dict.fromkeys(one.where for one in findings))
+    places = list(dict.fromkeys(finding.where for finding in findings))
     more = len(places) - _MOST_NAMED
     return listed(places) if more <= 0 else f"{', '.join(places[:_MOST_NAMED])} and {more} more"
 
@@ -209,9 +211,9 @@ def response_verdict(pair: str, cost: float, findings: Iterable[FindingLike]) ->
     Verdict(level='fair', words='the structure misses it by 18 %')
     """
     by_cost = cost_verdict(cost)
-    for one in findings:
-        if one.kind == "structure_error" and one.where == pair and by_cost.level != "poor":
-            percent = one.numbers.get("model_error_percent")
+    for finding in findings:
+        if finding.kind == "structure_error" and finding.where == pair and by_cost.level != "poor":
+            percent = finding.numbers.get("model_error_percent")
             return Verdict("fair", f"the structure misses it{'' if percent is None else f' by {percent:.0f} %'}")
     return by_cost
 

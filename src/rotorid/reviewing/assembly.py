@@ -26,7 +26,7 @@ from rotorid.flights.oscillations import (
     reviewed_oscillations,
 )
 from rotorid.flights.supports import END_FIRST, foreign_vehicle, rate_support, supports
-from rotorid.flights.whole_flights import Flown, flown
+from rotorid.flights.whole_flights import FlightData, flown
 from rotorid.flying.next_steps import KnownOfLog, LoopChannels, next_steps
 from rotorid.identifying.identify_many import identify_several
 from rotorid.io.records import as_records
@@ -47,7 +47,7 @@ from rotorid.reviewing.values import (
     MotorReview,
     NoiseReview,
     Review,
-    Untold,
+    Unavailable,
 )
 from rotorid.settings.option import as_settings
 from rotorid.signal.oscillations import check_oscillations
@@ -109,34 +109,34 @@ def review(
     return tuple(_review(record, models=chosen.models) for record in as_records(records))
 
 
-def told_anything(seen: Review) -> bool:
+def has_answers(reviewed: Review) -> bool:
     """Whether a review holds anything beyond what the log is."""
-    stands = any(isinstance(model, IdentifiedModel) for model in seen.models.values())
+    stands = any(isinstance(model, IdentifiedModel) for model in reviewed.models.values())
     parts = (
-        seen.oscillations,
-        seen.calm,
-        seen.loops,
-        seen.margins,
-        seen.noise.maps,
-        seen.noise.numbers,
-        seen.motors.numbers,
-        seen.flight.battery,
+        reviewed.oscillations,
+        reviewed.calm,
+        reviewed.loops,
+        reviewed.margins,
+        reviewed.noise.maps,
+        reviewed.noise.numbers,
+        reviewed.motors.numbers,
+        reviewed.flight.battery,
     )
-    return bool(seen.flight.flights) and (stands or any(parts))
+    return bool(reviewed.flight.flights) and (stands or any(parts))
 
 
 def _review(record: FlightRecord, *, models: bool) -> Review:
-    untold: list[Untold] = []
+    unavailable: list[Unavailable] = []
 
-    def part(step: str, make: Callable[[], tuple[Part, Sequence[Untold]]], otherwise: Part) -> Part:
+    def part(step: str, make: Callable[[], tuple[Part, Sequence[Unavailable]]], otherwise: Part) -> Part:
         """A part of the review; where there is none, the reason joins what is untold."""
         _PROGRESS.info(f"reviewing {step}", extra={"done": _STEPS.index(step), "total": len(_STEPS)})
         try:
             made, missing = make()
         except InsufficientDataError as error:
-            untold.append(untold_by(error, step))
+            unavailable.append(unavailable_by(error, step))
             return otherwise
-        untold.extend(missing)
+        unavailable.extend(missing)
         return made
 
     summary = part("flight", lambda: flight(record), FlightSummary(flights=(), seen_in=""))
@@ -144,7 +144,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
     air = part("flight", lambda: (flown(record), ()), None)
     closed: dict[str, LoopReview] = {}
     broken: dict[Axis, MarginReview] = {}
-    heard, worked = NoiseReview(), MotorReview()
+    noise_review, worked = NoiseReview(), MotorReview()
     found: dict[str, IdentifiedModel | Refused] = {}
     swinging: tuple[OscillationReview, ...] = ()
     calm: tuple[Axis, ...] = ()
@@ -157,16 +157,16 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
             for name, loop in closed.items()
             if "bandwidth_90deg_rad_s" in loop.numbers
         }
-        heard = part("noise", lambda: noise(record, bandwidths_rad_s=widths), heard)
+        noise_review = part("noise", lambda: noise(record, bandwidths_rad_s=widths), noise_review)
         worked = part("motors", lambda: motors(record), worked)
     kind, *_ = vehicle(record)
     if air is not None and models:
         if motors_limited(swinging):
-            untold.append(_hidden_by_limits("models", swinging))
+            unavailable.append(_hidden_by_limits("models", swinging))
         else:
             found = part("models", lambda: _models(record), found)
-    summary, untold = _with_thrust_of(found, summary, untold)
-    seen = Review(
+    summary, unavailable = _with_thrust_of(found, summary, unavailable)
+    reviewed = Review(
         name=record.source.name,
         sha256=record.source.sha256,
         vehicle=kind,
@@ -177,9 +177,9 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
         models=found,
         models_sought=models,
         unsupported=_unsupported(record, found),
-        noise=heard,
+        noise=noise_review,
         motors=worked,
-        cannot_tell=tuple(dict.fromkeys(untold)),
+        cannot_tell=tuple(dict.fromkeys(unavailable)),
         next_commands=(),
         oscillations=swinging,
         calm=calm,
@@ -190,60 +190,64 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
                 *oscillation_findings(swinging),
                 *(finding for loop in closed.values() for finding in loop.findings),
                 *(finding for margin in broken.values() for finding in margin.findings),
-                *heard.findings,
+                *noise_review.findings,
                 *worked.findings,
             ]
         ),
     )
-    return replace(seen, next_commands=next_commands(record, seen))
+    return replace(reviewed, next_commands=next_commands(record, reviewed))
 
 
 def _oscillations(
     record: FlightRecord,
-) -> tuple[tuple[tuple[OscillationReview, ...], tuple[Axis, ...]], list[Untold]]:
+) -> tuple[tuple[tuple[OscillationReview, ...], tuple[Axis, ...]], list[Unavailable]]:
     """Axes that swing, axes that do not, and those that could not be checked."""
     check = check_oscillations(record)
     rates = {axis: record.rate_hz(f"{axis}_command") for axis in RATE_OF}
-    untold = [
-        Untold(what=f"oscillations.{axis}", why=why, remedy=logging_advice(record, rates[axis]))
+    unavailable = [
+        Unavailable(what=f"oscillations.{axis}", why=why, remedy=logging_advice(record, rates[axis]))
         for axis, why in check.unchecked.items()
     ]
-    return (reviewed_oscillations(record), check.calm), untold
+    return (reviewed_oscillations(record), check.calm), unavailable
 
 
-def _hidden_by_limits(what: str, swinging: tuple[OscillationReview, ...]) -> Untold:
+def _hidden_by_limits(what: str, swinging: tuple[OscillationReview, ...]) -> Unavailable:
     """What no axis of a flight shows: motors at their limits answer to no command, of a calm axis neither."""
-    return Untold(what=what, why=limits_shown(swinging), remedy=END_FIRST)
+    return Unavailable(what=what, why=limits_shown(swinging), remedy=END_FIRST)
 
 
-def _loops_of(flight: Flown, swinging: tuple[OscillationReview, ...]) -> tuple[dict[str, LoopReview], Sequence[Untold]]:
+def _loops_of(
+    flight: FlightData, swinging: tuple[OscillationReview, ...]
+) -> tuple[dict[str, LoopReview], Sequence[Unavailable]]:
     """Loops as flown, unless motors at their limits hide all of them."""
     return ({}, [_hidden_by_limits("loops", swinging)]) if motors_limited(swinging) else loops(flight)
 
 
 def _margins_of(
-    flight: Flown, swinging: tuple[OscillationReview, ...]
-) -> tuple[dict[Axis, MarginReview], Sequence[Untold]]:
+    flight: FlightData, swinging: tuple[OscillationReview, ...]
+) -> tuple[dict[Axis, MarginReview], Sequence[Unavailable]]:
     """Margins of the axes that do not swing: what a log shows of a swinging loop is its limits, not its plant."""
     if motors_limited(swinging):
         return {}, [_hidden_by_limits("margins", swinging)]
-    axes = tuple(one.axis for one in swinging)
+    axes = tuple(oscillation.axis for oscillation in swinging)
     why = f"{describe(swinging)} The log then shows the limits of the loop and not its margins." if axes else ""
-    missing = [Untold(what=f"margins.{axis}", why=why, remedy=END_FIRST) for axis in axes]
+    missing = [Unavailable(what=f"margins.{axis}", why=why, remedy=END_FIRST) for axis in axes]
     if len(axes) == len(RATE_OF):
         return {}, missing
-    found, untold = margins(flight)
-    kept = {axis: one for axis, one in found.items() if axis not in axes}
-    return kept, [*missing, *(one for one in untold if one.what.split(".")[1] not in axes)]
+    found, unavailable = margins(flight)
+    kept = {axis: margin for axis, margin in found.items() if axis not in axes}
+    return kept, [*missing, *(gap for gap in unavailable if gap.what.split(".")[1] not in axes)]
 
 
-def _models(record: FlightRecord) -> tuple[dict[str, IdentifiedModel | Refused], list[Untold]]:
+def _models(record: FlightRecord) -> tuple[dict[str, IdentifiedModel | Refused], list[Unavailable]]:
     if record.status.foreign:
-        return {}, [Untold(what="models", why=f"{capital(foreign_vehicle(record))}; all models are of multirotors.")]
+        return {}, [
+            Unavailable(what="models", why=f"{capital(foreign_vehicle(record))}; all models are of multirotors.")
+        ]
     several = identify_several(record)
     lacking = {name: rate_support(record, name) for name in RATE_AXIS if name not in several}
     unsupported = [
-        Untold(what=f"models.{name}", why=f"{capital(support.because)}.", remedy=support.remedy)
+        Unavailable(what=f"models.{name}", why=f"{capital(support.because)}.", remedy=support.remedy)
         for name, support in lacking.items()
     ]
     return dict(several), [*_refusals(several.refused, record), *unsupported]
@@ -259,35 +263,35 @@ def _unsupported(record: FlightRecord, found: Mapping[str, IdentifiedModel | Ref
 
 
 def _with_thrust_of(
-    found: Mapping[str, IdentifiedModel | Refused], summary: FlightSummary, untold: list[Untold]
-) -> tuple[FlightSummary, list[Untold]]:
+    found: Mapping[str, IdentifiedModel | Refused], summary: FlightSummary, unavailable: list[Unavailable]
+) -> tuple[FlightSummary, list[Unavailable]]:
     """The flight with the full thrust that a model of its motors tells, where one does: a usual curve is a guess."""
     for model in found.values():
         if isinstance(model, IdentifiedModel) and model.motors is not None:
             ratio = model.motors.derived.get("thrust_to_weight")
             if ratio is not None and math.isfinite(ratio.value) and math.isfinite(ratio.std):
-                told = Quantity.normal(ratio.value, ratio.std, "1")
-                missing = [one for one in untold if one.what != "flight.thrust_to_weight"]
-                return replace(summary, thrust_to_weight=told), missing
-    return summary, untold
+                quantity = Quantity.normal(ratio.value, ratio.std, "1")
+                missing = [gap for gap in unavailable if gap.what != "flight.thrust_to_weight"]
+                return replace(summary, thrust_to_weight=quantity), missing
+    return summary, unavailable
 
 
-def next_commands(record: FlightRecord, seen: Review) -> tuple[str, ...]:
+def next_commands(record: FlightRecord, reviewed: Review) -> tuple[str, ...]:
     """The commands that lead on from here, for this very log.
 
     Parameters
     ----------
     record
         The log.
-    seen
+    reviewed
         Its review.
     """
-    identified = {name: model for name, model in seen.models.items() if isinstance(model, IdentifiedModel)}
+    identified = {name: model for name, model in reviewed.models.items() if isinstance(model, IdentifiedModel)}
     known = KnownOfLog(record=record, models=tuple(identified), identified=tuple(identified.values()))
-    if not seen.oscillations:
+    if not reviewed.oscillations:
         # A log that swings shows the limits of its loops, and a sweep on top of them would not be a safe flight.
-        loop = next(iter(seen.loops.values()), None)
-        wanted = seen.models_sought and seen.flight.flights and seen.vehicle.kind in ("", "multirotor")
+        loop = next(iter(reviewed.loops.values()), None)
+        wanted = reviewed.models_sought and reviewed.flight.flights and reviewed.vehicle.kind in ("", "multirotor")
         known = replace(
             known,
             loop=None
@@ -298,16 +302,18 @@ def next_commands(record: FlightRecord, seen: Review) -> tuple[str, ...]:
     return tuple(next_steps(known))
 
 
-def untold_by(error: InsufficientDataError, what: str) -> Untold:
+def unavailable_by(error: InsufficientDataError, what: str) -> Unavailable:
     """What an error leaves untold."""
     why = str(error.findings[0].message) if error.findings else str(error)
-    return Untold(what=what, why=why, remedy=error.remedy)
+    return Unavailable(what=what, why=why, remedy=error.remedy)
 
 
-def _refusals(refused: dict[str, Refused], record: FlightRecord) -> Iterator[Untold]:
+def _refusals(refused: dict[str, Refused], record: FlightRecord) -> Iterator[Unavailable]:
     for name, answer in refused.items():
         reasons = [finding.message for finding in answer.findings if finding.severity == "error"]
         axis = RATE_AXIS.get(name)
         short = {finding.kind for finding in answer.findings} & {"no_excitation", "low_coherence"}
         remedy = flying_advice(record, axis) if axis and short else ""
-        yield Untold(what=f"models.{name}", why=reasons[0] if reasons else "The data cannot support it.", remedy=remedy)
+        yield Unavailable(
+            what=f"models.{name}", why=reasons[0] if reasons else "The data cannot support it.", remedy=remedy
+        )

@@ -104,7 +104,7 @@ def _not_measured(missing: Sequence[str]) -> str:
     return f" Not measured: {listed(missing)}." if missing else ""
 
 
-class _Judged(NamedTuple):
+class _LimitedNumber(NamedTuple):
     """A number of an axis that a card judges by, with its row; ``per`` is what its limit is a share of."""
 
     axis: str
@@ -155,10 +155,10 @@ class _Judged(NamedTuple):
         return words.format(axis=self.axis, Axis=self.axis.capitalize(), value=self.figure.shown(self.quantity))
 
 
-def _judged(card: str, numbers: Mapping[str, Quantity], axis: str = "") -> list[_Judged]:
+def _judged(card: str, numbers: Mapping[str, Quantity], axis: str = "") -> list[_LimitedNumber]:
     """The numbers that a card judges by, in the order of their table; without an axis, their names begin with it."""
     return [
-        _Judged(
+        _LimitedNumber(
             axis=axis or name.partition("_")[0],
             name=name,
             figure=row,
@@ -172,29 +172,32 @@ def _judged(card: str, numbers: Mapping[str, Quantity], axis: str = "") -> list[
 
 def _tracking(review: Review) -> Card:
     title, loops = "Do roll and pitch follow the stick?", review.loops
-    swinging = [one.axis for one in review.oscillations]
+    swinging = [oscillation.axis for oscillation in review.oscillations]
     if swinging:
         sentence = f"{capital(listed(swinging))} {'oscillates' if len(swinging) == 1 else 'oscillate'}: end that first."
         return Card(key="tracking", title=title, state="cannot", number="", sentence=sentence)
     judged = [
-        one for name in ("p", "q") if name in loops for one in _judged("tracking", loops[name].numbers, _RATES[name])
+        oscillation
+        for name in ("p", "q")
+        if name in loops
+        for oscillation in _judged("tracking", loops[name].numbers, _RATES[name])
     ]
-    rises = [one for one in judged if one.name == "rise_time_s"]
-    overshoots = [one for one in judged if one.name == "overshoot_percent"]
+    rises = [oscillation for oscillation in judged if oscillation.name == "rise_time_s"]
+    overshoots = [oscillation for oscillation in judged if oscillation.name == "overshoot_percent"]
     if not rises:
         sentence = "This log does not show how quickly roll and pitch follow their set-points."
         return Card(key="tracking", title=title, state="cannot", number="", sentence=sentence)
     bad, unsure = _sorted(judged)
     if bad:
         # What bounces is said before what is slow.
-        worst = next((one for one in bad if one not in rises), bad[0])
+        worst = next((number for number in bad if number not in rises), bad[0])
         return Card(key="tracking", title=title, state="look", number=worst.shown, sentence=worst.trouble)
     if unsure:
         worst = unsure[0]
         return Card(key="tracking", title=title, state="cannot", number=worst.shown, sentence=worst.unsure())
-    most = max(overshoots, key=lambda one: one.quantity.upper, default=None)
+    most = max(overshoots, key=lambda number: number.quantity.upper, default=None)
     by = f", with at most {most.quantity.upper:.0f} % overshoot" if most is not None else ""
-    axes = [one.axis for one in rises]
+    axes = [number.axis for number in rises]
     who = f"{capital(listed(axes))} {'follow their set-points' if len(axes) > 1 else 'follows its set-point'}"
     missing = [axis for axis in ("roll", "pitch") if axis not in axes]
     missing += _lacking("tracking", axes, judged)
@@ -202,62 +205,62 @@ def _tracking(review: Review) -> Card:
         key="tracking",
         title=title,
         state=_good(missing),
-        number=max(rises, key=lambda one: one.quantity.value).shown,
+        number=max(rises, key=lambda number: number.quantity.value).shown,
         sentence=f"{who}{by}.{_not_measured(missing)}",
     )
 
 
-def _lacking(card: str, axes: Sequence[str], judged: Sequence[_Judged]) -> list[str]:
+def _lacking(card: str, axes: Sequence[str], judged: Sequence[_LimitedNumber]) -> list[str]:
     """Numbers of a card that some axes lack, in words."""
-    known = {(one.axis, one.name) for one in judged}
+    known = {(number.axis, number.name) for number in judged}
     rows = {name: row for name, row in QUANTITIES.items() if row.card == card}
     return [f"{row.words} of {axis}" for axis in axes for name, row in rows.items() if (axis, name) not in known]
 
 
-def _sorted(judged: Sequence[_Judged]) -> tuple[list[_Judged], list[_Judged]]:
+def _sorted(judged: Sequence[_LimitedNumber]) -> tuple[list[_LimitedNumber], list[_LimitedNumber]]:
     """What is surely bad and what may be, each the worst first."""
-    bad = sorted((one for one in judged if one.verdict == "look"), key=lambda one: -one.sure_end)
-    unsure = sorted((one for one in judged if one.verdict == "cannot"), key=lambda one: -one.bad_end)
+    bad = sorted((number for number in judged if number.verdict == "look"), key=lambda number: -number.sure_end)
+    unsure = sorted((number for number in judged if number.verdict == "cannot"), key=lambda number: -number.bad_end)
     return bad, unsure
 
 
-def _margin_number(review: Review, one: _Judged) -> str:
+def _margin_number(review: Review, number: _LimitedNumber) -> str:
     """A margin, with the end of a D that moves in flight for which it was computed."""
-    margin = review.margins[one.axis]  # type: ignore[index]
+    margin = review.margins[number.axis]  # type: ignore[index]
     known = margin.numbers.get("crossover_rad_s")
     each = {name: end.get("crossover_rad_s") for name, end in margin.ends.items()}
     same = [name for name, end in each.items() if known and end and math.isclose(end.value, known.value)]
-    return f"{one.shown}{f' with {same[0]}' if len(same) == 1 else ''}"
+    return f"{number.shown}{f' with {same[0]}' if len(same) == 1 else ''}"
 
 
 def _margins(review: Review) -> Card:
     title = "How close is it to shaking?"
     if review.oscillations:
         return _shaking(review)
-    judged = [one for axis, margin in review.margins.items() for one in _judged("margins", margin.numbers, axis)]
-    phases = [one for one in judged if one.name == "phase_margin_deg"]
+    judged = [item for axis, margin in review.margins.items() for item in _judged("margins", margin.numbers, axis)]
+    phases = [margin for margin in judged if margin.name == "phase_margin_deg"]
     # Number and sentence are of one loop: of those that are surely bad the worst, then of those that may be.
     bad, unsure = _sorted(judged)
     if bad:
         number, sentence = _margin_number(review, bad[0]), bad[0].trouble
         return Card(key="margins", title=title, state="look", number=number, sentence=sentence)
     # Gusts show numbers of an axis whose stick rests, and are no test of its loop.
-    excited = [one for one in phases if not review.margins[one.axis].stick_idle]  # type: ignore[index]
+    excited = [number for number in phases if not review.margins[number.axis].stick_idle]  # type: ignore[index]
     calm = _calm(review)
     if not excited:
-        axes = [one.axis for one in phases]
+        axes = [number.axis for number in phases]
         idle = f" The {listed(axes)} stick{'s' * (len(axes) > 1)} hardly moved." if axes else ""
         sentence = f"{calm}Not enough data to say how much more gain the loops can take.{idle}"
         return Card(key="margins", title=title, state="cannot", number="", sentence=sentence)
-    if unsure := [one for one in unsure if one.axis in {known.axis for known in excited}]:
+    if unsure := [number for number in unsure if number.axis in {known.axis for known in excited}]:
         worst = unsure[0]
         remedy = _remedy(review, f"margins.{worst.axis}.") or _MOVE_MORE.format(axis=worst.axis)
         number, sentence = _margin_number(review, worst), worst.unsure(remedy)
         return Card(key="margins", title=title, state="cannot", number=number, sentence=sentence)
-    names = [one.axis for one in excited]
+    names = [number.axis for number in excited]
     which = "loops keep" if len(names) > 1 else "loop keeps"
     others = [axis for axis in RATE_OF if axis not in names]
-    resting = {axis for axis, one in review.margins.items() if one.stick_idle}
+    resting = {axis for axis, margin in review.margins.items() if margin.stick_idle}
     missing = [f"{axis} (its stick hardly moved)" if axis in resting else axis for axis in others]
     missing += (unknown := _lacking("margins", names, judged))
     missing += [f"oscillation of {axis}" for axis in names if axis not in review.calm]
@@ -266,7 +269,7 @@ def _margins(review: Review) -> Card:
         if not unknown
         else f"The {listed(names)} {which} a phase margin of more than {phases[0].figure.limit_text()}."
     )
-    least = max(excited, key=lambda one: one.bad_end)
+    least = max(excited, key=lambda number: number.bad_end)
     return Card(
         key="margins",
         title=title,
@@ -279,10 +282,10 @@ def _margins(review: Review) -> Card:
 def _shaking(review: Review) -> Card:
     """An axis that swings is beyond all margins."""
     found = review.oscillations
-    axes = [one.axis for one in found]
-    first = max(found, key=lambda one: one.rms)
+    axes = [oscillation.axis for oscillation in found]
+    first = max(found, key=lambda oscillation: oscillation.rms)
     number = "" if first.frequency_hz is None else f"{listed(axes)} {first.frequency_hz:.1f} Hz"
-    how = "as listed below" if any(one.gains for one in found) else "to a third"
+    how = "as listed below" if any(oscillation.gains for oscillation in found) else "to a third"
     sentence = f"{describe(found)} Lower {gain_words(found)} of {listed(axes)} before the next flight, {how}."
     return Card(
         key="margins",
@@ -306,24 +309,24 @@ def _noise(review: Review) -> Card:
     vibration, clipping = noise.numbers.get("vibration_m_s2"), noise.numbers.get("clipping_share")
     number = "" if vibration is None else QUANTITIES["vibration_m_s2"].shown(vibration)
     if review.oscillations:
-        axes = [one.axis for one in review.oscillations]
+        axes = [oscillation.axis for oscillation in review.oscillations]
         sentence = f"{capital(listed(axes))} {'oscillates' if len(axes) == 1 else 'oscillate'}: end that first."
         return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
     judged = _judged("noise", noise.numbers)
-    shares = [one for one in judged if one.name.endswith("_d_noise_share")]
-    loud = max(shares, key=lambda one: one.quantity.value, default=None)
+    shares = [oscillation for oscillation in judged if oscillation.name.endswith("_d_noise_share")]
+    loud = max(shares, key=lambda oscillation: oscillation.quantity.value, default=None)
     if not number and loud is not None:
         number = f"{loud.figure.shown(loud.quantity)} of the motor range"
     # What share of this flight clipped was counted, and is no estimate.
     if clipping is not None and clipping.value > QUANTITIES["clipping_share"].limit:
         sentence = QUANTITIES["clipping_share"].trouble
         return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
-    shaken = next((one for one in judged if one.name == "vibration_m_s2"), None)
-    bad, unsure = _sorted([one for one in judged if one.name != "clipping_share"])
+    shaken = next((oscillation for oscillation in judged if oscillation.name == "vibration_m_s2"), None)
+    bad, unsure = _sorted([oscillation for oscillation in judged if oscillation.name != "clipping_share"])
     if bad:
         worst = shaken if shaken in bad else bad[0]
         return Card(key="noise", title=title, state="look", number=number, sentence=worst.trouble)
-    strongest = max(noise.peaks, key=lambda one: one.height_db, default=None)
+    strongest = max(noise.peaks, key=lambda peak: peak.height_db, default=None)
     where = "" if strongest is None else f" The strongest line is at {strongest.frequency_hz.value:.0f} Hz."
     if unsure:
         return Card(key="noise", title=title, state="cannot", number=number, sentence=f"{unsure[0].unsure()}{where}")
@@ -351,14 +354,14 @@ def _motors(review: Review) -> Card:
     motors, numbers = review.motors, review.motors.numbers
     imbalance, headroom, high = (numbers.get(name) for name in ("imbalance", "headroom", "saturated_high_share"))
     logged = "motor_1" in review.logging.rates_hz
-    unseen = not logged or any(one.what == "motors" for one in review.cannot_tell)
+    unseen = not logged or any(gap.what == "motors" for gap in review.cannot_tell)
     if imbalance is None and headroom is None and high is None and unseen:
         sentence = f"Motor outputs are {'not logged in the air' if logged else 'not in this log'}."
         return Card(key="motors", title=title, state="cannot", number="", sentence=sentence)
     # What share of this flight stood at a limit was counted, and is no estimate.
     full = "" if high is None else f"{100.0 * high.value:.1f} %"
     number = f"{full} at full output" if high is not None and high.value > _SELDOM else ""
-    judged = {one.name: one for one in _judged("motors", numbers)}
+    judged = {gap.name: gap for gap in _judged("motors", numbers)}
     uneven, left = judged.get("imbalance"), judged.get("headroom")
     if uneven is not None:
         number = f"{uneven.figure.shown(uneven.quantity)} imbalance"
@@ -369,8 +372,8 @@ def _motors(review: Review) -> Card:
         return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
     if motors_limited(review.oscillations):
         # The share of the oscillation itself: another count would be another number for the same thing.
-        axes = capital(listed([one.axis for one in review.oscillations]))
-        most = max(one.at_limit_percent or 0.0 for one in review.oscillations)
+        axes = capital(listed([oscillation.axis for oscillation in review.oscillations]))
+        most = max(oscillation.at_limit_percent or 0.0 for oscillation in review.oscillations)
         sentence = f"{axes} {'oscillates' if len(review.oscillations) == 1 else 'oscillate'}: end that first."
         return Card(key="motors", title=title, state="look", number=f"{most:.0f} % at a limit", sentence=sentence)
     if uneven is not None and uneven.verdict == "look":
@@ -381,19 +384,19 @@ def _motors(review: Review) -> Card:
         sentence = f"A motor stood at full output for {full} of the flight: nothing is left for control then."
         return Card(key="motors", title=title, state="look", number=f"{full} at full output", sentence=sentence)
     # Shares at a limit were counted, and are no estimates.
-    estimated = [one for one in judged.values() if not one.name.startswith("saturated")]
+    estimated = [gap for gap in judged.values() if not gap.name.startswith("saturated")]
     bad, _ = _sorted(estimated)
     if bad:
         return Card(key="motors", title=title, state="look", number=number, sentence=bad[0].trouble)
     limits = _at_limits(numbers)
     if uneven is None or left is None:
-        why = next((one.why for one in review.cannot_tell if one.what == "motors.imbalance"), "")
+        why = next((gap.why for gap in review.cannot_tell if gap.what == "motors.imbalance"), "")
         sentence = " ".join(part for part in ("Not enough data to say how evenly they work.", why, limits) if part)
         remedy = _remedy(review, "motors.imbalance")
         if remedy:
             sentence += f" To measure it: {_lower_first(remedy)}"
         return Card(key="motors", title=title, state="cannot", number=number, sentence=sentence)
-    unsure = next((one for one in estimated if one.verdict == "cannot"), None)
+    unsure = next((gap for gap in estimated if gap.verdict == "cannot"), None)
     if unsure is not None:
         sentence = f"{unsure.unsure()}{limits and ' '}{limits}"
         return Card(key="motors", title=title, state="cannot", number=number, sentence=sentence)
@@ -435,10 +438,12 @@ def _power(review: Review) -> Card:
     verdicts: set[State] = set()
     sagged = False
 
-    def judge(found: Sequence[_Judged]) -> None:
-        verdicts.update(one.verdict for one in found)
+    def judge(found: Sequence[_LimitedNumber]) -> None:
+        verdicts.update(number.verdict for number in found)
         sentences.extend(
-            one.trouble if one.verdict == "look" else one.unsure() for one in found if one.verdict != "good"
+            number.trouble if number.verdict == "look" else number.unsure()
+            for number in found
+            if number.verdict != "good"
         )
 
     if ratio is not None:
@@ -452,7 +457,7 @@ def _power(review: Review) -> Card:
             sagged = True
             judge(_judged("power", battery))
     missing = [*([] if ratio is not None else ["full thrust over weight"]), *([] if sagged else ["sag under load"])]
-    state: State = next((one for one in ("look", "cannot") if one in verdicts), _good(missing))
+    state: State = next((state for state in ("look", "cannot") if state in verdicts), _good(missing))
     if not verdicts:
         state = "cannot"
     sentence = f"{' '.join(sentences)}{_not_measured(missing)}".strip()
@@ -477,7 +482,7 @@ def _models(review: Review) -> Card:
         found = verdict(model)
         if found.color != "green":
             doubted.setdefault(found.word, []).append(name)
-        if any(one.kind == "poor_verification" for one in model.findings):
+        if any(finding.kind == "poor_verification" for finding in model.findings):
             doubted.setdefault("misses unseen flight", []).append(name)
     sentence += "".join(f" {capital(word)}: {', '.join(names)}." for word, names in doubted.items())
     lacking = [name for name in sought if name not in stands]
@@ -493,18 +498,18 @@ def _models_words(count: int) -> str:
 
 
 def _standing(review: Review) -> dict[str, IdentifiedModel]:
-    return {name: one for name, one in review.models.items() if isinstance(one, IdentifiedModel)}
+    return {name: model for name, model in review.models.items() if isinstance(model, IdentifiedModel)}
 
 
 def without_sweep(review: Review) -> bool:
     """Whether the models of a review were identified without any maneuver that was made for it."""
-    flown = (one for model in _standing(review).values() for one in model.provenance.maneuvers)
-    return not any(one.kind in RICH_KINDS for one in flown)
+    flown = (maneuver for model in _standing(review).values() for maneuver in model.provenance.maneuvers)
+    return not any(maneuver.kind in RICH_KINDS for maneuver in flown)
 
 
 def _remedy(review: Review, what: str) -> str:
     """The first thing to do about what a flight cannot tell of something; empty where nothing is known."""
-    return next((one.remedy for one in review.cannot_tell if one.what.startswith(what) and one.remedy), "")
+    return next((gap.remedy for gap in review.cannot_tell if gap.what.startswith(what) and gap.remedy), "")
 
 
 def _lower_first(sentence: str) -> str:

@@ -24,7 +24,7 @@ from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.flights.hover import hover_of, thrust_curve
 from rotorid.flights.same_vehicle import frame_of
 from rotorid.models.autopilots.layouts import layout_of
-from rotorid.reviewing.values import FlightSummary, LoggingReview, Untold, VehicleReview
+from rotorid.reviewing.values import FlightSummary, LoggingReview, Unavailable, VehicleReview
 from rotorid.signal.airborne import airborne, in_air
 from rotorid.signal.battery import battery_voltages
 from rotorid.signal.clock import even_step_s
@@ -57,7 +57,7 @@ _FULL = 0.9
 """Throttle that counts as full."""
 
 
-def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Untold, ...]]:
+def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Unavailable, ...]]:
     """What flew, as far as the log says it.
 
     Parameters
@@ -73,12 +73,12 @@ def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Untold, ...]]:
             count = int(layout_of(record).positions.shape[0])
         except (InsufficientDataError, ModelError):
             count = None
-    untold = []
+    unavailable = []
     if not record.status.vehicle:
         why = "The log does not say what kind of vehicle it is; it is taken for a multirotor."
-        untold.append(Untold(what="vehicle.kind", why=why))
+        unavailable.append(Unavailable(what="vehicle.kind", why=why))
     if not frame:
-        untold.append(Untold(what="vehicle.frame", why=f"The log does not name the frame{source}."))
+        unavailable.append(Unavailable(what="vehicle.frame", why=f"The log does not name the frame{source}."))
     found = VehicleReview(
         autopilot=writer_of(record).name or record.source.format,
         firmware=record.source.firmware,
@@ -86,10 +86,10 @@ def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Untold, ...]]:
         frame=frame,
         motors=count,
     )
-    return found, tuple(untold)
+    return found, tuple(unavailable)
 
 
-def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Untold, ...]]:
+def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]]:
     """Flights, battery, throttle of hover, thrust over weight, wind and modes.
 
     Parameters
@@ -104,14 +104,14 @@ def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Untold, ...]]:
     """
     found = airborne(record)
     flights = found.intervals
-    battery, untold = _battery(record, flights)
+    battery, unavailable = _battery(record, flights)
     hover, ratio, missing = _thrust(record, flights)
-    untold += missing
+    unavailable += missing
     wind, missing = _wind(record, flights)
-    untold += missing
+    unavailable += missing
     modes = _modes(record, flights)
     if not modes:
-        untold.append(Untold(what="flight.modes", why="The log does not say in which modes it flew."))
+        unavailable.append(Unavailable(what="flight.modes", why="The log does not say in which modes it flew."))
     summary = FlightSummary(
         flights=flights,
         seen_in=found.seen_in,
@@ -121,23 +121,27 @@ def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Untold, ...]]:
         wind=wind,
         modes=modes,
     )
-    return summary, tuple(untold)
+    return summary, tuple(unavailable)
 
 
-def _battery(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity], list[Untold]]:
+def _battery(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity], list[Unavailable]]:
     numbers = dict(battery_voltages(record, flights))
     if not numbers:
         why = "The battery's voltage is not logged in the air."
-        return {}, [Untold(what="flight.battery", why=why, remedy="turn on the battery monitor")]
+        return {}, [Unavailable(what="flight.battery", why=why, remedy="turn on the battery monitor")]
     time_s, volts = in_air(record, "battery_voltage", flights)
     stamps, amperes = in_air(record, "battery_current", flights)
     if stamps.size < 20 or float(np.percentile(amperes, 90)) < _LEAST_CURRENT_A:
         why = "The battery's current is not logged."
-        return numbers, [Untold(what="flight.battery.resistance_ohm", why=why, remedy="turn on the current sensor")]
+        return numbers, [
+            Unavailable(what="flight.battery.resistance_ohm", why=why, remedy="turn on the current sensor")
+        ]
     found = _resistance(time_s, volts, stamps, amperes)
     if found is None:
         why = "Current and voltage do not move together, so that they tell no resistance."
-        return numbers, [Untold(what="flight.battery.resistance_ohm", why=why, remedy="raise the throttle a few times")]
+        return numbers, [
+            Unavailable(what="flight.battery.resistance_ohm", why=why, remedy="raise the throttle a few times")
+        ]
     numbers["resistance_ohm"] = found
     mean = float(np.mean(amperes))
     numbers["sag_v"] = Quantity(
@@ -192,23 +196,27 @@ def _averaged(clock: FloatArray, time_s: FloatArray, values: FloatArray) -> Floa
     return np.asarray(np.where(count > 0, means, np.interp(clock, time_s, values)))
 
 
-def _thrust(record: FlightRecord, flights: Intervals) -> tuple[Quantity | None, Quantity | None, list[Untold]]:
+def _thrust(record: FlightRecord, flights: Intervals) -> tuple[Quantity | None, Quantity | None, list[Unavailable]]:
     """Throttle of hover in steady seconds, and thrust over weight."""
     found = hover_of(record, flights)
     if found is None:
         why = "Neither thrust nor motors are logged."
-        return None, None, [Untold(what=f"flight.{part}", why=why) for part in ("hover_throttle", "thrust_to_weight")]
-    untold: list[Untold] = []
+        return (
+            None,
+            None,
+            [Unavailable(what=f"flight.{part}", why=why) for part in ("hover_throttle", "thrust_to_weight")],
+        )
+    unavailable: list[Unavailable] = []
     if found.hovering is None:
         why = f"The vehicle hovered quietly for {found.steady_s} s only."
-        untold.append(
-            Untold(what="flight.hover_throttle", why=why, remedy="hover for 20 s without touching the sticks")
+        unavailable.append(
+            Unavailable(what="flight.hover_throttle", why=why, remedy="hover for 20 s without touching the sticks")
         )
     ratio, why = _thrust_to_weight(record, flights, found.hovering, found.time_s, found.throttle)
     if ratio is None:
         remedy = "raise the throttle to full for half a second in a safe climb"
-        untold.append(Untold(what="flight.thrust_to_weight", why=why, remedy=remedy))
-    return found.hovering, ratio, untold
+        unavailable.append(Unavailable(what="flight.thrust_to_weight", why=why, remedy=remedy))
+    return found.hovering, ratio, unavailable
 
 
 def _thrust_to_weight(
@@ -227,12 +235,12 @@ def _thrust_to_weight(
     full = force[asked >= _FULL]
     if full.size < size:
         most, long_s = float(np.max(asked)), full.size * step_s
-        seen = (
+        demand_words = (
             f"were asked for {100.0 * _FULL:.0f} % and more for {long_s:.2g} s only"
             if full.size
             else f"were never asked for more than {100.0 * most:.0f} % at once"
         )
-        return None, f"All motors together {seen}, so that their most was not seen."
+        return None, f"All motors together {demand_words}, so that their most was not seen."
     value = float(np.percentile(full, 90))
     # Speed through the air takes thrust away: at rest it is more.
     return Quantity(value=value, std=0.1 * value, lower=0.9 * value, upper=1.5 * value, unit="1"), ""
@@ -255,12 +263,12 @@ def _by_hover(record: FlightRecord, hover: Quantity) -> Quantity:
     return Quantity(value=value, std=std, lower=min(max(lower, 1.0), value), upper=upper, unit="1")
 
 
-def _wind(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity], list[Untold]]:
+def _wind(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity], list[Unavailable]]:
     _, north = in_air(record, "wind_north", flights)
     _, east = in_air(record, "wind_east", flights)
     if north.size < 5 or north.size != east.size or not (np.any(north) or np.any(east)):
         why = "The log holds no estimate of the wind."
-        return {}, [Untold(what="flight.wind", why=why, remedy=wind_advice(record))]
+        return {}, [Unavailable(what="flight.wind", why=why, remedy=wind_advice(record))]
     mean_n, mean_e = float(np.mean(north)), float(np.mean(east))
     speed = math.hypot(mean_n, mean_e)
     # An estimator's own error is of this order; its spread holds gusts.
@@ -316,7 +324,7 @@ _PX4_TOPICS: Mapping[str, tuple[str, float]] = {
 _PX4_WANTED: Mapping[str, float] = {**_NEEDED, "thrust_command": GOOD_RATE_HZ, "phi_setpoint": 50.0}
 
 
-def logging(record: FlightRecord) -> tuple[LoggingReview, tuple[Untold, ...]]:
+def logging(record: FlightRecord) -> tuple[LoggingReview, tuple[Unavailable, ...]]:
     """Rates of all channels, the longest gap in flight, and what to change before the next one.
 
     Parameters
@@ -340,12 +348,12 @@ def logging(record: FlightRecord) -> tuple[LoggingReview, tuple[Untold, ...]]:
     slow = {name: rates.get(name, 0.0) for name, needed in _NEEDED.items() if rates.get(name, 0.0) < 0.9 * needed}
     change = tuple(_changes(record, slow, gap_s))
     topics = logger_topics(record) if autopilot_of(record).log.topics_listed else ""
-    untold = []
+    unavailable = []
     loops = [name for name in ("p", "p_setpoint", "roll_command") if not rates.get(name, 0.0)]
     if loops:
         why = f"The log does not hold {', '.join(loops)}."
-        untold.append(Untold(what="logging.rates", why=why, remedy=change[0] if change else ""))
-    return LoggingReview(rates_hz=rates, longest_gap_s=gap_s, change=change, topics=topics), tuple(untold)
+        unavailable.append(Unavailable(what="logging.rates", why=why, remedy=change[0] if change else ""))
+    return LoggingReview(rates_hz=rates, longest_gap_s=gap_s, change=change, topics=topics), tuple(unavailable)
 
 
 def _changes(record: FlightRecord, slow: Mapping[str, float], gap_s: float) -> Iterator[str]:
@@ -355,9 +363,9 @@ def _changes(record: FlightRecord, slow: Mapping[str, float], gap_s: float) -> I
         rate_hz = min(slow[name] for name in loop)
         if autopilot_of(record).log.fields_chosen:
             missing = tuple(name for name in loop if name not in record.channel_names)
-            said = f"{', '.join(missing)} not logged" if missing else f"Rates are logged at {rate_hz:.0f} Hz"
+            reason = f"{', '.join(missing)} not logged" if missing else f"Rates are logged at {rate_hz:.0f} Hz"
             advice = logging_advice(record, rate_hz, missing)
-            yield f"{said}: {advice}." if advice else f"{said}."
+            yield f"{reason}: {advice}." if advice else f"{reason}."
         else:
             advice = logging_advice(record, rate_hz)
             if autopilot_of(record).log.topics_listed:

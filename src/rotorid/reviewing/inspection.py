@@ -23,7 +23,7 @@ from rotorid.flying.next_steps import KnownOfLog, next_steps
 from rotorid.models.families import RATE_AXIS, family_of, rate_model_of
 from rotorid.results.provenance import LoggedManeuver, logged
 from rotorid.settings.identifying import IdentifySettings
-from rotorid.signal.airborne import Airborne, airborne, told_by
+from rotorid.signal.airborne import Airborne, airborne, evidence_words
 from rotorid.signal.battery import battery_voltages
 from rotorid.signal.excitations import (
     candidate_excitations,
@@ -193,7 +193,7 @@ class Inspection(Immutable):
         for model, support in self.supports.items():
             yield model, "yes" if support.possible else "no", support.because
         for flight in self.flights:
-            yield "in the air", f"{flight.start_s:.1f} to {flight.stop_s:.1f} s", told_by(flight.seen_in)
+            yield "in the air", f"{flight.start_s:.1f} to {flight.stop_s:.1f} s", evidence_words(flight.seen_in)
         for maneuver in (*self.excitations, *self.candidates):
             origin = "candidate" if isinstance(maneuver, CandidateManeuver) else maneuver.origin
             interval = f"{maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s"
@@ -390,7 +390,7 @@ def _flights(flight: Airborne) -> tuple[FlightInterval, ...]:
 
 def _battery(record: FlightRecord, flight: Airborne | None) -> Battery | None:
     volts = battery_voltages(record, flight.intervals if flight else ())
-    return Battery(**{name: one.value for name, one in volts.items()}) if volts else None
+    return Battery(**{name: quantity.value for name, quantity in volts.items()}) if volts else None
 
 
 def _gaps(time_s: FloatArray) -> IntArray:

@@ -26,11 +26,11 @@ from rotorid.errors import InsufficientDataError
 from rotorid.flights.whole_flights import (
     LEAST_MOTION_S,
     USABLE_ERROR,
-    Flown,
+    FlightData,
     Instrument,
     loop_response,
 )
-from rotorid.reviewing.values import LoopReview, StepCurve, Untold
+from rotorid.reviewing.values import LoopReview, StepCurve, Unavailable
 from rotorid.signal.motors import motor_limits
 from rotorid.spectral.impulse import (
     ImpulseResponse,
@@ -84,7 +84,7 @@ _SIZE_WINDOW_S = 2.0
 _LEAST_OF_SIZE_S = 30.0
 """Small and large set-points are told apart where each lasted as long."""
 
-_SIZES_APART = 2.0
+_LEAST_SIZE_RATIO = 2.0
 """And where their sizes differ by more than this factor."""
 
 _STRETCH_S = 6.0
@@ -148,7 +148,7 @@ _FEEDFORWARDS: Mapping[Axis, tuple[str, ...]] = MappingProxyType(
 _MOVE = "move the {axis} stick for 30 s: quick pairs to both sides of 5 to 10 degrees, one every second"
 
 
-def loops(flight: Flown) -> tuple[dict[str, LoopReview], tuple[Untold, ...]]:
+def loops(flight: FlightData) -> tuple[dict[str, LoopReview], tuple[Unavailable, ...]]:
     """Every loop that a flight tells, and what it cannot tell of them.
 
     Parameters
@@ -163,43 +163,43 @@ def loops(flight: Flown) -> tuple[dict[str, LoopReview], tuple[Untold, ...]]:
         nothing is known is not there. ``Untold.what`` is ``loops.NAME`` or ``loops.NAME.NUMBER``.
     """
     found: dict[str, LoopReview] = {}
-    untold: list[Untold] = []
+    unavailable: list[Unavailable] = []
     saturated = _saturation(flight.record)
     for loop in LOOPS:
         review, missing = loop_of(flight, loop)
-        untold += missing
+        unavailable += missing
         if review is not None:
             found[loop.name] = replace(review, findings=(*review.findings, *saturated)) if loop.of_rates else review
-    return found, tuple(untold)
+    return found, tuple(unavailable)
 
 
-def loop_of(flight: Flown, loop: Loop) -> tuple[LoopReview | None, tuple[Untold, ...]]:
+def loop_of(flight: FlightData, loop: Loop) -> tuple[LoopReview | None, tuple[Unavailable, ...]]:
     """One loop of a flight, and what of it cannot be told."""
     instrument, channel = flight.instrument(loop.axis, of_rates=loop.of_rates)
     why = _missing(flight, loop, instrument, channel)
     if why is not None:
         return None, (why,) if why.why else ()
     try:
-        return _told(flight, loop, instrument, channel)
+        return _measure_loop(flight, loop, instrument, channel)
     except InsufficientDataError as error:
-        return None, (Untold(what=f"loops.{loop.name}", why=_sentence(error), remedy=error.remedy),)
+        return None, (Unavailable(what=f"loops.{loop.name}", why=_sentence(error), remedy=error.remedy),)
 
 
-def _missing(flight: Flown, loop: Loop, instrument: Instrument, channel: str) -> Untold | None:
+def _missing(flight: FlightData, loop: Loop, instrument: Instrument, channel: str) -> Unavailable | None:
     """What keeps a loop from being looked at; without a reason where such a loop was not flown."""
     names, what = flight.record.channel_names, f"loops.{loop.name}"
     # In acro no loop holds an attitude; and nobody misses a velocity that is not controlled.
     flown_directly = flight.instrument("roll")[0] == "direct"
     if loop.reference not in names or loop.name not in names:
         if loop.name not in _EXPECTED or (flown_directly and not loop.of_rates):
-            return Untold(what=what, why="")
+            return Unavailable(what=what, why="")
         lacking = tuple(name for name in (loop.reference, loop.name) if name not in names)
         remedy = logging_advice(flight.record, 0.0, lacking)
-        return Untold(what=what, why=f"The log holds no {' and no '.join(lacking)}.", remedy=remedy)
+        return Unavailable(what=what, why=f"The log holds no {' and no '.join(lacking)}.", remedy=remedy)
     if flown_directly and not loop.of_rates:
-        return Untold(what=what, why="")
+        return Unavailable(what=what, why="")
     if not channel:
-        return Untold(
+        return Unavailable(
             what=what,
             why=f"{loop.reference} holds feedback, and the log holds no {loop.axis} stick that would do without it.",
             remedy=f"log the sticks, at 5 Hz and more ({loop.axis}_stick)",
@@ -207,7 +207,7 @@ def _missing(flight: Flown, loop: Loop, instrument: Instrument, channel: str) ->
     moved_s = flight.moving_s(channel, flight.during(instrument))
     if moved_s < LEAST_MOTION_S:
         moved = f"moved for {moved_s:.0f} s only" if moved_s else "did not move"
-        return Untold(
+        return Unavailable(
             what=what,
             why=f"{_words(channel)} {moved}: gusts alone would show the controller, not the loop.",
             remedy=_MOVE.format(axis=loop.axis),
@@ -215,25 +215,25 @@ def _missing(flight: Flown, loop: Loop, instrument: Instrument, channel: str) ->
     return None
 
 
-def _told(
-    flight: Flown, loop: Loop, instrument: Instrument, channel: str
-) -> tuple[LoopReview | None, tuple[Untold, ...]]:
-    held = () if channel == loop.reference else (channel,)
+def _measure_loop(
+    flight: FlightData, loop: Loop, instrument: Instrument, channel: str
+) -> tuple[LoopReview | None, tuple[Unavailable, ...]]:
+    sampled = () if channel == loop.reference else (channel,)
     intervals = flight.during(instrument)
-    histories = flight.histories((loop.reference, loop.name), held=held, intervals=intervals)
+    histories = flight.histories((loop.reference, loop.name), sampled=sampled, intervals=intervals)
     response = _response(flight, loop, channel, histories)
     usable = usable_points(response)
     omega = response.omega_rad_s
     if np.count_nonzero(usable) < 8:
         return None, (_incoherent(loop, channel, 0.0),)
-    if held and loop.of_rates:
+    if sampled and loop.of_rates:
         response = _beyond_the_stick(flight, loop, channel, histories, response)
         usable = usable_points(response)
     scale = phase_crossing(omega[usable], response.values[0, 0][usable])
-    seen = _coherence(response, 0.5 * min(scale, float(omega[usable][-1])))
-    if seen < _LEAST_COHERENCE:
-        return None, (_incoherent(loop, channel, seen),)
-    if held and _coherence(response, min(scale, float(omega[usable][-1]))) < _SURE_COHERENCE:
+    coherence = _coherence(response, 0.5 * min(scale, float(omega[usable][-1])))
+    if coherence < _LEAST_COHERENCE:
+        return None, (_incoherent(loop, channel, coherence),)
+    if sampled and _coherence(response, min(scale, float(omega[usable][-1]))) < _SURE_COHERENCE:
         # A stick that gusts nearly drown errs by more than noise explains.
         response = _doubted(response)
         usable = usable_points(response)
@@ -256,7 +256,7 @@ def _told(
         # Rates that were logged so slowly are folded over themselves: not even the response is one.
         return None if loop.of_rates else review, (_too_slow(loop, "", logged_hz, scale),)
     impulse = _impulse(response, usable, loop)
-    numbers, untold = _numbers(loop, impulse, response, logged_hz)
+    numbers, unavailable = _numbers(loop, impulse, response, logged_hz)
     stepped = "rise_time_s" in numbers or "overshoot_percent" in numbers
     review = replace(
         review,
@@ -264,10 +264,10 @@ def _told(
         numbers=numbers,
         findings=(*review.findings, *_remarks(flight, loop, impulse)),
     )
-    return review, tuple(untold)
+    return review, tuple(unavailable)
 
 
-def _response(flight: Flown, loop: Loop, channel: str, histories: Sequence[TimeHistory]) -> FrequencyResponse:
+def _response(flight: FlightData, loop: Loop, channel: str, histories: Sequence[TimeHistory]) -> FrequencyResponse:
     return loop_response(
         flight,
         reference=loop.reference,
@@ -279,7 +279,7 @@ def _response(flight: Flown, loop: Loop, channel: str, histories: Sequence[TimeH
 
 
 def _beyond_the_stick(
-    flight: Flown, loop: Loop, channel: str, histories: Sequence[TimeHistory], joint: FrequencyResponse
+    flight: FlightData, loop: Loop, channel: str, histories: Sequence[TimeHistory], joint: FrequencyResponse
 ) -> FrequencyResponse:
     """The joint response, and above what a slowly logged stick shows the direct one, where that agreed with it below.
 
@@ -292,12 +292,12 @@ def _beyond_the_stick(
     if end_rad_s >= omega[-1]:
         return joint
     direct = _response(flight, loop, loop.reference, histories)
-    errors = [np.nan_to_num(one.random_error[0, 0], nan=np.inf) for one in (joint, direct)]
+    errors = [np.nan_to_num(response.random_error[0, 0], nan=np.inf) for response in (joint, direct)]
     shared = (omega > _AGREED_FROM * end_rad_s) & (omega <= end_rad_s) & (np.maximum(*errors) < USABLE_ERROR)
     if np.count_nonzero(shared) < 3:
         return joint
-    apart = np.abs(direct.values[0, 0] / joint.values[0, 0] - 1.0)[shared] / np.hypot(*errors)[shared]
-    if float(np.sqrt(np.mean(apart**2))) > _AGREED:
+    deviation = np.abs(direct.values[0, 0] / joint.values[0, 0] - 1.0)[shared] / np.hypot(*errors)[shared]
+    if float(np.sqrt(np.mean(deviation**2))) > _AGREED:
         return joint
     beyond = (omega > end_rad_s) & (errors[1] < errors[0])
     inside = ~beyond
@@ -351,28 +351,28 @@ def _doubted(response: FrequencyResponse) -> FrequencyResponse:
 
 def _numbers(
     loop: Loop, impulse: ImpulseResponse, response: FrequencyResponse, logged_hz: float
-) -> tuple[dict[str, Quantity], list[Untold]]:
+) -> tuple[dict[str, Quantity], list[Unavailable]]:
     """The numbers that the rate of the log and the coherence carry, and those that they do not."""
     numbers = step_numbers(impulse, within_s=loop.within_s)
     bandwidth = numbers.get("bandwidth_90deg_rad_s")
     scale = impulse.scale_rad_s if bandwidth is None else bandwidth.value
     slow = logged_hz < RATE_FOR_STEP * scale
-    untold = [_too_slow(loop, "step", logged_hz, scale)] if slow else []
-    told: dict[str, Quantity] = {}
+    unavailable = [_too_slow(loop, "step", logged_hz, scale)] if slow else []
+    quantities: dict[str, Quantity] = {}
     for name in figures_of("loops"):
         if slow and name not in ("delay_s", "bandwidth_90deg_rad_s"):
             continue
         if name in numbers and (name != "peak_db" or _coherent_peak(impulse, response)):
-            told[name] = numbers[name]
+            quantities[name] = numbers[name]
         elif name != "peak_db":
-            what, why = f"loops.{loop.name}.{name}", _why_untold(name, loop, impulse)
-            untold.append(Untold(what=what, why=why, remedy=QUANTITIES[name].remedy))
+            what, why = f"loops.{loop.name}.{name}", _why_unavailable(name, loop, impulse)
+            unavailable.append(Unavailable(what=what, why=why, remedy=QUANTITIES[name].remedy))
     if logged_hz < _SLOW_LOG_HZ:
-        told = _with_half_sample(told, impulse, 0.5 / logged_hz)
-    return told, untold
+        quantities = _with_half_sample(quantities, impulse, 0.5 / logged_hz)
+    return quantities, unavailable
 
 
-def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Untold:
+def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Unavailable:
     """What a log at too low a rate does not tell: everything, or all but the phase."""
     step_hz, phase_hz = RATE_FOR_STEP * scale_rad_s, RATE_FOR_BANDWIDTH * scale_rad_s
     falls = f"a loop whose phase falls to −90° at {scale_rad_s:.3g} rad/s"
@@ -383,14 +383,14 @@ def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Un
     else:
         needs = f"{falls} needs {phase_hz:.0f} Hz for that and its delay, and {step_hz:.0f} Hz for its step"
     faster = f" at {step_hz:.0f} Hz and more" if math.isfinite(scale_rad_s) else " faster"
-    return Untold(
+    return Unavailable(
         what=f"loops.{loop.name}.{part}".rstrip("."),
         why=f"The log holds {loop.reference} or {loop.name} at {logged_hz:.0f} Hz: {needs}.",
         remedy=f"log {loop.reference} and {loop.name}{faster}",
     )
 
 
-def _why_untold(name: str, loop: Loop, impulse: ImpulseResponse) -> str:
+def _why_unavailable(name: str, loop: Loop, impulse: ImpulseResponse) -> str:
     top = impulse.band_rad_s[1]
     if name.startswith("bandwidth"):
         return f"The {loop.words} follows its set-point to beyond {top:.3g} rad/s, where this flight shows nothing."
@@ -410,17 +410,19 @@ def _coherent_peak(impulse: ImpulseResponse, response: FrequencyResponse) -> boo
     return _coherence(response, float(omega[np.abs(impulse.at(omega)).argmax()])) > _NEAR_PEAK
 
 
-def _with_half_sample(told: Mapping[str, Quantity], impulse: ImpulseResponse, half_s: float) -> dict[str, Quantity]:
+def _with_half_sample(
+    quantities: Mapping[str, Quantity], impulse: ImpulseResponse, half_s: float
+) -> dict[str, Quantity]:
     """Numbers of which half a sample of the log more or less is not known."""
-    wider = dict(told)
-    if "delay_s" in told:
-        wider["delay_s"] = _moved(told["delay_s"], half_s, half_s)
-    if "bandwidth_90deg_rad_s" in told:
+    wider = dict(quantities)
+    if "delay_s" in quantities:
+        wider["delay_s"] = _moved(quantities["delay_s"], half_s, half_s)
+    if "bandwidth_90deg_rad_s" in quantities:
         omega = np.geomspace(0.2 * impulse.scale_rad_s, 2.0 * impulse.band_rad_s[1], 400)
-        values, middle = impulse.at(omega), told["bandwidth_90deg_rad_s"].value
+        values, middle = impulse.at(omega), quantities["bandwidth_90deg_rad_s"].value
         ends = [phase_crossing(omega, values * np.exp(1j * sign * omega * half_s)) for sign in (-1.0, 1.0)]
         below, above = (abs(end - middle) if math.isfinite(end) else middle for end in ends)
-        wider["bandwidth_90deg_rad_s"] = _moved(told["bandwidth_90deg_rad_s"], below, above)
+        wider["bandwidth_90deg_rad_s"] = _moved(quantities["bandwidth_90deg_rad_s"], below, above)
     return wider
 
 
@@ -442,7 +444,7 @@ def _curve(impulse: ImpulseResponse, loop: Loop) -> StepCurve:
     return StepCurve(time_s=time_s, value=middle, lower=lower, upper=upper)
 
 
-def _remarks(flight: Flown, loop: Loop, impulse: ImpulseResponse) -> Iterator[Finding]:
+def _remarks(flight: FlightData, loop: Loop, impulse: ImpulseResponse) -> Iterator[Finding]:
     where = f"{loop.name}/{loop.reference}"
     if impulse.misfit > _MOST_MISFIT:
         yield warn(
@@ -480,7 +482,7 @@ def _saturation(record: FlightRecord) -> tuple[Finding, ...]:
 
 
 def _by_size(
-    flight: Flown, loop: Loop, instrument: Instrument, channel: str, histories: Sequence[TimeHistory]
+    flight: FlightData, loop: Loop, instrument: Instrument, channel: str, histories: Sequence[TimeHistory]
 ) -> dict[str, LoopReview]:
     """The loop where its set-point moves little and much, where both were flown for long enough."""
     parts = _parts_by_size(loop, histories)
@@ -554,13 +556,13 @@ def _parts_by_size(loop: Loop, histories: Sequence[TimeHistory]) -> dict[str, li
     if min(lengths.values()) < _LEAST_OF_SIZE_S:
         return None
     small, large_rms = (math.sqrt(power[name] / lengths[name]) for name in sizes)
-    return sizes if large_rms > _SIZES_APART * small else None
+    return sizes if large_rms > _LEAST_SIZE_RATIO * small else None
 
 
-def _incoherent(loop: Loop, channel: str, seen: float) -> Untold:
-    return Untold(
+def _incoherent(loop: Loop, channel: str, coherence: float) -> Unavailable:
+    return Unavailable(
         what=f"loops.{loop.name}",
-        why=f"{_words(channel)} explains too little of how the {loop.words} moved (coherence {seen:.2f}).",
+        why=f"{_words(channel)} explains too little of how the {loop.words} moved (coherence {coherence:.2f}).",
         remedy=_MOVE.format(axis=loop.axis),
     )
 
@@ -571,6 +573,6 @@ def _words(channel: str) -> str:
 
 
 def _sentence(error: InsufficientDataError) -> str:
-    said = str(error.findings[0].message) if error.findings else str(error).partition(";")[0]
-    said = said[:1].upper() + said[1:]
-    return said if said.endswith(".") else f"{said}."
+    message = str(error.findings[0].message) if error.findings else str(error).partition(";")[0]
+    message = message[:1].upper() + message[1:]
+    return message if message.endswith(".") else f"{message}."

@@ -12,15 +12,15 @@ from rotorid.data.axes import RATE_OF
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.controllers import controllers_of
-from rotorid.flights.whole_flights import Flown
+from rotorid.flights.whole_flights import FlightData
 from rotorid.loops.plants import MOVE, PlantUnavailableError
 from rotorid.loops.rate_loops import NUMBERS, RateLoop, rate_loop, remedy_of
 from rotorid.models.autopilots.betaflight import TOP
-from rotorid.reviewing.values import MarginReview, Untold
+from rotorid.reviewing.values import MarginReview, Unavailable
 from rotorid.typing import Axis
 
 
-def margins(flight: Flown) -> tuple[dict[Axis, MarginReview], tuple[Untold, ...]]:
+def margins(flight: FlightData) -> tuple[dict[Axis, MarginReview], tuple[Unavailable, ...]]:
     """Margins of the rate loops of a flight, each with the error that it deserves.
 
     Parameters
@@ -36,23 +36,23 @@ def margins(flight: Flown) -> tuple[dict[Axis, MarginReview], tuple[Untold, ...]
         What cannot be told, and why.
     """
     found: dict[Axis, MarginReview] = {}
-    untold: list[Untold] = []
+    unavailable: list[Unavailable] = []
     for axis in RATE_OF:
         try:
             loop = rate_loop(axis, flight.record)
         except PlantUnavailableError as reason:
-            untold.append(Untold(what=f"margins.{axis}", why=reason.why, remedy=reason.remedy))
+            unavailable.append(Unavailable(what=f"margins.{axis}", why=reason.why, remedy=reason.remedy))
             continue
         except InsufficientDataError as error:
-            untold.append(Untold(what=f"margins.{axis}", why=_sentence(error), remedy=error.remedy or MOVE))
+            unavailable.append(Unavailable(what=f"margins.{axis}", why=_sentence(error), remedy=error.remedy or MOVE))
             continue
         found[axis] = _review(flight, loop)
-        untold += [
-            Untold(what=f"margins.{axis}.{name}", why=loop.missing[name], remedy=remedy_of(loop))
+        unavailable += [
+            Unavailable(what=f"margins.{axis}.{name}", why=loop.missing[name], remedy=remedy_of(loop))
             for name in NUMBERS
             if name in loop.missing
         ]
-    return found, tuple(untold)
+    return found, tuple(unavailable)
 
 
 def _sentence(error: InsufficientDataError) -> str:
@@ -60,7 +60,7 @@ def _sentence(error: InsufficientDataError) -> str:
     return f"{text[:1].upper()}{text[1:]}." if text else str(error)
 
 
-def _review(flight: Flown, loop: RateLoop) -> MarginReview:
+def _review(flight: FlightData, loop: RateLoop) -> MarginReview:
     return MarginReview(
         axis=loop.measured.axis,
         loop=loop.loop,
@@ -85,8 +85,8 @@ _MOVED = 0.2
 """How far the logged I term may fall short of what its gain makes before that is said."""
 
 
-def _remarks(flight: Flown, loop: RateLoop) -> list[Finding]:
-    axis, settings, seen, main = loop.measured.axis, loop.settings, loop.check, next(iter(loop.ends), "")
+def _remarks(flight: FlightData, loop: RateLoop) -> list[Finding]:
+    axis, settings, check, main = loop.measured.axis, loop.settings, loop.check, next(iter(loop.ends), "")
     found = []
     factors = [values for _, values in flight.samples(f"{axis}_slew_factor")]
     if factors:
@@ -104,7 +104,7 @@ def _remarks(flight: Flown, loop: RateLoop) -> list[Finding]:
                 )
             )
     if main:
-        own, base = seen.terms.get("d"), settings.controller.derivative_s2
+        own, base = check.terms.get("d"), settings.controller.derivative_s2
         top = settings.ends[TOP].derivative_s2
         flew = f", and flew at {own.slope * top / base:.2f} times its base" if own is not None and base > 0.0 else ""
         found.append(
@@ -115,8 +115,8 @@ def _remarks(flight: Flown, loop: RateLoop) -> list[Finding]:
                 "other end stands beside them.",
             )
         )
-    if "i" in seen.terms and seen.terms["i"].slope < 1.0 - _MOVED:
-        left = max(seen.terms["i"].slope, 0.0)
+    if "i" in check.terms and check.terms["i"].slope < 1.0 - _MOVED:
+        left = max(check.terms["i"].slope, 0.0)
         found.append(
             remark(
                 "moving_gains",

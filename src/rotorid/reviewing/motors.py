@@ -27,9 +27,9 @@ from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Intervals
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.flights.hover import WINDOW_S, steady_windows, thrust_curve
-from rotorid.flights.whole_flights import Flown, flown, loop_response
+from rotorid.flights.whole_flights import FlightData, flown, loop_response
 from rotorid.models.autopilots.layouts import layout_of
-from rotorid.reviewing.values import MotorReview, Untold
+from rotorid.reviewing.values import MotorReview, Unavailable
 from rotorid.signal.airborne import within
 from rotorid.signal.limits import MotorLimits
 from rotorid.signal.motors import (
@@ -64,7 +64,7 @@ _LAG_BIAS = 0.05
 """Damping of the rate looks like less delay; flights with a known answer differ by so much."""
 
 
-def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Untold, ...]]:
+def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Unavailable, ...]]:
     """Limits, balance, headroom, loss of step, and the delay from output to gyro.
 
     Parameters
@@ -78,36 +78,38 @@ def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Untold, ...]]:
         The vehicle never flew, or nothing tells whether it did.
     """
     flight = flown(record)
-    untold: list[Untold] = []
+    unavailable: list[Unavailable] = []
     numbers: dict[str, Quantity] = {}
     means: dict[str, Quantity] = {}
     pattern = ""
     limits = motor_limits(record)
     if not limits.counted.any():
         why = "The motor outputs are not logged in the air."
-        untold.append(Untold(what="motors", why=why, remedy=motor_advice(record)))
+        unavailable.append(Unavailable(what="motors", why=why, remedy=motor_advice(record)))
     else:
         numbers |= _limits(record, limits)
         if limits.unknown:
             why = f"The log {limits.unknown}."
-            untold += [Untold(what=f"motors.saturated_{end}_share", why=why) for end in ("high", "low")]
+            unavailable += [Unavailable(what=f"motors.saturated_{end}_share", why=why) for end in ("high", "low")]
         time_s, outputs = limits.time_s[limits.counted], limits.outputs[:, limits.counted]
         steady = steady_windows(record, flight.flights, time_s, outputs, limits.limited[limits.counted])
         if len(steady) < _FEWEST_WINDOWS:
             why = f"The vehicle hovered quietly for {len(steady) * WINDOW_S:.0f} s only."
             remedy = "hover for 20 s without touching the sticks"
-            untold += [Untold(what=f"motors.{name}", why=why, remedy=remedy) for name in ("imbalance", "headroom")]
+            unavailable += [
+                Unavailable(what=f"motors.{name}", why=why, remedy=remedy) for name in ("imbalance", "headroom")
+            ]
         else:
             means, balance, pattern = _balance(record, outputs, steady)
             numbers |= balance
     events, missing = _events(record, flight.flights)
-    untold += missing
+    unavailable += missing
     steps_checked = not missing
     delay, missing = _delay(flight)
     numbers |= delay
-    untold += missing
+    unavailable += missing
     found = MotorReview(means=means, numbers=numbers, pattern=pattern, events=events, steps_checked=steps_checked)
-    return replace(found, findings=tuple(_findings(found))), tuple(untold)
+    return replace(found, findings=tuple(_findings(found))), tuple(unavailable)
 
 
 def _limits(record: FlightRecord, limits: MotorLimits) -> dict[str, Quantity]:
@@ -161,15 +163,15 @@ def _balance(
         for number, (value, error) in enumerate(zip(usual, std, strict=True), start=1)
     }
     average = float(usual.mean())
-    apart = (usual - average) / average
-    worst = int(np.argmax(np.abs(apart)))
+    imbalance = (usual - average) / average
+    worst = int(np.argmax(np.abs(imbalance)))
     error = float(std[worst]) / average
     numbers = {
         "imbalance": Quantity(
-            value=float(abs(apart[worst])),
+            value=float(abs(imbalance[worst])),
             std=error,
-            lower=max(float(abs(apart[worst])) - TWO_SIDED_95 * error, 0.0),
-            upper=float(abs(apart[worst])) + TWO_SIDED_95 * error,
+            lower=max(float(abs(imbalance[worst])) - TWO_SIDED_95 * error, 0.0),
+            upper=float(abs(imbalance[worst])) + TWO_SIDED_95 * error,
             unit="1",
         ),
         "headroom": Quantity.normal(1.0 - float(usual.max()), float(std[int(np.argmax(usual))]), "1"),
@@ -190,8 +192,8 @@ def _balance(
         numbers[f"center_of_gravity_{name}"] = Quantity.normal(offset, spread, "1")
     pattern = ""
     much = QUANTITIES["imbalance"].limit
-    if float(abs(apart[worst])) > much and numbers["imbalance"].lower > 0.5 * much:
-        pattern = imbalance_pattern(apart, positions, spins)
+    if float(abs(imbalance[worst])) > much and numbers["imbalance"].lower > 0.5 * much:
+        pattern = imbalance_pattern(imbalance, positions, spins)
     if pattern == "one motor":
         # What one weak motor asks for would look like a center of gravity off the middle.
         numbers = {name: value for name, value in numbers.items() if not name.startswith("center_of_gravity")}
@@ -216,12 +218,12 @@ def _geometry(record: FlightRecord, count: int) -> tuple[FloatArray | None, Floa
     return positions / float(np.abs(np.hypot(*positions.T)).max()), np.asarray(layout.spins, dtype=np.float64)
 
 
-def imbalance_pattern(apart: FloatArray, positions: FloatArray, spins: FloatArray) -> str:
+def imbalance_pattern(imbalance: FloatArray, positions: FloatArray, spins: FloatArray) -> str:
     """What explains the differences of the mean outputs: ``center of gravity``, ``twisted arm``, ``one motor`` or none.
 
     Parameters
     ----------
-    apart
+    imbalance
         Differences from the mean, over the mean, shape ``(motors,)``.
     positions
         Forward and right, shape ``(motors, 2)``.
@@ -237,38 +239,38 @@ def imbalance_pattern(apart: FloatArray, positions: FloatArray, spins: FloatArra
     >>> imbalance_pattern(np.array([0.3, -0.1, -0.1, -0.1]), x, s)
     'one motor'
     """
-    total = float(apart @ apart)
+    total = float(imbalance @ imbalance)
     if total <= 0.0:
         return ""
-    alone = np.eye(apart.size) - 1.0 / apart.size
+    centering = np.eye(imbalance.size) - 1.0 / imbalance.size
     explained = {
-        "twisted arm": _explained(apart, spins[:, None] - spins.mean()),
-        "one motor": max(_explained(apart, alone[:, [motor]]) for motor in range(apart.size)),
-        "center of gravity": _explained(apart, positions - positions.mean(axis=0)),
+        "twisted arm": _explained(imbalance, spins[:, None] - spins.mean()),
+        "one motor": max(_explained(imbalance, centering[:, [motor]]) for motor in range(imbalance.size)),
+        "center of gravity": _explained(imbalance, positions - positions.mean(axis=0)),
     }
     # A center of gravity has two parts and explains more by chance; it comes last, and must explain alone what it does.
     named = max(explained, key=lambda name: explained[name] - (0.02 if name == "center of gravity" else 0.0))
     return named if explained[named] > EXPLAINED * total else ""
 
 
-def _explained(apart: FloatArray, columns: FloatArray) -> float:
-    fitted = columns @ np.linalg.lstsq(columns, apart, rcond=None)[0]
+def _explained(imbalance: FloatArray, columns: FloatArray) -> float:
+    fitted = columns @ np.linalg.lstsq(columns, imbalance, rcond=None)[0]
     return float(fitted @ fitted)
 
 
-def _events(record: FlightRecord, flights: Intervals) -> tuple[tuple[float, ...], list[Untold]]:
+def _events(record: FlightRecord, flights: Intervals) -> tuple[tuple[float, ...], list[Unavailable]]:
     what = "motors.events"
     remedy = speed_advice(record)
     speeds, outputs = or_none(logged_speeds, record), or_none(logged_outputs, record)
     if speeds is None or outputs is None:
         why = "The motors' speeds are not logged."
-        return (), [Untold(what=what, why=why, remedy=remedy)]
+        return (), [Unavailable(what=what, why=why, remedy=remedy)]
     if min(speeds.sample_rate_hz, outputs.sample_rate_hz) < LOWEST_RATE_HZ:
         why = (
             f"Speeds are logged at {speeds.sample_rate_hz:.0f} Hz and outputs at {outputs.sample_rate_hz:.0f} Hz: a "
             "motor that falls out of step is back in less than a tenth of a second."
         )
-        return (), [Untold(what=what, why=why, remedy=remedy)]
+        return (), [Unavailable(what=what, why=why, remedy=remedy)]
     return _lost_step(speeds, outputs, flights), []
 
 
@@ -286,11 +288,11 @@ def _lost_step(speeds: MotorHistory, outputs: MotorHistory, flights: Intervals) 
         rises = asked[lag:] - asked[:-lag] > _STEP * max(float(np.percentile(asked, 99)), 0.2)
         found += time_s[:-lag][falls & rises].tolist()
     times = np.sort(np.array(found))
-    apart = np.concatenate([[True], np.diff(times) > 5.0 * _WITHIN_S]) if times.size else np.zeros(0, dtype=np.bool_)
-    return tuple(times[apart].tolist())
+    separate = np.concatenate([[True], np.diff(times) > 5.0 * _WITHIN_S]) if times.size else np.zeros(0, dtype=np.bool_)
+    return tuple(times[separate].tolist())
 
 
-def _delay(flight: Flown) -> tuple[dict[str, Quantity], list[Untold]]:
+def _delay(flight: FlightData) -> tuple[dict[str, Quantity], list[Unavailable]]:
     """From output to gyro: lag of the motors and all delays together, by the phase of command to rate."""
     what = "motors.output_delay_s"
     reasons = []
@@ -316,7 +318,7 @@ def _delay(flight: Flown) -> tuple[dict[str, Quantity], list[Untold]]:
             return {"output_delay_s": Quantity.normal(*fitted, "s")}, []
         reasons.append("Command and rate are not coherent enough between 10 and 80 rad/s.")
     remedy = "move the roll stick quickly left and right for 30 s, with commands and rates logged at 100 Hz and more"
-    return {}, [Untold(what=what, why=reasons[0], remedy=remedy)]
+    return {}, [Unavailable(what=what, why=reasons[0], remedy=remedy)]
 
 
 def _lag_and_delay(response: FrequencyResponse) -> tuple[float, float] | None:

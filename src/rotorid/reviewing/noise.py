@@ -25,7 +25,7 @@ from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.flights.controllers import controllers_of
-from rotorid.reviewing.values import NoiseMap, NoisePeak, NoiseReview, Untold
+from rotorid.reviewing.values import NoiseMap, NoisePeak, NoiseReview, Unavailable
 from rotorid.signal.airborne import airborne, within
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.spectral.noise import (
@@ -58,7 +58,7 @@ MOST_PEAKS = 6
 _OF_RATE = 0.4
 """Share of the rate of a log above which no line is told: faster vibration folds to lower frequencies."""
 
-_UNTOLD_MAKER = "It is seen at too few throttles, or moves too unevenly, to tell whether rotors or the frame make it"
+_UNKNOWN_MAKER = "It is seen at too few throttles, or moves too unevenly, to tell whether rotors or the frame make it"
 _VIBRATION_HZ = 10.0
 """Specific force that changes faster is vibration."""
 
@@ -102,7 +102,7 @@ class _Sensor(NamedTuple):
 
 def noise(
     record: FlightRecord, *, bandwidths_rad_s: Mapping[str, float] | None = None
-) -> tuple[NoiseReview, tuple[Untold, ...]]:
+) -> tuple[NoiseReview, tuple[Unavailable, ...]]:
     r"""Noise of the sensors in the air and what of it reaches the motors.
 
     The heat map has windows of 0.3 s with three quarters of overlap in 25 bins of the mean motor output. Noise through
@@ -127,7 +127,7 @@ def noise(
     level = _level(record)
     maps: list[NoiseMap] = []
     found: list[NoisePeak] = []
-    untold: list[Untold] = []
+    unavailable: list[Unavailable] = []
     for sensor in sensors:
         spectra = short_spectra(sensor.time_s, sensor.values * _scale(sensor.channel))
         if spectra is None:
@@ -136,15 +136,15 @@ def noise(
         maps.append(made)
         if sensor.rate_hz >= LEAST_RATE_HZ and not any(peak.channel == sensor.channel for peak in found):
             found += _peaks(record, sensor, spectra, made)
-    untold += _untold(record, sensors, level)
+    unavailable += _unavailable(record, sensors, level)
     numbers: dict[str, Quantity] = {}
     for part in (_vibration, _clipping, _delays, _terms(bandwidths_rad_s or {})):
         more, missing = part(record, sensors, flights)
         numbers |= more
-        untold += missing
+        unavailable += missing
     return (
         NoiseReview(maps=tuple(maps), peaks=tuple(found), numbers=numbers, findings=tuple(_findings(numbers))),
-        tuple(untold),
+        tuple(unavailable),
     )
 
 
@@ -356,7 +356,7 @@ def _by_movement(sensor: _Sensor, made: NoiseMap, spectra: ShortSpectra) -> Iter
             "rotor": moves + f"{line.level[-1]:.2f}, as a rotor does",
             "frame": f"It stays at {np.median(line.frequency_hz):.0f} Hz whatever the throttle, as a resonance of the "
             "frame does",
-            "unknown": _UNTOLD_MAKER,
+            "unknown": _UNKNOWN_MAKER,
         }[line.maker]
         yield _peak(sensor, line.frequency_hz, float(np.median(line.height_db)), line.maker, None, sentence)
     for peak in peaks(made.frequency_hz, made.average, above_hz=LINES_ABOVE_HZ):
@@ -365,7 +365,7 @@ def _by_movement(sensor: _Sensor, made: NoiseMap, spectra: ShortSpectra) -> Iter
             continue
         if not any(low - margin <= peak.frequency_hz <= high + margin for low, high in known):
             spot = np.array([peak.frequency_hz - 0.5 * spectra.bin_hz, peak.frequency_hz + 0.5 * spectra.bin_hz])
-            yield _peak(sensor, spot, peak.height_db, "unknown", None, _UNTOLD_MAKER)
+            yield _peak(sensor, spot, peak.height_db, "unknown", None, _UNKNOWN_MAKER)
 
 
 def _peak(
@@ -391,15 +391,15 @@ def _peak(
     )
 
 
-Told = tuple[dict[str, Quantity], list[Untold]]
+NumbersAndGaps = tuple[dict[str, Quantity], list[Unavailable]]
 
 
-def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> Told:
+def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> NumbersAndGaps:
     """Root mean square of the specific force above 10 Hz, or the autopilot's own measure of it."""
     cutoff_hz = autopilot_of(record).log.accelerometer_cutoff_hz(record)
     if 0.0 < cutoff_hz < LEAST_RATE_HZ / 2.0:
         why = f"The accelerometer is logged behind a low-pass of {cutoff_hz:g} Hz, which takes the vibration out."
-        return {}, [Untold(what="noise.vibration_m_s2", why=why, remedy="set acc_lpf_hz = 0 for a test flight")]
+        return {}, [Unavailable(what="noise.vibration_m_s2", why=why, remedy="set acc_lpf_hz = 0 for a test flight")]
     accelerometers = {sensor.channel: sensor for sensor in sensors if sensor.channel in ("ax", "ay", "az")}
     raw = [sensor for sensor in sensors if sensor.channel in accelerometers and sensor.stage == "before"]
     chosen = {**accelerometers, **{sensor.channel: sensor for sensor in raw}}
@@ -427,7 +427,7 @@ def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Interv
             norm = np.sqrt(np.sum(np.square(own), axis=0))
             return {"vibration_m_s2": _positive(float(norm.mean()), math.sqrt(_mean_variance(norm)), "m/s²")}, []
     why = "The accelerometer is logged too slowly for vibration, or not at all."
-    return {}, [Untold(what="noise.vibration_m_s2", why=why, remedy=_fast_sensors(record))]
+    return {}, [Unavailable(what="noise.vibration_m_s2", why=why, remedy=_fast_sensors(record))]
 
 
 def _mean_variance(values: FloatArray) -> float:
@@ -441,7 +441,7 @@ def _positive(value: float, std: float, unit: str) -> Quantity:
     return replace(found, lower=max(found.lower, 0.0))
 
 
-def _clipping(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> Told:
+def _clipping(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> NumbersAndGaps:
     """Share of samples at the end of a sensor's range; the autopilot's own count where it keeps one."""
     numbers: dict[str, Quantity] = {}
     if "accel_clips" in record:
@@ -475,13 +475,13 @@ def _clipping(record: FlightRecord, sensors: Sequence[_Sensor], flights: Interva
     if numbers:
         return numbers, []
     why = "Neither a fast sensor nor a count of clipped samples is logged."
-    return {}, [Untold(what="noise.clipping_share", why=why, remedy=_fast_sensors(record))]
+    return {}, [Unavailable(what="noise.clipping_share", why=why, remedy=_fast_sensors(record))]
 
 
-def _delays(record: FlightRecord, sensors: Sequence[_Sensor], _: Intervals) -> Told:
+def _delays(record: FlightRecord, sensors: Sequence[_Sensor], _: Intervals) -> NumbersAndGaps:
     """Delay of the gyro's filters, by the settings and by what passed them."""
     numbers: dict[str, Quantity] = {}
-    untold: list[Untold] = []
+    unavailable: list[Unavailable] = []
     source = next((sensor.source for sensor in sensors if sensor.channel == "p" and sensor.stage == "after"), "")
     if source.startswith(("ISBD", "GYR")):
         source = "RATE.R"
@@ -495,7 +495,7 @@ def _delays(record: FlightRecord, sensors: Sequence[_Sensor], _: Intervals) -> T
         numbers["filter_delay_configured_s"] = Quantity(value=delay, std=0.0, lower=delay, upper=upper, unit="s")
     else:
         why = f"{capital(doubts[0])}." if doubts else "The log does not say which filters the gyro passes."
-        untold.append(Untold(what="noise.filter_delay_configured_s", why=why))
+        unavailable.append(Unavailable(what="noise.filter_delay_configured_s", why=why))
     before, after = (
         next((sensor for sensor in sensors if sensor.channel == "p" and sensor.stage == stage), None)
         for stage in ("before", "after")
@@ -503,56 +503,58 @@ def _delays(record: FlightRecord, sensors: Sequence[_Sensor], _: Intervals) -> T
     what, remedy = "noise.filter_delay_measured_s", raw_gyro_advice(record)
     if before is None or after is None or before.topic == "sensor_combined":
         why = "The gyro is not logged both before and behind its filters."
-        return numbers, [*untold, Untold(what=what, why=why, remedy=remedy)]
+        return numbers, [*unavailable, Unavailable(what=what, why=why, remedy=remedy)]
     if before.rate_hz < 0.9 * after.rate_hz or after.rate_hz < 2.5 * _DELAY_AT_HZ:
         why = f"The gyro is logged at {after.rate_hz:.0f} Hz behind its filters, too slowly."
-        return numbers, [*untold, Untold(what=what, why=why, remedy=_fast_sensors(record))]
+        return numbers, [*unavailable, Unavailable(what=what, why=why, remedy=_fast_sensors(record))]
     near = before.time_s[np.clip(np.searchsorted(before.time_s, after.time_s), 0, before.time_s.size - 1)]
     together = np.abs(near - after.time_s) <= 1.5 / before.rate_hz
     if np.mean(together) < 0.5:
         why = "The batches before and behind the filters were taken one after the other, not at the same time."
         has = "INS_RAW_LOG_OPT" in record.parameters
         both = "log GYR before and behind (INS_RAW_LOG_OPT = 9)" if has else ""
-        return numbers, [*untold, Untold(what=what, why=why, remedy=both)]
+        return numbers, [*unavailable, Unavailable(what=what, why=why, remedy=both)]
     raw = np.interp(after.time_s, before.time_s, before.values)
     measured = measured_delay(after.time_s, raw, after.values, band_hz=_DELAY_BAND_HZ)
     if measured is None:
         why = "The flight is too short for it."
-        return numbers, [*untold, Untold(what=what, why=why, remedy="fly for 20 s and more")]
+        return numbers, [*unavailable, Unavailable(what=what, why=why, remedy="fly for 20 s and more")]
     numbers["filter_delay_measured_s"] = Quantity.normal(measured.delay_s, max(measured.std_s, 2e-5), "s")
-    return numbers, untold
+    return numbers, unavailable
 
 
 def _terms(
     bandwidths_rad_s: Mapping[str, float],
-) -> Callable[[FlightRecord, Sequence[_Sensor], Intervals], Told]:
-    def told(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> Told:
+) -> Callable[[FlightRecord, Sequence[_Sensor], Intervals], NumbersAndGaps]:
+    def terms_noise(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> NumbersAndGaps:
         """Noise of P and D in the motors, by the terms as logged or by the rate times the controller."""
         numbers: dict[str, Quantity] = {}
-        untold: list[Untold] = []
+        unavailable: list[Unavailable] = []
         for axis, rate in RATE_OF.items():
             low_hz = max(30.0, 2.0 * bandwidths_rad_s.get(rate, 0.0) / (2.0 * math.pi))
             made = _logged_terms(record, axis, rate, flights, low_hz) or _computed_terms(record, axis, sensors, low_hz)
             numbers |= made
             if not made:
                 why = f"Neither the terms of the {axis} controller nor its gains with a rate of 100 Hz are logged."
-                untold.append(Untold(what=f"noise.{axis}_p_noise_share", why=why, remedy=_fast_sensors(record)))
-        return numbers, untold
+                unavailable.append(
+                    Unavailable(what=f"noise.{axis}_p_noise_share", why=why, remedy=_fast_sensors(record))
+                )
+        return numbers, unavailable
 
-    return told
+    return terms_noise
 
 
 def _logged_terms(record: FlightRecord, axis: str, rate: str, flights: Intervals, low_hz: float) -> dict[str, Quantity]:
     numbers: dict[str, Quantity] = {}
     for term in ("p", "d"):
-        held = _samples(record, (f"{axis}_{term}_term",), rate, "after", flights)
-        if held is None or held.rate_hz < 3.0 * low_hz or float(np.ptp(held.values)) == 0.0:
+        terms = _samples(record, (f"{axis}_{term}_term",), rate, "after", flights)
+        if terms is None or terms.rate_hz < 3.0 * low_hz or float(np.ptp(terms.values)) == 0.0:
             continue
         reference = None
         if f"{rate}_setpoint" in record:
             track = record[f"{rate}_setpoint"]
-            reference = np.interp(held.time_s, track.time_s, track.values)
-        numbers |= _shares(f"{axis}_{term}", held.time_s, held.values, reference, low_hz)
+            reference = np.interp(terms.time_s, track.time_s, track.values)
+        numbers |= _shares(f"{axis}_{term}", terms.time_s, terms.values, reference, low_hz)
     return numbers
 
 
@@ -567,12 +569,16 @@ def _computed_terms(record: FlightRecord, axis: Axis, sensors: Sequence[_Sensor]
     window_s = min(0.5, 0.9 * _stretch_s(rate.time_s))
     omega = 2.0 * np.pi * np.maximum(unexplained_frequencies(rate.time_s, window_s=window_s), 0.1)
     numbers: dict[str, Quantity] = {}
-    alone = replace(controller, integral=0.0, angle_1_s=0.0)
+    proportional_derivative = replace(controller, integral=0.0, angle_1_s=0.0)
     for term in ("p", "d"):
         kept = controller.derivative_s2 if term == "d" else controller.proportional_s
         if kept > 0.0:
-            one = replace(alone, proportional_s=0.0) if term == "d" else replace(alone, derivative_s2=0.0)
-            gain = np.abs(one.response(omega)) ** 2
+            item = (
+                replace(proportional_derivative, proportional_s=0.0)
+                if term == "d"
+                else replace(proportional_derivative, derivative_s2=0.0)
+            )
+            gain = np.abs(item.response(omega)) ** 2
             numbers |= _shares(f"{axis}_{term}", rate.time_s, rate.values, None, low_hz, gain, window_s)
     return numbers
 
@@ -604,22 +610,22 @@ def _shares(
     }
 
 
-def _untold(record: FlightRecord, sensors: Sequence[_Sensor], level: _Level | None) -> Iterator[Untold]:
+def _unavailable(record: FlightRecord, sensors: Sequence[_Sensor], level: _Level | None) -> Iterator[Unavailable]:
     gyro = [sensor for sensor in sensors if sensor.channel == "p"]
     if not gyro:
         why = "The log holds no body rates in the air."
-        yield Untold(what="noise.maps", why=why, remedy=_fast_sensors(record))
+        yield Unavailable(what="noise.maps", why=why, remedy=_fast_sensors(record))
         return
     if max(sensor.rate_hz for sensor in gyro) < LEAST_RATE_HZ:
         fastest = max(sensor.rate_hz for sensor in gyro)
         why = f"The gyro is logged at {fastest:.0f} Hz, and the rotors' vibration folds into lower frequencies."
-        yield Untold(what="noise.peaks", why=why, remedy=_fast_sensors(record))
+        yield Unavailable(what="noise.peaks", why=why, remedy=_fast_sensors(record))
     if not any(sensor.stage == "before" for sensor in gyro):
         why = "The gyro before its filters is not logged."
-        yield Untold(what="noise.maps.before", why=why, remedy=raw_gyro_advice(record))
+        yield Unavailable(what="noise.maps.before", why=why, remedy=raw_gyro_advice(record))
     if level is None:
         why = "Neither motors nor throttle are logged, so that noise stands against nothing."
-        yield Untold(what="noise.maps.throttle", why=why)
+        yield Unavailable(what="noise.maps.throttle", why=why)
 
 
 def _fast_sensors(record: FlightRecord) -> str:

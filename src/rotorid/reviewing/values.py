@@ -1,6 +1,6 @@
 """What a review says, as values: each part is made by a module of its own and shown by pages and documents.
 
-A number that a flight cannot tell is absent, and a :class:`Untold` says what, why, and what would make it tell.
+A number that a flight cannot tell is absent, and a :class:`Unavailable` says what, why, and what would make it tell.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rotorid.typing import Axis, FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
-class Untold(Immutable):
+class Unavailable(Immutable):
     """What a flight cannot tell.
 
     Parameters
@@ -322,7 +322,7 @@ class Review(Immutable):
     models: Mapping[str, Any]
     noise: NoiseReview
     motors: MotorReview
-    cannot_tell: tuple[Untold, ...]
+    cannot_tell: tuple[Unavailable, ...]
     next_commands: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
     models_sought: bool = True

@@ -176,7 +176,7 @@ def _closed_form(problem: AccelerationProblem, theta: FloatArray, points: FloatA
     if problem.free_powers is None:
         return None
     sums = problem.sums if points is None else error_sums(problem, points)
-    ratios = np.array([one.best for one in sums]) / problem.gains(theta)[0]
+    ratios = np.array([error_sum.best for error_sum in sums]) / problem.gains(theta)[0]
     if not np.all(np.isfinite(ratios) & (ratios > 0.0)):
         return None
     return _moved(theta, problem.free_powers, np.log(ratios), problem.box)
@@ -340,14 +340,18 @@ def hover_parameters(*, m: float, omega_max: float, T_motor: float) -> Parameter
         ("I_yy", "kg m^2", 0.001, 0.2),
         ("I_zz", "kg m^2", 0.002, 0.4),
     )
-    held = (("m", "kg", m, 1e-3, 1e3), ("omega_max", "rad/s", omega_max, 1.0, 1e5), ("T_motor", "s", T_motor, 0.0, 1.0))
+    defaults = (
+        ("m", "kg", m, 1e-3, 1e3),
+        ("omega_max", "rad/s", omega_max, 1.0, 1e5),
+        ("T_motor", "s", T_motor, 0.0, 1.0),
+    )
     free = [
         Parameter(name=name, value=float(np.sqrt(low * high)), unit=unit, lower=low, upper=high)
         for name, unit, low, high in ranges
     ]
     fixed = [
         Parameter(name=name, value=value, unit=unit, lower=low, upper=high, status="fixed")
-        for name, unit, value, low, high in held
+        for name, unit, value, low, high in defaults
     ]
     return ParameterSet((*free, *fixed))
 
@@ -627,13 +631,13 @@ class AccelerationProblem(Problem):
         return products(values[:, :-1], POWERS), kept
 
     @cached_property
-    def _held(self) -> FloatArray:
+    def _carried_at_fixed_lag(self) -> FloatArray:
         """What the motors carry where their lag is held, shape ``(4, n)``."""
         return self._carried(float(self._model(self._values(self.parameters.pack()))[1][0]))
 
     def _settled(self, kept: float) -> FloatArray:
         """What the motors carry of the drives, the first row tilted, shape ``(4, n)``."""
-        return self._held if self.holds_lag else self._carried(kept)
+        return self._carried_at_fixed_lag if self.holds_lag else self._carried(kept)
 
     def _carried(self, kept: float) -> FloatArray:
         settled = self._lagged(self._drives, kept)
@@ -722,7 +726,7 @@ def _density_at_zero(errors: FloatArray) -> FloatArray:
 def _sandwich(H: FloatArray, V: FloatArray) -> FloatArray:
     """``H^-1 V H^-1`` where H sees anything, and very much where it does not."""
     sizes, directions = np.linalg.eigh(H)
-    seen = sizes > _FLAT * sizes.max()
-    inverse = directions[:, seen] / sizes[seen] @ directions[:, seen].T
-    flat = directions[:, ~seen]
+    significant = sizes > _FLAT * sizes.max()
+    inverse = directions[:, significant] / sizes[significant] @ directions[:, significant].T
+    flat = directions[:, ~significant]
     return np.asarray(inverse @ V @ inverse + _UNSEEN**2 * np.mean(np.diag(V)) * flat @ flat.T)

@@ -156,9 +156,9 @@ class KMeans:
             if at_rest or self._accepts(evaluations.best) or evaluations.spent + _DEAREST * len(thetas) > budget:
                 break
             owner = nearest
-            weights = np.array([nearest == one for one in range(len(thetas))], dtype=np.float64)
+            weights = np.array([nearest == index for index in range(len(thetas))], dtype=np.float64)
             weights[weights.sum(axis=1) < thetas.shape[1]] = 1.0
-            thetas = np.array([one.theta for one in evaluations.polished_points(thetas, weights)])
+            thetas = np.array([solution.theta for solution in evaluations.polished_points(thetas, weights)])
             distances = evaluations.point_costs(thetas)
             evaluations.mark(min(lowest, evaluations.best))
         return thetas[np.argsort(distances.sum(axis=1), kind="stable")], shared

@@ -132,7 +132,7 @@ class SearchResult(Immutable):
             theta=read_only(self.theta, np.float64, ndim=1),
             exchanges=tuple(self.exchanges),
             basins=tuple(Basin(c, read_only(theta, np.float64, ndim=1), share) for c, theta, share in self.basins),
-            trace=tuple(Progress(*one) for one in self.trace),
+            trace=tuple(Progress(*progress) for progress in self.trace),
         )
 
 
@@ -174,19 +174,19 @@ class Evaluations:
 
     def costs(self, thetas: FloatArray) -> FloatArray:
         """Costs of vectors ``(b, p)``, shape ``(b,)``; infinite where there is no number."""
-        return self._remembered(thetas, np.concatenate(self._map(partial(_costs, self.problem), self._chunks(thetas))))
+        return self._recorded(thetas, np.concatenate(self._map(partial(_costs, self.problem), self._chunks(thetas))))
 
     def point_costs(self, thetas: FloatArray) -> FloatArray:
         """What every point adds to these costs, ``(b, p)`` to ``(b, n)``."""
         costs = np.concatenate(self._map(partial(_point_costs, self.problem), self._chunks(thetas)))
-        self._remembered(thetas, costs.sum(axis=1))
+        self._recorded(thetas, costs.sum(axis=1))
         return costs
 
     def _chunks(self, thetas: FloatArray) -> list[FloatArray]:
         size = max(self.problem.at_once, -(-len(thetas) // _MOST_CHUNKS))
         return [thetas[first : first + size] for first in range(0, len(thetas), size)]
 
-    def _remembered(self, thetas: FloatArray, costs: FloatArray) -> FloatArray:
+    def _recorded(self, thetas: FloatArray, costs: FloatArray) -> FloatArray:
         self.count += len(thetas)
         lowest = int(np.argmin(costs))
         if costs[lowest] < self.best:
@@ -208,7 +208,7 @@ class Evaluations:
     def polished_points(self, starts: FloatArray, points: FloatArray) -> list[Solution]:
         """Ends of local searches from starts ``(k, p)``, each with its own weights of the points, ``(k, n)``."""
         found = self._map(partial(_polish_points, self.problem), list(zip(starts, points, strict=True)))
-        self.polishing += sum(one.evaluations for one in found)
+        self.polishing += sum(solution.evaluations for solution in found)
         return found
 
     def _map(self, run: Callable[[Task], Answer], tasks: Sequence[Task]) -> list[Answer]:
@@ -252,7 +252,7 @@ def _polish_points(problem: Problem, task: tuple[FloatArray, FloatArray]) -> Sol
 
 
 _MOST_PLACES = 32
-_ONE_PLACE = 0.1
+_SAME_PLACE = 0.1
 
 
 def basins(found: Sequence[Solution], *, name: str) -> tuple[Solution, tuple[Basin, ...]]:
@@ -281,15 +281,15 @@ def basins(found: Sequence[Solution], *, name: str) -> tuple[Solution, tuple[Bas
         None has a finite cost.
     """
     best = best_of(found, name=name)
-    rested = [one for one in found if np.isfinite(one.cost) and one.outcome is Outcome.CONVERGED]
+    rested = [solution for solution in found if np.isfinite(solution.cost) and solution.outcome is Outcome.CONVERGED]
     if best.outcome is not Outcome.CONVERGED:
         rested.append(best)
     places: list[Solution] = [best]
     counts = [0]
-    for one in sorted(rested, key=lambda one: one.cost):
-        place = next((k for k, other in enumerate(places) if same_place(other, one)), len(places))
+    for solution in sorted(rested, key=lambda solution: solution.cost):
+        place = next((k for k, other in enumerate(places) if same_place(other, solution)), len(places))
         if place == len(places):
-            places.append(one)
+            places.append(solution)
             counts.append(0)
         counts[place] += 1
     return best, tuple(Basin(p.cost, p.theta, count / len(rested)) for p, count in zip(places, counts, strict=True))
@@ -335,11 +335,11 @@ def worth_polishing(
     """
     of_all = _by_promise(shares, costs)
     chosen = of_all[: count - reserved]
-    for one in (*_by_promise(shares[:early], costs[:early]), *of_all):
+    for index in (*_by_promise(shares[:early], costs[:early]), *of_all):
         # What lies beside a place that was chosen would lead to where that one leads.
-        if len(chosen) < count and (_distance(shares[chosen].T, shares[one]) > _ONE_PLACE).all():
-            chosen.append(one)
-    return np.array(sorted(chosen, key=lambda one: (costs[one], one)), dtype=np.int64)
+        if len(chosen) < count and (_distance(shares[chosen].T, shares[index]) > _SAME_PLACE).all():
+            chosen.append(index)
+    return np.array(sorted(chosen, key=lambda index: (costs[index], index)), dtype=np.int64)
 
 
 def _by_promise(shares: FloatArray, costs: FloatArray) -> list[int]:
@@ -354,7 +354,7 @@ def _by_promise(shares: FloatArray, costs: FloatArray) -> list[int]:
     while not taken.all() and len(places) < _MOST_PLACES:
         lowest = int(np.argmin(taken))
         to_better.append(float(_distance(rising[places].T, rising[lowest]).min(initial=np.inf)))
-        taken |= _distance(by_side, rising[lowest]) <= _ONE_PLACE
+        taken |= _distance(by_side, rising[lowest]) <= _SAME_PLACE
         places.append(lowest)
     return [int(order[places[k]]) for k in np.argsort(-np.array(to_better), kind="stable")]
 

@@ -157,26 +157,26 @@ def spread_over_starts(
     if not 0.0 <= tolerance < math.inf:
         raise UsageError(f"a tolerance of {tolerance:g} came", needed="zero or a positive number")
     done = each_run(_Seeded(run_search, target), runs=runs, seed=seed, executor=executor, progress=progress)
-    found = [one for one in done if not isinstance(one, LeftOut)]
-    best = min(found, key=lambda one: one.cost_after, default=None)
+    found = [run for run in done if not isinstance(run, LeftOut)]
+    best = min(found, key=lambda run: run.cost_after, default=None)
     estimate = np.zeros(len(names)) if best is None else best.after
 
     def table(side: str) -> SpreadTable:
-        values = [one if isinstance(one, LeftOut) else getattr(one, side) for one in done]
+        values = [run if isinstance(run, LeftOut) else getattr(run, side) for run in done]
         return spread_of(values, names=names, units=units, estimate=estimate, seed=seed)
 
     lowest = math.inf if best is None else best.cost_after
     return SearchSpread(
         before=table("before"),
         after=table("after"),
-        seeds=tuple(one.seed for one in found),
-        costs_before=np.array([one.cost_before for one in found]),
-        costs_after=np.array([one.cost_after for one in found]),
-        targets=np.array([lowest if one.target is None else one.target for one in found]),
+        seeds=tuple(run.seed for run in found),
+        costs_before=np.array([run.cost_before for run in found]),
+        costs_after=np.array([run.cost_after for run in found]),
+        targets=np.array([lowest if run.target is None else run.target for run in found]),
         tolerance=tolerance,
-        floors=np.array([_NOTHING * one.began for one in found]),
-        evaluations=np.array([one.evaluations for one in found]),
-        polishing=np.array([one.polishing for one in found]),
+        floors=np.array([_NOTHING * run.began for run in found]),
+        evaluations=np.array([run.evaluations for run in found]),
+        polishing=np.array([run.polishing for run in found]),
     )
 
 

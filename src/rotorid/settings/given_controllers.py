@@ -32,9 +32,9 @@ class GivenController(Immutable):
     setpoint: str = ""
 
     def __str__(self) -> str:
-        numbers = ((one.name, getattr(self.controller, one.name)) for one in fields(self.controller))
-        told = [f"{name}={value!r}" for name, value in numbers if value]
-        return " ".join([*told, *([f"setpoint={self.setpoint}"] if self.setpoint else [])])
+        numbers = ((item.name, getattr(self.controller, item.name)) for item in fields(self.controller))
+        arguments = [f"{name}={value!r}" for name, value in numbers if value]
+        return " ".join([*arguments, *([f"setpoint={self.setpoint}"] if self.setpoint else [])])
 
 
 def read_controllers(path: Path) -> dict[Axis, GivenController]:
@@ -82,7 +82,7 @@ def _axis(name: str, source: Source) -> Axis:
 
 
 def _given(table: Mapping[str, Any], axis: str, source: Source) -> GivenController:
-    known = [one.name for one in fields(RateController) if one.name not in FILTERS]
+    known = [item.name for item in fields(RateController) if item.name not in FILTERS]
     values: dict[str, Any] = {}
     for name, value in table.items():
         if name not in (*known, "setpoint"):

@@ -146,7 +146,7 @@ class MeasureSettings(Settings):
         for name, lengths in self.input_windows_s.items():
             if not lengths:
                 raise UsageError(f"no window of {name} came", needed="one length or more")
-        for length in (*self.windows_s, *(one for lengths in self.input_windows_s.values() for one in lengths)):
+        for length in (*self.windows_s, *(length for lengths in self.input_windows_s.values() for length in lengths)):
             if not 0.0 < length <= LONGEST_WINDOW_S:
                 needed = f"lengths above 0 and up to {LONGEST_WINDOW_S:g} s"
                 raise UsageError(f"a window of {length:g} s came", needed=needed)

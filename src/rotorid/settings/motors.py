@@ -32,7 +32,7 @@ def _rounded(known: Mapping[str, float]) -> list[str]:
 
 
 def _rounded_segments(segments: "Iterable[Maneuver]") -> list[str]:
-    return [f"{one.axis}:{one.start_s:g}:{one.stop_s:g}" for one in segments]
+    return [f"{segment.axis}:{segment.start_s:g}:{segment.stop_s:g}" for segment in segments]
 
 
 def _file_name(layout: str | None) -> str | None:

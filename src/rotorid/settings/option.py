@@ -125,9 +125,9 @@ class Settings(Immutable):
             written = _metadata(item, Written) or Written("never" if option is None else "always")
             write = written.write or (option.text.write if option is not None and option.text is not None else None)
             if written.when == "always":
-                always[item.name] = (write or _held)(value)
+                always[item.name] = (write or _fixed)(value)
             elif written.when == "given" and value != _default(item):
-                given[item.name] = (write or _held)(value)
+                given[item.name] = (write or _fixed)(value)
         return always | given
 
 
@@ -146,10 +146,10 @@ def require_words(settings: "DataclassInstance") -> None:
             raise UsageError(came, needed=f"one of {', '.join(known)}")
 
 
-def _held(value: Any) -> Setting:
+def _fixed(value: Any) -> Setting:
     """A value with all its digits, so that the text gives the same run again."""
     if isinstance(value, Mapping):
-        return [f"{name}={one if isinstance(one, str) else repr(float(one))}" for name, one in value.items()]
+        return [f"{name}={item if isinstance(item, str) else repr(float(item))}" for name, item in value.items()]
     return list(value) if isinstance(value, tuple) else value
 
 

@@ -43,7 +43,7 @@ def parse_segments(texts: Sequence[str]) -> "tuple[Maneuver, ...]":
 
 def write_segments(segments: "Iterable[Maneuver]") -> list[str]:
     """Segments as :func:`parse_segments` reads them."""
-    return [f"{one.axis}:{float(one.start_s)!r}:{float(one.stop_s)!r}" for one in segments]
+    return [f"{segment.axis}:{float(segment.start_s)!r}:{float(segment.stop_s)!r}" for segment in segments]
 
 
 def parse_band(text: str) -> tuple[float, float]:

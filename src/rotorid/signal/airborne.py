@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rotorid.data.axes import RATES
-from rotorid.data.base import remembered
+from rotorid.data.base import cached_by_value
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import MOTORS, FlightRecord, Intervals, Topic, silences
 from rotorid.errors import InsufficientDataError
@@ -94,7 +94,7 @@ class Airborne:
         return max(self.intervals, key=lambda interval: interval[1] - interval[0])
 
 
-@remembered
+@cached_by_value
 def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
     """Find the flights in a record.
 
@@ -140,8 +140,8 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
     status = record.status
     if status.in_air is not None or status.armed == ():
         shortest_s = _SHORTEST_EARLY_S if status.early else _SHORTEST_FLIGHT_S
-        held = [interval for interval in status.in_air or () if interval[1] - interval[0] >= shortest_s]
-        intervals = tuple(interval for interval in held if not status.early or _moves(record, interval))
+        flights = [interval for interval in status.in_air or () if interval[1] - interval[0] >= shortest_s]
+        intervals = tuple(interval for interval in flights if not status.early or _moves(record, interval))
         return _found(record, intervals, status.flagged_in or "the log", by_flags=True)
     time_s, flying, carrying, seen_in = _flying(record)
     if status.armed is not None:
@@ -171,7 +171,7 @@ def airborne_by_thrust(record: FlightRecord) -> Airborne | None:
     return found if found.by_thrust else None
 
 
-def told_by(seen_in: str) -> str:
+def evidence_words(seen_in: str) -> str:
     """What tells of a flight, as the end of a sentence.
 
     Examples
@@ -188,7 +188,7 @@ def _found(
     intervals = _logged(record, intervals)
     if not intervals:
         shortest_s = _SHORTEST_EARLY_S if by_flags and record.status.early else _SHORTEST_FLIGHT_S
-        message = f"{record.source.name} holds no flight of {shortest_s:g} s and more, {told_by(seen_in)}."
+        message = f"{record.source.name} holds no flight of {shortest_s:g} s and more, {evidence_words(seen_in)}."
         raise InsufficientDataError(
             message,
             needed="a vehicle in the air",
@@ -305,16 +305,16 @@ def _thrusts(record: FlightRecord) -> Iterator[tuple[FloatArray, FloatArray, str
 def _together(record: FlightRecord, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray, str] | None:
     """Those of the channels that stand in one topic, the one that lasts longest, where all are finite."""
     topics = dict.fromkeys(topic for name in names for topic, _ in record.holding(name))
-    lasting = [(float(np.ptp(topic.time_s)), topic) for topic in topics if topic.time_s.size >= 2]
-    if not lasting:
+    durations = [(float(np.ptp(topic.time_s)), topic) for topic in topics if topic.time_s.size >= 2]
+    if not durations:
         return None
-    topic = max(lasting, key=lambda item: item[0])[1]
+    topic = max(durations, key=lambda item: item[0])[1]
     rows = {name: topic.row(name) for name in names}
     present = {name: row for name, row in rows.items() if row is not None}
-    return _sound(topic, list(present.values()), ", ".join(present))
+    return _finite_samples(topic, list(present.values()), ", ".join(present))
 
 
-def _sound(topic: Topic, rows: list[int], names: str) -> tuple[FloatArray, FloatArray, str] | None:
+def _finite_samples(topic: Topic, rows: list[int], names: str) -> tuple[FloatArray, FloatArray, str] | None:
     """Samples that are finite at stamps that rise."""
     values = topic.values[rows]
     kept = np.isfinite(values).all(axis=0) & np.isfinite(topic.time_s)
@@ -393,7 +393,7 @@ def _finding(found: Airborne, record: FlightRecord) -> Finding:
     return remark(
         "airborne",
         found.seen_in,
-        f"In the air from {start_s:.1f} to {stop_s:.1f} s, {told_by(found.seen_in)}"
+        f"In the air from {start_s:.1f} to {stop_s:.1f} s, {evidence_words(found.seen_in)}"
         f"{', which is the whole record' if whole else ''}{more}.",
         start_s=start_s,
         stop_s=stop_s,

@@ -511,7 +511,7 @@ def interpolated(time_s: FloatArray, values: FloatArray) -> Interpolated | None:
         return None
     edges = np.concatenate([[0], bent, [time_s.size - 1]])
     lines = [(begin, end) for begin, end in itertools.pairwise(edges) if end - begin >= 2]
-    if len(lines) < _LEAST_KNOTS or len(lines) > _MOST_KNOTS * time_s.size or _held(values, lines):
+    if len(lines) < _LEAST_KNOTS or len(lines) > _MOST_KNOTS * time_s.size or _is_sampled_and_held(values, lines):
         return None
     knots = [_meeting(time_s, values, before, after) for before, after in itertools.pairwise(lines)]
     times = np.array([time_s[0], *(at for at, _ in knots), time_s[-1]])
@@ -521,7 +521,7 @@ def interpolated(time_s: FloatArray, values: FloatArray) -> Interpolated | None:
     return Interpolated(time_s=times[kept], values=levels[:, kept], logged_rate_hz=rate_hz)
 
 
-def _held(values: FloatArray, lines: list[tuple[int, int]]) -> bool:
+def _is_sampled_and_held(values: FloatArray, lines: list[tuple[int, int]]) -> bool:
     """Whether most lines are level: samples that were held are no joined ones."""
     level = [np.array_equal(values[:, begin], values[:, end]) for begin, end in lines]
     return float(np.mean(level)) > _LEVEL

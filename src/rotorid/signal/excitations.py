@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 
 from rotorid.data.axes import ANGLE_OF, RATE_OF
-from rotorid.data.base import remembered
+from rotorid.data.base import cached_by_value
 from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, FlightRecord, Intervals, Kind, Maneuver, Maneuvers
 from rotorid.data.trust import LEAST_WIDTH, RICH_KINDS
 from rotorid.signal.airborne import airborne_by_thrust
@@ -80,7 +80,7 @@ _MOST_TRANSITIONS = 0.5
 _LEAST_VARIATION = 0.2
 """Spread of half periods over their mean from which they are irregular, as those of a sine are not."""
 
-_HELD_SHARE = 0.9
+_AT_LEVEL_SHARE = 0.9
 """Share of the samples, without those on their way, that two levels must hold."""
 
 _MOST_BEYOND = 0.02
@@ -218,7 +218,7 @@ def _stands_still(record: FlightRecord, maneuver: Maneuver) -> bool:
     return still
 
 
-@remembered
+@cached_by_value
 def find_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     """Excitations of one axis: those that the log declares, and those that its signals show beside them.
 
@@ -300,7 +300,7 @@ def verifying_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     return Maneuvers(m for m in find_excitations(record, axis) if m not in fitted)
 
 
-@remembered
+@cached_by_value
 def candidate_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     """Stretches that move an axis enough to try, and that :func:`find_excitations` does not take by itself.
 
@@ -375,7 +375,7 @@ def _middle_of_levels(values: FloatArray) -> float:
     low, high = np.percentile(finite, [2.0, 98.0])
     near = 0.5 * (1.0 - _TWO_LEVEL_SHARE) * (high - low)
     shares = float(np.mean(finite <= low + near)), float(np.mean(finite >= high - near))
-    both = high > low and min(shares) >= _LEAST_AT_LEVEL and sum(shares) >= _HELD_SHARE
+    both = high > low and min(shares) >= _LEAST_AT_LEVEL and sum(shares) >= _AT_LEVEL_SHARE
     return float(low + high) / 2.0 if both else float(np.median(finite))
 
 
@@ -400,8 +400,8 @@ def _sent_by_program(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     Where the log says when a plan was flown, each counts as declared. Without that word only the shapes that no outer
     loop makes are taken for a program's.
     """
-    name, told = ATTITUDE_SETPOINTS.get(axis, ""), bool(record.status.planned)
-    if name in record.instruments.get(axis, (name,) if not told else ()):
+    name, planned = ATTITUDE_SETPOINTS.get(axis, ""), bool(record.status.planned)
+    if name in record.instruments.get(axis, (name,) if not planned else ()):
         # A set-point that is free of feedback throughout is looked at as a whole.
         return ()
     found: list[Maneuver] = []
@@ -410,9 +410,9 @@ def _sent_by_program(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
             inside = (topic.time_s >= start_s) & (topic.time_s <= stop_s) & np.isfinite(topic.values[row])
             time_s, values = topic.time_s[inside], topic.values[row][inside]
             moved = _in_signal(time_s, values, axis, name)
-            if told:
+            if planned:
                 moved = [replace(_smoothed(m, time_s, values), origin="declared") for m in moved]
-            kinds = (*RICH_KINDS, "doublet", "multistep") if told else _MADE_BY_PROGRAMS
+            kinds = (*RICH_KINDS, "doublet", "multistep") if planned else _MADE_BY_PROGRAMS
             shown = _level_flight(record, [m for m in moved if m.kind in kinds])
             if shown:
                 found += shown
@@ -768,12 +768,12 @@ def _has_two_levels(time_s: FloatArray, motion: FloatArray, switches: FloatArray
     At 20 Hz those are many: the sample at which the side changes and the one before it. Of a sine that is sampled as
     coarsely, too, nothing but the crests remains without them; but its half periods are all of one length.
     """
-    held = np.abs(motion) > _TWO_LEVEL_SHARE * level
+    moving = np.abs(motion) > _TWO_LEVEL_SHARE * level
     # A stick that landed rests at a single level, and doublets on a trim go far beyond it.
-    above = float(np.mean(motion[held] > 0.0))
+    above = float(np.mean(motion[moving] > 0.0))
     if min(above, 1.0 - above) < _LEAST_OF_EACH or float(np.mean(np.abs(motion) > 1.5 * level)) > _MOST_BEYOND:
         return False
-    if float(np.mean(held)) > _TWO_LEVEL_SHARE:
+    if float(np.mean(moving)) > _TWO_LEVEL_SHARE:
         return True
     index = np.searchsorted(time_s, switches)
     between = np.zeros(motion.size, dtype=np.bool_)
@@ -781,7 +781,7 @@ def _has_two_levels(time_s: FloatArray, motion: FloatArray, switches: FloatArray
     halves = np.diff(switches)
     irregular = float(np.std(halves)) > _LEAST_VARIATION * float(np.mean(halves))
     few = float(np.mean(between)) <= _MOST_TRANSITIONS
-    return irregular and few and float(np.mean(held[~between])) >= _HELD_SHARE
+    return irregular and few and float(np.mean(moving[~between])) >= _AT_LEVEL_SHARE
 
 
 def _has_trend(halves: FloatArray, *, ratio: float = _LEAST_RATIO) -> bool:
@@ -789,9 +789,9 @@ def _has_trend(halves: FloatArray, *, ratio: float = _LEAST_RATIO) -> bool:
     order = np.argsort(np.argsort(halves, kind="stable"), kind="stable")
     correlation = float(np.corrcoef(order, np.arange(halves.size))[0, 1])
     third = max(halves.size // 4, 2)
-    grown = float(np.median(halves[:third]) / np.median(halves[-third:]))
+    growth = float(np.median(halves[:third]) / np.median(halves[-third:]))
     steady = _STEADY if halves.size >= _MANY_HALVES else _STEADY_OF_FEW
-    return abs(correlation) > steady and max(grown, 1.0 / grown) > ratio
+    return abs(correlation) > steady and max(growth, 1.0 / growth) > ratio
 
 
 _ALIKE = 0.95
@@ -901,13 +901,13 @@ def lines_in_noise(time_s: FloatArray, motion: FloatArray, period_s: float) -> t
     kernel = np.ones(min(_NEIGHBORS, count))
     noise = np.convolve(between, kernel, "same") / np.convolve(np.ones(count), kernel, "same")
     over = lines[1:, 0] / np.maximum(noise[1:], np.finfo(np.float64).tiny)
-    seen = np.flatnonzero(over > _LINE_OVER_NOISE) + 1
-    if seen.size < _FEWEST_LINES:
+    over_noise = np.flatnonzero(over > _LINE_OVER_NOISE) + 1
+    if over_noise.size < _FEWEST_LINES:
         return None
     # Drift is largest where the lines begin, and few lines lie there that noise could add.
     lowest = int(np.flatnonzero(over > _LOW_LINE_OVER_NOISE)[0]) + 1
     line_rad_s = 2.0 * np.pi / period_s
-    return float(lowest * line_rad_s), float(seen[-1] * line_rad_s)
+    return float(lowest * line_rad_s), float(over_noise[-1] * line_rad_s)
 
 
 def _normalized(values: FloatArray) -> FloatArray:

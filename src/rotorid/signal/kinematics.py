@@ -142,7 +142,7 @@ def ingredients(name: str, logged: Iterable[str]) -> tuple[str, ...]:
         return ("velocity_down",)
     if name in _OF_HEADING:
         horizontal = EARTH_VELOCITIES[:2]
-        positions = tuple(_POSITION_OF[one] for one in horizontal)
+        positions = tuple(_POSITION_OF[name] for name in horizontal)
         differentiated = not set(horizontal) <= set(logged) and set(positions) <= set(logged)
         return (*(positions if differentiated else horizontal), "psi")
     if name in [f"{rate}_dot" for rate in RATES]:
@@ -496,7 +496,11 @@ def expected_motion(history: TimeHistory, channels: Collection[str]) -> dict[str
     """
     rates = _expected_rates(history) if set(channels) & set(RATES) else {}
     forces = _expected_forces(_with_plane(history)) if set(channels) & set(ACCELERATIONS) else {}
-    return {name: one.values for name, one in (rates | forces).items() if name in channels and name in history.names}
+    return {
+        name: expected.values
+        for name, expected in (rates | forces).items()
+        if name in channels and name in history.names
+    }
 
 
 _PLANES = (("u", "w", "q", "theta"), ("v", "p", "phi"))

@@ -117,12 +117,12 @@ def piled_ends(values: FloatArray) -> Range | None:
     if _FEW_LEVELS * edge > span:
         return None
     # A signal that keeps each value for some samples has that many fewer values.
-    lasting = float(np.median(np.diff(np.flatnonzero(np.diff(finite, prepend=np.nan, append=np.nan)))))
+    median_run = float(np.median(np.diff(np.flatnonzero(np.diff(finite, prepend=np.nan, append=np.nan)))))
 
     def piled(away: FloatArray) -> bool:
         near = int(np.count_nonzero(away <= edge))
         next_to = int(np.count_nonzero((away > edge) & (away <= 4.0 * edge)))
-        return near > max(_PILED * next_to, _LEAST_PILE * lasting)
+        return near > max(_PILED * next_to, _LEAST_PILE * median_run)
 
     return (
         float(levels[0]) + edge if piled(finite - levels[0]) else -np.inf,

@@ -28,7 +28,7 @@ import numpy as np
 
 from rotorid.autopilots.registry import autopilot_of
 from rotorid.autopilots.thrust import Linearization
-from rotorid.data.base import Immutable, read_only, remembered
+from rotorid.data.base import Immutable, cached_by_value, read_only
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Topic
 from rotorid.errors import InsufficientDataError, UsageError
@@ -178,7 +178,7 @@ def _outputs(record: FlightRecord) -> MotorHistory:
     return MotorHistory(kind=kind, time_s=time_s, values=values, source=source)
 
 
-@remembered
+@cached_by_value
 def motor_limits(record: FlightRecord) -> MotorLimits:
     """When each motor of a log was at a limit, and why: the answer of every command.
 
@@ -250,8 +250,8 @@ def motor_channels(record: FlightRecord, prefix: str) -> tuple[str, ...]:
     pattern = re.compile(rf"{prefix}(\d+)")
     numbers = sorted(int(match[1]) for name in record.channel_names if (match := pattern.fullmatch(name)))
     if numbers != list(range(1, len(numbers) + 1)) or not numbers:
-        held = ", ".join(f"{prefix}{number}" for number in numbers) or "none of them"
-        message = f"{record.source.name} holds {held} of {prefix}1, {prefix}2 and on."
+        available = ", ".join(f"{prefix}{number}" for number in numbers) or "none of them"
+        message = f"{record.source.name} holds {available} of {prefix}1, {prefix}2 and on."
         finding = refusal("missing_channel", f"{prefix}1", message)
         raise InsufficientDataError(message, needed="all motors", findings=[finding])
     return tuple(f"{prefix}{number}" for number in numbers[:MOTORS])
@@ -269,9 +269,9 @@ def on_common_stamps(record: FlightRecord, names: Sequence[str]) -> tuple[FloatA
     """
     series: dict[str, tuple[FloatArray, FloatArray, str]] = {}
     for name in names:
-        held = next(record.holding(name), None)
-        if held is not None:
-            topic, row = held
+        source = next(record.holding(name), None)
+        if source is not None:
+            topic, row = source
             kept = np.isfinite(topic.values[row]) & np.isfinite(topic.time_s)
             stamps, first = np.unique(topic.time_s[kept], return_index=True)
             series[name] = stamps, topic.values[row][kept][first], topic.name
@@ -531,10 +531,10 @@ def _correlations(mixer: FloatArray, wanted: FloatArray, logged: FloatArray) -> 
 
 def voltage_share(record: FlightRecord, known: Linearization, time_s: FloatArray) -> FloatArray:
     """What the autopilot divided its outputs by; one where the log does not hold the voltage, which the gain takes."""
-    held = next(record.holding("battery_voltage"), None)
-    if held is None or not known.compensates_voltage:
+    source = next(record.holding("battery_voltage"), None)
+    if source is None or not known.compensates_voltage:
         return np.ones(time_s.size)
-    topic, row = held
+    topic, row = source
     return known.voltage_share(np.interp(time_s, topic.time_s, topic.values[row]))
 
 

@@ -33,7 +33,7 @@ import numpy as np
 from rotorid.autopilots.filters import combined_response
 from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.axes import RATE_OF
-from rotorid.data.base import Immutable, remembered
+from rotorid.data.base import Immutable, cached_by_value
 from rotorid.data.display import capital
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.signal.airborne import airborne
@@ -99,10 +99,10 @@ _UNLIKE, _APART = 0.2, 0.05
 """Logarithm of the logged rate over angle to that of an image, above which it is not that one, and by how much the next
 image has to be worse. Simulated flights have their own within 0.02."""
 
-_BESIDE = 0.5
+_LEAST_OF_STRONGEST = 0.5
 """Of the strongest axis, below which another one is only shaken by it."""
 
-_LASTING_S = 10.0
+_LEAST_DURATION_S = 10.0
 """A part of a flight that swings counts from this length on, where the rest is calm."""
 
 _MOST_WINDOWS = 40
@@ -174,7 +174,7 @@ class OscillationCheck(Immutable):
         self._set(unchecked=self.unchecked)
 
 
-@remembered
+@cached_by_value
 def check_oscillations(record: FlightRecord) -> OscillationCheck:
     """Look for axes that swing by themselves.
 
@@ -209,9 +209,9 @@ def check_oscillations(record: FlightRecord) -> OscillationCheck:
     power = _power(record)
     looks = _looks(record, flights, power)
     return OscillationCheck(
-        found=tuple(one for one in looks.values() if isinstance(one, Oscillation)),
-        calm=tuple(axis for axis, one in looks.items() if one is None),
-        unchecked={axis: one for axis, one in looks.items() if isinstance(one, str)},
+        found=tuple(oscillation for oscillation in looks.values() if isinstance(oscillation, Oscillation)),
+        calm=tuple(axis for axis, oscillation in looks.items() if oscillation is None),
+        unchecked={axis: oscillation for axis, oscillation in looks.items() if isinstance(oscillation, str)},
     )
 
 
@@ -310,7 +310,11 @@ def _looks(record: FlightRecord, flights: Intervals, power: _Power) -> dict[Axis
     strongest = max((look.rms for look in looks.values() if isinstance(look, Oscillation)), default=0.0)
     for move in known:
         look = looks[move.axis]
-        weaker = look.rms < _BESIDE * strongest if isinstance(look, Oscillation) else move.size > 0.5 * LARGEST_RMS
+        weaker = (
+            look.rms < _LEAST_OF_STRONGEST * strongest
+            if isinstance(look, Oscillation)
+            else move.size > 0.5 * LARGEST_RMS
+        )
         if strongest > 0.0 and weaker:
             # Motors at their limits take from every axis.
             looks[move.axis] = f"{capital(move.axis)} moves with the axis that oscillates more."
@@ -400,7 +404,7 @@ def _longest_run(command: _Samples, windows: Sequence[slice], sizes: FloatArray,
     if not best:
         return []
     lasts_s = command.time_s[windows[best[-1]].stop - 1] - command.time_s[windows[best[0]].start]
-    return best if lasts_s >= _LASTING_S and len(best) >= _FEWEST_WINDOWS else []
+    return best if lasts_s >= _LEAST_DURATION_S and len(best) >= _FEWEST_WINDOWS else []
 
 
 def _swing(record: FlightRecord, move: _Move, flights: Intervals, power: _Power) -> Oscillation | None:
@@ -424,8 +428,8 @@ def _swing(record: FlightRecord, move: _Move, flights: Intervals, power: _Power)
             (limited and line.share > _LIMITED_LINE)
             or (line.share > _FREE_LINE and _driven(record, axis, line, part, power) is False)
         ):
-            swung = command.within(*move.span_s)
-            return replace(found, frequency_hz=_frequency_hz(record, swung, line.frequency_hz, axis, part))
+            swings = command.within(*move.span_s)
+            return replace(found, frequency_hz=_frequency_hz(record, swings, line.frequency_hz, axis, part))
         if not move.fast and (limited or move.size > HUGE_RMS):
             return found
     if slow is None:
@@ -543,11 +547,11 @@ def _line(
     twice the rate of slow logs, where even ones show it at images too.
     """
     chosen = windows[:: max(len(windows) // _MOST_WINDOWS, 1)]
-    found = [one for window in chosen if (one := _line_in(samples, setpoint, window, band_hz)) is not None]
+    found = [line for window in chosen if (line := _line_in(samples, setpoint, window, band_hz)) is not None]
     if len(found) < _FEWEST_WINDOWS - 1:
         return None
     frequency, share, driven = (float(value) for value in np.median(found, axis=0))
-    low, high = np.percentile([one[0] for one in found], [25.0, 75.0])
+    low, high = np.percentile([line[0] for line in found], [25.0, 75.0])
     return _Line(frequency, share, float(high - low) / frequency, driven)
 
 
@@ -627,7 +631,9 @@ def _driven(record: FlightRecord, axis: Axis, line: _Line, flights: Intervals, p
 def _powered(samples: _Samples, length_s: float, power: _Power) -> list[slice]:
     """Windows in which the motors carry the vehicle."""
     time_s = samples.time_s
-    return [one for one in _windows(samples, length_s) if power.runs(time_s[one.start], time_s[one.stop - 1])]
+    return [
+        window for window in _windows(samples, length_s) if power.runs(time_s[window.start], time_s[window.stop - 1])
+    ]
 
 
 class _Slow(NamedTuple):
@@ -672,7 +678,9 @@ def _frequency_hz(
     if len(images) == 1:
         return _refined(samples, frequency_hz)
     strengths = np.array([_strength(samples, image, 0.5 * images[0]) for image in images])
-    likely = [image for image, one in zip(images, strengths, strict=True) if one * _CLEARER >= strengths.max()]
+    likely = [
+        image for image, strength in zip(images, strengths, strict=True) if strength * _CLEARER >= strengths.max()
+    ]
     found = likely[0] if len(likely) == 1 else _by_kinematics(record, axis, likely, flights)
     return _refined(samples, found) if found is not None and rate_hz > _OF_RATE * found else None
 
@@ -722,7 +730,7 @@ def _by_kinematics(record: FlightRecord, axis: Axis, images_hz: Sequence[float],
     filters = known_filters(record, rate.source)
     misses = []
     for image in images_hz:
-        turned, tilted = (_strength(one, image, 0.5 * min(images_hz)) for one in (rate, angle))
+        turned, tilted = (_strength(samples, image, 0.5 * min(images_hz)) for samples in (rate, angle))
         omega = np.array([2.0 * np.pi * image])
         passed = float(np.abs(combined_response(filters, omega))[0]) if filters else 1.0
         expected = omega[0] * max(passed, 1e-3)

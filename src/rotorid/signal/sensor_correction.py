@@ -157,7 +157,7 @@ def estimate_correction(
     """
     rates = _triad(histories, RATES)
     others = histories if forces is None else forces
-    moved = _triad([_rates_corrected(one, rates) for one in others], ACCELERATIONS)
+    moved = _triad([_rates_corrected(history, rates) for history in others], ACCELERATIONS)
     if not (rates.terms or rates.left or moved.terms or moved.left):
         raise InsufficientDataError(
             "no rate with its angle and no specific force with velocities and attitude came, to correct sensors by",
@@ -209,37 +209,37 @@ def corrected_values(correction: SensorCorrection, channel: str, measured: Mappi
 
 def correction_findings(correction: SensorCorrection) -> tuple[Finding, ...]:
     """What was corrected, each with its interval, and what was not."""
-    said = [
+    findings = [
         remark(
             "sensor_corrected",
-            one.name,
-            f"{_capital(_words(one))}; it was taken out.",
-            value=one.value,
-            std=one.std,
-            lower=one.value - TWO_SIDED_95 * one.std,
-            upper=one.value + TWO_SIDED_95 * one.std,
+            term.name,
+            f"{_capital(_words(term))}; it was taken out.",
+            value=term.value,
+            std=term.std,
+            lower=term.value - TWO_SIDED_95 * term.std,
+            upper=term.value + TWO_SIDED_95 * term.std,
         )
-        for one in correction.terms
+        for term in correction.terms
     ]
     if correction.left:
         names = ", ".join(correction.left)
-        said.append(
+        findings.append(
             remark("sensor_not_corrected", names, f"The flight does not tell these errors of sensors: {names}.")
         )
-    return tuple(said)
+    return tuple(findings)
 
 
-def _words(one: SensorTerm) -> str:
-    if one.kind == "scale":
-        return f"{one.channel} shows {_signed(100.0 * one.value, 100.0 * one.std)} % too much"
-    if one.kind == "misalignment":
+def _words(term: SensorTerm) -> str:
+    if term.kind == "scale":
+        return f"{term.channel} shows {_signed(100.0 * term.value, 100.0 * term.std)} % too much"
+    if term.kind == "misalignment":
         return (
-            f"{one.toward} leaks into {one.channel} by {_signed(math.degrees(one.value), math.degrees(one.std))}° "
+            f"{term.toward} leaks into {term.channel} by {_signed(math.degrees(term.value), math.degrees(term.std))}° "
             "of misalignment"
         )
-    if one.kind == "bias":
-        return f"{one.channel} has a bias of {_signed(one.value, one.std)} {one.unit}"
-    where = f"{_signed(1e3 * one.value, 1e3 * one.std)} mm from the center of gravity along {one.toward}"
+    if term.kind == "bias":
+        return f"{term.channel} has a bias of {_signed(term.value, term.std)} {term.unit}"
+    where = f"{_signed(1e3 * term.value, 1e3 * term.std)} mm from the center of gravity along {term.toward}"
     return f"the accelerometer lies {where}"
 
 
@@ -272,10 +272,10 @@ class _Lines:
 
 def _triad(histories: Sequence[TimeHistory], sensors: tuple[str, ...]) -> SensorCorrection:
     """Errors of three sensors of one kind."""
-    lines = [one for history in histories if (one := _lines(history, sensors)) is not None]
+    lines = [item for history in histories if (item := _lines(history, sensors)) is not None]
     if not lines:
         return SensorCorrection()
-    channels = [name for name in sensors if any(name in one.target for one in lines)]
+    channels = [name for name in sensors if any(name in line.target for line in lines)]
     unknowns = _unknowns(lines, channels)
     chosen = list(unknowns)
     while True:
@@ -298,7 +298,7 @@ def _triad(histories: Sequence[TimeHistory], sensors: tuple[str, ...]) -> Sensor
     for channel in channels:
         constant[channel], spread[channel] = _constant(lines, channel, found, covariance, chosen)
     terms = _terms(matrix, constant, spread, place, known)
-    left = [_named(one) for one in unknowns if one not in chosen]
+    left = [_named(unknown) for unknown in unknowns if unknown not in chosen]
     kept = [row for row, (_, term) in enumerate(chosen) if term not in _OF_FILTERS]
     wider = std / np.sqrt(np.diag(covariance).clip(min=_TINY))
     spread_of_all = (covariance * np.outer(wider, wider))[np.ix_(kept, kept)]
@@ -376,8 +376,8 @@ def _named(unknown: tuple[str, str]) -> str:
 def _unknowns(lines: Sequence[_Lines], channels: Sequence[str]) -> list[tuple[str, str]]:
     names: dict[tuple[str, str], None] = {}
     for channel in channels:
-        for one in lines:
-            for term in one.columns.get(channel, {}):
+        for line in lines:
+            for term in line.columns.get(channel, {}):
                 names["accelerometer" if term in PLACES else channel, term] = None
     return list(names)
 
@@ -440,24 +440,24 @@ def _regression(
     lines: Sequence[_Lines], channels: Sequence[str], unknowns: Sequence[tuple[str, str]]
 ) -> tuple[FloatArray, FloatArray]:
     """Values of the unknowns and their covariance, weighed by the noise that is left at each frequency."""
-    rows = [(one, name) for one in lines for name in channels if name in one.target]
-    designs = [_design(one, name, unknowns) for one, name in rows]
-    noise = [np.full(one.omega_rad_s.size, np.mean(np.abs(one.target[name]) ** 2) + _TINY) for one, name in rows]
+    rows = [(line, name) for line in lines for name in channels if name in line.target]
+    designs = [_design(lines, name, unknowns) for lines, name in rows]
+    noise = [np.full(lines.omega_rad_s.size, np.mean(np.abs(lines.target[name]) ** 2) + _TINY) for lines, name in rows]
     values: FloatArray = np.zeros(len(unknowns))
     covariance: FloatArray = np.zeros((len(unknowns), len(unknowns)))
     for _ in range(4):
         normal, right = np.zeros_like(covariance), np.zeros_like(values)
-        for (one, name), design, level in zip(rows, designs, noise, strict=True):
+        for (item, name), design, level in zip(rows, designs, noise, strict=True):
             normal += 2.0 * ((design.conj() / level) @ design.T).real
-            right += 2.0 * ((design.conj() / level) @ one.target[name]).real
+            right += 2.0 * ((design.conj() / level) @ item.target[name]).real
         covariance = np.asarray(np.linalg.pinv(normal, hermitian=True), dtype=np.float64)
         values = covariance @ right
         # A direction without any excitation has an infinite variance, which the pseudoinverse would call zero.
         silent = np.diag(normal) <= 0.0
         covariance[silent, silent] = np.inf
         noise = [
-            _level(np.abs(one.target[name] - values @ design) ** 2, len(unknowns), len(rows))
-            for (one, name), design in zip(rows, designs, strict=True)
+            _level(np.abs(lines.target[name] - values @ design) ** 2, len(unknowns), len(rows))
+            for (lines, name), design in zip(rows, designs, strict=True)
         ]
     return values, covariance * _HANN_CORRELATION
 
@@ -473,9 +473,9 @@ def _disagreement(
     # Filters are told by the whole band; in a part of it they would pass for a scale.
     plain = [row for row, name in enumerate(unknowns) if name[1] not in _OF_FILTERS]
     chosen = [unknowns[row] for row in plain]
-    held = {name: value for name, value in zip(unknowns, values, strict=True) if name[1] in _OF_FILTERS}
+    of_filters = {name: value for name, value in zip(unknowns, values, strict=True) if name[1] in _OF_FILTERS}
     for part in range(_PARTS):
-        own = [_part(one, part, held) for one in lines]
+        own = [_part(line, part, of_filters) for line in lines]
         found, covariance = _regression(own, channels, chosen)
         variance = np.diag(covariance)
         usable = np.isfinite(variance) & (variance > 0.0)
@@ -486,22 +486,22 @@ def _disagreement(
     return np.sqrt(np.maximum(spread, 1.0))
 
 
-def _part(one: _Lines, part: int, held: Mapping[tuple[str, str], float]) -> _Lines:
+def _part(lines: _Lines, part: int, of_filters: Mapping[tuple[str, str], float]) -> _Lines:
     """A part of the band with an equal share of its lines by logarithm, what filters do taken out of it."""
-    edges = np.geomspace(one.omega_rad_s[0], one.omega_rad_s[-1] * (1.0 + 1e-9), _PARTS + 1)
-    inside = (one.omega_rad_s >= edges[part]) & (one.omega_rad_s < edges[part + 1])
+    edges = np.geomspace(lines.omega_rad_s[0], lines.omega_rad_s[-1] * (1.0 + 1e-9), _PARTS + 1)
+    inside = (lines.omega_rad_s >= edges[part]) & (lines.omega_rad_s < edges[part + 1])
     target = {}
-    for name, values in one.target.items():
+    for name, values in lines.target.items():
         filtered = sum(
-            (value * one.columns[name][term] for (channel, term), value in held.items() if channel == name),
+            (value * lines.columns[name][term] for (channel, term), value in of_filters.items() if channel == name),
             np.zeros_like(values),
         )
         target[name] = (values - filtered)[inside]
     return replace(
-        one,
+        lines,
         target=target,
-        columns={name: {term: row[inside] for term, row in own.items()} for name, own in one.columns.items()},
-        omega_rad_s=one.omega_rad_s[inside],
+        columns={name: {term: row[inside] for term, row in own.items()} for name, own in lines.columns.items()},
+        omega_rad_s=lines.omega_rad_s[inside],
     )
 
 
@@ -515,9 +515,9 @@ def _level(power: FloatArray, unknowns: int, rows: int) -> FloatArray:
     return np.asarray(np.maximum(mean / spent, _TINY))
 
 
-def _design(one: _Lines, name: str, unknowns: Sequence[tuple[str, str]]) -> np.ndarray:
-    none = np.zeros(one.omega_rad_s.size, dtype=np.complex128)
-    own = one.columns[name]
+def _design(lines: _Lines, name: str, unknowns: Sequence[tuple[str, str]]) -> np.ndarray:
+    none = np.zeros(lines.omega_rad_s.size, dtype=np.complex128)
+    own = lines.columns[name]
     return (
         np.stack([own.get(term, none) if channel in (name, "accelerometer") else none for channel, term in unknowns])
         if unknowns
@@ -534,15 +534,15 @@ def _constant(
 ) -> tuple[float, float]:
     """What to add to a sensor, from the means of what is left, and its standard deviation."""
     left, slopes, spreads = [], [], []
-    for one in lines:
-        if channel not in one.difference:
+    for line in lines:
+        if channel not in line.difference:
             continue
-        rest = one.difference[channel].copy()
+        rest = line.difference[channel].copy()
         slope = np.zeros(len(unknowns))
         for place, (owner, term) in enumerate(unknowns):
-            if owner in (channel, "accelerometer") and term in one.parts[channel]:
-                rest -= found[owner, term] * one.parts[channel][term]
-                slope[place] = float(np.mean(one.parts[channel][term]))
+            if owner in (channel, "accelerometer") and term in line.parts[channel]:
+                rest -= found[owner, term] * line.parts[channel][term]
+                slope[place] = float(np.mean(line.parts[channel][term]))
         blocks = [block.mean() for block in np.array_split(rest, _BLOCKS)]
         left.append(float(rest.mean()))
         slopes.append(slope)

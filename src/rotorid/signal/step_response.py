@@ -400,7 +400,7 @@ def _longest(near: BoolArray) -> tuple[int, int]:
 
 
 def _finding(highest: float, stay_s: float, saturated: bool) -> Finding:
-    said = (
+    message = (
         f"Thrust stood for {stay_s:.2f} s at {highest:.2f} times the weight, the highest value of the record; models "
         "without that limit are not valid there."
         if saturated
@@ -408,7 +408,7 @@ def _finding(highest: float, stay_s: float, saturated: bool) -> Finding:
         "shows."
     )
     return (warn if saturated else remark)(
-        "thrust_limit", "velocity_down", said, highest=highest, longest_stay_s=stay_s
+        "thrust_limit", "velocity_down", message, highest=highest, longest_stay_s=stay_s
     )
 
 

@@ -32,8 +32,10 @@ def stretch(record: FlightRecord, start_s: float, stop_s: float) -> FlightRecord
     status = record.status
     return replace(
         record,
-        topics=tuple(part for one in record.topics if (part := _part(one, start_s, stop_s)) is not None),
-        declared=tuple(one for one in record.declared if one.start_s >= start_s and one.stop_s <= stop_s),
+        topics=tuple(part for topic in record.topics if (part := _part(topic, start_s, stop_s)) is not None),
+        declared=tuple(
+            maneuver for maneuver in record.declared if maneuver.start_s >= start_s and maneuver.stop_s <= stop_s
+        ),
         status=replace(
             status,
             armed=_inside(status.armed, start_s, stop_s),

@@ -251,7 +251,7 @@ def sense(
 
 
 @bare(forceinline=True)
-def attitude(now: FloatArray, noise: FloatArray, spread: float, seen: FloatArray, row: FloatArray) -> None:
+def attitude(now: FloatArray, noise: FloatArray, spread: float, measured: FloatArray, row: FloatArray) -> None:
     """The estimated quaternion, and its angles into a row of the log."""
     qw, qx, qy, qz = now[6], now[7], now[8], now[9]
     ex, ey, ez = 0.5 * spread * noise[6], 0.5 * spread * noise[7], 0.5 * spread * noise[8]
@@ -261,7 +261,7 @@ def attitude(now: FloatArray, noise: FloatArray, spread: float, seen: FloatArray
     d = qz + qw * ez + qx * ey - qy * ex
     norm = math.sqrt(a * a + b * b + c * c + d * d)
     a, b, c, d = a / norm, b / norm, c / norm, d / norm
-    seen[0], seen[1], seen[2], seen[3] = a, b, c, d
+    measured[0], measured[1], measured[2], measured[3] = a, b, c, d
     row[ANGLE] = math.atan2(2.0 * (a * b + c * d), 1.0 - 2.0 * (b * b + c * c))
     row[ANGLE + 1] = math.asin(min(1.0, max(-1.0, 2.0 * (a * c - d * b))))
     row[ANGLE + 2] = math.atan2(2.0 * (a * d + b * c), 1.0 - 2.0 * (c * c + d * d))
@@ -348,10 +348,10 @@ class Room(NamedTuple):
 
 
 @bare(forceinline=True)
-def _outer(row: FloatArray, asked: FloatArray, seen: FloatArray, hold: FloatArray, control: Control) -> float:
+def _outer(row: FloatArray, asked: FloatArray, measured: FloatArray, hold: FloatArray, control: Control) -> float:
     """Angle set-points into a row of the log and the thrust command as result. ``hold``: integrals and held values."""
     tick = control.tick_s
-    a, b, c, d = seen[0], seen[1], seen[2], seen[3]
+    a, b, c, d = measured[0], measured[1], measured[2], measured[3]
     phi_wanted = asked[8] + control.stick_tilt * asked[12]
     theta_wanted = asked[9] - control.stick_tilt * asked[13]
     if control.hold_velocity:
@@ -392,7 +392,7 @@ def _outer(row: FloatArray, asked: FloatArray, seen: FloatArray, hold: FloatArra
 
 
 @bare(forceinline=True)
-def _angles(row: FloatArray, asked: FloatArray, seen: FloatArray, control: Control) -> None:
+def _angles(row: FloatArray, asked: FloatArray, measured: FloatArray, control: Control) -> None:
     """Rate set-points: twice the vector of the attitude error's quaternion, times a gain for each axis."""
     phi, theta, psi = 0.5 * row[ANGLE_SETPOINT], 0.5 * row[ANGLE_SETPOINT + 1], 0.5 * row[ANGLE_SETPOINT + 2]
     cr, sr, cp, sp, cy, sy = (
@@ -407,7 +407,7 @@ def _angles(row: FloatArray, asked: FloatArray, seen: FloatArray, control: Contr
     b = sr * cp * cy - cr * sp * sy
     c = cr * sp * cy + sr * cp * sy
     d = cr * cp * sy - sr * sp * cy
-    qw, qx, qy, qz = seen[0], seen[1], seen[2], seen[3]
+    qw, qx, qy, qz = measured[0], measured[1], measured[2], measured[3]
     side = 2.0 if qw * a + qx * b + qy * c + qz * d >= 0.0 else -2.0
     turn = control.stick_yaw_rate * asked[14]
     wanted = (
@@ -580,7 +580,7 @@ def _fly(
     ticks: int = asked.shape[0]
     size: int = room.now.shape[0]
     rotors = size - STATES
-    now, moved, lagged, seen, hold = room.now, room.moved, room.lagged, room.seen, room.hold
+    now, moved, lagged, measured, hold = room.now, room.moved, room.lagged, room.seen, room.hold
     memory, sections, outputs, sent = room.memory, room.sections, room.outputs, room.sent
     force_keep = math.exp(-control.tick_s / senses.accelerometer_lag_s) if senses.accelerometer_lag_s > 0.0 else 0.0
     force_new = 1.0 - senses.accelerometer_lag_s / control.tick_s * (1.0 - force_keep)
@@ -596,13 +596,13 @@ def _fly(
         derivative(now, sent if k > 0 else now[STATES:], winds[k], gain, body, moved)
         felt(now, moved, force_keep if k > 0 else 0.0, force_new if k > 0 else 1.0, lagged, senses)
         sense(now, lagged, room.phases, noise[k], senses, row)
-        attitude(now, noise[k], senses.attitude_noise, seen, row)
+        attitude(now, noise[k], senses.attitude_noise, measured, row)
         for axis in range(3):
             row[RATE + axis] = filtered(control.gyro_filter, sections[axis], row[RATE_RAW + axis])
             value = row[ACCELERATION_RAW + axis]
             row[ACCELERATION + axis] = filtered(control.accelerometer_filter, sections[3 + axis], value)
-        thrust = _outer(row, asked[k], seen, hold, control)
-        _angles(row, asked[k], seen, control)
+        thrust = _outer(row, asked[k], measured, hold, control)
+        _angles(row, asked[k], measured, control)
         _rates(row, asked[k], memory, k == 0, control)
         row[COMMAND + 3] = min(1.0, max(0.0, thrust + asked[k, 3]))
         share = _share(voltage, supply.present, control)

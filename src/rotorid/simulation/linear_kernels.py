@@ -100,13 +100,13 @@ def add_state_sensitivities(
     parameters = forcing.shape[1] // order
     width = order * parameters
     now, following = np.zeros(width), np.zeros(width)
-    seen = np.zeros(count, dtype=np.bool_)
+    observed = np.zeros(count, dtype=np.bool_)
     for c in range(count):
-        seen[c] = np.any(direct[c])
+        observed[c] = np.any(direct[c])
     for k in range(samples):
         row = slopes[k]
         for c in range(count):
-            if seen[c]:
+            if observed[c]:
                 value = regressors[k, c]
                 for m in range(outputs * parameters):
                     row[m] += value * direct[c, m]
@@ -141,7 +141,7 @@ def free_responses(
     outputs = measured.shape[0]
     decays = not np.any(constant)
     least = 1e-18 * np.abs(start).max() if columns else 0.0
-    seen = np.zeros((samples, outputs, columns))
+    responses = np.zeros((samples, outputs, columns))
     now, following = start.copy(), np.zeros((order, columns))
     for k in range(samples):
         if decays and k % 64 == 0 and np.abs(now).max() < least:
@@ -151,7 +151,7 @@ def free_responses(
                 factor = measured[y, x]
                 if factor != 0.0:
                     for c in range(columns):
-                        seen[k, y, c] += factor * now[x, c]
+                        responses[k, y, c] += factor * now[x, c]
         following[:] = constant
         for i in range(order):
             for j in range(order):
@@ -159,7 +159,7 @@ def free_responses(
                 for c in range(columns):
                     following[i, c] += factor * now[j, c]
         now, following = following, now
-    return seen
+    return responses
 
 
 @njit(cache=True, fastmath={"contract"})

@@ -540,8 +540,8 @@ def _outer(autopilot: Autopilot, wires: _Wiring, asked: Sequence[FloatArray]) ->
         return phi, theta, psi, direct * put("thrust_stick")
     sink = put("w") + own.stick_climb_m_s * put("thrust_stick")
     sink = sink + wires.moved(sink, own.height_p_1_s)
-    held = own.climb_p * sink + wires.summed(sink, own.climb_i)
-    return phi, theta, psi, held + direct * put("thrust_stick")
+    climb_demand = own.climb_p * sink + wires.summed(sink, own.climb_i)
+    return phi, theta, psi, climb_demand + direct * put("thrust_stick")
 
 
 def _inner(

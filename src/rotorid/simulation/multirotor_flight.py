@@ -83,10 +83,10 @@ class Desk:
 
     def table(self, name: str, rows: int, columns: int) -> FloatArray:
         """A table with whatever stands in it; good until the same name is asked for again."""
-        held = self._held.get(name)
-        if held is None or held.size < rows * columns:
-            held = self._held[name] = np.empty(rows * columns)
-        return held[: rows * columns].reshape(rows, columns)
+        stored = self._held.get(name)
+        if stored is None or stored.size < rows * columns:
+            stored = self._held[name] = np.empty(rows * columns)
+        return stored[: rows * columns].reshape(rows, columns)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -258,7 +258,7 @@ def flight_tables(
     log = desk.table("log", rows, logged.MOTORS + rotors)
     truth = desk.table("truth", rows, STATES + rotors + 3)
     ticks = flight(
-        _begun(vehicle, speed_m_s[0]),
+        _level_flight(vehicle, speed_m_s[0]),
         asked,
         winds,
         noise,
@@ -279,7 +279,7 @@ def flight_tables(
     return FlightTables(aircraft=aircraft, plan=plan, skipped=skipped, log=log, truth=truth, asked=asked, winds=winds)
 
 
-def _begun(vehicle: Multirotor, speed_m_s: float) -> FloatArray:
+def _level_flight(vehicle: Multirotor, speed_m_s: float) -> FloatArray:
     """State in level flight to the north at a speed through calm air."""
     state = vehicle.hovering()
     if speed_m_s:

@@ -320,15 +320,15 @@ def _integrate(
     """Fill the states, whose first row is the start; derivatives follow each value."""
     from rotorid.simulation.nonlinear_kernels import integrate
 
-    (held, ramps), method = inputs, scheme.tableau
-    names = np.vstack([states[0], np.zeros((held.shape[2], states.shape[2])), still])
+    (levels, ramps), method = inputs, scheme.tableau
+    names = np.vstack([states[0], np.zeros((levels.shape[2], states.shape[2])), still])
     integrate(
         *_ready(program, names[:, 0]),
         names,
         np.vstack([method.a, method.b]),
         plan.lengths,
         plan.pieces,
-        held,
+        levels,
         ramps,
         plan.ages,
         states,
@@ -425,7 +425,7 @@ def simulate_adaptive(
     past = checked_past(before, len(inputs))
     count = len(structure.parameters)
     pieces = delayed_pieces(structure, values, np.zeros((count, 0)), sample_rate_hz)
-    held, ramps = pieces.between(inputs, past)
+    levels, ramps = pieces.between(inputs, past)
     numbers = np.array([float(values[name]) for name in structure.parameters.names])
     program, order = structure.plain[0], len(structure.states)
     slots = program.tape.slots(np.concatenate([np.zeros(order + len(inputs)), numbers]))
@@ -434,7 +434,7 @@ def simulate_adaptive(
 
     def rates(time: float, x: FloatArray, sample: int, piece: int) -> FloatArray:
         slots[:order] = x
-        slots[order : order + len(inputs)] = held[sample, piece]
+        slots[order : order + len(inputs)] = levels[sample, piece]
         if hold == "first":
             ages = time - pieces.fractions + pieces.pending[piece]
             slots[order : order + len(inputs)] += ramps[sample, piece] * ages
@@ -524,8 +524,8 @@ class Pieces:
     def between(self, u: FloatArray, before: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The inputs in each piece of each interval and their slopes per sample, each shape ``(n - 1, m, u)``."""
         samples = np.arange(u.shape[1] - 1)[:, None, None]
-        held = _taken(u, before, samples - self.lags)
-        return held, _taken(u, before, samples - self.lags + 1) - held
+        levels = _taken(u, before, samples - self.lags)
+        return levels, _taken(u, before, samples - self.lags + 1) - levels
 
     def at_samples(self, u: FloatArray, before: FloatArray, *, hold: Hold) -> FloatArray:
         """The delayed inputs at the samples, just after their jumps, derivatives after the value: ``(n, u, 1 + k)``."""

@@ -63,7 +63,7 @@ def integrate(
     weights: FloatArray,
     lengths: FloatArray,
     pieces: IntArray,
-    held: FloatArray,
+    levels: FloatArray,
     ramps: FloatArray,
     ages: FloatArray,
     states: FloatArray,
@@ -73,11 +73,11 @@ def integrate(
     The last axis holds a value and after it its derivatives in ``k`` directions; so do ``names`` ``(x + u + p, 1 + k)``
     of states, inputs and parameters, ``lengths`` and ``ages``. Every sample interval takes the same steps, with
     ``lengths`` ``(s, 1 + k)`` in seconds, in ``pieces`` ``(s,)`` between the corners of the inputs. Row ``i`` of
-    ``weights`` ``(g + 1, g)`` makes stage ``i`` of a step, and the last one the step. ``held`` ``(n - 1, pieces, u)``
+    ``weights`` ``(g + 1, g)`` makes stage ``i`` of a step, and the last one the step. ``levels`` ``(n - 1, pieces, u)``
     are the inputs, to which come ``ramps`` ``(n - 1, pieces, u)`` times ``ages`` ``(s, g, u, 1 + k)``.
     """
     samples, order, width = states.shape
-    stages, inputs, ramping = weights.shape[1], held.shape[2], ages.shape[2]
+    stages, inputs, ramping = weights.shape[1], levels.shape[2], ages.shape[2]
     rates, now = np.zeros((stages, order, width)), states[0].copy()
     for sample in range(samples - 1):
         for step in range(lengths.shape[0]):
@@ -94,7 +94,7 @@ def integrate(
                 if stage == stages:
                     break
                 for i in range(inputs):
-                    names[order + i, 0] = held[sample, pieces[step], i]
+                    names[order + i, 0] = levels[sample, pieces[step], i]
                 for i in range(ramping):
                     names[order + i, 0] += ramps[sample, pieces[step], i] * ages[step, stage, i, 0]
                     for k in range(1, width):

@@ -322,9 +322,9 @@ def kalman_start(
     Q = _accumulated(model.A, _shaped(disturbance, (len(model.A), len(model.A)), "disturbance"), 1.0 / sample_rate_hz)
     state, P = prior.state, prior.covariance
     _shaped(state, (len(model.A),), "the prior")
-    for seen, direct, forcing in zip(y.T, model.direct, model.forcing, strict=True):
+    for measured, direct, forcing in zip(y.T, model.direct, model.forcing, strict=True):
         gain = np.linalg.solve(model.C @ P @ model.C.T + R, model.C @ P).T
-        state = state + gain @ (seen - direct - model.C @ state)
+        state = state + gain @ (measured - direct - model.C @ state)
         # Joseph's form stays symmetric and positive whatever is rounded.
         kept = np.eye(len(P)) - gain @ model.C
         P = kept @ P @ kept.T + gain @ R @ gain.T
@@ -372,9 +372,9 @@ def least_squares_start(
     std = _spread(output_std, len(y))
     forced, free = np.zeros(len(model.A)), np.eye(len(model.A))
     rows, left = [], []
-    for seen, direct, forcing in zip(y.T, model.direct, model.forcing, strict=True):
+    for measured, direct, forcing in zip(y.T, model.direct, model.forcing, strict=True):
         rows.append(model.C @ free / std[:, None])
-        left.append((seen - direct - model.C @ forced) / std)
+        left.append((measured - direct - model.C @ forced) / std)
         forced = model.transition @ forced + forcing
         free = model.transition @ free
     columns = np.concatenate(rows)

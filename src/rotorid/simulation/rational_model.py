@@ -126,7 +126,7 @@ def rational(
     before, behind = input_output_delays(system)
     step_s = None if sample_rate_hz is None else 1.0 / sample_rate_hz
     if delays == "states" and step_s is not None:
-        return _remembering(plant, names, before, behind, step_s)
+        return _with_past_inputs(plant, names, before, behind, step_s)
     if delays != "none":
         own = [(before, "u"), (behind, "y")]
         chains = [_chain(late, letter, None if delays == "lag" else pade_order) for late, letter in own]
@@ -136,7 +136,7 @@ def rational(
         plant = _reordered(plant, [*range(ahead, ahead + order), *range(ahead), *range(ahead + order, len(plant[0]))])
         names = (*names, *chains[0][1], *chains[1][1])
     if step_s is not None:
-        return _remembering(plant, names, np.zeros_like(before), np.zeros_like(behind), step_s)
+        return _with_past_inputs(plant, names, np.zeros_like(before), np.zeros_like(behind), step_s)
     A, B, C, D = plant
     return RationalModel(A=A, B=B, C=C, D=D, states=names)
 
@@ -253,7 +253,7 @@ def _reordered(system: Quadruple, order: Sequence[int]) -> Quadruple:
     return A[np.ix_(order, order)], B[list(order)], C[:, list(order)], D
 
 
-def _remembering(
+def _with_past_inputs(
     plant: Quadruple, names: Sequence[str], before: FloatArray, behind: FloatArray, step_s: float
 ) -> RationalModel:
     """Sampled, with the last inputs as states; outputs of other delays have a copy of the system each."""

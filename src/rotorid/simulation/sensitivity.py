@@ -42,7 +42,7 @@ class Proper(NamedTuple):
     constant: FloatArray
     direct: FloatArray
 
-    def seen_by(self, rows: IntArray) -> Proper:
+    def rows_of(self, rows: IntArray) -> Proper:
         """The system of some outputs."""
         return self._replace(C=self.C[..., rows, :], D=self.D[..., rows, :], direct=self.direct[..., rows, :])
 
@@ -161,7 +161,7 @@ def stepped(system: StateSpace, slopes: Slopes, *, sample_rate_hz: float, hold: 
             step_s=1.0 / sample_rate_hz,
             hold=hold,
         )
-        views.append(_View(rows, proper.seen_by(rows), moves.seen_by(rows), step, tangent))
+        views.append(_View(rows, proper.rows_of(rows), moves.rows_of(rows), step, tangent))
     return Stepped(_views=tuple(views), _outputs=len(system.H0), _step_s=1.0 / sample_rate_hz)
 
 
@@ -197,7 +197,7 @@ class _Group:
         directions, order = self.moves.A.shape[:2]
         if not bias.any():
             return np.zeros(order), np.zeros((directions, order))
-        held, moving = discretize_tangent(
+        constant, moving = discretize_tangent(
             self.system.A,
             (self.system.constant @ bias)[:, None],
             self.moves.A,
@@ -207,7 +207,7 @@ class _Group:
             step_s=self.step_s,
             hold="zero",
         )
-        return held.taps.sum(axis=(0, 1)), moving.taps.sum(axis=(1, 2))
+        return constant.taps.sum(axis=(0, 1)), moving.taps.sum(axis=(1, 2))
 
     def free(self, *, starts: bool, biases: bool) -> FloatArray:
         """Responses to unit initial states and constants, shape ``(n, rows, k)``."""
@@ -218,10 +218,10 @@ class _Group:
         if starts:
             begin, growth = [*begin, np.eye(order)], [*growth, np.zeros((order, order))]
         if biases:
-            held = discretize(
+            discrete = discretize(
                 self.system.A, self.system.constant, delays_s=np.zeros(order), step_s=self.step_s, hold="zero"
             )
-            begin, growth = [*begin, np.zeros((order, order))], [*growth, held.taps.sum(axis=0).T]
+            begin, growth = [*begin, np.zeros((order, order))], [*growth, discrete.taps.sum(axis=0).T]
         E, constant = np.hstack(begin), np.hstack(growth)
         if E.shape[1] == 0:
             return np.zeros((samples, len(self.rows), 0))
@@ -232,10 +232,10 @@ class _Group:
 
     def outputs(self) -> FloatArray:
         """From rest, shape ``(n, rows)``."""
-        seen: FloatArray = self.from_rest @ self.system.C.T
+        outputs: FloatArray = self.from_rest @ self.system.C.T
         if self.system.D.any():
-            seen += self.step.delayed(self.inputs, self.before).T @ self.system.D.T
-        return seen
+            outputs += self.step.delayed(self.inputs, self.before).T @ self.system.D.T
+        return outputs
 
     def add_slopes(self, start: FloatArray, bias: FloatArray, mixing: FloatArray, slopes: FloatArray) -> None:
         """Add ``mixing``, shape ``(z, rows)``, of the derivatives of the outputs to ``slopes``, shape ``(n, z p)``.
@@ -272,8 +272,8 @@ class _Group:
         direct = np.zeros((order + 3 * inputs + 1, len(self.rows), len(self.moves.A)))
         direct[:order] = self.moves.C.transpose(2, 1, 0)
         for tap in range(2):
-            seen = self.moves.D * weights[tap] + self.system.D * self.tangent.weights[:, tap, None]
-            direct[order + tap * inputs : order + (tap + 1) * inputs] = seen.transpose(2, 1, 0)
+            direct_part = self.moves.D * weights[tap] + self.system.D * self.tangent.weights[:, tap, None]
+            direct[order + tap * inputs : order + (tap + 1) * inputs] = direct_part.transpose(2, 1, 0)
         direct[-1] = (self.moves.direct @ bias).T
         return direct
 

@@ -208,9 +208,9 @@ def simulate_stitched(
     loops = _loops(closed, values[:, 0], samples, finer)
     given = np.ascontiguousarray(np.array([finer(row) for row in values]).T)
     speed = start.get("u", 0.0)
-    begun = np.array([*(start.get(name, 0.0) for name in STATES), *values[:, 0], speed])
+    start_state = np.array([*(start.get(name, 0.0) for name in STATES), *values[:, 0], speed])
     tables = Tables(*(np.array(getattr(model, name), order="C") for name in Tables._fields))
-    states, flown = fly_stitched(begun, given, tables, loops, 1.0 / (fine * sample_rate_hz), speed_filter_rad_s)
+    states, flown = fly_stitched(start_state, given, tables, loops, 1.0 / (fine * sample_rate_hz), speed_filter_rad_s)
     kept, sent = states[::fine], flown[::fine]
     found = {name: kept[:, place].copy() for place, name in enumerate(STATES)}
     found |= {name: kept[:, 14 + place].copy() for place, name in enumerate(_FORCE)}
@@ -225,9 +225,9 @@ def _loops(
 
     from rotorid.simulation.stitched_kernels import Loops
 
-    names = [one.command for one in closed]
+    names = [item.command for item in closed]
     known = [f"{axis}_command" for axis in AXES[:3]]
-    lengths = {row.size for one in closed for row in (one.setpoint, one.excitation) if row is not None}
+    lengths = {row.size for item in closed for row in (item.setpoint, item.excitation) if row is not None}
     if len(set(names)) < len(names) or not set(names) <= set(known):
         raise UsageError(f"loops of {', '.join(names)} came", needed=f"each of {', '.join(known)} at most once")
     if lengths - {samples}:
@@ -245,27 +245,27 @@ def _loops(
             setpoints=np.zeros((0, 0)),
             excitations=np.zeros((0, 0)),
         )
-    controllers = [one.controller for one in closed]
+    controllers = [item.controller for item in closed]
 
     def wide(name: str) -> FloatArray:
-        halves = [block_diag(*(getattr(one, name)[:, [side]] for one in controllers)) for side in range(2)]
+        halves = [block_diag(*(getattr(stepped, name)[:, [side]] for stepped in controllers)) for side in range(2)]
         return np.ascontiguousarray(np.hstack(halves))
 
-    offsets = np.cumsum([0, *(len(one.transition) for one in controllers)])
+    offsets = np.cumsum([0, *(len(stepped.transition) for stepped in controllers)])
     begun = np.zeros(int(offsets[-1]))
     integral = CONTROLLER_STATES.index("integral")
-    for one, offset in zip(closed, offsets, strict=False):
-        gain = float(one.controller.read[0, integral])
+    for item, offset in zip(closed, offsets, strict=False):
+        gain = float(item.controller.read[0, integral])
         if gain:
-            begun[offset + integral] = first[known.index(one.command)] / gain
+            begun[offset + integral] = first[known.index(item.command)] / gain
     return Loops(
         controlled=np.array([known.index(name) for name in names]),
         angle=np.array([offset + CONTROLLER_STATES.index("angle") for offset in offsets[:-1]]),
-        transition=np.ascontiguousarray(block_diag(*(one.transition for one in controllers))),
+        transition=np.ascontiguousarray(block_diag(*(stepped.transition for stepped in controllers))),
         drive=wide("drive"),
-        read=np.ascontiguousarray(block_diag(*(one.read for one in controllers))),
+        read=np.ascontiguousarray(block_diag(*(stepped.read for stepped in controllers))),
         direct=wide("direct"),
         start=begun,
-        setpoints=np.ascontiguousarray(np.array([finer(one.setpoint) for one in closed]).T),
-        excitations=np.ascontiguousarray(np.array([finer(cast("FloatArray", one.excitation)) for one in closed]).T),
+        setpoints=np.ascontiguousarray(np.array([finer(item.setpoint) for item in closed]).T),
+        excitations=np.ascontiguousarray(np.array([finer(cast("FloatArray", item.excitation)) for item in closed]).T),
     )

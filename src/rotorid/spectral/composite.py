@@ -285,7 +285,7 @@ class Composer:
         before the final one can be formed.
         """
         parts = [condition(window, output) for window, output in zip(self.windows, spectra, strict=True)]
-        columns = [self._one(parts, index, draft) for index in range(len(self.windows[0].inputs))]
+        columns = [self._compose_frequency(parts, index, draft) for index in range(len(self.windows[0].inputs))]
         values, coherence, error, covariance, share, single, weak_instrument = (
             np.stack(arrays) for arrays in zip(*columns, strict=True)
         )
@@ -308,7 +308,7 @@ class Composer:
     def _direct(self) -> bool:
         return self.windows[0].instruments == self.windows[0].inputs
 
-    def _one(
+    def _compose_frequency(
         self, parts: Sequence[Conditioned], index: int, draft: bool
     ) -> tuple[ComplexArray, FloatArray, FloatArray, ComplexArray, FloatArray, FloatArray, FloatArray]:
         power = self._padded([window.input_power[index] for window in self.windows], 1.0).real
@@ -327,8 +327,8 @@ class Composer:
             share = self._best_share(index, noise, np.abs(values))
             values, coherence = np.sum(share * response, axis=0), np.sum(share * pairs.coherence, axis=0)
         if not self._direct:
-            seen = self._padded([part.instrument_coherence[index] for part in parts], 0.0).real
-            coherence = np.sum(share * seen, axis=0)
+            instrument_coherence = self._padded([part.instrument_coherence[index] for part in parts], 0.0).real
+            coherence = np.sum(share * instrument_coherence, axis=0)
         coherence = np.clip(coherence, 0.0, 1.0)
         single = np.where(self._valid, single, np.nan)
         if draft:
@@ -557,7 +557,7 @@ def output_correlation(
         The estimate minus the response about which the disturbance is wanted, shape ``(y, u, f)``; none for the
         estimate itself.
     """
-    each = np.moveaxis(_normalized(_about(disturbance, difference)), -1, 0)
+    each = np.moveaxis(_normalized(_density_about(disturbance, difference)), -1, 0)
     distance = np.abs(np.log(omega_rad_s) - np.log(omega_rad_s)[:, None]) / _REACH
     near = np.maximum(1.0 - distance, 0.0)
     return _normalized(np.moveaxis(np.einsum("fg,gab->fab", near, each), 0, -1))
@@ -571,13 +571,13 @@ def level_about(disturbance: Disturbance, difference: ComplexArray) -> FloatArra
     disturbance, difference
         As in :func:`output_correlation`.
     """
-    power = np.einsum("yyf->yf", _about(disturbance, difference)).real
+    power = np.einsum("yyf->yf", _density_about(disturbance, difference)).real
     # Without noise there is nothing but rounding on either side.
     factor = np.sqrt(np.maximum(power, _TINY) / np.maximum(disturbance.level, _TINY))
     return np.asarray(np.clip(factor, _LEAST_FACTOR, _LARGEST_FACTOR)[:, None, :] / disturbance.weak_instrument)
 
 
-def _about(disturbance: Disturbance, difference: ComplexArray | None) -> ComplexArray:
+def _density_about(disturbance: Disturbance, difference: ComplexArray | None) -> ComplexArray:
     """Densities of the disturbances of the outputs about another response, smoothed, shape ``(y, y, f)``."""
     outputs = disturbance.level.shape[0]
     if difference is None:

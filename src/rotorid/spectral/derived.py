@@ -322,7 +322,7 @@ def selected(
     rows = [_row(response.outputs, name, "output") for name in kept_outputs]
     pairs = np.ix_(rows, columns)
     errors, shapes = response.sensor_errors, response.sensor_shapes
-    changes, lean = response.slope_changes, response.lean_errors
+    changes, tilt = response.slope_changes, response.lean_errors
     unchecked = response.unchecked_errors
     note = () if band_rad_s is None else (f"band {low:g}:{high:g} rad/s selected",)
     down, across = (index.ravel() for index in pairs)
@@ -341,7 +341,7 @@ def selected(
         input_correlation=_at(response.input_correlation, across, across, points, points),
         sensor_errors=None if errors is None else errors[rows],
         slope_changes=None if changes is None else changes[columns][:, points],
-        lean_errors=None if lean is None else lean[columns][:, points],
+        lean_errors=None if tilt is None else tilt[columns][:, points],
         unchecked_errors=None if unchecked is None else unchecked[:, columns][..., points],
         sensor_shapes=None if shapes is None else shapes[:, rows][:, :, columns][..., points],
         disturbance=None,
@@ -607,7 +607,7 @@ class LogCurve:
         return math.sqrt(max(variance, 0.0))
 
     @property
-    def seen(self) -> str:
+    def bands_text(self) -> str:
         """The bands for a person."""
         return " and ".join(f"{math.exp(low):.3g} to {math.exp(high):.3g}" for low, high in self.bands) + " rad/s"
 

@@ -300,8 +300,8 @@ def weak_instrument_factor(
     """
     scale = variance / noise
     strength = 1.0 - scale * input_noise
-    held = np.maximum(strength, _LEAST_STRENGTH)
-    center = scale * np.abs(input_residual) / held
-    farthest = center + np.sqrt(center**2 + variance / held)
+    bounded = np.maximum(strength, _LEAST_STRENGTH)
+    center = scale * np.abs(input_residual) / bounded
+    farthest = center + np.sqrt(center**2 + variance / bounded)
     factor = np.where(strength > _LEAST_STRENGTH, farthest / np.sqrt(variance), _LARGEST_FACTOR)
     return np.asarray(np.clip(factor, 1.0, _LARGEST_FACTOR))

@@ -77,24 +77,26 @@ def joined_responses(
     known = np.isfinite(variance)
     weight = np.where(known, 1.0 / variance, 0.0)
     together = weight.sum(axis=0)
-    seen = together > 0.0
-    share = weight / np.where(seen, together, 1.0)
+    covered = together > 0.0
+    share = weight / np.where(covered, together, 1.0)
     values = _summed(share, [whole.spread(part, part.values, 0.0) for part in parts])
     coherence = _summed(share, [whole.spread(part, part.coherence, 0.0) for part in parts]).real
     covariance = np.zeros((*shape, shape[-1]), dtype=np.complex128)
     for part, own in zip(parts, share, strict=True):
         covariance += whole.spread_between(part) * own[..., :, None] * own[..., None, :]
     level = np.sqrt(np.einsum("yuff->yuf", covariance).real)
-    error = np.where(seen, np.sqrt(0.5) * level / np.maximum(np.abs(values), _TINY), _LARGEST_ERROR)
-    held = _held(values, seen)
+    error = np.where(covered, np.sqrt(0.5) * level / np.maximum(np.abs(values), _TINY), _LARGEST_ERROR)
+    filled = _filled(values, covered)
     point = np.arange(shape[-1])
-    covariance[..., point, point] += np.where(seen | np.isnan(held), 0.0, 2.0 * (_LARGEST_ERROR * np.abs(held)) ** 2)
+    covariance[..., point, point] += np.where(
+        covered | np.isnan(filled), 0.0, 2.0 * (_LARGEST_ERROR * np.abs(filled)) ** 2
+    )
     # The share of each part in the error of the whole.
     part_of = list(share * np.sqrt(np.where(known, variance, 0.0)) / np.where(level > 0.0, level, 1.0))
     joint = all(part.estimate == "joint" for part in parts)
     return FrequencyResponse(
         omega_rad_s=whole.omega_rad_s,
-        values=held,
+        values=filled,
         coherence=coherence,
         random_error=np.minimum(error, _LARGEST_ERROR),
         covariance=covariance,
@@ -179,22 +181,24 @@ def joined_diagnostics(
     multiple, leakage = np.zeros((y, f)), np.zeros((y, u, f), dtype=np.complex128)
     coherence, condition = np.broadcast_to(np.eye(u)[..., None], (u, u, f)).copy(), np.ones(f)
     best = np.full((y, u, f), np.inf)
-    for place, (part, told) in enumerate(parts):
+    for place, (part, diagnostics) in enumerate(parts):
         error = frame.spread(part, part.random_error, np.inf)
         taken = np.isfinite(error) & (error < best)
         if columns is not None:
             taken = np.isfinite(error) & (np.array(columns) == place)[None, :, None]
         best = np.where(taken, error, best)
-        for row, length in enumerate(told.windows_s):
+        for row, length in enumerate(diagnostics.windows_s):
             window = lengths.index(length)
-            share[:, :, window] = np.where(taken, frame.spread(part, told.share[:, :, row], 0.0), share[:, :, window])
-            single = frame.spread(part, told.window_error[:, :, row], np.nan)
+            share[:, :, window] = np.where(
+                taken, frame.spread(part, diagnostics.share[:, :, row], 0.0), share[:, :, window]
+            )
+            single = frame.spread(part, diagnostics.window_error[:, :, row], np.nan)
             window_error[:, :, window] = np.where(taken, single, window_error[:, :, window])
-        leakage = np.where(taken, frame.spread(part, told.leakage, 0.0), leakage)
+        leakage = np.where(taken, frame.spread(part, diagnostics.leakage, 0.0), leakage)
         own, sources, points = frame.places(part)
-        multiple[np.ix_(own, points)] = np.maximum(multiple[np.ix_(own, points)], told.multiple_coherence)
-        coherence[np.ix_(sources, sources, points)] = told.input_coherence
-        condition[points] = np.maximum(condition[points], told.condition)
+        multiple[np.ix_(own, points)] = np.maximum(multiple[np.ix_(own, points)], diagnostics.multiple_coherence)
+        coherence[np.ix_(sources, sources, points)] = diagnostics.input_coherence
+        condition[points] = np.maximum(condition[points], diagnostics.condition)
     return Diagnostics(
         windows_s=lengths,
         share=share,
@@ -222,8 +226,8 @@ class _Whole(NamedTuple):
                     f"a response of {', '.join(odd)} came", needed=f"responses of {', '.join((*outputs, *inputs))}"
                 )
         every = np.sort(np.concatenate([part.omega_rad_s for part in parts]))
-        apart = np.diff(every, prepend=0.0) > _SAME * every
-        return cls(every[apart], inputs, outputs)
+        distinct = np.diff(every, prepend=0.0) > _SAME * every
+        return cls(every[distinct], inputs, outputs)
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -306,14 +310,14 @@ def _summed(share: FloatArray, values: Sequence[np.ndarray]) -> np.ndarray:
     return np.asarray(np.sum(share * np.stack(values), axis=0))
 
 
-def _held(values: ComplexArray, seen: BoolArray) -> ComplexArray:
+def _filled(values: ComplexArray, covered: BoolArray) -> ComplexArray:
     """Values with those of the nearest known point where none is known; no numbers where no point of a pair is."""
-    held = np.full(values.shape, np.nan, dtype=np.complex128)
-    for y, u in np.argwhere(seen.any(axis=-1)):
-        known = np.flatnonzero(seen[y, u])
+    filled = np.full(values.shape, np.nan, dtype=np.complex128)
+    for y, u in np.argwhere(covered.any(axis=-1)):
+        known = np.flatnonzero(covered[y, u])
         nearest = known[np.argmin(np.abs(np.arange(values.shape[-1])[:, None] - known), axis=1)]
-        held[y, u] = values[y, u, nearest]
-    return held
+        filled[y, u] = values[y, u, nearest]
+    return filled
 
 
 def _windows(parts: Sequence[FrequencyResponse]) -> tuple[float, ...]:
@@ -332,17 +336,17 @@ def _instruments(parts: Sequence[FrequencyResponse], inputs: Sequence[str]) -> t
 
 def _disturbance(whole: _Whole, columns: Sequence[FrequencyResponse]) -> Disturbance | None:
     """The mean of what the estimates say, at each frequency that any of them knows."""
-    told = [part.disturbance for part in columns]
-    if any(one is None for one in told):
+    disturbances = [part.disturbance for part in columns]
+    if any(disturbance is None for disturbance in disturbances):
         return None
     y, u, f = whole.shape
     densities = np.zeros((y + u, y + u, f), dtype=np.complex128)
     level, weak, count = np.zeros((y, f)), np.ones((y, u, f)), np.zeros(f)
-    for source, (part, one) in enumerate(zip(columns, told, strict=True)):
-        assert one is not None
+    for source, (part, disturbance) in enumerate(zip(columns, disturbances, strict=True)):
+        assert disturbance is not None
         points = whole.places(part)[2]
-        densities[..., points] += one.densities
-        level[:, points] += one.level
-        weak[:, source, points] = one.weak_instrument[:, source]
+        densities[..., points] += disturbance.densities
+        level[:, points] += disturbance.level
+        weak[:, source, points] = disturbance.weak_instrument[:, source]
         count[points] += 1.0
     return Disturbance(densities=densities / count, level=level / count, weak_instrument=weak)

@@ -413,13 +413,13 @@ def feedback_controller(
     together = frequency_response(
         records, inputs=[setpoint], outputs=[output], omega_rad_s=omega_rad_s, windows_s=windows_s
     )
-    apart = together.coherence[0, 0] <= _LARGEST_INPUT_COHERENCE
-    if not apart.any():
+    independent = together.coherence[0, 0] <= _LARGEST_INPUT_COHERENCE
+    if not independent.any():
         raise _inseparable(setpoint, output, float(together.coherence.min()))
     both = frequency_response(
         records, inputs=[output, setpoint], outputs=[command], omega_rad_s=omega_rad_s, windows_s=windows_s
     )
-    rows = np.flatnonzero(np.isin(both.omega_rad_s, together.omega_rad_s[apart]))
+    rows = np.flatnonzero(np.isin(both.omega_rad_s, together.omega_rad_s[independent]))
     measured = at_points(selected(both, inputs=[output]), rows)
     note = f"feedback path, separated from {setpoint}"
     return through(measured, -measured.values[0, 0], -np.ones(rows.size), note=note)

@@ -378,8 +378,10 @@ def _peak(curve: LogCurve) -> Local | None:
 def _falls_after(curve: LogCurve, top: Local, end: float) -> bool:
     """Whether the curve lies lower somewhere between a point and the end of its band, beyond doubt (95 %)."""
     x = np.linspace(top.x, end, _TO_END)[1:]
-    found = [curve.at(float(one)) for one in x]
-    return any(top.value.real - one.value.real > TWO_SIDED_95 * curve.std(one.weights - top.weights) for one in found)
+    found = [curve.at(float(place)) for place in x]
+    return any(
+        top.value.real - local.value.real > TWO_SIDED_95 * curve.std(local.weights - top.weights) for local in found
+    )
 
 
 def _peak_reach(curve: LogCurve, top: Local) -> float:
@@ -407,7 +409,9 @@ def _inverse(estimate: Estimated) -> Estimated:
 
 
 def _missing(what: str, curve: LogCurve) -> str:
-    return f"{what} in {curve.seen}" if curve.bands else f"{what}: no five points together with an error below 0.3"
+    return (
+        f"{what} in {curve.bands_text}" if curve.bands else f"{what}: no five points together with an error below 0.3"
+    )
 
 
 def _reasons(results: Mapping[str, Estimated | None], reasons: Mapping[str, str]) -> dict[str, str]:
@@ -508,7 +512,7 @@ def attitude_bandwidth(response: FrequencyResponse) -> AttitudeBandwidth:
         "phase_delay_s": None if half_turn is None else _phase_delay(curve, half_turn),
         "fitted_phase_delay_s": None if half_turn is None else _fitted_delay(curve, half_turn),
     }
-    band = curve.seen if curve.bands else "any band with five points below an error of 0.3"
+    band = curve.bands_text if curve.bands else "any band with five points below an error of 0.3"
     fall = f"no fall through −180° in {band}"
     twice = fall if half_turn is None else f"twice {half_turn.omega_rad_s:.3g} rad/s is not seen in {band}"
     reasons = {

@@ -196,8 +196,8 @@ def grid_rad_s(band_rad_s: tuple[float, float], plan: WindowPlan) -> FloatArray:
 def band_of(maneuvers: Sequence[Maneuver], sample_rate_hz: float) -> tuple[float, float]:
     """Band to look at where none was asked for: that of the sweeps, or what the sample rate carries for others."""
     carried = min(0.25 * np.pi * sample_rate_hz, HIGHEST_DEFAULT_RAD_S)
-    bands = [one.band_rad_s for one in maneuvers if one.band_rad_s is not None]
-    sweeps = len(bands) == len(maneuvers) and all(one.kind == "sweep" for one in maneuvers)
+    bands = [maneuver.band_rad_s for maneuver in maneuvers if maneuver.band_rad_s is not None]
+    sweeps = len(bands) == len(maneuvers) and all(maneuver.kind == "sweep" for maneuver in maneuvers)
     low = min((band[0] for band in bands), default=0.5)
     high = max((band[1] for band in bands), default=carried) if sweeps else carried
     return low, min(high, 0.8 * np.pi * sample_rate_hz)
@@ -205,7 +205,9 @@ def band_of(maneuvers: Sequence[Maneuver], sample_rate_hz: float) -> tuple[float
 
 def excited_to_rad_s(maneuvers: Sequence[Maneuver]) -> float:
     """How far up sweeps and multisines go; infinite where other maneuvers leave that to the coherence."""
-    tops = [one.band_rad_s[1] for one in maneuvers if one.kind in _ENDING and one.band_rad_s is not None]
+    tops = [
+        maneuver.band_rad_s[1] for maneuver in maneuvers if maneuver.kind in _ENDING and maneuver.band_rad_s is not None
+    ]
     return max(tops) if tops and len(tops) == len(maneuvers) else math.inf
 
 
@@ -216,7 +218,7 @@ def trusted_to_rad_s(top_rad_s: float, windows_s: Sequence[float]) -> float:
 
 def margin_s(maneuvers: Sequence[Maneuver]) -> float:
     """How much quiet time goes with each of some maneuvers: half of the longest of them, at most 20 s."""
-    return min(0.5 * max(one.duration_s for one in maneuvers), LONGEST_MARGIN_S)
+    return min(0.5 * max(maneuver.duration_s for maneuver in maneuvers), LONGEST_MARGIN_S)
 
 
 def given_windows(lengths_s: Sequence[float], record_s: float) -> WindowPlan:

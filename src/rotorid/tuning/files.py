@@ -77,8 +77,8 @@ def _qgroundcontrol(values: Mapping[str, float], role: Role) -> str:
     lines = ["# Onboard parameters for Vehicle 1", "#", f"# {_WORDS[role]}", "#"]
     lines.append("# Vehicle-Id Component-Id Name Value Type")
     for name, value in values.items():
-        told = f"{round(value)}\t{_INT32}" if name in _WHOLE else f"{np.float32(value):.18f}\t{_REAL32}"
-        lines.append(f"1\t1\t{name}\t{told}")
+        text = f"{round(value)}\t{_INT32}" if name in _WHOLE else f"{np.float32(value):.18f}\t{_REAL32}"
+        lines.append(f"1\t1\t{name}\t{text}")
     return "\n".join(lines) + "\n"
 
 
@@ -109,12 +109,12 @@ def _betaflight(values: Mapping[str, float], role: Role, firmware: str, profile:
     if role == "rollback" and sliders:
         lines += ["# but for the sliders (simplified_...), which stay off: turned on, they work the gains out again"]
     lines += ["batch start", *([] if profile is None else [f"profile {profile}"]), *sliders]
-    lines += [f"set {name} = {_told(name, value, version)}" for name, value in values.items()]
+    lines += [f"set {name} = {_format_value(name, value, version)}" for name, value in values.items()]
     # An open batch with an error in it refuses to save, as it does in Betaflight's own files.
     return "\n".join([*lines, "save", "batch end"]) + "\n"
 
 
-def _told(name: str, value: float, version: Version) -> str:
+def _format_value(name: str, value: float, version: Version) -> str:
     """A value as the command line takes it: types of low-passes are words."""
     if not is_type(name):
         return str(int(value))

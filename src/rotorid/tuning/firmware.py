@@ -20,7 +20,10 @@ _SAME = 1e-6
 
 def ranges_of(controller: AxisController) -> dict[str, tuple[float, float]]:
     """Least and largest gain in SI that the firmware takes."""
-    return {letter: (one.low * one.per_si, one.high * one.per_si) for letter, one in parameters_of(controller).items()}
+    return {
+        letter: (parameter.low * parameter.per_si, parameter.high * parameter.per_si)
+        for letter, parameter in parameters_of(controller).items()
+    }
 
 
 def rounded(controller: AxisController, gains: Gains) -> Gains:
@@ -34,23 +37,23 @@ def rounded(controller: AxisController, gains: Gains) -> Gains:
         In SI.
     """
     flown, wanted = Gains.of(controller.controller).as_dict(), gains.as_dict()
-    held = {
-        letter: _held(one, wanted[letter]) * one.per_si
-        for letter, one in parameters_of(controller).items()
-        if not _stays(one, wanted[letter], flown[letter])
+    rounded_gains = {
+        letter: _as_stored(parameter, wanted[letter]) * parameter.per_si
+        for letter, parameter in parameters_of(controller).items()
+        if not _is_unchanged(parameter, wanted[letter], flown[letter])
     }
-    return Gains(**{**flown, **held})
+    return Gains(**{**flown, **rounded_gains})
 
 
-def _held(one: Parameter, gain: float) -> float:
+def _as_stored(parameter: Parameter, gain: float) -> float:
     """The value of a parameter for a gain, as the firmware keeps it."""
-    value = gain / one.per_si
-    return float(round(value)) if one.integer else float(np.float32(f"{value:.4g}"))
+    value = gain / parameter.per_si
+    return float(round(value)) if parameter.integer else float(np.float32(f"{value:.4g}"))
 
 
-def _stays(one: Parameter, gain: float, flown: float) -> bool:
+def _is_unchanged(parameter: Parameter, gain: float, flown: float) -> bool:
     """Whether a gain is the flown one, which is then not rounded: nothing would have changed but its digits."""
-    return math.isclose(_held(one, gain), _held(one, flown), rel_tol=_SAME, abs_tol=_SAME)
+    return math.isclose(_as_stored(parameter, gain), _as_stored(parameter, flown), rel_tol=_SAME, abs_tol=_SAME)
 
 
 def written(controller: AxisController, gains: Gains) -> dict[str, float]:
@@ -63,15 +66,18 @@ def written(controller: AxisController, gains: Gains) -> dict[str, float]:
     """
     found = {}
     flown = Gains.of(controller.controller).as_dict()
-    for letter, one in parameters_of(controller).items():
+    for letter, parameter in parameters_of(controller).items():
         gain = gains.as_dict()[letter]
-        if math.isfinite(gain) and _stays(one, gain, flown[letter]):
-            found[one.name] = controller.gains[one.name]
+        if math.isfinite(gain) and _is_unchanged(parameter, gain, flown[letter]):
+            found[parameter.name] = controller.gains[parameter.name]
             continue
-        value = _held(one, gain) if math.isfinite(gain) else gain
-        if not (math.isfinite(value) and one.low * (1.0 - _SAME) <= value <= one.high * (1.0 + _SAME)):
-            raise UsageError(f"{one.name} = {value:g} came", needed=f"a finite value from {one.low:g} to {one.high:g}")
-        found[one.name] = value
+        value = _as_stored(parameter, gain) if math.isfinite(gain) else gain
+        if not (math.isfinite(value) and parameter.low * (1.0 - _SAME) <= value <= parameter.high * (1.0 + _SAME)):
+            raise UsageError(
+                f"{parameter.name} = {value:g} came",
+                needed=f"a finite value from {parameter.low:g} to {parameter.high:g}",
+            )
+        found[parameter.name] = value
     return found
 
 
@@ -90,16 +96,20 @@ def scaled(controller: AxisController, factor: float) -> dict[str, float]:
     UsageError
         A value leaves the firmware's range, which the flown one had kept.
     """
-    known = {one.name: one for one in ahead_of(controller)}
-    known |= {one.name: one for letter, one in parameters_of(controller).items() if letter != "A"}
+    known = {parameter.name: parameter for parameter in ahead_of(controller)}
+    known |= {parameter.name: parameter for letter, parameter in parameters_of(controller).items() if letter != "A"}
     found = {}
-    for name, one in known.items():
+    for name, parameter in known.items():
         flown = controller.gains.get(name, 0.0)
         if flown == 0.0:
             continue
-        value = _held(one, flown * factor * one.per_si)
-        outside = value > max(one.high, flown) * (1.0 + _SAME) or value < min(one.low, flown) * (1.0 - _SAME)
+        value = _as_stored(parameter, flown * factor * parameter.per_si)
+        outside = value > max(parameter.high, flown) * (1.0 + _SAME) or value < min(parameter.low, flown) * (
+            1.0 - _SAME
+        )
         if outside:
-            raise UsageError(f"{name} = {value:g} came", needed=f"a finite value from {one.low:g} to {one.high:g}")
+            raise UsageError(
+                f"{name} = {value:g} came", needed=f"a finite value from {parameter.low:g} to {parameter.high:g}"
+            )
         found[name] = value
     return found

@@ -82,7 +82,7 @@ class ControllerParts(Immutable):
         Whose filters and steps count.
     omega_rad_s
         Shape ``(f,)``.
-    seen, logged
+    filters, logged
         Filters in front of the rate that the controller takes, and in front of the rate in the log, shape ``(f,)``.
     rate_noise
         Density of the noise of the logged rate, (rad/s)² per rad/s, shape ``(f,)``; ``None`` where the log does not
@@ -91,7 +91,7 @@ class ControllerParts(Immutable):
 
     controller: RateController
     omega_rad_s: FloatArray
-    seen: ComplexArray
+    filters: ComplexArray
     logged: ComplexArray
     rate_noise: FloatArray | None = None
 
@@ -113,7 +113,7 @@ class ControllerParts(Immutable):
         """Command by the logged rate with the angle loop, shape ``(f,)``."""
         return self.rate(gains) + self.angle(gains)
 
-    def _alone(self, name: str, *, ahead: bool = False) -> RateController:
+    def _single_gain(self, name: str, *, ahead: bool = False) -> RateController:
         ones = {"P": 0.0, "I": 0.0, "D": 0.0} | ({name: 1.0} if name else {})
         # A controller without any gain is none; what a vanishing one adds is taken off by nobody.
         ones["P"] = ones["P"] or _NONE
@@ -132,7 +132,7 @@ class ControllerParts(Immutable):
         """Command by the logged rate of one unit of ``P``, ``I`` and ``D`` each."""
         return {
             name: np.asarray(
-                replace(self._alone(name), angle_1_s=0.0).response(self.omega_rad_s, self.seen) / self.logged
+                replace(self._single_gain(name), angle_1_s=0.0).response(self.omega_rad_s, self.filters) / self.logged
             )
             for name in "PID"
         }
@@ -140,8 +140,8 @@ class ControllerParts(Immutable):
     @cached_property
     def by_angle(self) -> Mapping[str, ComplexArray]:
         """What an angle gain of one adds by one unit of ``P``, ``I`` and ``D`` each, and ``ahead`` of them all."""
-        alone = {name: self._of_angle(self._alone(name)) for name in "PID"}
-        return alone | {"ahead": self._of_angle(self._alone("", ahead=True))}
+        single_gains = {name: self._of_angle(self._single_gain(name)) for name in "PID"}
+        return single_gains | {"ahead": self._of_angle(self._single_gain("", ahead=True))}
 
     def _of_angle(self, controller: RateController) -> ComplexArray:
         s = 1j * self.omega_rad_s
@@ -193,7 +193,7 @@ class LoopFigures(Immutable):
         kept = self.stable > 0.0
         if kept.all() or not kept.any():
             return self
-        return LoopFigures(**{one.name: getattr(self, one.name)[kept] for one in fields(self)})
+        return LoopFigures(**{item.name: getattr(self, item.name)[kept] for item in fields(self)})
 
     @property
     def usual_crossover_rad_s(self) -> float:
@@ -240,7 +240,10 @@ def loop_figures(omega_rad_s: FloatArray, loops: ComplexArray, *, from_rad_s: fl
     """
     loops = np.atleast_2d(loops)
     start = first_counted(omega_rad_s, from_rad_s)
-    rows = [_one(omega_rad_s, loop, phase, start) for loop, phase in zip(loops, loop_phases(loops, start), strict=True)]
+    rows = [
+        _figures_of(omega_rad_s, loop, phase, start)
+        for loop, phase in zip(loops, loop_phases(loops, start), strict=True)
+    ]
     return LoopFigures(**{name: np.array([row[name] for row in rows]) for name in rows[0]})
 
 
@@ -310,7 +313,7 @@ def attitude_figures(omega_rad_s: FloatArray, closed: ComplexArray) -> AttitudeF
 
 _DEG = float(np.degrees(1.0))
 _DECIBELS = 0.0
-_TOLD: Mapping[str, tuple[str, str, float]] = {
+_FIGURES: Mapping[str, tuple[str, str, float]] = {
     "crossover_rad_s": ("crossover_rad_s", "rad/s", 1.0),
     "phase_margin_deg": ("phase_margin_rad", "deg", _DEG),
     "gain_margin_db": ("gain_margin", "dB", _DECIBELS),
@@ -336,7 +339,7 @@ def quantities(figures: LoopFigures | AttitudeFigures) -> dict[str, Quantity]:
     (10.0, 9.53, 10.47)
     """
     found = {}
-    for name, (field, unit, factor) in _TOLD.items():
+    for name, (field, unit, factor) in _FIGURES.items():
         if not hasattr(figures, field):
             continue
         values = np.asarray(getattr(figures, field), dtype=np.float64)
@@ -352,7 +355,7 @@ def over_draws(values: FloatArray, unit: str) -> Quantity:
     return Quantity(value=float(middle), std=float(np.std(values)), lower=float(low), upper=float(high), unit=unit)
 
 
-def _one(omega: FloatArray, loop: ComplexArray, phase: FloatArray, start: int) -> dict[str, float]:
+def _figures_of(omega: FloatArray, loop: ComplexArray, phase: FloatArray, start: int) -> dict[str, float]:
     ln, gain = np.log(omega), np.log(np.abs(loop))
     crossings = _crossings(ln, gain, 0.0)
     phases = np.array([np.interp(place, ln, phase) for place in crossings])
@@ -361,8 +364,8 @@ def _one(omega: FloatArray, loop: ComplexArray, phase: FloatArray, start: int) -
     gains = np.array([np.interp(place, ln, gain) for place in half_turns])
     above, below = gains < 0.0, gains >= 0.0
     sensitivity = 1.0 / np.abs(1.0 + loop)
-    up, up_at = _nearest_to_one(half_turns[above], gains[above])
-    down, down_at = _nearest_to_one(half_turns[below], gains[below])
+    up, up_at = _factor_to_critical(half_turns[above], gains[above])
+    down, down_at = _factor_to_critical(half_turns[below], gains[below])
     peak = int(sensitivity.argmax())
     return {
         "crossover_rad_s": float(np.exp(crossings[-1])) if crossings.size else np.nan,
@@ -380,7 +383,7 @@ def _one(omega: FloatArray, loop: ComplexArray, phase: FloatArray, start: int) -
     }
 
 
-def _nearest_to_one(places: FloatArray, gains: FloatArray) -> tuple[float, float]:
+def _factor_to_critical(places: FloatArray, gains: FloatArray) -> tuple[float, float]:
     """The factor that brings the loop to -1 where the least is needed, and the frequency there."""
     if not gains.size:
         return np.nan, np.nan

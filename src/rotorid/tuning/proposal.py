@@ -274,14 +274,14 @@ def propose(
     if parts is None:
         omega = frequency_grid(controller)
         ones = np.ones(omega.size, dtype=np.complex128)
-        parts = ControllerParts(controller=controller, omega_rad_s=omega, seen=ones, logged=ones)
+        parts = ControllerParts(controller=controller, omega_rad_s=omega, filters=ones, logged=ones)
     omega = parts.omega_rad_s
     drawn = plant.drawn(omega)
     flown = judged(flown_parts or parts, drawn, Gains.of(controller), from_rad_s=plant.known_from_rad_s)
     reasons: list[str] = []
     plants = _Plants(nominal=plant.response(omega)[None], drawn=drawn, from_rad_s=plant.known_from_rad_s)
     best = _searched(axis, parts, plants, flown, wishes, reasons, ends)
-    if best is None and axis == "yaw" and _flown_broken(flown, plant, wishes):
+    if best is None and axis == "yaw" and _broken_limit(flown, plant, wishes):
         for down in _SOFT_ANGLES_DOWN:
             softer, why = replace(wishes, angle_down=down), [_SOFTER]
             best = _searched(axis, parts, plants, flown, softer, why, ends)
@@ -289,7 +289,7 @@ def propose(
                 wishes, reasons = softer, why
                 break
     if best is None:
-        if hot := _flown_broken(flown, plant, wishes):
+        if hot := _broken_limit(flown, plant, wishes):
             lower = "I" if _swings_slowly(flown, flown_parts or parts, plants) else "P and D"
             reasons.append(f"the flown gains do not keep {hot}: lower {lower} by hand, and fly the sweep again")
         return AxisProposal(
@@ -302,7 +302,7 @@ def propose(
             keeps_limits=False,
         )
     better = _over(best, flown)
-    broken = _flown_broken(flown, plant, wishes)
+    broken = _broken_limit(flown, plant, wishes)
     same = flown_parts is None and wishes.angle_1_s in (None, flown.gains.A)
     if better > _WORTH and not broken and same:
         reasons.append("no gains inside the limits hold the attitude clearly better than the flown ones")
@@ -361,10 +361,10 @@ def steps_beyond(
     return (second.proposed, goal.proposed) if second.changed else (goal.proposed,)
 
 
-def flights_between(one: Gains, other: Gains, wishes: Wishes) -> int:
+def flights_between(gains: Gains, other: Gains, wishes: Wishes) -> int:
     """How many flights lie between two sets of gains, each at most a step from the one before."""
     count = 0
-    for name, before, after in _changing(one, other):
+    for name, before, after in _changing(gains, other):
         if after > before:
             count = max(count, math.ceil(math.log(after / before) / math.log(wishes.most_up) - _EXACT))
         elif name in ("P", "A"):
@@ -373,9 +373,9 @@ def flights_between(one: Gains, other: Gains, wishes: Wishes) -> int:
     return count
 
 
-def _changing(one: Gains, other: Gains) -> list[tuple[str, float, float]]:
+def _changing(gains: Gains, other: Gains) -> list[tuple[str, float, float]]:
     """Gains that a flight may change by a step only, in both sets."""
-    both = [(name, getattr(one, name), getattr(other, name)) for name in ("P", "D", "A")]
+    both = [(name, getattr(gains, name), getattr(other, name)) for name in ("P", "D", "A")]
     return [(name, before, after) for name, before, after in both if before > 0.0 and after > 0.0]
 
 
@@ -392,15 +392,15 @@ def _capped(gains: Gains, flown: Gains, wishes: Wishes) -> bool:
     return False
 
 
-def _over(one: Judged, other: Judged) -> float:
+def _over(scores: Judged, other: Judged) -> float:
     """Attitude under a moment with one set of gains over that with another: the median over the draws."""
-    return float(np.median(one.attitude_rms / other.attitude_rms))
+    return float(np.median(scores.attitude_rms / other.attitude_rms))
 
 
 def _swings_slowly(flown: Judged, parts: ControllerParts, plants: _Plants) -> bool:
     """Whether a loop is unstable since its integral is too strong for P and A: with less of it, it is not."""
     calmer = judged(parts, plants.drawn, replace(flown.gains, I=_CALMER * flown.gains.I), from_rad_s=plants.from_rad_s)
-    before, after = (float(np.mean(one.rate.stable * one.whole.stable)) for one in (flown, calmer))
+    before, after = (float(np.mean(scores.rate.stable * scores.whole.stable)) for scores in (flown, calmer))
     return before < _MOST < after
 
 
@@ -447,7 +447,7 @@ def _searched(
     if not ranked:
         reasons.append("no gains that were tried keep the limits on the identified plant")
         return None
-    ranked.sort(key=lambda one: one[0])
+    ranked.sort(key=lambda item: item[0])
     found: list[tuple[float, Gains]] = []
     for _, shape in ranked[:_KEPT_SHAPES]:
         gains = _best_of(shape, parts, drawn, start, flown, wishes)
@@ -466,7 +466,7 @@ def _simplest(found: Sequence[tuple[float, Gains]], flown: Gains) -> Gains:
 
     Where D or I hardly matters, the best of them is an accident of the draws.
     """
-    least, best = min(found, key=lambda one: one[0])
+    least, best = min(found, key=lambda item: item[0])
 
     def change(gains: Gains) -> tuple[float, float]:
         pairs = [(value, getattr(flown, name)) for name, value in gains.as_dict().items() if name != "D"]
@@ -650,15 +650,15 @@ def _inside(
             judged(end, plants.drawn, replace(gains, D=end.controller.derivative_s2), from_rad_s=plants.from_rad_s)
             for end in ends
         ]
-        broken = next((words for one in (found, *moved) if (words := _broken(one, wishes))), "")
+        broken = next((words for scores in (found, *moved) if (words := _broken(scores, wishes))), "")
         if not broken:
             return found
-        gains = _smaller(gains, flown.gains, wishes)
+        gains = _step_down(gains, flown.gains, wishes)
     reasons.append(f"the gains that were tried do not keep {broken} on the likely plants")
     return None
 
 
-def _smaller(gains: Gains, flown: Gains, wishes: Wishes) -> Gains:
+def _step_down(gains: Gains, flown: Gains, wishes: Wishes) -> Gains:
     """All gains that may change a step down, as far as they may go."""
     found, kept = {}, _kept(flown, wishes)
     for name, value in gains.as_dict().items():
@@ -667,17 +667,17 @@ def _smaller(gains: Gains, flown: Gains, wishes: Wishes) -> Gains:
     return Gains(**{**found, **kept})
 
 
-def _flown_broken(flown: Judged, plant: UncertainPlant, wishes: Wishes) -> str:
+def _broken_limit(flown: Judged, plant: UncertainPlant, wishes: Wishes) -> str:
     """Which limit the flown gains do not keep.
 
     Where the plant was not seen at their crossover, its draws are wide there: then half have to say so, or every
     loop that was measured badly would be slowed down.
     """
-    seen = flown.rate.usual_crossover_rad_s <= plant.band_rad_s[1]
-    return _broken(flown, wishes, share=2.0 * QUANTILE if seen else _MOST)
+    within_band = flown.rate.usual_crossover_rad_s <= plant.band_rad_s[1]
+    return _broken(flown, wishes, share=2.0 * QUANTILE if within_band else _MOST)
 
 
-def spoiled(flown: Judged, then: Judged, plant: UncertainPlant, wishes: Wishes) -> str:
+def newly_broken_limit(flown: Judged, then: Judged, plant: UncertainPlant, wishes: Wishes) -> str:
     """Which limit the same gains break with other filters; empty where they keep all, or where it is not their doing.
 
     Parameters
@@ -689,27 +689,28 @@ def spoiled(flown: Judged, then: Judged, plant: UncertainPlant, wishes: Wishes) 
     wishes
         Limits.
     """
-    limit = _flown_broken(then, plant, wishes)
-    if not limit or not _flown_broken(flown, plant, wishes):
+    limit = _broken_limit(then, plant, wishes)
+    if not limit or not _broken_limit(flown, plant, wishes):
         return limit
-    before, after = (_worst_peak(one) for one in (flown, then))
+    before, after = (_worst_peak(scores) for scores in (flown, then))
     steady = np.mean(then.whole.stable * then.rate.stable) >= np.mean(flown.whole.stable * flown.rate.stable)
     return "" if steady and after <= _ALIKE * before else limit
 
 
-def _worst_peak(one: Judged) -> float:
-    return float(np.median(np.maximum(one.rate.sensitivity_peak, one.whole.sensitivity_peak)))
+def _worst_peak(scores: Judged) -> float:
+    return float(np.median(np.maximum(scores.rate.sensitivity_peak, scores.whole.sensitivity_peak)))
 
 
-def _broken(one: Judged, wishes: Wishes, *, share: float = 2.0 * QUANTILE) -> str:
+def _broken(scores: Judged, wishes: Wishes, *, share: float = 2.0 * QUANTILE) -> str:
     """Which limit gains break on more than a share of the plants; empty where none."""
     worst = {
-        "stability": np.maximum(1.0 - one.rate.stable, 1.0 - one.whole.stable) > 0.0,
-        f"a peak sensitivity M_s of at most {wishes.sensitivity_peak:g} of the rate loop": one.rate.sensitivity_peak
+        "stability": np.maximum(1.0 - scores.rate.stable, 1.0 - scores.whole.stable) > 0.0,
+        f"a peak sensitivity M_s of at most {wishes.sensitivity_peak:g} of the rate loop": scores.rate.sensitivity_peak
         > wishes.sensitivity_peak,
-        f"a peak sensitivity M_s of at most {wishes.sensitivity_peak:g} of the whole loop": one.whole.sensitivity_peak
-        > wishes.sensitivity_peak,
-        f"a phase margin of at least {np.degrees(wishes.phase_margin_rad):.0f} degrees": one.rate.phase_margin_rad
+        (
+            f"a peak sensitivity M_s of at most {wishes.sensitivity_peak:g} of the whole loop"
+        ): scores.whole.sensitivity_peak > wishes.sensitivity_peak,
+        f"a phase margin of at least {np.degrees(wishes.phase_margin_rad):.0f} degrees": scores.rate.phase_margin_rad
         < wishes.phase_margin_rad,
     }
     return next((name for name, found in worst.items() if float(np.mean(found)) > share), "")

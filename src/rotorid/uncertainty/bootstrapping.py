@@ -114,7 +114,7 @@ def bootstrap(
     clean = problem.noiseless(solution.theta)
     if noise is None:
         parts = problem.parts(solution.theta)
-        noise = ColoredNoise.of(parts) if problem.alike else ColoredNoise.apart(parts)
+        noise = ColoredNoise.of(parts) if problem.alike else ColoredNoise.by_part(parts)
     gain = gauss_newton(problem.residuals(solution.theta)[1])
     return resample(
         _Refit(clean, solution.theta, noise, gain),
@@ -360,7 +360,7 @@ def judge_spread(table: SpreadTable, std: FloatArray) -> tuple[Finding, ...]:
     chance = np.maximum(table.std_error, larger / np.sqrt(2.0 * (runs - 1)))
     other = (larger - smaller > _CHANCE * chance) & (larger > _WORTH_SAYING * smaller)
     moved = (np.abs(table.bias) > _CHANCE * larger / np.sqrt(runs)) & (np.abs(table.bias) > _MOVED * table.std)
-    return (*_incomplete(table), *(_disagrees(table, std, one) for one in np.flatnonzero(other | moved).tolist()))
+    return (*_incomplete(table), *(_disagrees(table, std, row) for row in np.flatnonzero(other | moved).tolist()))
 
 
 def _incomplete(table: SpreadTable) -> tuple[Finding, ...]:

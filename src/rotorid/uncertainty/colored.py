@@ -21,7 +21,7 @@ _LONGEST_MEMORY = 40
 _SAMPLES_PER_LAG = 10
 _ROUNDS = 4
 _NEGLIGIBLE = 0.02
-_ONE_RATE = 1.1
+_SAME_RATE = 1.1
 """Records whose sample rates are no further apart share an autoregression."""
 
 
@@ -124,17 +124,17 @@ def residual_processes(parts: Sequence[Part]) -> tuple[Process, ...]:
 def _of_each(parts: Sequence[Part], missing: Sequence[FloatArray] | None) -> tuple[Process, ...]:
     """The autoregression of each part, of which all parts of about one sample rate are draws."""
     found: dict[int, Process] = {}
-    for places in _of_one_rate([part.sample_rate_hz for part in parts]):
+    for places in _by_rate([part.sample_rate_hz for part in parts]):
         lacks = None if missing is None else np.sum([missing[place] for place in places], axis=0)
         found |= dict.fromkeys(places, autoregression([parts[place].residual for place in places], missing=lacks))
     return tuple(found[place] for place in range(len(parts)))
 
 
-def _of_one_rate(rates_hz: Sequence[float]) -> list[list[int]]:
+def _by_rate(rates_hz: Sequence[float]) -> list[list[int]]:
     """Places of records whose sample rates are about the same, those of the lowest rate first."""
     groups: list[list[int]] = []
     for place in sorted(range(len(rates_hz)), key=lambda place: rates_hz[place]):
-        if groups and rates_hz[place] <= _ONE_RATE * rates_hz[groups[-1][0]]:
+        if groups and rates_hz[place] <= _SAME_RATE * rates_hz[groups[-1][0]]:
             groups[-1].append(place)
         else:
             groups.append([place])
@@ -152,7 +152,7 @@ def _inverse_information(parts: Sequence[Part]) -> tuple[FloatArray, int]:
     return np.linalg.inv((flat / size).T @ (flat / size)) / np.outer(size, size), residual_dof
 
 
-def colored_apart(parts: Sequence[Part]) -> ColoredCovariance:
+def colored_by_part(parts: Sequence[Part]) -> ColoredCovariance:
     """The same where each part has errors of a color of its own: equations of different kind, fitted together.
 
     What the fit took from the residuals is not given back: parts should be long beside the number of parameters.
@@ -164,10 +164,10 @@ def colored_apart(parts: Sequence[Part]) -> ColoredCovariance:
         The data do not determine all parameters.
     """
     D, residual_dof = _inverse_information(parts)
-    return _corrected(parts, [_alone(part.residual) for part in parts], D, residual_dof)
+    return _corrected(parts, [_process_of_part(part.residual) for part in parts], D, residual_dof)
 
 
-def _alone(residual: FloatArray) -> Process:
+def _process_of_part(residual: FloatArray) -> Process:
     if len(residual) == 1:
         return Process(np.zeros((0, 1, 1)), np.eye(1))
     return autoregression([residual])
@@ -190,8 +190,8 @@ class Process(NamedTuple):
 
 def _matters(taken: Sequence[FloatArray], parameters: int) -> bool:
     """Whether a fit takes a noticeable share of the power within as narrow a band as the longest memory tells apart."""
-    numbers = parameters + sum(one.shape[2] - parameters for one in taken)
-    return bool(numbers * _LONGEST_MEMORY > _NEGLIGIBLE * sum(one[:, :, 0].size for one in taken))
+    numbers = parameters + sum(basis.shape[2] - parameters for basis in taken)
+    return bool(numbers * _LONGEST_MEMORY > _NEGLIGIBLE * sum(basis[:, :, 0].size for basis in taken))
 
 
 _MOST_NUMBERS = 4_000_000
@@ -200,14 +200,14 @@ _MOST_NUMBERS = 4_000_000
 def _missing(taken: Sequence[FloatArray], processes: Sequence[Process], parameters: int) -> list[FloatArray]:
     """What a fit took from the sums of products of its residuals: for each record all lags, shape ``(lags, y, y)``."""
     late = [_colored(basis, process) for basis, process in zip(taken, processes, strict=True)]
-    inner = [np.einsum("nya,nyb->ab", basis, seen) for basis, seen in zip(taken, late, strict=True)]
+    inner = [np.einsum("nya,nyb->ab", basis, lagged) for basis, lagged in zip(taken, late, strict=True)]
     # Parameters are shared by all records, unknowns are not.
-    shared = sum((one[-parameters:, -parameters:] for one in inner), start=np.zeros((parameters, parameters)))
-    for one in inner:
-        one[-parameters:, -parameters:] = shared
+    shared = sum((values[-parameters:, -parameters:] for values in inner), start=np.zeros((parameters, parameters)))
+    for values in inner:
+        values[-parameters:, -parameters:] = shared
     return [
-        _lagged_products(basis, seen - 0.5 * basis @ one.T, _LONGEST_MEMORY)
-        for basis, seen, one in zip(taken, late, inner, strict=True)
+        _lagged_products(basis, lagged - 0.5 * basis @ values.T, _LONGEST_MEMORY)
+        for basis, lagged, values in zip(taken, late, inner, strict=True)
     ]
 
 
@@ -261,20 +261,23 @@ def autoregression(residuals: Sequence[FloatArray], *, missing: FloatArray | Non
     (1, 0.8)
     """
     outputs = residuals[0].shape[1]
-    count = sum(len(one) for one in residuals)
-    limit = max(1, min(_LONGEST_MEMORY, count // _SAMPLES_PER_LAG, *(len(one) // 2 for one in residuals)))
+    count = sum(len(residual) for residual in residuals)
+    limit = max(1, min(_LONGEST_MEMORY, count // _SAMPLES_PER_LAG, *(len(residual) // 2 for residual in residuals)))
     lags = []
     for lag in range(limit + 1):
-        total = sum((one[lag:].T @ one[: len(one) - lag] for one in residuals), start=np.zeros((outputs, outputs)))
+        total = sum(
+            (residual[lag:].T @ residual[: len(residual) - lag] for residual in residuals),
+            start=np.zeros((outputs, outputs)),
+        )
         if missing is not None:
             total = total + missing[lag]
         lags.append(total / (count - lag * len(residuals)))
     sums = np.stack(lags)
     together = _fitted(sums, count)
-    apart = [_fitted(sums[:, one : one + 1, one : one + 1], count) for one in range(outputs)]
+    separate = [_fitted(sums[:, output : output + 1, output : output + 1], count) for output in range(outputs)]
     # Outputs that hardly go together are better described each by itself, with a memory as long as it is.
-    if sum(one.criterion for one in apart) < together.criterion:
-        return _beside([one.process for one in apart])
+    if sum(fitted.criterion for fitted in separate) < together.criterion:
+        return _stacked([fitted.process for fitted in separate])
     return together.process
 
 
@@ -296,13 +299,13 @@ def _fitted(lags: FloatArray, count: int) -> _Fitted:
     return _Fitted(best, lowest)
 
 
-def _beside(processes: Sequence[Process]) -> Process:
+def _stacked(processes: Sequence[Process]) -> Process:
     """Processes of one output each as one of all."""
-    order = max(len(one.coefficients) for one in processes)
+    order = max(len(process.coefficients) for process in processes)
     coefficients = np.zeros((order, len(processes), len(processes)))
-    for output, one in enumerate(processes):
-        coefficients[: len(one.coefficients), output, output] = one.coefficients[:, 0, 0]
-    return Process(coefficients, np.diag([float(one.noise[0, 0]) for one in processes]))
+    for output, process in enumerate(processes):
+        coefficients[: len(process.coefficients), output, output] = process.coefficients[:, 0, 0]
+    return Process(coefficients, np.diag([float(process.noise[0, 0]) for process in processes]))
 
 
 def _whittle(lags: FloatArray) -> list[Process]:
@@ -385,9 +388,11 @@ class ColoredNoise:
         return cls(residual_processes(parts), tuple(len(part.residual) for part in parts))
 
     @classmethod
-    def apart(cls, parts: Sequence[Part]) -> ColoredNoise:
+    def by_part(cls, parts: Sequence[Part]) -> ColoredNoise:
         """A process for each part, as of equations of different kind; what the fit took is not given back."""
-        return cls(tuple(_alone(part.residual) for part in parts), tuple(len(part.residual) for part in parts))
+        return cls(
+            tuple(_process_of_part(part.residual) for part in parts), tuple(len(part.residual) for part in parts)
+        )
 
     def draw(self, rng: np.random.Generator) -> tuple[FloatArray, ...]:
         """One draw of all records, shape ``(n, y)`` each."""

@@ -34,7 +34,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.fitting.least_squares import Solution
 from rotorid.fitting.problem import Part, Problem, ResidualErrors
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.colored import colored_apart, colored_covariance
+from rotorid.uncertainty.colored import colored_by_part, colored_covariance
 from rotorid.uncertainty.model_error import ModelError, model_error
 
 Weights: TypeAlias = Literal["cifer", "covariance"]
@@ -228,7 +228,7 @@ def bounds_of_parts(parts: Sequence[Part], names: tuple[str, ...], *, alike: boo
     if silent:
         raise _not_determined(silent)
     try:
-        colored = colored_covariance(parts) if alike else colored_apart(parts)
+        colored = colored_covariance(parts) if alike else colored_by_part(parts)
     except np.linalg.LinAlgError as error:
         raise _not_determined(_mixed(slopes, names)) from error
     length = np.sqrt(fisher.diagonal())
@@ -237,7 +237,7 @@ def bounds_of_parts(parts: Sequence[Part], names: tuple[str, ...], *, alike: boo
     # Numbers that cancel leave variances of zero or less: nothing is known of these parameters.
     known = (corrected.diagonal() > 0.0) & (white.diagonal() > 0.0) & (inverse[:count] > 0.0)
     if not known.all():
-        raise _not_determined([name for name, seen in zip(names, known.tolist(), strict=True) if not seen])
+        raise _not_determined([name for name, is_known in zip(names, known.tolist(), strict=True) if not is_known])
     ratio = np.log(corrected.diagonal() / white.diagonal())
     return Bounds(
         names=names,

@@ -49,7 +49,7 @@ _POWER_QUANTILE = float(stats.norm.ppf(0.8))
 _LEAST_SIGMAS = 2.0
 """A number that lies nearer to zero has no logarithm with a normal error, and no share."""
 
-_ONE_SIGN = re.compile(
+_SIGN_KNOWN = re.compile(
     r"L_roll|M_pitch|N_yaw|Z_thrust|X_\w*thrust|T_\w+|tau_\w+|I_\w+|m|mass|arm|kappa\w*|thrust_\w+|moment_\w+"
 )
 
@@ -65,7 +65,7 @@ def keeps_sign(parameter: str) -> bool:
     [True, True, False, False]
     """
     of_review = figure(parameter.rpartition(".")[2])
-    return of_review.keeps_sign if of_review else _ONE_SIGN.fullmatch(parameter) is not None
+    return of_review.keeps_sign if of_review else _SIGN_KNOWN.fullmatch(parameter) is not None
 
 
 _DAMPING = ("L_p", "M_q", "N_r", "Z_w")
@@ -302,7 +302,7 @@ def differences(pairs: Sequence[tuple[str, Estimate, Estimate]]) -> tuple[Differ
     ['changed', 'undecided']
     """
     distances = [distance(*pair) for pair in pairs]
-    found = discoveries([chance(one) if math.isfinite(one) else 1.0 for one in distances])
+    found = discoveries([chance(distance) if math.isfinite(distance) else 1.0 for distance in distances])
     answers = []
     for (parameter, before, after), z, is_found in zip(pairs, distances, found, strict=True):
         if not math.isfinite(z):

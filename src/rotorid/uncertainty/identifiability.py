@@ -130,7 +130,7 @@ def unseen_combinations(parameters: ParameterSet, bounds: Bounds) -> tuple[Combi
         for group in groups:
             found += _explain(parameters, free, relative, group, flat=flat)
         rest = [i for i in rest if not any(i in group for group in groups)]
-    return tuple(sorted(found, key=lambda one: -one.relative_std))
+    return tuple(sorted(found, key=lambda combination: -combination.relative_std))
 
 
 def _groups(null: FloatArray, *, flat: bool) -> list[list[int]]:
@@ -160,14 +160,16 @@ def _explain(
         names = tuple(free[i] for i in members)
         variances, vectors = np.linalg.eigh(relative[np.ix_(members, members)])
         unseen = max(1, int(np.sum(variances > least**2)))
-        seen = _seen(parameters, names, variances, vectors, len(members) - unseen, flat=flat)
-        if seen:
+        products = _determined_terms(parameters, names, variances, vectors, len(members) - unseen, flat=flat)
+        if products:
             break
     shares = [dict.fromkeys(free, 0.0) | dict(zip(names, map(float, v), strict=True)) for v in vectors.T[::-1]]
     stds = np.sqrt(np.maximum(variances[::-1], 0.0))
-    if seen:
+    if products:
         advice = _advice(parameters, names, vectors[:, -unseen:], flat=flat)
-        worst = Combination(vector=shares[0], relative_std=float(stds[0]), names=names, seen=seen, what_to_do=advice)
+        worst = Combination(
+            vector=shares[0], relative_std=float(stds[0]), names=names, seen=products, what_to_do=advice
+        )
         return [worst]
     if flat and unseen == 1 and len(names) > 1:
         # No band tells apart what is exactly one; the shares would hide the small parts of it.
@@ -180,11 +182,11 @@ def _with_other_times(parameters: ParameterSet, free: tuple[str, ...], group: li
     """The group, after the same with every other time: of a short delay and a long lag only one may seem unseen."""
     times = [i for i, name in enumerate(free) if parameters[name].unit == "s"]
     if set(group) < set(times):
-        return [*([one for one in (sorted({*group, i}) for i in times) if one != group]), group]
+        return [*([extended for extended in (sorted({*group, i}) for i in times) if extended != group]), group]
     return [group]
 
 
-def _seen(
+def _determined_terms(
     parameters: ParameterSet,
     names: tuple[str, ...],
     variances: FloatArray,
@@ -266,8 +268,8 @@ def _advice(parameters: ParameterSet, names: tuple[str, ...], null: FloatArray, 
     effort = [easiest.index(unit) if unit in easiest else len(easiest) for unit in units]
     subsets = list(itertools.combinations(range(len(names)), count))
     # Given parameters settle the rest only if no unseen direction leaves all of them alone.
-    settled = [one for one in subsets if abs(np.linalg.det(null[list(one)])) > _COUPLED**count]
-    best = min(settled or subsets, key=lambda one: sum(effort[i] for i in one))
+    settled = [subset for subset in subsets if abs(np.linalg.det(null[list(subset)])) > _COUPLED**count]
+    best = min(settled or subsets, key=lambda subset: sum(effort[i] for i in subset))
     chosen = tuple(names[i] for i in best)
     number = _NUMBERS[count] if count < len(_NUMBERS) else str(count)
     among = f"{number} of them" if len(names) == 2 else f"{number} of {', '.join(names)}"

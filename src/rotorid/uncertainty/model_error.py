@@ -144,7 +144,7 @@ def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray,
     logs = likelihood.best(start, tops)
     columns = np.concatenate([shapes.smooth, shapes.known], axis=1)
     return ModelError(
-        shapes=shapes.seen(likelihood.shares(logs)[columns.shape[1] - shapes.largest :]),
+        shapes=shapes.with_shares(likelihood.shares(logs)[columns.shape[1] - shapes.largest :]),
         sizes=dict(zip(shapes.names, map(float, np.exp(logs)), strict=True)),
         scatter=own,
         expected=columns @ likelihood.expected(logs),
@@ -196,13 +196,13 @@ class _Likelihood:
         root = np.linalg.cholesky(covariance + np.diag(_OWN_SHARE * np.diag(covariance) + own**2))
         stacked = np.concatenate([jacobian, shapes.smooth, shapes.known, residual[:, None]], axis=1)
         white = solve_triangular(root, stacked, lower=True, check_finite=False)
-        slopes, beside = np.split(white, [jacobian.shape[1]], axis=1)
+        slopes, nuisance_slopes = np.split(white, [jacobian.shape[1]], axis=1)
         length = np.linalg.norm(slopes, axis=0)
         left, singular, _ = np.linalg.svd(slopes / np.where(length > 0.0, length, 1.0), full_matrices=False)
-        seen = singular > _FOLLOWED * singular.max(initial=0.0)
-        beside = beside - left[:, seen] @ (left[:, seen].T @ beside)
-        columns, rho = beside[:, :-1], beside[:, -1]
-        rest = np.log(np.diag(root)).sum() + np.log(singular[seen]).sum() + np.log(length[length > 0.0]).sum()
+        followed = singular > _FOLLOWED * singular.max(initial=0.0)
+        nuisance_slopes = nuisance_slopes - left[:, followed] @ (left[:, followed].T @ nuisance_slopes)
+        columns, rho = nuisance_slopes[:, :-1], nuisance_slopes[:, -1]
+        rest = np.log(np.diag(root)).sum() + np.log(singular[followed]).sum() + np.log(length[length > 0.0]).sum()
         member = _members(shapes.group, len(shapes.names), columns.shape[1])
         return cls(columns.T @ columns, columns.T @ rho, member, float(rest) + 0.5 * float(rho @ rho))
 

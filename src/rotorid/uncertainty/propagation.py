@@ -216,10 +216,10 @@ def pole_confidence(structure: LinearStructure, parameters: ParameterSet, bounds
     spread = (moved / normal[:, None]) @ root
 
     clusters: list[_Cluster] = [_Cluster((place,), spread[[place]], False) for place in range(poles.size)]
-    while (near := _nearest(poles, clusters)) is not None:
+    while (near := _closest_pair(poles, clusters)) is not None:
         members = tuple(sorted(clusters[near[0]].members + clusters[near[1]].members))
         moves = _moves(system, np.tensordot(dM, root, (0, 0)), np.tensordot(dF, root, (0, 0)), poles, members)
-        clusters = [one for place, one in enumerate(clusters) if place not in near]
+        clusters = [cluster for place, cluster in enumerate(clusters) if place not in near]
         clusters.append(_Cluster(members, moves, True))
 
     found: dict[int, Pole] = {}
@@ -238,7 +238,7 @@ class _Cluster(NamedTuple):
     meets: bool
 
 
-def _nearest(poles: ComplexArray, clusters: Sequence[_Cluster]) -> tuple[int, int] | None:
+def _closest_pair(poles: ComplexArray, clusters: Sequence[_Cluster]) -> tuple[int, int] | None:
     """The two clusters, nearest first, that do not stay apart within the errors of the parameters."""
     together = []
     for one, two in itertools.combinations(range(len(clusters)), 2):
@@ -277,13 +277,13 @@ def _moves(
 
     flat = slopes.reshape(len(slopes), -1)
     _, sizes, directions = np.linalg.svd(np.hstack([flat.real, flat.imag]), full_matrices=False)
-    seen = sizes > _FLAT * sizes.max(initial=0.0)
-    real, imaginary = np.split(sizes[seen, None] * directions[seen], 2, axis=1)
-    changes = (_normal_points(int(seen.sum())) @ (real + 1j * imaginary)).reshape(-1, *block.shape)
+    significant = sizes > _FLAT * sizes.max(initial=0.0)
+    real, imaginary = np.split(sizes[significant, None] * directions[significant], 2, axis=1)
+    changes = (_normal_points(int(significant.sum())) @ (real + 1j * imaginary)).reshape(-1, *block.shape)
     drawn = np.linalg.eigvals(block + changes)
     nominal = poles[list(members)]
     far = drawn[:, None, :] - nominal[:, None]
-    moves = np.stack([one[linear_sum_assignment(np.abs(one) ** 2)] for one in far], axis=1)
+    moves = np.stack([index[linear_sum_assignment(np.abs(index) ** 2)] for index in far], axis=1)
     # Which of several equal poles went where has no meaning: they share their mean squares.
     equal = np.abs(nominal[:, None] - nominal) <= _COINCIDENT * np.abs(nominal)
     shares = np.sqrt(equal / equal.sum(axis=1, keepdims=True) / len(drawn))

@@ -372,7 +372,7 @@ def each_run(
     UsageError
         Fewer than two runs were asked for.
     """
-    return _gathered(_Chunk(_OneByOne(work), seed), 1, runs, executor, progress)
+    return _gathered(_Chunk(_InSequence(work), seed), 1, runs, executor, progress)
 
 
 def spread_of(
@@ -384,8 +384,8 @@ def spread_of(
     units: Sequence[str] = (),
 ) -> SpreadTable:
     """The table of what runs gave."""
-    reasons = [one.reason for one in done if isinstance(one, LeftOut)]
-    draws = [one for one in done if not isinstance(one, LeftOut)]
+    reasons = [draw.reason for draw in done if isinstance(draw, LeftOut)]
+    draws = [draw for draw in done if not isinstance(draw, LeftOut)]
     return SpreadTable(
         names=tuple(names),
         units=tuple(units),
@@ -397,13 +397,13 @@ def spread_of(
 
 
 @dataclass(frozen=True)
-class _OneByOne(Generic[Value]):
+class _InSequence(Generic[Value]):
     work: Callable[[np.random.Generator], Value]
 
     def __call__(self, generators: Sequence[np.random.Generator]) -> list[Value | LeftOut]:
-        return [self._one(rng) for rng in generators]
+        return [self._result_of(rng) for rng in generators]
 
-    def _one(self, rng: np.random.Generator) -> Value | LeftOut:
+    def _result_of(self, rng: np.random.Generator) -> Value | LeftOut:
         try:
             return self.work(rng)
         except RotoridError as error:

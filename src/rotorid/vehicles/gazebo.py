@@ -27,7 +27,7 @@ from rotorid.models.rotors import RotorLayout
 from rotorid.simulation.multirotor import Multirotor, Rotors, Sensors
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.units import STANDARD_GRAVITY_M_S2
-from rotorid.vehicles.px4 import PX4_PARAMETERS, held, px4_autopilot, rotor_parameters
+from rotorid.vehicles.px4 import PX4_PARAMETERS, hover_guidance, px4_autopilot, rotor_parameters
 
 X500_SOURCE = "PX4-gazebo-models, x500 and x500_base; PX4, airframe 4001_gz_x500"
 IRIS_SOURCE = "PX4-SITL_gazebo-classic, iris"
@@ -146,5 +146,5 @@ def _with_px4(vehicle: Multirotor, others: Mapping[str, float]) -> Aircraft:
     rotors = vehicle.rotors
     placed = rotor_parameters(rotors.layout, torque_per_thrust_m=rotors.torque_per_thrust_m)
     parameters = {**PX4_PARAMETERS, **placed, **others}
-    autopilot = px4_autopilot(parameters, guidance=held(parameters), delay_s=(_STEP_S,) * 4)
+    autopilot = px4_autopilot(parameters, guidance=hover_guidance(parameters), delay_s=(_STEP_S,) * 4)
     return Aircraft(vehicle=vehicle, autopilot=autopilot, sensors=_SENSORS)

@@ -240,8 +240,8 @@ def aircraft() -> Aircraft:
 
 def _autopilot() -> Autopilot:
     """Gains are ours. Delays are the published ones, less the lag of the rotors where they hold it, and half a tick."""
-    held_s, lag_s = 0.5 / RATE_HZ, YAW["T_motor"]
-    tilting = max(0.0, PITCH["tau_pitch"] - lag_s - held_s)
+    hold_s, lag_s = 0.5 / RATE_HZ, YAW["T_motor"]
+    tilting = max(0.0, PITCH["tau_pitch"] - lag_s - hold_s)
     return Autopilot(
         kind="simple",
         rate_hz=RATE_HZ,
@@ -258,6 +258,6 @@ def _autopilot() -> Autopilot:
             hold_height=True,
             tilt_compensation=True,
         ),
-        delay_s=(tilting, tilting, YAW["tau_yaw"] - held_s, VERTICAL["tau_thrust"] - lag_s - held_s),
+        delay_s=(tilting, tilting, YAW["tau_yaw"] - hold_s, VERTICAL["tau_thrust"] - lag_s - hold_s),
         mixer=MIXER,
     )

@@ -181,11 +181,11 @@ def flights(
     outputs, rates = np.zeros((count, 4, samples)), np.zeros((count, 3, samples))
     force, speed = np.zeros((count, samples)), np.zeros((count, samples))
     for place in range(samples):
-        seen = now.rate + air.gyro * rng.standard_normal((count, 3))
-        angle = angle + step * seen
-        command = excitation[:, :, place] - _answer(seen, angle, now.w)
+        measured = now.rate + air.gyro * rng.standard_normal((count, 3))
+        angle = angle + step * measured
+        command = excitation[:, :, place] - _answer(measured, angle, now.w)
         output = np.clip(hover + command @ mixer, *_LIMITS)
-        outputs[:, :, place], rates[:, :, place], speed[:, place] = output, seen, now.w
+        outputs[:, :, place], rates[:, :, place], speed[:, place] = output, measured, now.w
         sway = calm * sway + np.sqrt(1.0 - calm**2) * rng.standard_normal(count)
         noise = air.accelerometer * (sway + rng.standard_normal(count))
         force[:, place] = -thrust(now.motor_speed).sum(axis=1) / TRUTH["m"] + TRUTH["Z_w"] * now.w + noise
@@ -262,9 +262,9 @@ def _moved(now: _Motion, held: FloatArray, noise: FloatArray, pace: _Pace) -> _M
     return _Motion(motor_speed, rate, now.w + pace.step_s * falling, gust)
 
 
-def _answer(seen: FloatArray, angle: FloatArray, w: FloatArray) -> FloatArray:
+def _answer(measured: FloatArray, angle: FloatArray, w: FloatArray) -> FloatArray:
     """What the controller takes off the excitation: roll, pitch, yaw, thrust, shape ``(count, 4)``."""
-    return np.column_stack([_RATE_GAINS * (seen + _ATTITUDE_RAD_S * angle), -_HEAVE_GAIN * w])
+    return np.column_stack([_RATE_GAINS * (measured + _ATTITUDE_RAD_S * angle), -_HEAVE_GAIN * w])
 
 
 def _excitation(rng: np.random.Generator, count: int, time_s: FloatArray) -> FloatArray:

@@ -147,7 +147,7 @@ def px4_autopilot(
         By PX4's names, every one of the ``IMU_*`` and ``MC_*`` of :data:`PX4_PARAMETERS`. They go to the log as they
         are.
     guidance
-        What stands above the attitude; see :func:`stabilized` and :func:`held`.
+        What stands above the attitude; see :func:`stabilized` and :func:`hover_guidance`.
     gyro_cutoff_hz
         Where the low-pass that flies is not that of ``IMU_GYRO_CUTOFF``.
     delay_s
@@ -223,7 +223,7 @@ def stabilized(parameters: Mapping[str, float]) -> Guidance:
     )
 
 
-def held(parameters: Mapping[str, float]) -> Guidance:
+def hover_guidance(parameters: Mapping[str, float]) -> Guidance:
     r"""A hover that is held in velocity and height, with sticks that ask for tilt and climb on top.
 
     PX4's loops of velocity give accelerations. Where they close over thrust, an acceleration of :math:`g` is the thrust

@@ -61,7 +61,7 @@ from rotorid.simulation.multirotor import Multirotor, Rotors, Sensors
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
-from rotorid.vehicles.px4 import PX4_PARAMETERS, RATE_HZ, held, px4_autopilot, rotor_parameters
+from rotorid.vehicles.px4 import PX4_PARAMETERS, RATE_HZ, hover_guidance, px4_autopilot, rotor_parameters
 
 LONGITUDINAL: Mapping[str, float] = MappingProxyType(
     {
@@ -284,7 +284,7 @@ def aircraft() -> Aircraft:
         source=SOURCE,
     )
     roll, pitch, yaw, thrust = (TRUTH[f"tau_{axis}"] - _HALF_TICK_S for axis in AXES)
-    autopilot = px4_autopilot(PARAMETERS, guidance=held(PARAMETERS), delay_s=(roll, pitch, yaw, thrust))
+    autopilot = px4_autopilot(PARAMETERS, guidance=hover_guidance(PARAMETERS), delay_s=(roll, pitch, yaw, thrust))
     return Aircraft(vehicle=vehicle, autopilot=autopilot, sensors=Sensors())
 
 

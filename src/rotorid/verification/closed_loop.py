@@ -184,13 +184,13 @@ def closed_loop(
     def finer(rows: FloatArray) -> FloatArray:
         return np.array([np.interp(grid, np.arange(samples), row) for row in rows]).reshape(len(rows), grid.size)
 
-    flown = _Flown(
+    flown = _Simulation(
         plant=_plant(system, rate_hz),
         inputs=finer(inputs),
         controlled=[list(input_names).index(loop.command) for loop in loops],
         fed_back=[list(output_names).index(loop.rate) for loop in loops],
         reading_delays=np.array([loop.controller.delay_s for loop in loops]) * rate_hz,
-        controller=_together([stepped(one.controller, step_s=1.0 / rate_hz, driven=one.driven) for one in loops]),
+        controller=_together([stepped(loop.controller, step_s=1.0 / rate_hz, driven=loop.driven) for loop in loops]),
         setpoints=finer(np.array([loop.setpoint - loop.setpoint.mean() for loop in loops])),
         excitations=finer(np.array([loop.excitation for loop in loops])),
     )
@@ -242,24 +242,24 @@ def _together(controllers: Sequence[SteppedController]) -> SteppedController:
     from scipy.linalg import block_diag
 
     def wide(name: str) -> FloatArray:
-        halves = [block_diag(*(getattr(one, name)[:, [side]] for one in controllers)) for side in range(2)]
+        halves = [block_diag(*(getattr(stepped, name)[:, [side]] for stepped in controllers)) for side in range(2)]
         return np.hstack(halves)
 
     return SteppedController(
-        transition=block_diag(*(one.transition for one in controllers)),
+        transition=block_diag(*(stepped.transition for stepped in controllers)),
         drive=wide("drive"),
-        read=block_diag(*(one.read for one in controllers)),
+        read=block_diag(*(stepped.read for stepped in controllers)),
         direct=wide("direct"),
         unknown=tuple(
             row + sum(len(other.transition) for other in controllers[:place])
-            for place, one in enumerate(controllers)
-            for row in one.unknown
+            for place, stepped in enumerate(controllers)
+            for row in stepped.unknown
         ),
     )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Flown:
+class _Simulation:
     """A flight to compute: airframe, controllers, and what drives them on the fine clock."""
 
     plant: _Plant
@@ -302,7 +302,7 @@ class _Flown:
             given,
             lead,
         )
-        return self._seen(states, given, steady, lead)
+        return self._outputs_and_commands(states, given, steady, lead)
 
     def _starts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Initial states of airframe and controllers and steady forces, a column for each response."""
@@ -329,19 +329,23 @@ class _Flown:
         left = self._open()
         return self.plant.step.forcing(left, left[:, 0])
 
-    def _seen(self, states: FloatArray, given: FloatArray, steady: FloatArray, lead: int) -> FloatArray:
+    def _outputs_and_commands(self, states: FloatArray, given: FloatArray, steady: FloatArray, lead: int) -> FloatArray:
         """Outputs and commands of all responses, shape ``(r, y + loops, steps)``."""
         outputs = np.einsum("yx,kxr->ykr", self.plant.C, states)
-        seen = np.stack([_later(row, delay) for row, delay in zip(outputs, self.plant.output_delays, strict=True)])
+        late_outputs = np.stack(
+            [_later(row, delay) for row, delay in zip(outputs, self.plant.output_delays, strict=True)]
+        )
         left = self._open()
         for y, u in zip(*np.nonzero(self.plant.D), strict=True):
             delay = self.plant.input_delays[u] + self.plant.output_delays[y]
             if u in self.controlled:
                 loop = self.controlled.index(u)
-                seen[y] += self.plant.D[y, u] * _later(given[:, loop] + steady[loop], delay)[lead:]
+                late_outputs[y] += self.plant.D[y, u] * _later(given[:, loop] + steady[loop], delay)[lead:]
             else:
-                seen[y, :, 0] += self.plant.D[y, u] * _later(left[u], delay)
-        return np.concatenate([np.moveaxis(seen, 2, 0), np.moveaxis(given[lead:], 0, 2).transpose(1, 0, 2)], axis=1)
+                late_outputs[y, :, 0] += self.plant.D[y, u] * _later(left[u], delay)
+        return np.concatenate(
+            [np.moveaxis(late_outputs, 2, 0), np.moveaxis(given[lead:], 0, 2).transpose(1, 0, 2)], axis=1
+        )
 
 
 def _later(values: FloatArray, delay: float) -> FloatArray:

@@ -202,8 +202,8 @@ def _ahead(
         record=record.name,
         horizon_s=horizon.horizon_s,
         scores={
-            name: OutputScore(nrmse_fit_percent=one.nrmse_fit_percent, tic=one.tic, rms=one.rms)
-            for name, one in horizon.scores.items()
+            name: OutputScore(nrmse_fit_percent=scores.nrmse_fit_percent, tic=scores.tic, rms=scores.rms)
+            for name, scores in horizon.scores.items()
         },
         time_s=horizon.time_s,
         measured=horizon.measured,
@@ -263,13 +263,13 @@ class CrossValidation(Immutable, Generic[Model]):
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the outputs that were scored."""
-        every = (one for fold in self.folds for group in fold.scores for one in group)
-        return tuple(dict.fromkeys(name for one in every for name in one.scores))
+        every = (scores for fold in self.folds for group in fold.scores for scores in group)
+        return tuple(dict.fromkeys(name for scores in every for name in scores.scores))
 
     @property
     def horizons_s(self) -> tuple[float, ...]:
         """How far ahead was predicted, shortest first; scores compare where this is one number."""
-        return tuple(sorted({one.horizon_s for fold in self.folds for group in fold.scores for one in group}))
+        return tuple(sorted({scores.horizon_s for fold in self.folds for group in fold.scores for scores in group}))
 
     @property
     def fit_percent(self) -> FloatArray:
@@ -442,7 +442,7 @@ def rescored(
 
 def fit_percent(group: Sequence[FixedParameterScores], output: str) -> float:
     """Mean fit percent of an output over the records that have it and move it; not a number without any."""
-    every = [one.scores[output].nrmse_fit_percent for one in group if output in one.scores]
+    every = [scores.scores[output].nrmse_fit_percent for scores in group if output in scores.scores]
     known = [value for value in every if math.isfinite(value)]
     return sum(known) / len(known) if known else math.nan
 

@@ -126,10 +126,10 @@ class OrderComparison(Immutable):
         self._set(scores=tuple(self.scores), records=tuple(self.records))
 
     def __getitem__(self, order: int) -> OrderScore:
-        for one in self.scores:
-            if one.order == order:
-                return one
-        raise KeyError(f"no order {order}; there are {', '.join(str(one.order) for one in self.scores)}")
+        for score in self.scores:
+            if score.order == order:
+                return score
+        raise KeyError(f"no order {order}; there are {', '.join(str(score.order) for score in self.scores)}")
 
 
 def held_out(records: Sequence[TimeData]) -> tuple[TimeData, ...]:
@@ -149,13 +149,15 @@ def held_out(records: Sequence[TimeData]) -> tuple[TimeData, ...]:
     [('flight, 0 to 4 s', 80), ('flight, 4 to 8 s', 80)]
     """
     if len(records) >= _FEWEST_LOGS:
-        names = [f"{one.name} {number + 1}" for number, one in enumerate(records)]
-        once = len({one.name for one in records}) == len(records)
-        return tuple(one if once else replace(one, name=name) for one, name in zip(records, names, strict=True))
-    total = sum(one.samples for one in records)
+        names = [f"{record.name} {number + 1}" for number, record in enumerate(records)]
+        once = len({record.name for record in records}) == len(records)
+        return tuple(
+            record if once else replace(record, name=name) for record, name in zip(records, names, strict=True)
+        )
+    total = sum(record.samples for record in records)
     length = max(total // _PIECES, _SHORTEST_PIECE)
-    pieces = [piece for one in records for piece in _pieces(one, max(1, round(one.samples / length)))]
-    if len(pieces) < 2 or min(one.samples for one in pieces) < _SHORTEST_PIECE // 2:
+    pieces = [piece for record in records for piece in _pieces(record, max(1, round(record.samples / length)))]
+    if len(pieces) < 2 or min(record.samples for record in pieces) < _SHORTEST_PIECE // 2:
         raise InsufficientDataError(
             f"{total} samples came to compare orders on parts of them that were not seen",
             needed=f"at least two pieces of {_SHORTEST_PIECE} samples",
@@ -250,28 +252,28 @@ def compare_orders(
         raise UsageError(f"orders up to {highest} came", needed="a highest order from 1 to 20")
     parts = held_out(records)
     whole = _Posed(tuple(inputs), tuple(outputs), delays, hold, unknowns, plan or StartPlan())
-    posed = whole.alone() if decoupled else [(slice(None), whole)]
+    posed = whole.single_pairs() if decoupled else [(slice(None), whole)]
     scores: list[OrderScore] = []
     for order in range(1, highest + 1):
         progress(order)
         scores.append(_scored(order, records, parts, posed))
         if _falls(scores):
             break
-    known = [one for one in scores if not one.refused]
+    known = [score for score in scores if not score.refused]
     if not known:
         raise InsufficientDataError(
             "no order has a black box that could be scored: " + "; ".join(dict.fromkeys(s.refused for s in scores)),
             needed="longer or more records",
         )
-    best = max(known, key=lambda one: one.unseen_percent)
-    compared = [one if one.refused else _behind(one, best) for one in scores]
-    order = min(one.order for one in compared if not one.refused and one.behind_percent <= one.behind_error)
-    samples = sum(one.samples for one in records)
+    best = max(known, key=lambda score: score.unseen_percent)
+    compared = [score if score.refused else _difference_from(score, best) for score in scores]
+    order = min(score.order for score in compared if not score.refused and score.behind_percent <= score.behind_error)
+    samples = sum(record.samples for record in records)
     return OrderComparison(
         scores=tuple(compared),
         order=order,
         best=best.order,
-        records=tuple(one.name for one in parts),
+        records=tuple(record.name for record in parts),
         chance=2.0 / math.sqrt(samples),
     )
 
@@ -299,7 +301,7 @@ class _Posed:
             plan=self.plan,
         )
 
-    def alone(self) -> list[tuple[slice, _Posed]]:
+    def single_pairs(self) -> list[tuple[slice, _Posed]]:
         """Every input with its output, and their rows."""
         return [
             (slice(row, row + 1), replace(self, inputs=(u,), outputs=(y,)))
@@ -309,7 +311,8 @@ class _Posed:
 
 def _rows(records: Sequence[TimeData], rows: slice) -> list[TimeData]:
     return [
-        replace(one, inputs=one.inputs[rows], outputs=one.outputs[rows], before=one.before[rows]) for one in records
+        replace(record, inputs=record.inputs[rows], outputs=record.outputs[rows], before=record.before[rows])
+        for record in records
     ]
 
 
@@ -318,21 +321,21 @@ def _scored(
 ) -> OrderScore:
     """Black boxes of one order, each on its own rows; what is said of all is the sum or the mean of each."""
     try:
-        fits = [(one, rows, one.fitted(_rows(records, rows), order)) for rows, one in posed]
-        unseen = np.mean([_unseen(fit, _rows(parts, rows), one) for one, rows, fit in fits], axis=0)
+        fits = [(item, rows, item.fitted(_rows(records, rows), order)) for rows, item in posed]
+        unseen = np.mean([_unseen(fit, _rows(parts, rows), posed) for posed, rows, fit in fits], axis=0)
     except (InsufficientDataError, ModelError) as error:
         return OrderScore(order=order, refused=error.came.rstrip("."))
     numbers, twice, explained, color = 0, 0.0, [], 0.0
-    for one, rows, found in fits:
+    for item, rows, found in fits:
         fit = found.fit
         errors = [kept.record.outputs - kept.predicted for kept in fit.problem.predicted(fit.solution.theta)]
-        outputs = len(one.outputs)
+        outputs = len(item.outputs)
         estimated = sum(part.unknown.shape[2] for part in fit.problem.parts(fit.solution.theta))
         numbers += len(found.parameters.free) + estimated + outputs * (outputs + 1) // 2
         twice -= 2.0 * fit.log_likelihood
         explained.append(_explained(_rows(records, rows), errors))
         color = max(color, _color(errors))
-    count = sum(one.samples for one in records) * len(records[0].outputs)
+    count = sum(record.samples for record in records) * len(records[0].outputs)
     return OrderScore(
         order=order,
         parameters=sum(len(found.parameters.free) for _, _, found in fits),
@@ -358,13 +361,13 @@ def _unseen(whole: BlackBoxFit, parts: Sequence[TimeData], posed: _Posed) -> Flo
         values, unknowns = parameters.values, posed.unknowns
         return [score_frozen(whole.structure, values, part, horizon_s=math.inf, hold=posed.hold, unknowns=unknowns)]
 
-    names = [one.name for one in parts]
+    names = [record.name for record in parts]
     found = cross_validate(parts, names=names, kind="leave_one_out", fit=fit, score=score)
     means = np.asarray(found.fold_means, dtype=np.float64)
     if not np.isfinite(means).all():
         causes = "; ".join(dict.fromkeys(fold.cause for fold in found.folds if fold.cause))
         raise InsufficientDataError(causes or "a part that was not seen has no score")
-    size = np.array([one.samples * len(posed.outputs) for one in parts], dtype=np.float64)
+    size = np.array([record.samples * len(posed.outputs) for record in parts], dtype=np.float64)
     states = len(whole.structure.states) if "initial_state" in posed.unknowns else 0
     shifts = len(posed.outputs) if "output_shift" in posed.unknowns else 0
     # What is estimated on the part itself takes its share of the noise.
@@ -373,17 +376,17 @@ def _unseen(whole: BlackBoxFit, parts: Sequence[TimeData], posed: _Posed) -> Flo
 
 def _falls(scores: Sequence[OrderScore]) -> bool:
     """Whether the last orders lie clearly behind the best."""
-    known = [one for one in scores if not one.refused]
+    known = [score for score in scores if not score.refused]
     if len(known) <= _WORSE:
         return False
-    best = max(known, key=lambda one: one.unseen_percent)
-    last = [_behind(one, best) for one in known[-_WORSE:]]
-    return all(one.behind_percent > one.behind_error for one in last)
+    best = max(known, key=lambda score: score.unseen_percent)
+    last = [_difference_from(score, best) for score in known[-_WORSE:]]
+    return all(score.behind_percent > score.behind_error for score in last)
 
 
-def _behind(one: OrderScore, best: OrderScore) -> OrderScore:
-    difference = best.unseen - one.unseen
-    return replace(one, behind_percent=float(difference.mean()), behind_error=_error(difference))
+def _difference_from(score: OrderScore, best: OrderScore) -> OrderScore:
+    difference = best.unseen - score.unseen
+    return replace(score, behind_percent=float(difference.mean()), behind_error=_error(difference))
 
 
 def _error(values: FloatArray) -> float:
@@ -394,17 +397,19 @@ def _error(values: FloatArray) -> float:
 def _explained(records: Sequence[TimeData], errors: Sequence[FloatArray]) -> float:
     """Share of the motion of each output that is explained, all records together, in percent; the mean of them."""
     missed = sum((np.sum(error**2, axis=1) for error in errors), start=np.zeros(len(errors[0])))
-    centered = [one.outputs - one.outputs.mean(axis=1, keepdims=True) for one in records]
-    moved = sum((np.sum(one**2, axis=1) for one in centered), start=np.zeros(len(errors[0])))
+    centered = [record.outputs - record.outputs.mean(axis=1, keepdims=True) for record in records]
+    moved = sum((np.sum(values**2, axis=1) for values in centered), start=np.zeros(len(errors[0])))
     return float(np.mean(100.0 * (1.0 - np.sqrt(missed / moved))))
 
 
 def _color(errors: Sequence[FloatArray]) -> float:
     """Largest autocorrelation of any output beyond lag zero, without sign."""
     centered = [error - error.mean(axis=1, keepdims=True) for error in errors]
-    power = sum((np.sum(one**2, axis=1) for one in centered), start=np.zeros(len(errors[0])))
+    power = sum((np.sum(values**2, axis=1) for values in centered), start=np.zeros(len(errors[0])))
     largest = 0.0
-    for lag in range(1, min(_LAGS, min(one.shape[1] for one in centered) - 1) + 1):
-        product = sum((np.sum(one[:, lag:] * one[:, :-lag], axis=1) for one in centered), start=np.zeros_like(power))
+    for lag in range(1, min(_LAGS, min(values.shape[1] for values in centered) - 1) + 1):
+        product = sum(
+            (np.sum(values[:, lag:] * values[:, :-lag], axis=1) for values in centered), start=np.zeros_like(power)
+        )
         largest = max(largest, float(np.max(np.abs(product) / power)))
     return largest

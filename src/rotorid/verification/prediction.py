@@ -196,13 +196,13 @@ class _Ahead:
 
     .. math:: y_{r,j} = y_{r+j} + C \Phi^j (x_r - x^{whole}_r)
 
-    ``whole`` are the outputs of that motion, shape ``(samples, y)``, and ``apart`` is how far the start of each restart
-    lies from it, shape ``(restarts, x)``. What each state and all constants do, step by step, are ``free`` and
+    ``whole`` are the outputs of that motion, shape ``(samples, y)``, and ``start_offsets`` is how far the start of each
+    restart lies from it, shape ``(restarts, x)``. What each state and all constants do, step by step, are ``free`` and
     ``constant``, shapes ``(length, y, x)`` and ``(length, y)``.
     """
 
     whole: FloatArray
-    apart: FloatArray
+    start_offsets: FloatArray
     free: FloatArray
     constant: FloatArray
 
@@ -214,7 +214,7 @@ class _Ahead:
     def at(self, steps: int) -> FloatArray:
         """Outputs so many steps after each restart, as far as the record goes, shape ``(y, restarts inside)``."""
         late = self.whole[steps:]
-        predicted: FloatArray = late + self.apart[: len(late)] @ self.free[steps].T + self.constant[steps]
+        predicted: FloatArray = late + self.start_offsets[: len(late)] @ self.free[steps].T + self.constant[steps]
         return predicted.T
 
 
@@ -222,19 +222,19 @@ def _ahead(model: Sampled, target: FloatArray, window: int, furthest: int) -> _A
     """Restart at every sample that has a window before it."""
     restarts = target.shape[1] - window
     states = bounded_states(model)
-    whole, before = model.seen(states) + model.direct, states[:restarts]
+    whole, before = model.outputs_of(states) + model.direct, states[:restarts]
     free, constant = _free(model, furthest), _constant(model, furthest)
-    seen, common = free[: window + 1], constant[: window + 1]
+    responses, common = free[: window + 1], constant[: window + 1]
     past = sliding_window_view(target.T - whole, window + 1, axis=0).swapaxes(1, 2)
-    left = past + np.tensordot(before, seen, axes=(1, 2))
+    left = past + np.tensordot(before, responses, axes=(1, 2))
     size = target.std(axis=1)
     least = _UNSEEN * np.where(size > 0.0, size, 1.0)
     weights = 1.0 / np.where(size > 0.0, size, 1.0)
     for _ in range(_REWEIGHTED):
-        starts, beta = _estimate(left * weights, *(part * weights[:, None] for part in (seen, common)))
-        rest = left - np.tensordot(starts, seen, axes=(1, 2)) - common @ beta
+        starts, beta = _estimate(left * weights, *(part * weights[:, None] for part in (responses, common)))
+        rest = left - np.tensordot(starts, responses, axes=(1, 2)) - common @ beta
         weights = 1.0 / np.maximum(np.sqrt(np.mean(rest**2, axis=(0, 1))), least)
-    return _Ahead(whole=whole, apart=starts - before, free=free, constant=constant @ beta)
+    return _Ahead(whole=whole, start_offsets=starts - before, free=free, constant=constant @ beta)
 
 
 def _estimate(left: FloatArray, free: FloatArray, constant: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -244,13 +244,13 @@ def _estimate(left: FloatArray, free: FloatArray, constant: FloatArray) -> tuple
     columns, common = free.reshape(flat.shape[1], -1), constant.reshape(flat.shape[1], -1)
     scale, size = _norms(columns), _norms(common)
     basis, values, rows = np.linalg.svd(columns / scale, full_matrices=False)
-    seen = values > _UNSEEN * values[0]
-    basis, inverse = basis[:, seen], (rows[seen].T / values[seen]) / scale[:, None]
+    determined = values > _UNSEEN * values[0]
+    basis, inverse = basis[:, determined], (rows[determined].T / values[determined]) / scale[:, None]
     # What no state of a window explains on the average is what the constants are for.
-    apart = common / size - basis @ (basis.T @ (common / size))
+    orthogonal = common / size - basis @ (basis.T @ (common / size))
     rest = flat.mean(axis=0)
     rest = rest - basis @ (basis.T @ rest)
-    beta = np.linalg.lstsq(apart, rest, rcond=1e-3)[0] / size
+    beta = np.linalg.lstsq(orthogonal, rest, rcond=1e-3)[0] / size
     return (flat - common @ beta) @ basis @ inverse.T, beta
 
 
@@ -266,7 +266,7 @@ def _free(model: Sampled, length: int) -> FloatArray:
     states[:, 0] = np.eye(order)
     for step in range(model.lead + length - 1):
         states[:, step + 1] = states[:, step] @ model.transition.T
-    free: FloatArray = np.moveaxis(model.seen(states), 0, -1)
+    free: FloatArray = np.moveaxis(model.outputs_of(states), 0, -1)
     return free
 
 
@@ -275,7 +275,7 @@ def _constant(model: Sampled, length: int) -> FloatArray:
     states = np.zeros((len(model.biases), model.lead + length, len(model.transition)))
     for step in range(model.lead + length - 1):
         states[:, step + 1] = states[:, step] @ model.transition.T + model.biases
-    biased = np.moveaxis(model.seen(states) + model.direct_biases[:, None], 0, -1)
+    biased = np.moveaxis(model.outputs_of(states) + model.direct_biases[:, None], 0, -1)
     outputs = model.measured.shape[0]
     return np.concatenate([biased, np.broadcast_to(np.eye(outputs), (length, outputs, outputs))], axis=-1)
 
@@ -341,11 +341,11 @@ def _holds(ahead: _Ahead, target: FloatArray, window: int) -> FloatArray:
     motion = target.std(axis=1)
     limit = (1.0 - GOOD_FIT_PERCENT / 100.0) * motion
     furthest = ahead.furthest - window
-    held, holding = np.full(motion.size, float(furthest)), np.ones(motion.size, dtype=bool)
+    horizons, holding = np.full(motion.size, float(furthest)), np.ones(motion.size, dtype=bool)
     for steps in range(1, furthest + 1):
         error = np.sqrt(np.mean((ahead.at(window + steps) - target[:, window + steps :]) ** 2, axis=1))
         ends = holding & (error > limit)
-        held[ends], holding = steps - 1.0, holding & ~ends
+        horizons[ends], holding = steps - 1.0, holding & ~ends
         if not holding.any():
             break
-    return held
+    return horizons

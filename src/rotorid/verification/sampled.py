@@ -65,7 +65,7 @@ class Sampled(Immutable):
         arrays = {name: read_only(getattr(self, name), np.float64, ndim=2) for name in names}
         self._set(**arrays, lags=read_only(self.lags, np.float64, ndim=1))
 
-    def seen(self, states: FloatArray) -> FloatArray:
+    def outputs_of(self, states: FloatArray) -> FloatArray:
         """Outputs, feedthrough aside, of states ``(..., lead + n, x)``: shape ``(..., n, y)``.
 
         Between two samples a late output takes the cubic through the four states around it.
@@ -197,7 +197,7 @@ def bounded_responses(model: Sampled) -> BoundedResponses:
     constants = zip(model.biases, model.direct_biases, strict=True)
 
     def outputs(forcing: FloatArray, ends: FloatArray) -> FloatArray:
-        return model.seen(motions.states(forcing, ends)).T
+        return model.outputs_of(motions.states(forcing, ends)).T
 
     return BoundedResponses(
         forced=outputs(model.forcing, rest) + model.direct.T,
@@ -250,8 +250,8 @@ def _split(transition: FloatArray, steps: int) -> tuple[FloatArray, int]:
     triangle, vectors, kept = schur(transition * np.exp(-1.0 / steps), sort="iuc")
     if kept == len(transition):
         return np.eye(kept), kept
-    apart = solve_sylvester(triangle[:kept, :kept], -triangle[kept:, kept:], -triangle[:kept, kept:])
-    return np.hstack([vectors[:, :kept], vectors[:, :kept] @ apart + vectors[:, kept:]]), kept
+    coupling = solve_sylvester(triangle[:kept, :kept], -triangle[kept:, kept:], -triangle[:kept, kept:])
+    return np.hstack([vectors[:, :kept], vectors[:, :kept] @ coupling + vectors[:, kept:]]), kept
 
 
 def _forward(transition: FloatArray, forcing: FloatArray, start: FloatArray) -> FloatArray:
@@ -334,12 +334,12 @@ def adjust(
     whole = np.concatenate([shifts, responses.free, responses.biased])
     columns = filtered(whole)
     weighted = (columns * weights[:, None]).reshape(len(whole), -1)
-    seen = told_apart(weighted, np.linalg.norm((whole * weights[:, None]).reshape(len(whole), -1), axis=1))
+    distinct = independent_columns(weighted, np.linalg.norm((whole * weights[:, None]).reshape(len(whole), -1), axis=1))
     coefficients = np.zeros(len(whole))
-    if seen.any():
-        scale = np.linalg.norm(weighted[seen], axis=1)
+    if distinct.any():
+        scale = np.linalg.norm(weighted[distinct], axis=1)
         target = (residual * weights[:, None]).ravel()
-        coefficients[seen] = np.linalg.lstsq((weighted[seen] / scale[:, None]).T, target, rcond=None)[0] / scale
+        coefficients[distinct] = np.linalg.lstsq((weighted[distinct] / scale[:, None]).T, target, rcond=None)[0] / scale
     return Adjustment(
         response=np.tensordot(coefficients, columns, axes=1),
         shifts=coefficients[:outputs],
@@ -347,7 +347,7 @@ def adjust(
     )
 
 
-def told_apart(columns: FloatArray, whole: FloatArray) -> BoolArray:
+def independent_columns(columns: FloatArray, whole: FloatArray) -> BoolArray:
     """Columns that a filter leaves and that differ from those kept before them, shape ``(k,)``.
 
     Parameters

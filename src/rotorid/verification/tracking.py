@@ -370,19 +370,19 @@ def _scatter(blocks: _Blocks, noise: FloatArray, first: int) -> float:
 
 
 def _why(level: FloatArray, rougher: FloatArray, first: int) -> tuple[Why, ...]:
-    said: list[Why] = []
+    reasons: list[Why] = []
     rough = False
     for k in range(level.size):
         # Air that became rough is trusted again when it is nearly as calm as it was.
         rough = rougher[k] > (_CALM_AGAIN if rough else _ROUGHER)
         if k < first // _BLOCK:
-            said.append("reference")
+            reasons.append("reference")
             rough = False
         elif rough:
-            said.append("air")
+            reasons.append("air")
         else:
-            said.append("stick" if level[k] < LEAST_LEVEL else "")
-    return tuple(said)
+            reasons.append("stick" if level[k] < LEAST_LEVEL else "")
+    return tuple(reasons)
 
 
 class _Sums:
@@ -404,7 +404,7 @@ class _Sums:
             if self.sums[sign] <= 0.0:
                 self.since[sign] = k
             self.sums[sign] = max(self.sums[sign] + float(np.clip(grown, -_CLIP, _CLIP)), 0.0)
-        sign = max(self.sums, key=lambda one: self.sums[one])
+        sign = max(self.sums, key=lambda sign: self.sums[sign])
         return sign if self.sums[sign] > THRESHOLD else None
 
 

@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, get_args
 
 import numpy as np
@@ -22,7 +23,7 @@ from rotorid.data.findings import warn
 from rotorid.data.flight_plan import Entry
 from rotorid.data.record import Maneuver
 from rotorid.errors import UsageError
-from rotorid.flights.measure import _beside_excitation
+from rotorid.flights.measure import _band_outside_excitation
 from rotorid.flying.settings import (
     PlanSettings,
     SimulateSettings,
@@ -251,16 +252,16 @@ def test_a_finding_has_the_color_of_what_it_says(
 
 def test_a_band_beside_the_excitation_is_remarked_on() -> None:
     sweep = Maneuver(axis="roll", kind="sweep", start_s=0.0, stop_s=60.0, band_rad_s=(1.0, 64.0), origin="found")
-    flights = [(None, sweep)]
-    (said,) = _beside_excitation((0.1, 4.0), flights)  # type: ignore[arg-type]
+    flights = [SimpleNamespace(maneuver=sweep)]
+    (said,) = _band_outside_excitation((0.1, 4.0), flights)  # type: ignore[arg-type]
     assert said.kind == "band_beside_excitation"
     assert said.numbers["kept_percent"] == pytest.approx(100.0 / 3.0)
     assert "--band 0.1:4Hz" in said.message
     for band in ((1.0, 40.0), (2.0, 20.0), None):
-        assert _beside_excitation(band, flights) == ()  # type: ignore[arg-type]
+        assert _band_outside_excitation(band, flights) == ()  # type: ignore[arg-type]
     for band in ((200.0, 300.0), (32.0, 60.0)):
         # Hz would be still farther off.
-        (said,) = _beside_excitation(band, flights)  # type: ignore[arg-type]
+        (said,) = _band_outside_excitation(band, flights)  # type: ignore[arg-type]
         assert "--band 1:64." in said.message
         assert "Hz" not in said.message
 

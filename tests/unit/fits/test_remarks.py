@@ -10,7 +10,7 @@ import pytest
 
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.data_requirements import require_known_gain
-from rotorid.fits.frequency.refusals import _pushed_on_by_speed, _unsound
+from rotorid.fits.frequency.refusals import _pushed_on_by_speed, _reasons_to_refuse
 from rotorid.fits.remarks import judge_parameters, judge_structure
 from rotorid.fitting.least_squares import Outcome
 from rotorid.models.library import library_model, rate_model
@@ -147,7 +147,7 @@ def a_fit(**changes: Any) -> Any:
     ],
 )
 def test_a_fit_that_is_not_sound_is_refused_for_its_reason(changes: dict[str, Any], kinds: list[str]) -> None:
-    reasons = _unsound(a_fit(**changes))
+    reasons = _reasons_to_refuse(a_fit(**changes))
     assert [reason.kind for reason in reasons] == kinds
     assert all(reason.severity == "error" for reason in reasons)
 

@@ -12,7 +12,7 @@ from tests.unit.cli.commands import fly_roll_sweeps
 from tests.unit.identifying.motor_logs import ARM_M, written
 
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
-from rotorid.fits.scatter import Alone, amplitude_dependences, disagreements
+from rotorid.fits.scatter import LogEstimate, amplitude_dependences, disagreements
 from rotorid.identifying.identification import identify, identify_motors
 from rotorid.io.registry import read
 from rotorid.settings.identifying import IdentifySettings
@@ -25,7 +25,8 @@ def test_logs_with_honest_errors_rarely_disagree() -> None:
     told = 0
     for _ in range(400):
         logs = [
-            Alone(record=f"{i}", values={"x": 3.0 + 0.2 * rng.standard_normal()}, stds={"x": 0.2}) for i in range(4)
+            LogEstimate(record=f"{i}", values={"x": 3.0 + 0.2 * rng.standard_normal()}, stds={"x": 0.2})
+            for i in range(4)
         ]
         told += len(disagreements(logs))
     # One in a hundred is expected, of 400: four, and three deviations of that.
@@ -36,7 +37,7 @@ def test_scatter_between_logs_comes_back() -> None:
     rng = np.random.default_rng(6)
     values = 3.0 + 0.5 * rng.standard_normal(200) + 0.1 * rng.standard_normal(200)
     (found,) = disagreements(
-        [Alone(record=f"{i}", values={"x": value}, stds={"x": 0.1}) for i, value in enumerate(values.tolist())]
+        [LogEstimate(record=f"{i}", values={"x": value}, stds={"x": 0.1}) for i, value in enumerate(values.tolist())]
     )
     # Of 200 a standard deviation is known to 5 %.
     assert found.scatter == pytest.approx(0.5, rel=0.15)
@@ -104,10 +105,10 @@ def test_maneuvers_that_agree_are_not_told_apart(sweeps: FlightRecord) -> None:
     assert "logs_disagree" not in {one.kind for one in found.findings}
 
 
-def swung(swings: Sequence[float], values: Sequence[float], *, random: float = 0.1) -> list[Alone]:
+def swung(swings: Sequence[float], values: Sequence[float], *, random: float = 0.1) -> list[LogEstimate]:
     """Maneuvers of one log, whose deviations are wide and alike."""
     return [
-        Alone(
+        LogEstimate(
             record=f"at {place} s",
             values={"x": x},
             stds={"x": 5.0 * random},
@@ -122,7 +123,7 @@ def swung(swings: Sequence[float], values: Sequence[float], *, random: float = 0
 def test_what_grows_with_the_swing_is_told_with_its_value_at_none() -> None:
     (found,) = amplitude_dependences(swung([0.3, 0.1, 0.2], [-4.5, -3.5, -4.0]))
     assert found.at_rest == pytest.approx(-3.0, rel=1e-3)
-    assert [swing for _, _, swing in found.said.values()] == pytest.approx([1.0, 2.0, 3.0])
+    assert [swing for _, _, swing in found.estimates.values()] == pytest.approx([1.0, 2.0, 3.0])
     assert "at 0 s (3 times the swing)" in found.finding("1/s").message
     assert disagreements(swung([0.3, 0.1, 0.2], [-4.5, -3.5, -4.0])) == ()
 

@@ -12,7 +12,7 @@ from rotorid.flights.controllers import controllers_of, controllers_of_result, l
 from rotorid.flights.given_controllers import Controllers
 from rotorid.identifying.identification import controller_settings
 from rotorid.models.controller import RateController
-from rotorid.proposing.flown_gains import FlownAxis, explained, flown_controllers
+from rotorid.proposing.flown_gains import LoggedLoop, flown_controllers, require_controller_match
 from rotorid.signal.clock import source_topic
 from rotorid.typing import Axis
 
@@ -65,7 +65,9 @@ def by_tune(record: FlightRecord, axis: Axis) -> ControllerVerdict:
     controller = known.axis(axis)
     assert controller is not None
     try:
-        said = explained(FlownAxis(axis=axis, controller=controller, known=known, record=record, source=""))
+        said = require_controller_match(
+            LoggedLoop(axis=axis, controller=controller, known=known, record=record, source="")
+        )
     except InsufficientDataError as refused:
         said = list(refused.findings)
     return _SAID[tuple(finding.kind for finding in said)]

@@ -10,7 +10,7 @@ import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.flights.controller_check import controller_findings
-from rotorid.flights.controllers import FlownFirmware, controllers_of, flown_firmware
+from rotorid.flights.controllers import LoggedFirmware, controllers_of, flown_firmware
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.versions import firmware_candidates
 from rotorid.typing import FloatArray
@@ -93,7 +93,7 @@ def flight(
     return FlightRecord(source=source, topics=(topic,), parameters=dict(parameters))
 
 
-def kinds(found: FlownFirmware) -> list[str]:
+def kinds(found: LoggedFirmware) -> list[str]:
     return [finding.kind for finding in found.findings]
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorid.checking.predictions import fitted_logs, has_seen
+from rotorid.checking.predictions import fitted_logs, was_fitted
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Intervals, Maneuver, Source, Status, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.flights import Flight
@@ -132,15 +132,15 @@ def test_a_log_is_known_by_its_content_and_not_by_its_name() -> None:
     same_name = record("flight (1).csv", "three", p=CHIRP)
     maneuver = given(45.0, 70.0)
     came = provenance([fitted, judged, same_name], IdentifySettings(), flights=[Flight(fitted, maneuver)])
-    assert has_seen(came, Flight(fitted, maneuver))
-    assert has_seen(came, Flight(record("renamed.csv", "one", p=CHIRP), maneuver))
-    assert not has_seen(came, Flight(judged, maneuver))
-    assert not has_seen(came, Flight(same_name, maneuver))
+    assert was_fitted(came, Flight(fitted, maneuver))
+    assert was_fitted(came, Flight(record("renamed.csv", "one", p=CHIRP), maneuver))
+    assert not was_fitted(came, Flight(judged, maneuver))
+    assert not was_fitted(came, Flight(same_name, maneuver))
     assert fitted_logs(came) == {"one"}
     other = provenance([fitted, same_name], IdentifySettings(), flights=[Flight(same_name, maneuver)])
     assert [one.record for one in other.maneuvers] == ["flight (1).csv (2)"]
-    assert not has_seen(other, Flight(fitted, maneuver))
-    assert has_seen(other, Flight(same_name, maneuver))
+    assert not was_fitted(other, Flight(fitted, maneuver))
+    assert was_fitted(other, Flight(same_name, maneuver))
 
 
 def test_what_another_vehicle_is_asked_for_is_no_sweep() -> None:

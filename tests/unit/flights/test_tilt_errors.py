@@ -8,7 +8,7 @@ from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, TimeHis
 from rotorid.data.response import FrequencyResponse
 from rotorid.fitting.frequency.error_shapes import response_error_shapes
 from rotorid.flights.flights import Flight
-from rotorid.flights.tilt_errors import with_lean_errors
+from rotorid.flights.tilt_errors import with_tilt_errors
 from rotorid.results.model import Segment
 from rotorid.typing import FloatArray
 
@@ -51,7 +51,7 @@ def response(source: str = "roll_command") -> FrequencyResponse:
 
 def test_half_the_square_of_a_swing_stands_where_it_was() -> None:
     """A window of three periods sees a third of an octave around, and a sweep stays longer below than above."""
-    known = with_lean_errors(response(), *flown(), factor=1.0).lean_errors
+    known = with_tilt_errors(response(), *flown(), factor=1.0).lean_errors
     assert known is not None
     for omega in (3.0, 8.0):
         at = float(np.interp(np.log(omega), np.log(OMEGA), known[0]))
@@ -66,22 +66,22 @@ def expected(omega_rad_s: float) -> float:
 
 def test_it_is_as_much_as_thrust_bends() -> None:
     plain = response()
-    whole, half = (with_lean_errors(plain, *flown(), factor=factor).lean_errors for factor in (1.0, 0.5))
+    whole, half = (with_tilt_errors(plain, *flown(), factor=factor).lean_errors for factor in (1.0, 0.5))
     assert whole is not None
     assert half is not None
     np.testing.assert_allclose(half, 0.5 * whole)
-    assert with_lean_errors(plain, *flown(), factor=0.0) is plain
+    assert with_tilt_errors(plain, *flown(), factor=0.0) is plain
 
 
 def test_without_attitude_or_command_nothing_is_known() -> None:
     plain, asked = response(), response("phi_setpoint")
-    assert with_lean_errors(plain, *flown(("theta",)), factor=1.0) is plain
+    assert with_tilt_errors(plain, *flown(("theta",)), factor=1.0) is plain
     # Pitch rests at its trim, so that roll alone shows all of the lean.
-    found, whole = (with_lean_errors(plain, *flown(angles), factor=1.0) for angles in (("phi",), ("phi", "theta")))
+    found, whole = (with_tilt_errors(plain, *flown(angles), factor=1.0) for angles in (("phi",), ("phi", "theta")))
     assert found.lean_errors is not None
     assert whole.lean_errors is not None
     np.testing.assert_allclose(found.lean_errors, whole.lean_errors)
-    assert with_lean_errors(asked, *flown(), factor=1.0) is asked
+    assert with_tilt_errors(asked, *flown(), factor=1.0) is asked
 
 
 def test_magnitude_and_phase_of_each_response_err_by_themselves() -> None:

@@ -92,9 +92,9 @@ def test_another_stretch_of_a_fitted_log_is_unseen(results: list[Path]) -> None:
     (used,) = entry.model.provenance.maneuvers
     later = Maneuver(axis="roll", kind="other", start_s=used.stop_s, stop_s=used.stop_s + 5.0)
     within = Maneuver(axis="roll", kind="other", start_s=1.0, stop_s=2.0)
-    assert entry.has_seen(Flight(flight(1), within))
-    assert not entry.has_seen(Flight(flight(1), later))
-    assert not entry.has_seen(Flight(flight(3), within))
+    assert entry.was_fitted(Flight(flight(1), within))
+    assert not entry.was_fitted(Flight(flight(1), later))
+    assert not entry.was_fitted(Flight(flight(3), within))
 
 
 def test_shared_parameters_have_a_distance_in_standard_deviations(results: list[Path]) -> None:

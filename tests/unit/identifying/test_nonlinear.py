@@ -94,7 +94,7 @@ def test_own_equations(tmp_path: Path) -> None:
 
 def test_values_that_nothing_bounds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """By the rule of all fits in time."""
-    monkeypatch.setattr(refusals, "grown", lambda parameters, limits: ["k_Dx"])
+    monkeypatch.setattr(refusals, "unbounded_parameters", lambda parameters, limits: ["k_Dx"])
     with pytest.raises(InsufficientDataError, match="nothing bounds k_Dx"):
         identify([large_motion(seed=4)], "drag.linear")
 

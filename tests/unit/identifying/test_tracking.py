@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.findings import warn
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
-from rotorid.identifying.tracking import _told, _trims
+from rotorid.identifying.tracking import _reference_remarks, _trims
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ from rotorid.identifying.tracking import _told, _trims
 )
 def test_no_option_of_identify_is_advised(message: str, told: str | None) -> None:
     model = SimpleNamespace(findings=[warn("gap", "p", message)])
-    found = [finding.message for finding in _told(model)]  # type: ignore[arg-type]
+    found = [finding.message for finding in _reference_remarks(model)]  # type: ignore[arg-type]
     assert found == ([told] if told else [])
 
 

@@ -54,7 +54,7 @@ def plan(duration_s: float = 40.0, seed: int = 0) -> FlightPlan:
 
 @cache
 def known_loop() -> LoopModel:
-    outside = setpoint_loop(aircraft_loop(aircraft("bebop"), log_rate_hz=20.0), SECOND.inputs, held=True)
+    outside = setpoint_loop(aircraft_loop(aircraft("bebop"), log_rate_hz=20.0), SECOND.inputs, sampled=True)
     return with_known(outside, SECOND, TRUE)
 
 

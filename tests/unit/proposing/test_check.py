@@ -39,7 +39,7 @@ def flown(band_rad_s: tuple[float, float] = (1.0, 100.0), parameters: dict[str, 
     plant = uncertain_plant(vehicle, None, band_rad_s=band_rad_s, draws=40)
     omega = frequency_grid(axis.controller)
     ones = np.ones(omega.size, dtype=np.complex128)
-    parts = ControllerParts(controller=axis.controller, omega_rad_s=omega, seen=ones, logged=ones)
+    parts = ControllerParts(controller=axis.controller, omega_rad_s=omega, filters=ones, logged=ones)
     found = propose("roll", plant, axis.controller, parts=parts)
     sets = {"flown": (parts, Gains.of(axis.controller)), "proposed": (parts, found.proposed.gains)}
     drawn = plant.drawn(omega)

@@ -15,7 +15,7 @@ from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import UsageError
 from rotorid.models.autopilots import axis_controller
 from rotorid.models.controller import RateController
-from rotorid.proposing.axis import gains_apart
+from rotorid.proposing.axis import differing_gains
 from rotorid.proposing.check import Foretold, _which
 from rotorid.proposing.filters import changed_filters, numbered, prices, with_filters
 from rotorid.proposing.proposal import _together
@@ -49,8 +49,8 @@ def test_logs_of_different_gains_say_which_count() -> None:
             source=Source(name="after.ulg", format="PX4 ULog", sha256="1", firmware="PX4 1.16.0"),
         ),
     )
-    assert gains_apart(("roll", "pitch"), [first, same]) == []
-    (told,) = gains_apart(("roll", "pitch"), [first, same, other])
+    assert differing_gains(("roll", "pitch"), [first, same]) == []
+    (told,) = differing_gains(("roll", "pitch"), [first, same, other])
     assert (told.kind, told.where) == ("gains_differ", "after.ulg")
     assert (
         "after.ulg was flown with other gains than flight.ulg: MC_ROLLRATE_P 0.22 for 0.15, MC_ROLL_P 7 for 6.5."
@@ -148,7 +148,7 @@ def test_a_filter_costs_the_phase_that_it_has() -> None:
     controller = RateController(proportional_s=0.2, command_cutoff_hz=10.0)
     omega = frequency_grid(controller)
     ones = np.ones(omega.size, dtype=np.complex128)
-    parts = ControllerParts(controller=controller, omega_rad_s=omega, seen=ones, logged=ones)
+    parts = ControllerParts(controller=controller, omega_rad_s=omega, filters=ones, logged=ones)
     plant = np.asarray(100.0 / (1j * omega))
     axis = axis_controller(PARAMETERS, "roll")
     assert axis is not None

@@ -15,7 +15,7 @@ from rotorid.models.autopilots import axis_controller
 from rotorid.proposing import proposal
 from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.filters import with_filters
-from rotorid.proposing.flown_gains import FlownAxis
+from rotorid.proposing.flown_gains import LoggedLoop
 from rotorid.proposing.settings import TuneSettings
 from rotorid.proposing.shared_filters import require_filters_hold
 from rotorid.tuning import Gains, Wishes, frequency_grid, uncertain_plant
@@ -50,7 +50,7 @@ def known(axis: Axis, filters: dict[str, float], *, record: FlightRecord = LOG, 
     """An axis of the log, as if it had been identified."""
     controller = axis_controller(record.parameters, axis, firmware=record.source.firmware)
     assert controller is not None
-    flown = FlownAxis(
+    flown = LoggedLoop(
         axis=axis,
         controller=controller,
         record=record,

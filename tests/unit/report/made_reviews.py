@@ -21,7 +21,7 @@ from rotorid.reviewing.values import (
     NoiseReview,
     Review,
     StepCurve,
-    Untold,
+    Unavailable,
     VehicleReview,
 )
 
@@ -152,7 +152,7 @@ def made_review(name: str = "flight.ulg") -> Review:
             numbers={"imbalance": Quantity.normal(0.05, 0.006, "1"), "headroom": Quantity.normal(0.5, 0.01, "1")},
         ),
         cannot_tell=(
-            Untold(
+            Unavailable(
                 what="loops.r.rise_time_s",
                 why="The yaw stick rested.",
                 remedy="move it left and right for 30 s, every second once",

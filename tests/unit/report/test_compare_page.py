@@ -13,11 +13,11 @@ from rotorid.documents.compare import CrossValidatedDocument, compare_document, 
 from rotorid.identifying.comparison import Comparison, compare
 from rotorid.report.compare import (
     comparison_summary,
-    lone_parameters,
     model_rows,
     render_comparison,
     render_documents,
     shared_rows,
+    unshared_parameters,
     write_comparison,
 )
 
@@ -101,7 +101,7 @@ def test_shared_parameters_stand_in_a_row(unseen: Comparison) -> None:
     assert rows["omega_phi"].values[0].text == "–"
     assert rows["omega_phi"].distances[1].text == ""
     assert rows["omega_phi"].distances[2].text.endswith(" σ")
-    assert lone_parameters(compare_document(unseen)) == {"first": 1, "second": 0, "other": 0}
+    assert unshared_parameters(compare_document(unseen)) == {"first": 1, "second": 0, "other": 0}
 
 
 def test_every_picture_is_placed_and_drawn(page: Page) -> None:

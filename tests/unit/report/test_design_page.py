@@ -17,7 +17,7 @@ from rotorid.data.findings import Finding
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
 from rotorid.errors import UsageError
 from rotorid.excitation.plan import planned, sequence, together
-from rotorid.flying.designs import Designed, Planned, Told
+from rotorid.flying.designs import Designed, Planned, PlanPrediction
 from rotorid.flying.settings import DesignSettings, PlanSettings
 from rotorid.planning.amplitude import Amplitude, Limits, Reached, reached
 from rotorid.planning.duration import Attempt, Shortest
@@ -133,7 +133,7 @@ def designed(*, hostile: str = "", percent: tuple[float, float] = (2.0, 1.0)) ->
                 reached=REACHED,
             ),
             told=(
-                Told(
+                PlanPrediction(
                     model=hostile or "rate.roll",
                     prediction=prediction(
                         parameter("L_roll", first),
@@ -141,7 +141,7 @@ def designed(*, hostile: str = "", percent: tuple[float, float] = (2.0, 1.0)) ->
                         findings=(finding,),
                     ),
                 ),
-                Told(model="rate.yaw", prediction=None, refused=f"nothing excites {hostile or 'yaw'}"),
+                PlanPrediction(model="rate.yaw", prediction=None, refused=f"nothing excites {hostile or 'yaw'}"),
             ),
             shortest={hostile or "rate.roll": shortest()},
             wanted={hostile or "rate.roll": {"L_roll": 1.5}, "rate.yaw": {}},
@@ -253,7 +253,9 @@ def test_a_parameter_of_the_value_zero_has_no_percent() -> None:
         lowest_std=0.1,
     )
     with_zero = dataclasses.replace(
-        one, told=(Told(model="rate.roll", prediction=prediction(parameter("L_roll", 2.0), zero)),), shortest={}
+        one,
+        told=(PlanPrediction(model="rate.roll", prediction=prediction(parameter("L_roll", 2.0), zero)),),
+        shortest={},
     )
     assert [row.name for row in compared([with_zero]).rows] == ["L_roll"]
     assert design_summary([with_zero], CHOICES)[0].endswith(
@@ -268,12 +270,16 @@ def test_a_parameter_of_the_value_zero_has_no_percent() -> None:
 
 def test_a_plan_that_is_best_in_everything_is_said_to_be() -> None:
     first, second = designed()
-    other = dataclasses.replace(second, told=(Told(model="rate.roll", prediction=prediction(parameter("L_p", 4.0))),))
+    other = dataclasses.replace(
+        second, told=(PlanPrediction(model="rate.roll", prediction=prediction(parameter("L_p", 4.0))),)
+    )
     assert design_summary([other, first], CHOICES)[:2] == (
         "Multisine tells most about L_p.",
         "Pilot sweep tells most about L_roll.",
     )
-    worse = dataclasses.replace(first, told=(Told(model="rate.roll", prediction=prediction(parameter("L_p", 6.0))),))
+    worse = dataclasses.replace(
+        first, told=(PlanPrediction(model="rate.roll", prediction=prediction(parameter("L_p", 6.0))),)
+    )
     assert design_summary([other, worse], CHOICES)[0] == "Multisine tells most about every parameter."
 
 

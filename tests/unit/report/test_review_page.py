@@ -23,10 +23,10 @@ from rotorid.plot.review import motor_bars, noise_maps, png, step_answers
 from rotorid.report.review import pictures_of, render_reviews
 from rotorid.results.provenance import LoggedManeuver
 from rotorid.results.summary import Derived, MotorPhysics
-from rotorid.reviewing.assembly import _with_thrust_of, next_commands, told_anything
+from rotorid.reviewing.assembly import _with_thrust_of, has_answers, next_commands
 from rotorid.reviewing.cards import Card, cards
 from rotorid.reviewing.motors import _findings
-from rotorid.reviewing.values import MotorReview, Review, Untold
+from rotorid.reviewing.values import MotorReview, Review, Unavailable
 
 
 def test_every_part_stands_on_the_page_with_its_interval() -> None:
@@ -61,7 +61,7 @@ def test_margins_by_a_model_are_marked_alone_and_side_by_side() -> None:
 
 def test_a_log_that_tells_nothing_still_makes_a_page() -> None:
     seen = untold_review()
-    assert not told_anything(seen)
+    assert not has_answers(seen)
     assert "this log holds no flight" in render_reviews([seen])
     assert {card.state for card in cards(seen)} >= {"cannot"}
     with pytest.raises(UsageError, match="no review"):
@@ -141,7 +141,9 @@ def test_a_loop_is_called_safe_only_where_its_whole_interval_is() -> None:
 
 def test_what_would_tell_a_margin_is_what_the_flight_lacks() -> None:
     review = margins_of(phase_margin_deg=Quantity.normal(40.0, 9.0, "deg"))
-    lacking = Untold(what="margins.roll.sensitivity_peak", why="Too slow.", remedy="Log commands and rates faster.")
+    lacking = Unavailable(
+        what="margins.roll.sensitivity_peak", why="Too slow.", remedy="Log commands and rates faster."
+    )
     assert (
         "To measure it: log commands and rates faster."
         in card_of(replace(review, cannot_tell=(lacking,)), "margins").sentence
@@ -166,7 +168,7 @@ def test_number_and_sentence_of_the_margins_are_of_the_worst_loop() -> None:
 def test_motors_are_well_only_as_far_as_it_was_measured() -> None:
     seen = made_review()
     share = Quantity(value=0.0, std=0.0, lower=0.0, upper=0.001, unit="1")
-    untold = Untold(what="motors.imbalance", why="It hovered for 0 s only.", remedy="hover for 20 s")
+    untold = Unavailable(what="motors.imbalance", why="It hovered for 0 s only.", remedy="hover for 20 s")
     flown = replace(
         seen, motors=MotorReview(numbers={"saturated_high_share": share}), cannot_tell=(untold, *seen.cannot_tell)
     )
@@ -277,7 +279,10 @@ def test_full_thrust_is_that_of_the_model_where_one_tells_it() -> None:
         derived=derived,
     )
     summary = made_review().flight
-    untold = [Untold(what="flight.thrust_to_weight", why="Not seen."), Untold(what="flight.wind", why="None.")]
+    untold = [
+        Unavailable(what="flight.thrust_to_weight", why="Not seen."),
+        Unavailable(what="flight.wind", why="None."),
+    ]
     told, left = _with_thrust_of({"physical.motors": replace(model, motors=physics)}, summary, untold)
     assert told.thrust_to_weight == Quantity.normal(2.018, 0.021, "1")
     assert [one.what for one in left] == ["flight.wind"]
@@ -320,7 +325,9 @@ def test_no_internal_names_stand_on_the_page() -> None:
                 seen,
                 motors=motors,
                 findings=(skew,),
-                cannot_tell=tuple(Untold(what=name, why=f"{name} came.".replace(name, "Nothing")) for name in names),
+                cannot_tell=tuple(
+                    Unavailable(what=name, why=f"{name} came.".replace(name, "Nothing")) for name in names
+                ),
             )
         ]
     )

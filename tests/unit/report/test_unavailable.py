@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from rotorid.report.unavailable import gathered
-from rotorid.reviewing.values import Untold
+from rotorid.reviewing.values import Unavailable
 
 
 def test_a_row_for_several_axes_names_each_of_them() -> None:
     rows = gathered(
-        Untold(
+        Unavailable(
             what=f"loops.{state}",
             why=f"The {axis} stick did not move.",
             remedy=f"move the {axis} stick for 30 s",

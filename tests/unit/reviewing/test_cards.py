@@ -14,7 +14,7 @@ from rotorid.data.quantity import Quantity
 from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.results.summary import Cost
 from rotorid.reviewing.cards import STATES, Card, cards
-from rotorid.reviewing.values import Review, Untold
+from rotorid.reviewing.values import Review, Unavailable
 
 MODELS = ("rate.roll", "rate.pitch")
 
@@ -184,9 +184,9 @@ def test_motors_that_were_logged_in_an_unknown_range_are_not_called_missing() ->
     seen = motors_without("imbalance", "headroom", "saturated_high_share")(measured())
     seen = replace(seen, logging=replace(seen.logging, rates_hz={"motor_1": 100.0}))
     why = "The log does not say in which range its motors move."
-    flown = replace(seen, cannot_tell=(Untold(what="motors.saturated_high_share", why=why),))
+    flown = replace(seen, cannot_tell=(Unavailable(what="motors.saturated_high_share", why=why),))
     assert card(flown, "motors").sentence.startswith("Not enough data to say how evenly they work.")
-    still = replace(seen, cannot_tell=(Untold(what="motors", why="The motor outputs are not logged in the air."),))
+    still = replace(seen, cannot_tell=(Unavailable(what="motors", why="The motor outputs are not logged in the air."),))
     assert card(still, "motors").sentence == "Motor outputs are not logged in the air."
 
 

@@ -84,7 +84,7 @@ def record(
 @pytest.mark.parametrize("stick_hz", [250.0, 50.0, 10.0])
 def test_a_slow_stick_is_held_up_to_the_gyro(stick_hz: float) -> None:
     flight = flown(record(stick_hz=stick_hz))
-    (history,) = flight.histories(("p_setpoint", "p"), held=("roll_stick",))
+    (history,) = flight.histories(("p_setpoint", "p"), sampled=("roll_stick",))
     assert history.sample_rate_hz == pytest.approx(RATE_HZ)
     found, _ = loop_of(flight, LOOPS[0])
     assert found is not None
@@ -183,7 +183,7 @@ def test_who_never_flew_has_no_loops() -> None:
 
 def test_two_flights_count_together() -> None:
     flight = flown(record(in_air=((1.0, 25.0), (30.0, 58.0))))
-    histories = flight.histories(("p_setpoint", "p"), held=("roll_stick",))
+    histories = flight.histories(("p_setpoint", "p"), sampled=("roll_stick",))
     assert [round(history.start_s) for history in histories] == [1, 30]
     found, _ = loop_of(flight, LOOPS[0])
     assert found is not None

@@ -17,7 +17,7 @@ from rotorid.models.autopilots.betaflight import BASE, TOP
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.controller import RateController
 from rotorid.reviewing.margins import margins
-from rotorid.reviewing.values import MarginReview, Untold
+from rotorid.reviewing.values import MarginReview, Unavailable
 from rotorid.tuning.loops import loop_figures
 from rotorid.tuning.plant import certain_plant
 from rotorid.typing import ComplexArray, FloatArray
@@ -112,7 +112,7 @@ def exact(name: str) -> dict[str, float]:
     }
 
 
-def reviewed(flight: FlightRecord) -> tuple[MarginReview | None, tuple[Untold, ...]]:
+def reviewed(flight: FlightRecord) -> tuple[MarginReview | None, tuple[Unavailable, ...]]:
     found, untold = margins(flown(flight))
     return found.get("roll"), tuple(one for one in untold if "roll" in one.what)
 

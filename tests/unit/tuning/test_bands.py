@@ -33,7 +33,7 @@ def flown(size: float) -> RateController:
 def parts_of(controller: RateController) -> ControllerParts:
     omega = frequency_grid(controller)
     ones = np.ones(omega.size, dtype=np.complex128)
-    return ControllerParts(controller=controller, omega_rad_s=omega, seen=ones, logged=ones)
+    return ControllerParts(controller=controller, omega_rad_s=omega, filters=ones, logged=ones)
 
 
 def test_a_known_plant_is_one_draw_of_itself() -> None:

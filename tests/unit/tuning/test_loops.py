@@ -39,7 +39,7 @@ ARDUPILOT = RateController(
 def test_parts_add_up_to_the_controller(controller: RateController) -> None:
     omega = frequency_grid(controller)
     seen = np.exp(-0.004j * omega)
-    parts = ControllerParts(controller=controller, omega_rad_s=omega, seen=seen, logged=np.ones_like(seen))
+    parts = ControllerParts(controller=controller, omega_rad_s=omega, filters=seen, logged=np.ones_like(seen))
     gains = Gains.of(controller)
     np.testing.assert_allclose(parts.whole(gains), controller.response(omega, seen), rtol=1e-12)
     np.testing.assert_allclose(parts.rate(gains), controller.rate_loop.response(omega, seen), rtol=1e-12)

@@ -56,7 +56,7 @@ def test_bounds_in_closed_form_are_those_of_a_scan(shape: tuple[float, float, fl
     a, d, A = shape
     omega = frequency_grid(FLOWN)
     ones = np.ones(omega.size, dtype=np.complex128)
-    parts = ControllerParts(controller=FLOWN, omega_rad_s=omega, seen=ones, logged=ones)
+    parts = ControllerParts(controller=FLOWN, omega_rad_s=omega, filters=ones, logged=ones)
     loop = vehicle(omega) * parts.whole(Gains(P=1.0, I=a, D=d, A=A))
     low, high = _bounds(loop[None], Wishes(gain_margin=1.0), None)
     tried = np.geomspace(1e-3, 3.0, 800)
@@ -115,7 +115,7 @@ def test_soft_gains_are_raised_and_hold_on_other_draws() -> None:
     parts = ControllerParts(
         controller=FLOWN,
         omega_rad_s=(omega := frequency_grid(FLOWN)),
-        seen=np.ones(omega.size, dtype=np.complex128),
+        filters=np.ones(omega.size, dtype=np.complex128),
         logged=np.ones(omega.size, dtype=np.complex128),
     )
     again = judged(parts, known(200, seed=7).drawn(omega), found.proposed.gains)
@@ -224,7 +224,7 @@ def test_a_measurement_pulls_the_plant_from_a_wrong_model() -> None:
 def bare_parts(controller: RateController = FLOWN) -> ControllerParts:
     omega = frequency_grid(controller)
     ones = np.ones(omega.size, dtype=np.complex128)
-    return ControllerParts(controller=controller, omega_rad_s=omega, seen=ones, logged=ones)
+    return ControllerParts(controller=controller, omega_rad_s=omega, filters=ones, logged=ones)
 
 
 def slow_yaw(w: FloatArray) -> ComplexArray:

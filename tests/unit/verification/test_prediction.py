@@ -13,7 +13,7 @@ from rotorid.models.library import RATE_AXES, rate_model
 from rotorid.models.state_space import StateSpace
 from rotorid.simulation.linear import simulate_linear
 from rotorid.typing import FloatArray
-from rotorid.verification.sampled import LowPass, told_apart
+from rotorid.verification.sampled import LowPass, independent_columns
 from rotorid.verification.scores import GUIDELINES, guidelines_met, nrmse_fit_percent, rms, theil_inequality
 from rotorid.verification.time_domain import verify_in_time
 from rotorid.verification.verification import Scores, Verification
@@ -152,17 +152,17 @@ class TestToldApart:
     columns = np.stack([np.ones(50), np.ones(50) + 1e-4 * line, np.ones(50) + 1e-2 * line, line])
 
     def test_first_come_first_kept(self) -> None:
-        kept = told_apart(self.columns, np.linalg.norm(self.columns, axis=1))
+        kept = independent_columns(self.columns, np.linalg.norm(self.columns, axis=1))
         assert kept.tolist() == [True, False, True, False]
-        turned = told_apart(self.columns[::-1], np.linalg.norm(self.columns[::-1], axis=1))
+        turned = independent_columns(self.columns[::-1], np.linalg.norm(self.columns[::-1], axis=1))
         assert turned.tolist() == [True, True, False, False]
 
     @pytest.mark.parametrize(("left", "kept"), [(0.5e-3, False), (2e-3, True)])
     def test_a_column_must_survive_its_filter(self, left: float, kept: bool) -> None:
-        assert told_apart(left * self.line[None], np.array([np.linalg.norm(self.line)])).tolist() == [kept]
+        assert independent_columns(left * self.line[None], np.array([np.linalg.norm(self.line)])).tolist() == [kept]
 
     def test_a_column_of_zeros_is_none(self) -> None:
-        assert told_apart(np.zeros((1, 5)), np.zeros(1)).tolist() == [False]
+        assert independent_columns(np.zeros((1, 5)), np.zeros(1)).tolist() == [False]
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0, -1.0])

@@ -161,8 +161,8 @@ class TestBounded:
             later_u = replace(model, input_delays_s=np.full(2, lags[0]))
             late = simulate_linear(later_u, u, sample_rate_hz=rate_hz, hold="first")[0]
             states = _states(shown)
-            assert np.abs(shown.seen(states)[:, 1] - exact[1]).max() < 1e-9 * np.abs(exact[1]).max() + 1e-12
-            worst.append(np.abs(shown.seen(states)[:, 0] - late).max())
+            assert np.abs(shown.outputs_of(states)[:, 1] - exact[1]).max() < 1e-9 * np.abs(exact[1]).max() + 1e-12
+            worst.append(np.abs(shown.outputs_of(states)[:, 0] - late).max())
         assert worst[0] / worst[1] == pytest.approx(16.0, rel=0.4)
 
 
@@ -216,16 +216,16 @@ def test_predictions_ahead_are_those_simulated_from_every_restart() -> None:
     model = replace(s500.longitudinal(), output_delays_s=np.array([0.0, 0.013, 0.0, 0.005, 0.0, 0.0]))
     u = np.cumsum(0.01 * rng.standard_normal((2, 500)), axis=1)
     made = sampled(model, u, sample_rate_hz=100.0, before=u[:, 0])
-    target = made.seen(_states(made)).T + made.direct.T
+    target = made.outputs_of(_states(made)).T + made.direct.T
     target = target - target.mean(axis=1, keepdims=True) + 0.01 * rng.standard_normal(target.shape)
     window, restart, steps = 30, 200, 100
     ahead = _ahead(made, target, window, furthest=window + steps + 1)
-    state = bounded_states(made)[restart] + ahead.apart[restart]
+    state = bounded_states(made)[restart] + ahead.start_offsets[restart]
     states = np.empty((made.lead + window + steps + 1, state.size))
     for step in range(len(states)):
         states[step] = state
         state = made.transition @ state + made.forcing[restart + step]
-    end = made.seen(states)[-1] + made.direct[restart + window + steps] + ahead.constant[window + steps]
+    end = made.outputs_of(states)[-1] + made.direct[restart + window + steps] + ahead.constant[window + steps]
     assert ahead.at(window + steps)[:, restart] == pytest.approx(end, rel=1e-9, abs=1e-9)
 
 

@@ -38,14 +38,14 @@ _SERVO = re.compile(r"SERVO\d+_FUNCTION")
 
 def missing_rate(firmware: Firmware, parameters: Mapping[str, float]) -> Finding:
     """Why a log has no ``RATE`` message, and what can be done about it."""
-    said = "the log has no RATE messages, so that the mixer's inputs are not known"
+    reason = "the log has no RATE messages, so that the mixer's inputs are not known"
     if firmware.before(RATE_FROM):
         remedy = f"{firmware.text} has no such message; firmware 3.4 and newer logs it"
     elif _mask(parameters) & 1:
         remedy = "bit 0 (fast attitude) of LOG_BITMASK is set already: the log is cut, or the storage was too slow"
     else:
         remedy = _set_mask(parameters, (0,))
-    return warn("missing_channel", "RATE", f"{said}; {remedy}")
+    return warn("missing_channel", "RATE", f"{reason}; {remedy}")
 
 
 def decimation_findings(

@@ -91,9 +91,9 @@ def _harmonic_notches(prefix: str, parameters: Parameters, rate_hz: float) -> Pa
     if options & _COMPOSITE:
         return doubtful(f"a composite notch is on ({prefix}_OPTS = {options}), which is not modeled")
     center_hz, bandwidth_hz, attenuation_db = (parameters[name] for name in names)
-    said = ", ".join(f"{name} = {parameters[name]:g}" for name in names)
+    setting_words = ", ".join(f"{name} = {parameters[name]:g}" for name in names)
     if not (center_hz > 0.52 * bandwidth_hz > NARROWEST * center_hz and 0.0 <= attenuation_db <= _DEEPEST_NOTCH_DB):
-        return doubtful(f"{said} make no notch")
+        return doubtful(f"{setting_words} make no notch")
     octaves = 2.0 * math.log2(center_hz / (center_hz - 0.5 * bandwidth_hz))
     quality = math.sqrt(2.0**octaves) / (2.0**octaves - 1.0)
     floor = 10.0 ** (-attenuation_db / 20.0)
@@ -101,7 +101,7 @@ def _harmonic_notches(prefix: str, parameters: Parameters, rate_hz: float) -> Pa
     centers = [center_hz * number for number in range(1, 17) if harmonics >> (number - 1) & 1]
     # The autopilot leaves out what would lie too near to half of its rate.
     kept = [center for center in centers if center < 0.48 * rate_hz]
-    return joined(built(said, partial(notch, center, quality, rate_hz, floor=floor)) for center in kept)
+    return joined(built(setting_words, partial(notch, center, quality, rate_hz, floor=floor)) for center in kept)
 
 
 CHAINS = (

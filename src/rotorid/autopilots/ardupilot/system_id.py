@@ -206,7 +206,7 @@ def firmware_findings(plan: FlightPlan, firmware: str) -> tuple[Finding, ...]:
     """
     axes = sid_axes(plan)
     version = named(firmware).copter
-    oldest, newest = (".".join(map(str, one)) for one in (CHECKED[0], CHECKED[-1]))
+    oldest, newest = (".".join(map(str, version)) for version in (CHECKED[0], CHECKED[-1]))
     files = f"the files of this plan are for ArduCopter {oldest} to {newest}"
     if version is None:
         came = "The log does not say the version of its firmware"
@@ -217,13 +217,13 @@ def firmware_findings(plan: FlightPlan, firmware: str) -> tuple[Finding, ...]:
     numbers = {"major": float(version[0]), "minor": float(version[1])}
     if any(rule_of(axis, version) is None for axis in axes):
         remedy = "Update the firmware, or plan for the stick (--entry stick)."
-        said = f"{called} has no System ID mode for this plan; {files}. {remedy}"
-        return (warn("plan_firmware", "firmware", said, **numbers),)
+        message = f"{called} has no System ID mode for this plan; {files}. {remedy}"
+        return (warn("plan_firmware", "firmware", message, **numbers),)
     if version not in CHECKED:
         single = " Load its .param files and fly the runs one by one." if axes and version < CHECKED[0] else ""
         age = "older" if version < CHECKED[0] else "newer"
-        said = f"{called} is {age} than this plan's files were checked with: {files}.{single}"
-        return (warn("plan_firmware", "firmware", said, **numbers),)
+        message = f"{called} is {age} than this plan's files were checked with: {files}.{single}"
+        return (warn("plan_firmware", "firmware", message, **numbers),)
     return (remark("plan_firmware", "firmware", f"{called} flies this plan.{_how(axes)}", **numbers),)
 
 

@@ -113,11 +113,11 @@ def _low_pass(row: _LowPass, settings: Parameters, version: tuple[int, int], rat
         return Passage()
     if kind is None:
         return doubtful(f"{cutoff} = {settings[cutoff]:g}, and the log does not carry {' or '.join(row.kind)}")
-    code, said = whole(settings, kind), f"{cutoff} = {settings[cutoff]:g}"
+    code, setting_words = whole(settings, kind), f"{cutoff} = {settings[cutoff]:g}"
     if code == _BIQUAD:
-        return built(said, partial(butterworth_low_pass, settings[cutoff], rate_hz))
+        return built(setting_words, partial(butterworth_low_pass, settings[cutoff], rate_hz))
     if code == _PT1 or (code in _CASCADES and version >= _CASCADES_SINCE):
-        return built(said, partial(cascaded_low_pass, _CASCADES.get(code, 1), settings[cutoff], rate_hz))
+        return built(setting_words, partial(cascaded_low_pass, _CASCADES.get(code, 1), settings[cutoff], rate_hz))
     return doubtful(f"a low-pass of a kind that is not modeled is on ({kind} = {code})")
 
 
@@ -136,13 +136,13 @@ def _notches(settings: Parameters, rate_hz: float) -> Iterator[Passage]:
         if not all(settings.get(name, 0.0) > 0.0 for name in names):
             continue
         center_hz, cutoff_hz = (settings[name] for name in names)
-        said = " and ".join(f"{name} = {settings[name]:g}" for name in names)
+        setting_words = " and ".join(f"{name} = {settings[name]:g}" for name in names)
         # Whole numbers of hertz: what is less is damage.
         if 1.0 <= cutoff_hz < center_hz < 0.5 * rate_hz:
             quality = center_hz * cutoff_hz / (center_hz**2 - cutoff_hz**2)
-            yield built(said, partial(notch, center_hz, quality, rate_hz))
+            yield built(setting_words, partial(notch, center_hz, quality, rate_hz))
         else:
-            yield doubtful(f"{said} make no notch at {rate_hz:g} Hz")
+            yield doubtful(f"{setting_words} make no notch at {rate_hz:g} Hz")
 
 
 def _moving_notches(settings: Parameters) -> Iterator[Passage]:

@@ -22,7 +22,7 @@ _NAME_IT = f"name the topic in {_TOPIC_LIST} before the next flight"
 _VERSION = re.compile(r"\b(\d+)\.(\d+)")
 
 
-def log_profile(firmware: str, held: int = 0) -> int:
+def log_profile(firmware: str, profile: int = 0) -> int:
     """``SDLOG_PROFILE`` of a test flight: one of three lists before 1.8, then a mask of bits, added to those held.
 
     Examples
@@ -30,7 +30,7 @@ def log_profile(firmware: str, held: int = 0) -> int:
     >>> log_profile("PX4 1.6.5"), log_profile("PX4 1.15.0"), log_profile("", 131)
     (2, 25, 155)
     """
-    return _SYSTEM_IDENTIFICATION if _before(firmware, _MASK_FROM) else held | _PROFILE_BITS
+    return _SYSTEM_IDENTIFICATION if _before(firmware, _MASK_FROM) else profile | _PROFILE_BITS
 
 
 def profile_words(firmware: str) -> str:
@@ -56,11 +56,11 @@ def logging_advice(parameters: Mapping[str, float], firmware: str) -> str:
     profile = parameters.get("SDLOG_PROFILE")
     if _without_profile(parameters):
         return f"this firmware has no SDLOG_PROFILE: {_NAME_IT}"
-    held = whole(parameters, "SDLOG_PROFILE")
-    wanted = log_profile(firmware, held)
-    if wanted == held:
-        return f"SDLOG_PROFILE = {held} holds what helps already: {_NAME_IT}"
-    now = "" if profile is None else f", it is {held}"
+    bits = whole(parameters, "SDLOG_PROFILE")
+    wanted = log_profile(firmware, bits)
+    if wanted == bits:
+        return f"SDLOG_PROFILE = {bits} holds what helps already: {_NAME_IT}"
+    now = "" if profile is None else f", it is {bits}"
     return f"set SDLOG_PROFILE = {wanted} ({profile_words(firmware)}{now}) before the next flight"
 
 
@@ -68,8 +68,8 @@ def raw_gyro_advice(parameters: Mapping[str, float], firmware: str) -> str:
     """How the next log holds the gyro before its filters."""
     if _before(firmware, _RAW_GYRO_FROM) or _without_profile(parameters):
         return f"fly firmware 1.12 or newer: {_named(firmware)} logs no gyro before its filters"
-    held = whole(parameters, "SDLOG_PROFILE")
-    if held >> _RAW_GYRO_BIT & 1:
+    profile = whole(parameters, "SDLOG_PROFILE")
+    if profile >> _RAW_GYRO_BIT & 1:
         return "bit 8 of SDLOG_PROFILE (raw IMU at its own rate) is set already: not every sensor tells it"
     return "set bit 8 of SDLOG_PROFILE (raw IMU at its own rate)"
 

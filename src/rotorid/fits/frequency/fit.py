@@ -191,9 +191,9 @@ def fit_with_bounds(
     problem, unseen = without_unseen_couplings(problem)
     library = problem.structure.parameters
     search = searched(problem, settings)
-    reduced = fit_and_drop(_begun(problem, search))
+    reduced = fit_and_drop(_from_best_minimum(problem, search))
     problem, solution = reduced.problem, reduced.solution
-    findings = (*(_held_at_zero(coupling) for coupling in unseen), *reduced.findings)
+    findings = (*(_fixed_at_zero(coupling) for coupling in unseen), *reduced.findings)
     steps: tuple[Step, ...] = ()
     if settings.reduce:
         reduction = reduce(problem, solution, distances=_distances(problem, solution, settings))
@@ -249,7 +249,7 @@ _UNBOUND_COUPLING = 0.5
 _LOOP = 30.0
 """Deviation over that with all others known, beyond which parameters grow against each other. Both must be passed."""
 
-_GROWN = 1e3
+_LARGEST_CHANGE = 1e3
 """Times from where it began, within which a parameter has stayed where it was."""
 
 
@@ -279,7 +279,7 @@ def _determined(
         if not loose:
             return _Determined(problem, solution, final, weights, limits, tuple(findings))
         for name in loose:
-            smaller = _smaller(problem, name)
+            smaller = _without_parameter(problem, name)
             if smaller is not None:
                 break
         else:
@@ -289,7 +289,7 @@ def _determined(
         problem, solution = smaller, fit_frequency(smaller)
 
 
-def grown(parameters: ParameterSet, limits: Bounds, couplings: Collection[str] = ()) -> list[str]:
+def unbounded_parameters(parameters: ParameterSet, limits: Bounds, couplings: Collection[str] = ()) -> list[str]:
     """Parameters that grow against others with no bound, the least certain first.
 
     Parameters
@@ -313,7 +313,9 @@ def _without_bound(problem: FrequencyProblem, final: Solution, limits: Bounds, l
     data: the response is known, and the parameters stay where they began. That is said with the answer.
     """
     parameters = problem.parameters.unpack(final.theta)
-    loose = grown(parameters, limits, [one.name for one in library if is_coupling(one)])
+    loose = unbounded_parameters(
+        parameters, limits, [parameter.name for parameter in library if is_coupling(parameter)]
+    )
     if not loose:
         return []
     flat = {
@@ -325,12 +327,12 @@ def _without_bound(problem: FrequencyProblem, final: Solution, limits: Bounds, l
 
     def stays(name: str) -> bool:
         size, began = abs(parameters[name].value), abs(library[name].value)
-        return began / _GROWN < size < began * _GROWN
+        return began / _LARGEST_CHANGE < size < began * _LARGEST_CHANGE
 
     return [name for name in loose if not (name in flat and stays(name))]
 
 
-def _smaller(problem: FrequencyProblem, name: str) -> FrequencyProblem | None:
+def _without_parameter(problem: FrequencyProblem, name: str) -> FrequencyProblem | None:
     """The problem without a parameter, where that leaves the main response to every input."""
     own = problem.parameters[name]
     if own.essential or not own.lower <= 0.0 <= own.upper:
@@ -343,9 +345,11 @@ def _smaller(problem: FrequencyProblem, name: str) -> FrequencyProblem | None:
 
 
 def _nothing_bounds(names: Sequence[str], parameters: ParameterSet, limits: Bounds) -> InsufficientDataError:
-    told = " ".join(found.words() for found in unseen_combinations(parameters, limits) if found.flat)
+    combination_words = " ".join(found.words() for found in unseen_combinations(parameters, limits) if found.flat)
     together = ", ".join(names)
-    message = told or f"The responses do not determine {together}: other parameters take over whatever they do."
+    message = (
+        combination_words or f"The responses do not determine {together}: other parameters take over whatever they do."
+    )
     return InsufficientDataError(
         f"nothing bounds {together}. {message}",
         needed="responses that tell them apart from the other parameters",
@@ -364,7 +368,7 @@ def _unbound(name: str, value: float, std: float) -> Finding:
     )
 
 
-def _held_at_zero(coupling: UnseenCoupling) -> Finding:
+def _fixed_at_zero(coupling: UnseenCoupling) -> Finding:
     would = coupling.shown_by
     shown = f"{' or '.join(would)} would, where {'it is' if len(would) == 1 else 'they are'} coherent"
     return remark(
@@ -375,7 +379,7 @@ def _held_at_zero(coupling: UnseenCoupling) -> Finding:
     )
 
 
-def _begun(problem: FrequencyProblem, search: Searched | None) -> FrequencyProblem:
+def _from_best_minimum(problem: FrequencyProblem, search: Searched | None) -> FrequencyProblem:
     """The same problem at the best minimum of a search; its structure too, for later fits to parts of the data."""
     if search is None:
         return problem

@@ -62,7 +62,7 @@ class Screened:
     findings: tuple[Finding, ...]
 
 
-class _Trap(NamedTuple):
+class _InversePart(NamedTuple):
     """The part of one response that is the inverse of the controller."""
 
     output: int
@@ -185,14 +185,16 @@ def _blame_controller(
         raise InsufficientDataError(came, needed=_NEEDED, remedy=_REMEDY, findings=findings) from error
 
 
-def _traps(data: FrequencyResponse, used: BoolArray, flights: Sequence[Flight], measured: Measured) -> list[_Trap]:
-    found = (_trap(data, used, index, flights, measured) for index in range(len(data.inputs)))
+def _traps(
+    data: FrequencyResponse, used: BoolArray, flights: Sequence[Flight], measured: Measured
+) -> list[_InversePart]:
+    found = (_find_inverse(data, used, index, flights, measured) for index in range(len(data.inputs)))
     return [trap for trap in found if trap is not None]
 
 
-def _trap(
+def _find_inverse(
     data: FrequencyResponse, used: BoolArray, index: int, flights: Sequence[Flight], measured: Measured
-) -> _Trap | None:
+) -> _InversePart | None:
     name = data.inputs[index]
     fed_back, sign = _FED_BACK.get(name, ("", 0.0))
     if fed_back not in data.outputs:
@@ -214,7 +216,7 @@ def _trap(
         return None
     inverse = np.zeros_like(tested)
     inverse[tested] = verdict.inverse
-    return _Trap(output=output, input=index, inverse=inverse, bands=tuple(b for b in verdict.bands if b.inverse))
+    return _InversePart(output=output, input=index, inverse=inverse, bands=tuple(b for b in verdict.bands if b.inverse))
 
 
 def _controllers(
@@ -237,7 +239,7 @@ def _longest_rest(used: BoolArray, inverse: BoolArray) -> BoolArray:
 
 
 def _require_rest(
-    problem: FrequencyProblem, measured: Measured, used: BoolArray, trap: _Trap, settings: MeasureSettings
+    problem: FrequencyProblem, measured: Measured, used: BoolArray, trap: _InversePart, settings: MeasureSettings
 ) -> None:
     """Refuse where the response that was tested is left with less than a fit needs."""
     data = problem.data
@@ -260,7 +262,7 @@ def _left(omega_rad_s: FloatArray) -> str:
     return f"What is left, {omega_rad_s[0]:.2g} to {omega_rad_s[-1]:.3g} rad/s, is too little to fit."
 
 
-def _sentence(data: FrequencyResponse, trap: _Trap) -> str:
+def _sentence(data: FrequencyResponse, trap: _InversePart) -> str:
     """What was seen, and why it is no vehicle."""
     omega, numbers = data.omega_rad_s[trap.inverse], _numbers(data, trap)
     what = "a mixture of the vehicle with the inverse" if all(band.mixed for band in trap.bands) else "the inverse"
@@ -273,21 +275,21 @@ def _sentence(data: FrequencyResponse, trap: _Trap) -> str:
     )
 
 
-def _finding(data: FrequencyResponse, trap: _Trap, severity: Severity, consequence: str) -> Finding:
+def _finding(data: FrequencyResponse, trap: _InversePart, severity: Severity, consequence: str) -> Finding:
     message = f"{_sentence(data, trap)} {consequence} To see the vehicle, {_REMEDY}."
     found = warn("inverse_controller", _name(data, trap), message, **_numbers(data, trap))
     return replace(found, severity=severity)
 
 
-def _name(data: FrequencyResponse, trap: _Trap) -> str:
+def _name(data: FrequencyResponse, trap: _InversePart) -> str:
     return f"{data.outputs[trap.output]}/{data.inputs[trap.input]}"
 
 
-def _sign(data: FrequencyResponse, trap: _Trap) -> float:
+def _sign(data: FrequencyResponse, trap: _InversePart) -> float:
     return _FED_BACK[data.inputs[trap.input]][1]
 
 
-def _numbers(data: FrequencyResponse, trap: _Trap) -> Mapping[str, float]:
+def _numbers(data: FrequencyResponse, trap: _InversePart) -> Mapping[str, float]:
     omega, values = data.omega_rad_s[trap.inverse], data.values[trap.output, trap.input, trap.inverse]
     # The inverse of a controller lies around −180°: phases are cut half a turn away from there.
     phases = np.degrees(np.angle(-_sign(data, trap) * values)) - 180.0
@@ -304,12 +306,12 @@ def _numbers(data: FrequencyResponse, trap: _Trap) -> Mapping[str, float]:
     return {name: float(number) for name, number in numbers.items() if np.isfinite(number)}
 
 
-def _costs(trap: _Trap) -> tuple[float, float]:
+def _costs(trap: _InversePart) -> tuple[float, float]:
     """Least cost against the gains in the log and against fitted ones."""
     return min(band.known_cost for band in trap.bands), min(band.fitted_cost for band in trap.bands)
 
 
-def _evidence(trap: _Trap) -> str:
+def _evidence(trap: _InversePart) -> str:
     known, fitted = _costs(trap)
     if min(known, fitted) >= EXCELLENT_COST:
         vehicle, controller = min(band.vehicle_cost for band in trap.bands), min(known, fitted)

@@ -50,7 +50,7 @@ _LEFT_OUT_SHARE = 1.0 / 3.0
 """Of the responses at most: where more are not described, the structure does not hold at all."""
 
 
-def fit_sound(problem: FrequencyProblem, measured: Measured, settings: IdentifySettings) -> FrequencyFit:
+def fit_or_refuse(problem: FrequencyProblem, measured: Measured, settings: IdentifySettings) -> FrequencyFit:
     """Fit as :func:`fit_with_bounds` does, leave out what the structure cannot follow, and refuse what does not hold.
 
     A response that costs more than 150 and is off by more than 2 dB or 15°, as root mean squares, is left out with a
@@ -96,14 +96,14 @@ def _with_reasons(
     fitted = fit_with_bounds(problem, measured, whole)
     main, left_out = main_pairs(problem), dict[tuple[int, int], Finding]()
     may_go = int(np.count_nonzero(problem.used.any(axis=-1)) * _LEFT_OUT_SHARE)
-    while beside := {place: finding for place, finding in _poor_pairs(fitted).items() if place not in main}:
-        gone = left_out | beside
+    while poor_pairs := {place: finding for place, finding in _poor_pairs(fitted).items() if place not in main}:
+        gone = left_out | poor_pairs
         # What one input does beside its own axis may go whole: in wind a vehicle that yaws is pushed in ways that no
         # model of hover has.
         if len(gone) > may_go and len({u for _, u in gone}) > 1:
             break
         used = np.array(problem.used)
-        for place in beside:
+        for place in poor_pairs:
             used[place] = False
         smaller = replace(problem, used=used)
         try:
@@ -114,16 +114,16 @@ def _with_reasons(
         problem, left_out = smaller, gone
     if settings.reduce:
         fitted = fit_with_bounds(problem, measured, settings)
-    said = (replace(finding, message=f"{finding.message} It was left out.") for finding in left_out.values())
-    fitted = replace(fitted, findings=(*said, *fitted.findings))
+    findings = (replace(finding, message=f"{finding.message} It was left out.") for finding in left_out.values())
+    fitted = replace(fitted, findings=(*findings, *fitted.findings))
     poor = _poor_pairs(fitted)
-    return fitted, [replace(finding, severity="error") for finding in poor.values()] + _unsound(fitted)
+    return fitted, [replace(finding, severity="error") for finding in poor.values()] + _reasons_to_refuse(fitted)
 
 
 def _without_speed_modes(above: FrequencyFit, whole: FrequencyFit) -> FrequencyFit:
     name = above.problem.structure.name
     cost, before, low = above.average_cost, whole.average_cost, above.band_rad_s[0]
-    said = warn(
+    finding = warn(
         "speed_modes_left_out",
         name,
         f"Below {low:.2g} rad/s the vehicle's own speed turns it too, which {name} has no place for: the cost of a fit "
@@ -133,7 +133,7 @@ def _without_speed_modes(above: FrequencyFit, whole: FrequencyFit) -> FrequencyF
         average_cost=cost,
         whole_cost=before,
     )
-    return replace(above, findings=(said, *above.findings))
+    return replace(above, findings=(finding, *above.findings))
 
 
 def _poor_pairs(fitted: FrequencyFit) -> dict[tuple[int, int], Finding]:
@@ -161,7 +161,7 @@ def _poor_pairs(fitted: FrequencyFit) -> dict[tuple[int, int], Finding]:
     return poor
 
 
-def _unsound(fitted: FrequencyFit) -> list[Finding]:
+def _reasons_to_refuse(fitted: FrequencyFit) -> list[Finding]:
     problem, name = fitted.problem, fitted.problem.structure.name
     # With errors that go together the values are those of a second fit.
     reasons = [

@@ -14,7 +14,7 @@ from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import RotoridError
 from rotorid.fits.frequency.fit import FrequencyFit
 from rotorid.fits.frequency.inverse import pose_screened
-from rotorid.fits.scatter import Alone, amplitude_dependences, disagreements, widened
+from rotorid.fits.scatter import LogEstimate, amplitude_dependences, disagreements, widened
 from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
 from rotorid.fitting.least_squares import Outcome
@@ -35,23 +35,28 @@ def with_scatter(fitted: FrequencyFit, flights: Sequence[Flight], settings: Iden
     the structure that all together ended with; one that cannot be is not compared. Repetitions with different swings
     show besides what depends on amplitude.
     """
-    alone: list[Alone] = []
-    parts = _apart(flights, axes_of(fitted.problem.data.inputs, fitted.problem.data.outputs))
+    estimates: list[LogEstimate] = []
+    parts = _flights_by_part(flights, axes_of(fitted.problem.data.inputs, fitted.problem.data.outputs))
     for place, (name, part) in enumerate(parts.items()):
         _PROGRESS.info(f"fitting {name} alone", extra={"done": place, "total": len(parts)})
         with contextlib.suppress(RotoridError):  # a part may be too short for what all show together
-            alone += _said_alone(fitted, name, part, settings)
-    bent = amplitude_dependences(alone) if len({id(flight.record) for flight in flights}) == 1 else ()
-    told = {one.parameter for one in bent}
-    apart = [one for one in disagreements(alone) if one.parameter not in told]
-    added = {one.parameter: one.scatter for one in apart}
-    added |= {one.parameter: abs(fitted.parameters[one.parameter].value - one.at_rest) for one in bent}
+            estimates += _separate_estimates(fitted, name, part, settings)
+    bent = amplitude_dependences(estimates) if len({id(flight.record) for flight in flights}) == 1 else ()
+    dependent = {dependence.parameter for dependence in bent}
+    disagreeing = [disagreement for disagreement in disagreements(estimates) if disagreement.parameter not in dependent]
+    added = {disagreement.parameter: disagreement.scatter for disagreement in disagreeing}
+    added |= {
+        dependence.parameter: abs(fitted.parameters[dependence.parameter].value - dependence.at_rest)
+        for dependence in bent
+    }
     units = {parameter.name: parameter.unit for parameter in fitted.parameters}
-    said = [one.finding(units[one.parameter]) for one in bent] + [one.finding(units[one.parameter]) for one in apart]
-    return replace(fitted, bounds=widened(fitted.bounds, added), findings=(*fitted.findings, *said))
+    findings = [dependence.finding(units[dependence.parameter]) for dependence in bent] + [
+        disagreement.finding(units[disagreement.parameter]) for disagreement in disagreeing
+    ]
+    return replace(fitted, bounds=widened(fitted.bounds, added), findings=(*fitted.findings, *findings))
 
 
-def _apart(flights: Sequence[Flight], axes: Sequence[Axis]) -> dict[str, list[Flight]]:
+def _flights_by_part(flights: Sequence[Flight], axes: Sequence[Axis]) -> dict[str, list[Flight]]:
     """Parts of flights that each show every axis, by their names; none where there is only one."""
     logs: dict[int, list[Flight]] = {}
     for flight in flights:
@@ -71,9 +76,9 @@ def _apart(flights: Sequence[Flight], axes: Sequence[Axis]) -> dict[str, list[Fl
     return parts if len(parts) > 1 else {}
 
 
-def _said_alone(
+def _separate_estimates(
     fitted: FrequencyFit, name: str, flights: Sequence[Flight], settings: IdentifySettings
-) -> Iterator[Alone]:
+) -> Iterator[LogEstimate]:
     """What some of the flights say of the parameters of a fit, if its structure describes them."""
     whole = fitted.problem
     measured = measure(flights, inputs=whole.data.inputs, outputs=whole.data.outputs, settings=settings)
@@ -87,11 +92,15 @@ def _said_alone(
     if converged and float(np.mean(costs)) <= ACCEPTABLE_COST:
         limits = bounds(problem, final, weights=fitted.weights)
         values = problem.parameters.unpack(final.theta).values
-        yield Alone(
+        yield LogEstimate(
             record=name,
-            values={one: values[one] for one in limits.names},
+            values={name: values[name] for name in limits.names},
             stds=limits.stds,
-            random={one: std for one, std in limits.random_stds.items() if whole.parameters[one].unit != "s"},
+            random={
+                parameter: std
+                for parameter, std in limits.random_stds.items()
+                if whole.parameters[parameter].unit != "s"
+            },
             asked=_swing(measured, measured.response.inputs),
             moved=_swing(measured, measured.response.outputs),
         )

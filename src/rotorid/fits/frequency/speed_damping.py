@@ -66,13 +66,13 @@ def first_step(structure: LinearStructure, flights: Sequence[Flight], settings: 
             f"--speed-damping two_step came with {structure.name}, which has no free X_u and no free Y_v",
             needed="a model with one of them, such as hover.longitudinal",
         )
-    found = {name: _one(name, flights, settings) for name in names}
+    found = {name: _speed_damping_of(name, flights, settings) for name in names}
     return FirstStep(
         fix={name: value for name, (value, _) in found.items()}, findings=tuple(f for _, f in found.values())
     )
 
 
-def _one(name: str, flights: Sequence[Flight], settings: IdentifySettings) -> tuple[float, Finding]:
+def _speed_damping_of(name: str, flights: Sequence[Flight], settings: IdentifySettings) -> tuple[float, Finding]:
     output, source, axis = FIRST_RESPONSES[name]
     own = [flight for flight in flights if flight.axis == axis] or list(flights)
     plain = replace(

@@ -72,10 +72,10 @@ collinear with lag and damping, more of it could always be had for a little less
 _INFLOW_1_S, _SECOND_1_S = 10.0, 30.0
 """Where thrust may come late, and where a second lag would show: within what flying excites."""
 
-_SEEN = 1e-4
+_LEAST_SHOWN = 1e-4
 """Share of a motion that no parameter follows, below which nothing is to be seen of it."""
 
-_PIECES_OF_ONE = 100
+_LEAST_PIECE_LENGTH = 100
 """Samples that a piece has at least."""
 
 
@@ -93,7 +93,7 @@ def motor_model_error(fit: MotorFit, random: FloatArray) -> FloatArray:
     normal, slow_normal, slow_score = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count)
     scores: dict[tuple[int, int], FloatArray] = {}
     blocks = list(_blocks(fit))
-    longest = max(_PIECES_OF_ONE, sum({block.place: block.error.size for block in blocks}.values()) / PIECES)
+    longest = max(_LEAST_PIECE_LENGTH, sum({block.place: block.error.size for block in blocks}.values()) / PIECES)
     for block in blocks:
         normal += block.slopes @ block.slopes.T
         slow = block.slow
@@ -129,21 +129,23 @@ def _left_out(blocks: Sequence[_Block], inverse: FloatArray) -> Iterator[FloatAr
 
     Errors of the specific force are not white, and say too little of what is missing.
     """
-    told = sum((block.slopes @ block.error for block in blocks), start=np.zeros(len(inverse)))
+    projected = sum((block.slopes @ block.error for block in blocks), start=np.zeros(len(inverse)))
     for axis in RATES:
         own = [block for block in blocks if block.axis == axis]
         made = sum(block.made for block in own)
         for rows in zip(*(block.more for block in own), strict=True):
-            beside = sum((one.slopes @ row for one, row in zip(own, rows, strict=True)), start=np.zeros(len(inverse)))
+            own_part = sum(
+                (block.slopes @ row for block, row in zip(own, rows, strict=True)), start=np.zeros(len(inverse))
+            )
             # What of it no parameter follows, and the errors say of that.
             size = sum(float(row @ row) for row in rows)
-            left = size - float(beside @ inverse @ beside)
-            score = sum(float(row @ one.error) for one, row in zip(own, rows, strict=True))
-            if left > _SEEN * size:
-                factor = (score - float(beside @ inverse @ told)) / left
+            left = size - float(own_part @ inverse @ own_part)
+            score = sum(float(row @ block.error) for block, row in zip(own, rows, strict=True))
+            if left > _LEAST_SHOWN * size:
+                factor = (score - float(own_part @ inverse @ projected)) / left
                 # Of white errors alone it would have a variance of one over what is left.
                 likely = min(max(0.0, factor**2 - 1.0 / left), LEFT_OUT_SHARE**2 * made / size)
-                yield inverse @ beside * np.sqrt(likely)
+                yield inverse @ own_part * np.sqrt(likely)
 
 
 def _beyond(found: FloatArray, random: FloatArray) -> FloatArray:
@@ -200,7 +202,7 @@ class _Block(NamedTuple):
 def _blocks(fit: MotorFit) -> Iterator[_Block]:
     problem, theta = fit.problem, fit.solution.theta
     kept, values = problem.determined(fit.solution), problem.parameters.unpack(theta).values
-    axes = [{one.name: one for one in equations} for equations in problem.equations(theta)]
+    axes = [{axis.name: axis for axis in equations} for equations in problem.equations(theta)]
     for place, name, error, slopes in problem.whitened(theta):
         record = problem.records[place]
         made, more = 0.0, np.zeros((0, error.size))
@@ -329,9 +331,13 @@ def _by_slow_motors(parameters: ParameterSet, fit: MotorFit, data: MotorData) ->
     step_s = 1.0 / min(history.sample_rate_hz for history in data.histories)
     yield from ({name: 0.5 * step_s} for name in ("T_motor", *DELAYS))
     for axis, names in _GAINS.items():
-        seen = [one[axis].correlation for one in fit.excitations if one[axis].correlation >= LEAST_CORRELATION]
-        if seen:
-            share = 0.5 * (1.0 / float(np.mean(seen)) ** 2 - 1.0)
+        correlations = [
+            excitations[axis].correlation
+            for excitations in fit.excitations
+            if excitations[axis].correlation >= LEAST_CORRELATION
+        ]
+        if correlations:
+            share = 0.5 * (1.0 / float(np.mean(correlations)) ** 2 - 1.0)
             yield {name: share * parameters[name].value for name in names if name in parameters.names}
 
 

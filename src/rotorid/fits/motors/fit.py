@@ -23,7 +23,7 @@ from rotorid.fits.bootstrapping import bootstrap
 from rotorid.fits.motors.errors import gusts_between, motor_model_error, with_model_errors
 from rotorid.fits.motors.fitted import FittedMotors, levers_of
 from rotorid.fits.motors.motion import CHANNELS, fit_percents
-from rotorid.fits.scatter import Alone, disagreements, widened
+from rotorid.fits.scatter import LogEstimate, disagreements, widened
 from rotorid.fits.searching import Searched, searched
 from rotorid.fitting.motors.accelerations import AccelerationErrors, acceleration_errors
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, Excitation, excitations, excited_axes
@@ -45,7 +45,7 @@ from rotorid.results.summary import Derived
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.motors import MotorSettings
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.colored import colored_apart
+from rotorid.uncertainty.colored import colored_by_part
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.propagation import covariance_of_all
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -78,7 +78,7 @@ def motor_bounds(fit: MotorFit) -> tuple[Bounds, int]:
             needed="motion that tells them apart",
             remedy="choose a curve with fewer terms with --curve, or hold a parameter with --fix",
         )
-    colored = colored_apart(parts)
+    colored = colored_by_part(parts)
     inverse = np.linalg.inv(even).diagonal() / length**2
     ratio = np.log(colored.corrected.diagonal() / colored.white.diagonal())
     bounds = Bounds(
@@ -160,19 +160,19 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
         axes = tuple(axis for axis in axes if axis not in wrong)
         if not axes:
             raise _nothing_explained(data, left_out)
-    found_apart = disagreements(_each_alone(fitted, choices))
+    found_apart = disagreements(_fit_each_log(fitted, choices))
     fitted = replace(
         fitted,
-        bounds=widened(fitted.bounds, {one.parameter: one.scatter for one in found_apart}),
+        bounds=widened(fitted.bounds, {disagreement.parameter: disagreement.scatter for disagreement in found_apart}),
         disagreeing=found_apart,
     )
     _require_end(fitted, choices)
     again = None
     if choices.bootstrap is not None:
-        held = fit.problem.with_parameters(fitted.parameters)
+        fixed = fit.problem.with_parameters(fitted.parameters)
         # What is drawn anew is noise: model errors and the scatter of logs are no part of its spread.
         random = replace(fitted.bounds, covariance=fitted.bounds.random)
-        again = bootstrap(held, replace(fit.solution, theta=fitted.parameters.pack()), random, choices)
+        again = bootstrap(fixed, replace(fit.solution, theta=fitted.parameters.pack()), random, choices)
     return replace(fitted, bootstrap=again, left_out=tuple(left_out))
 
 
@@ -180,7 +180,7 @@ _COMPARED = ("I_xx", "I_yy", "kappa_per_I_zz", "L_p", "M_q", "N_r", "Z_w", "T_mo
 """Of one curve of thrust only the sum counts, which two flights at different outputs need not share."""
 
 
-def _each_alone(fitted: FittedMotors, choices: MotorSettings) -> list[Alone]:
+def _fit_each_log(fitted: FittedMotors, choices: MotorSettings) -> list[LogEstimate]:
     """What each log says by itself, of those that share an axis with another one."""
     data, problem = fitted.data, fitted.fit.problem
     counted: dict[str, set[str]] = {}
@@ -191,18 +191,18 @@ def _each_alone(fitted: FittedMotors, choices: MotorSettings) -> list[Alone]:
         others = set().union(*(of for other, of in counted.items() if other != name))
         if not axes & others:
             continue
-        part = data._replace(stretches=tuple(one for one in data.stretches if one.record.name == name))
+        part = data._replace(stretches=tuple(flight for flight in data.stretches if flight.record.name == name))
         _PROGRESS.info(f"fitting {name} alone")
         with contextlib.suppress(InsufficientDataError):
             ordered = tuple(axis for axis in AXIS_WORDS if axis in axes)
             fit, curve, _ = _fitted(
                 part, replace(choices, search=None, evaluations=None, runs=None), problem.levers, ordered
             )
-            alone = _bounded(part, choices, fit, curve)
-            if not _useless(alone):
-                stds = dict(zip(alone.bounds.names, alone.bounds.std.tolist(), strict=True))
+            bounded = _bounded(part, choices, fit, curve)
+            if not _useless(bounded):
+                stds = dict(zip(bounded.bounds.names, bounded.bounds.std.tolist(), strict=True))
                 stds = {key: stds[key] for key in _COMPARED if key in stds}
-                found.append(Alone(record=name, values=alone.parameters.values, stds=stds))
+                found.append(LogEstimate(record=name, values=bounded.parameters.values, stds=stds))
     return found
 
 
@@ -223,16 +223,20 @@ def _bounded(data: MotorData, choices: MotorSettings, fit: MotorFit, curve: Curv
     units = _units(parameters, scaled=scaled, arm_known=data.layout.arm_known, speeds=data.kind == "speed")
     # Regressions both ways are of whitened errors.
     regressions = () if choices.method == "accelerations" else inertia_regressions(fit)
-    both = (replace(one, unit=units.get(one.parameter, one.unit)) for one in regressions)
+    both = (replace(regression, unit=units.get(regression.parameter, regression.unit)) for regression in regressions)
     return FittedMotors(
         data=data,
         fit=fit,
         curve=curve,
-        parameters=ParameterSet([replace(one, unit=units[one.name]) for one in parameters]),
+        parameters=ParameterSet([replace(parameter, unit=units[parameter.name]) for parameter in parameters]),
         bounds=bounds,
         memory=memory,
         curve_assumed=assumed,
-        both=tuple(one for one in both if np.isfinite([*one.plain, *one.corrected, *one.deviations]).all()),
+        both=tuple(
+            regression
+            for regression in both
+            if np.isfinite([*regression.plain, *regression.corrected, *regression.deviations]).all()
+        ),
         hover_output=hover,
         derived=_derived(parameters, bounds, at_hover, hover, data, scaled=scaled),
     )
@@ -244,7 +248,7 @@ _PER_MASS = {"kg": "1", "N": "m/s^2", "N s/rad": "m/(s rad)", "N s^2/rad^2": "m/
 
 def _units(parameters: ParameterSet, *, scaled: bool, arm_known: bool, speeds: bool) -> dict[str, str]:
     """Units of what is identified: without a mass all is per kilogram, without an arm inertia is per meter of it."""
-    units = {one.name: one.unit for one in parameters}
+    units = {parameter.name: parameter.unit for parameter in parameters}
     if speeds:
         # By the speed that was measured, and not by a share of full output.
         units |= {name: unit for name, unit in _BY_SPEED.items() if name in units}
@@ -316,7 +320,7 @@ def _require_end(fitted: FittedMotors, choices: MotorSettings) -> None:
         )
         wrong.append(refusal("not_converged", "physical.motors", message, moved=moved))
     numbers = [*fitted.parameters.values.values(), *fitted.bounds.covariance.ravel().tolist()]
-    numbers += [number for one in fitted.derived.values() for number in (one.value, one.std)]
+    numbers += [number for derived in fitted.derived.values() for number in (derived.value, derived.std)]
     if not np.isfinite(numbers).all():
         wrong.append(refusal("not_converged", "physical.motors", "Values or deviations of the fit are not finite."))
     else:
@@ -327,8 +331,10 @@ def _require_end(fitted: FittedMotors, choices: MotorSettings) -> None:
                 "what a rotor lifts."
             )
             wrong.append(refusal("not_identifiable", "thrust", message, value=slope.value, std=slope.std))
-        impossible = (one for one in physical_contradictions(fitted, choices) if one.kind == "impossible_physics")
-        wrong += [replace(one, severity="error") for one in impossible if one.severity == "warning"]
+        impossible = (
+            finding for finding in physical_contradictions(fitted, choices) if finding.kind == "impossible_physics"
+        )
+        wrong += [replace(finding, severity="error") for finding in impossible if finding.severity == "warning"]
     if wrong:
         raise InsufficientDataError(
             f"what was identified from {names} is no vehicle: {wrong[0].message}",
@@ -445,8 +451,8 @@ def _with_yaw_parameter(
         return None
     if name == SPIN_UP:
         # Without a lag of the motors their spin-up is a delay; speeds that were measured have none to tell.
-        told = parts.lag or data.kind == "speed"
-        return replace(parts, spin_up=True) if told and _may_spin_up(choices) else None
+        separable = parts.lag or data.kind == "speed"
+        return replace(parts, spin_up=True) if separable and _may_spin_up(choices) else None
     return replace(parts, yaw_delay=True) if {"p", "q"} & set(fit.problem.axes) else None
 
 
@@ -470,11 +476,13 @@ def _start_of_yaw_parameter(
     here = 0.0 if name == SPIN_UP else values["tau_gyro"]
     if name == YAW_DELAY and alone is not None and "tau_gyro" in alone.parameters.names:
         apart_s = abs(here - alone.parameters["tau_gyro"].value)
-        told = apart_s > 0.5 / fit.problem.records[0].sample_rate_hz
-        return {**values, **alone.parameters.values, name: here} if told else None
-    known = {one: value for one, value in {**values, name: here}.items() if one in more.parameters.free}
-    begun = fit.problem.with_parameters(more.parameters.with_values(known))
-    step, std = likely_step(fit, begun, name)
+        separable = apart_s > 0.5 / fit.problem.records[0].sample_rate_hz
+        return {**values, **alone.parameters.values, name: here} if separable else None
+    known = {
+        parameter: value for parameter, value in {**values, name: here}.items() if parameter in more.parameters.free
+    }
+    start = fit.problem.with_parameters(more.parameters.with_values(known))
+    step, std = likely_step(fit, start, name)
     if not abs(step) > _CERTAIN * std or (name == SPIN_UP and step < 0.0):
         return None
     return {**values, name: here + step}
@@ -485,10 +493,10 @@ def _yaw_parameter_is_certain(fit: MotorFit, name: str, data: MotorData, choices
     bounds = _bounded(data, choices, fit, curve).bounds
     if name not in bounds.names:
         return False
-    away, row = fit.parameters[name].value, np.array([float(one == name) for one in bounds.names])
+    away, row = fit.parameters[name].value, np.array([float(parameter == name) for parameter in bounds.names])
     if name == YAW_DELAY and "tau_gyro" in bounds.names:
         away -= fit.parameters["tau_gyro"].value
-        row -= [one == "tau_gyro" for one in bounds.names]
+        row -= [parameter == "tau_gyro" for parameter in bounds.names]
     return abs(away) >= _CERTAIN * math.sqrt(float(row @ bounds.covariance @ row))
 
 
@@ -556,7 +564,7 @@ def _lag_unseen(fit: MotorFit) -> bool:
         return True
     # A delay below zero that takes the lag away again is no delay: both stand for stamps that are off.
     late_s = fit.parameters["tau_gyro"].value if "tau_gyro" in fit.moving else 0.0
-    return late_s < 0.0 and lag_s + late_s <= 0.5 / min(one.sample_rate_hz for one in fit.problem.records)
+    return late_s < 0.0 and lag_s + late_s <= 0.5 / min(record.sample_rate_hz for record in fit.problem.records)
 
 
 def _curve(choices: MotorSettings, data: MotorData, axes: tuple[str, ...]) -> Curve:
@@ -571,7 +579,7 @@ def _curve(choices: MotorSettings, data: MotorData, axes: tuple[str, ...]) -> Cu
 
 def _nothing_explained(data: MotorData, left_out: Sequence[Finding]) -> InsufficientDataError:
     names = ", ".join(dict.fromkeys(record.name for record in data.records))
-    slow = [one for one in data.findings if one.kind == "rate_too_low"]
+    slow = [finding for finding in data.findings if finding.kind == "rate_too_low"]
     message = f"The motors of {names} move with the vehicle, and explain less than half of its motion along every axis"
     return InsufficientDataError(
         message,
@@ -582,13 +590,13 @@ def _nothing_explained(data: MotorData, left_out: Sequence[Finding]) -> Insuffic
 
 
 def _nothing_excited(data: MotorData, found: tuple[Mapping[str, Excitation], ...]) -> InsufficientDataError:
-    best = {axis: max(one[axis].correlation for one in found) for axis in AXIS_WORDS}
-    told = ", ".join(f"{AXIS_WORDS[axis]} {correlation:.2f}" for axis, correlation in best.items())
+    best = {axis: max(excitations[axis].correlation for excitations in found) for axis in AXIS_WORDS}
+    correlation_words = ", ".join(f"{AXIS_WORDS[axis]} {correlation:.2f}" for axis, correlation in best.items())
     names = ", ".join(dict.fromkeys(record.name for record in data.records))
-    slow = [one for one in data.findings if one.kind == "rate_too_low"]
+    slow = [finding for finding in data.findings if finding.kind == "rate_too_low"]
     message = (
         f"The motors of {names} explain its motion along no axis: correlation of torque and acceleration up to 5 Hz "
-        f"is {told}, and {LEAST_CORRELATION:g} is needed"
+        f"is {correlation_words}, and {LEAST_CORRELATION:g} is needed"
     )
     return InsufficientDataError(
         message,
@@ -638,7 +646,7 @@ def physical_contradictions(identified: FittedMotors, choices: MotorSettings) ->
         values = {name: value for name, value in values.items() if name not in ("I_zz", "kappa")}
     spread = covariance_of_all(identified.parameters, identified.bounds)
     names = identified.parameters.names
-    pairs = {(one, two): float(spread[i, j]) for i, one in enumerate(names) for j, two in enumerate(names)}
+    pairs = {(name, two): float(spread[i, j]) for i, name in enumerate(names) for j, two in enumerate(names)}
     return check_motor_constants(
         values,
         records=data.records,

@@ -186,7 +186,7 @@ def hover_model(identified: FittedMotors) -> LinearStructure:
         f"inputs = [{', '.join(_quoted(f'motor_{i}') for i in motors)}]",
         f"states = [{', '.join(map(_quoted, names))}]",
         "equations = [",
-        *(f"    {_quoted(one)}," for one in equations),
+        *(f"    {_quoted(equation)}," for equation in equations),
         "]",
         f"outputs = [{', '.join(map(_quoted, (*outputs, 'az = w' + chr(39))))}]",
         "[delays]",
@@ -217,7 +217,7 @@ def _delays(identified: FittedMotors) -> list[str]:
 
 def _delayed(identified: FittedMotors) -> tuple[str, ...]:
     """The delay that stands for all: to the gyros, or where no rate was excited to the accelerometer."""
-    names = [one for one in ("tau_gyro", "tau_accel") if one in identified.parameters.names]
+    names = [delay for delay in ("tau_gyro", "tau_accel") if delay in identified.parameters.names]
     return tuple(names[:1])
 
 
@@ -229,11 +229,16 @@ def _parameter_tables(identified: FittedMotors, axes: Sequence[str]) -> list[str
     used |= {SPIN_UP, YAW_DELAY} if "r" in axes else set()
     used |= {name for axis in axes for name in (_DAMPING[axis], _INERTIA[axis].removeprefix("1/"))}
     lines: list[str] = []
-    for one in identified.parameters:
-        if one.name not in used:
+    for parameter in identified.parameters:
+        if parameter.name not in used:
             continue
-        held = ['status = "fixed"'] if one.status != "free" else []
-        lines += [f"[parameters.{one.name}]", f"value = {one.value!r}", f'unit = "{one.unit}"', *held]
+        status_lines = ['status = "fixed"'] if parameter.status != "free" else []
+        lines += [
+            f"[parameters.{parameter.name}]",
+            f"value = {parameter.value!r}",
+            f'unit = "{parameter.unit}"',
+            *status_lines,
+        ]
     tied = {f"{axis}_thrust": (f"({slope})*{_INERTIA[axis]}".replace("*1/", "/"), "1/(kg m^2)") for axis in axes}
     tied["az_thrust"] = (f"({slope})/m", "m/s^2")
     if SPIN_UP in used and SPIN_UP in identified.parameters.names and "T_motor" not in identified.parameters.names:

@@ -137,25 +137,25 @@ def judge_loads(logs: Sequence[LogThrust], exponent: VoltageExponent | None) -> 
     exponent
         Of :func:`voltage_exponent`.
     """
-    for first, one in ((logs[0], other) for other in logs[1:]):
-        ratio = first.ratio / one.ratio
-        std = ratio * math.hypot(first.std / first.ratio, one.std / one.ratio)
+    for first, log in ((logs[0], other) for other in logs[1:]):
+        ratio = first.ratio / log.ratio
+        std = ratio * math.hypot(first.std / first.ratio, log.std / log.ratio)
         if abs(ratio - 1.0) > max(_SIGMAS * std, _LEAST_STEP):
             heavier = "more" if ratio > 1.0 else "less"
             yield warn(
                 "payload_step",
-                one.record,
-                f"For the same thrust {one.record} carries {with_error(100.0 * abs(ratio - 1.0), 100.0 * std)} % "
+                log.record,
+                f"For the same thrust {log.record} carries {with_error(100.0 * abs(ratio - 1.0), 100.0 * std)} % "
                 f"{heavier} mass than {first.record}: the payload changed, or rotors or battery did. What was "
                 "identified from both lies between; identify each by itself with its own --fix m=KILOGRAMS.",
                 mass_ratio=ratio,
                 std=std,
             )
     if exponent is not None:
-        apart = abs(exponent.exponent - _SQUARE) > max(_SIGMAS * exponent.std, 0.5)
+        contradicts_square = abs(exponent.exponent - _SQUARE) > max(_SIGMAS * exponent.std, 0.5)
         message = (
             f"Thrust follows the voltage by the power {with_error(exponent.exponent, exponent.std)} from "
             f"{exponent.lowest_v:.3g} to {exponent.highest_v:.3g} V; the model takes the square."
         )
         numbers = {"exponent": exponent.exponent, "std": exponent.std}
-        yield (warn if apart else remark)("voltage_exponent", "thrust", message, **numbers)
+        yield (warn if contradicts_square else remark)("voltage_exponent", "thrust", message, **numbers)

@@ -53,13 +53,13 @@ def motions(
 ) -> tuple[Motion, ...]:
     """Every stretch with its axes of the problem, passed through a low-pass without phase."""
     moved = []
-    for flight, record, seen in zip(flights, problem.equations(theta), found, strict=True):
+    for flight, record, excited in zip(flights, problem.equations(theta), found, strict=True):
         rate_hz = flight.record.sample_rate_hz
         axes = [axis for axis in record if axis.name in CHANNELS]
         moved.append(
             Motion(
                 flight,
-                tuple(CHANNELS[axis.name] for axis in axes if seen[axis.name].correlation >= LEAST_CORRELATION),
+                tuple(CHANNELS[axis.name] for axis in axes if excited[axis.name].correlation >= LEAST_CORRELATION),
                 {CHANNELS[axis.name]: _pair(axis, rate_hz) for axis in axes},
             )
         )
@@ -90,11 +90,11 @@ def _slow(row: FloatArray, rate_hz: float) -> FloatArray:
 def unexplained_by_curve(problem: MotorProblem, theta: FloatArray, found: Sequence[Mapping[str, Excitation]]) -> float:
     """Share of the slow errors of specific force that a constant, the outputs and their squares would explain."""
     errors, columns = [], []
-    for record, equations, seen in zip(problem.records, problem.equations(theta), found, strict=True):
+    for record, equations, excited in zip(problem.records, problem.equations(theta), found, strict=True):
         force = next((axis for axis in equations if axis.name == "az"), None)
-        if force is None or seen["az"].correlation < LEAST_CORRELATION:
+        if force is None or excited["az"].correlation < LEAST_CORRELATION:
             continue
-        lag = problem.parameters.unpack(theta).values.get("T_motor", seen["az"].lag_s)
+        lag = problem.parameters.unpack(theta).values.get("T_motor", excited["az"].lag_s)
         motors = motor_speed(record.outputs, lag_s=max(lag, 1e-4), delay_s=0.0, step_s=1.0 / record.sample_rate_hz)
         level = np.asarray(motors.level, dtype=np.float64)[:, 1:]
         sums = [_slow(row, record.sample_rate_hz) for row in (level.sum(axis=0), (level**2).sum(axis=0))]
@@ -112,7 +112,7 @@ def fit_percents(moved: Sequence[Motion], channels: Sequence[str]) -> dict[str, 
     """Channel to the share of its slow motion that is explained, of all stretches that excite it."""
     percents = {}
     for name in channels:
-        pairs = [one.rows[name] for one in moved if name in one.counted]
+        pairs = [motion.rows[name] for motion in moved if name in motion.counted]
         missed = sum(float(np.sum((a - b) ** 2)) for a, b in pairs)
         spread = sum(float(np.sum((a - a.mean()) ** 2)) for a, _ in pairs)
         if spread > 0.0:

@@ -13,7 +13,7 @@ from rotorid.fits.motors.loads import judge_loads
 from rotorid.fits.motors.motion import unexplained_by_curve
 from rotorid.fits.remarks import judge_parameters
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excited_axes
-from rotorid.fitting.motors.inertia import judge_both_ways
+from rotorid.fitting.motors.inertia import compare_regressions
 from rotorid.models.motors import (
     CURVE_TERMS,
     SPIN_UP,
@@ -40,7 +40,10 @@ def judge_motors(
     """Remarks on what was excited, what stays undetermined, and what physics does not allow."""
     return (
         *identified.left_out,
-        *(one.finding(identified.parameters[one.parameter].unit) for one in identified.disagreeing),
+        *(
+            disagreement.finding(identified.parameters[disagreement.parameter].unit)
+            for disagreement in identified.disagreeing
+        ),
         *_unexcited(identified),
         *_turned_around(identified),
         *_assumed(identified),
@@ -50,12 +53,12 @@ def judge_motors(
         *_scale(identified, choices),
         *_arm(identified),
         *_yaw(identified),
-        *_beside_torque(identified),
+        *_yaw_besides_torque(identified),
         *physical_contradictions(identified, choices),
         *_merit(identified, choices),
-        *judge_both_ways(identified.both),
+        *compare_regressions(identified.both),
         *_ended(identified),
-        *_judged_parameters(identified),
+        *_parameter_remarks(identified),
         *_poor(fit_percent),
     )
 
@@ -65,7 +68,7 @@ def _unexcited(identified: FittedMotors) -> Iterator[Finding]:
     missing = [axis for axis in AXIS_WORDS if axis not in (*identified.axes, *excited)]
     if not missing:
         return
-    best = {axis: max(one[axis].correlation for one in identified.fit.excitations) for axis in missing}
+    best = {axis: max(excitations[axis].correlation for excitations in identified.fit.excitations) for axis in missing}
     words = " and ".join(f"{best[axis]:.2f} in {AXIS_WORDS[axis]}" for axis in missing)
     yield warn(
         "no_excitation",
@@ -80,7 +83,7 @@ def _unexcited(identified: FittedMotors) -> Iterator[Finding]:
 def _turned_around(identified: FittedMotors) -> Iterator[Finding]:
     """Axes along which the motors act against their levers."""
     for axis, word in AXIS_WORDS.items():
-        lowest = min(one[axis].opposed for one in identified.fit.excitations)
+        lowest = min(excitations[axis].opposed for excitations in identified.fit.excitations)
         if axis not in identified.axes and lowest <= -_OPPOSED:
             yield warn(
                 "rotor_layout",
@@ -178,7 +181,7 @@ def _yaw(identified: FittedMotors) -> Iterator[Finding]:
     )
 
 
-def _beside_torque(identified: FittedMotors) -> Iterator[Finding]:
+def _yaw_besides_torque(identified: FittedMotors) -> Iterator[Finding]:
     """What yaw shows besides torque: rotors that speed up, and a delay that is not that of roll and pitch."""
     parameters = identified.parameters
     if SPIN_UP in parameters.free:
@@ -206,7 +209,7 @@ def _beside_torque(identified: FittedMotors) -> Iterator[Finding]:
         )
 
 
-def _judged_parameters(identified: FittedMotors) -> Iterator[Finding]:
+def _parameter_remarks(identified: FittedMotors) -> Iterator[Finding]:
     """Guidelines of single parameters; coefficients of one curve trade against each other, and their sum counts."""
     for finding in judge_parameters(identified.parameters, identified.bounds):
         if not (identified.curve == "polynomial" and finding.where in CURVE_TERMS["polynomial"]):

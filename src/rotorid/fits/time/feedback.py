@@ -79,11 +79,11 @@ def following(
     lags = int(np.clip(round(_REACH_S * sample_rate_hz), _LEAST_LAGS, _MOST_LAGS))
     found = []
     for y, output in enumerate(output_names):
-        e = _whitened([one[y] for one in errors])
+        e = _whitened([error[y] for error in errors])
         for u, name in enumerate(input_names):
-            if all(np.unique(one[u]).size <= _MOST_LEVELS for one in inputs):
+            if all(np.unique(column[u]).size <= _MOST_LEVELS for column in inputs):
                 continue
-            share, chance = _test(e, _whitened([one[u] for one in inputs]), lags)
+            share, chance = _test(e, _whitened([column[u] for column in inputs]), lags)
             found.append(Following(output, name, share, chance))
     return tuple(found)
 
@@ -91,8 +91,8 @@ def following(
 def _test(errors: Sequence[FloatArray], inputs: Sequence[FloatArray], lags: int) -> tuple[float, float]:
     from scipy.stats import chi2
 
-    count = sum(one.size for one in errors)
-    power = sum(float(one @ one) for one in errors) * sum(float(one @ one) for one in inputs)
+    count = sum(error.size for error in errors)
+    power = sum(float(error @ error) for error in errors) * sum(float(column @ column) for column in inputs)
     if power == 0.0:
         return 0.0, 1.0
     products = [
@@ -109,27 +109,30 @@ def _whitened(parts: Sequence[FloatArray]) -> list[FloatArray]:
     centered = [part - part.mean() for part in parts]
     coefficients = autoregression([part[:, None] for part in centered]).coefficients[:, 0, 0]
     filtered = (np.convolve(part, np.concatenate([[1.0], -coefficients])) for part in centered)
-    return [np.asarray(one[: part.size]) for one, part in zip(filtered, centered, strict=True)]
+    return [np.asarray(signal[: part.size]) for signal, part in zip(filtered, centered, strict=True)]
 
 
 def judge_following(found: Sequence[Following]) -> tuple[Finding, ...]:
     """A warning for each input that follows the errors of an output: that of the output it follows most."""
     findings = []
-    for name in dict.fromkeys(one.input for one in found):
-        worst = max((one for one in found if one.input == name), key=lambda one: one.share)
+    for name in dict.fromkeys(following.input for following in found):
+        worst = max(
+            (following for following in found if following.input == name), key=lambda following: following.share
+        )
         least = _SHARE if is_command(name) else _SHARE_OF_SETPOINTS
         if worst.chance < _CHANCE and worst.share > least:
             findings.append(_biased(worst))
     return tuple(findings)
 
 
-def _biased(one: Following) -> Finding:
+def _biased(following: Following) -> Finding:
     return warn(
         "closed_loop_bias",
-        f"{one.output}/{one.input}",
-        f"{one.input} follows what the model could not explain in {one.output} ({100.0 * one.share:.0f} % of what "
+        f"{following.output}/{following.input}",
+        f"{following.input} follows what the model could not explain "
+        f"in {following.output} ({100.0 * following.share:.0f} % of what "
         "its own past leaves), so a controller moved it. Plain output error is biased by that; --method "
         "prediction_error models the noise and is not.",
-        share=one.share,
-        chance=one.chance,
+        share=following.share,
+        chance=following.chance,
     )

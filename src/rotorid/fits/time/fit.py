@@ -217,7 +217,7 @@ def fit_in_time(
     """
     parameters = chosen_parameters(structure, settings)
     if frequency is not None:
-        structure, parameters = _begun(structure, parameters, frequency)
+        structure, parameters = _from_frequency_fit(structure, parameters, frequency)
     whole = frequency.parameters if frequency is not None else chosen_parameters(structure, settings)
     _PROGRESS.info(f"fitting {structure.name} by {method.replace('_', ' ')}")
     seeded = frequency is not None
@@ -231,7 +231,7 @@ def fit_in_time(
     return _bounded(ended._replace(search=ended.search or search), whole, method)
 
 
-def _begun(
+def _from_frequency_fit(
     structure: LinearStructure, parameters: ParameterSet, frequency: FrequencyFit
 ) -> tuple[LinearStructure, ParameterSet]:
     """A structure at the values of the frequency domain.
@@ -242,7 +242,9 @@ def _begun(
     if all(is_command(name) for name in structure.inputs):
         return frequency.structure, frequency.structure.parameters
     known = {
-        one.name: one.value for one in frequency.parameters if one.status == "free" and one.name in parameters.free
+        parameter.name: parameter.value
+        for parameter in frequency.parameters
+        if parameter.status == "free" and parameter.name in parameters.free
     }
     return structure, parameters.with_values(known)
 
@@ -271,7 +273,7 @@ def _simulating(
         # The own starts of a large model lead nowhere that its responses have not shown.
         if not seeded or any(parameters[name].starts for name in parameters.free):
             starts += own_starts(problem)
-        starts += [one.theta for one in search.minima] if search else []
+        starts += [basin.theta for basin in search.minima] if search else []
         fit = fit_output_error(problem, starts=starts)
         parameters, seeded = fit.parameters, True
         needed = piece_s(structure, parameters, records.data)
@@ -291,7 +293,7 @@ def posed_in_pieces(
     structure: LinearStructure, parameters: ParameterSet, records: TimeRecords, length_s: float | None
 ) -> TimeProblem:
     """Records, or pieces of about one length of them, simulated by a structure."""
-    data = records.data if length_s is None else tuple(p for one in records.data for p in one.pieces(length_s))
+    data = records.data if length_s is None else tuple(p for record in records.data for p in record.pieces(length_s))
     return TimeProblem(
         structure=structure, parameters=parameters, records=data, hold=records.hold, unknowns=unknowns_of(structure)
     )
@@ -310,8 +312,8 @@ def _predicting(
 
     search = None
     if not seeded:
-        begun = _simulating(structure, parameters, records, settings, seeded=False)
-        structure, parameters, search = begun.problem.structure, begun.problem.parameters, begun.search
+        start = _simulating(structure, parameters, records, settings, seeded=False)
+        structure, parameters, search = start.problem.structure, start.problem.parameters, start.search
     problem = InnovationsProblem(
         structure=structure,
         parameters=parameters,
@@ -350,7 +352,7 @@ def _by_equations(
     found = _without(fit.parameters, fit.left)
     length_s = settings.pieces_s or piece_s(structure, found, records.data)
     problem = posed_in_pieces(structure, found, records, length_s)
-    errors = np.hstack([one.record.outputs - one.predicted for one in problem.predicted(found.pack())])
+    errors = np.hstack([fitted.record.outputs - fitted.predicted for fitted in problem.predicted(found.pack())])
     noise = errors @ errors.T / errors.shape[1] + _LEAST_NOISE * problem.noise
     problem = problem.with_noise(noise)
     parts = problem.parts(found.pack())

@@ -15,7 +15,7 @@ from rotorid.data.quantity import significant, with_error
 from rotorid.data.trust import CERTAIN_SIGN
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fits.data_requirements import require_known_gain
-from rotorid.fits.frequency.fit import FrequencyFit, fit_with_bounds, grown
+from rotorid.fits.frequency.fit import FrequencyFit, fit_with_bounds, unbounded_parameters
 from rotorid.fits.frequency.inverse import pose_screened, require_vehicle
 from rotorid.fits.time.fit import TimeFit
 from rotorid.fitting.frequency.problem import FrequencyProblem
@@ -89,7 +89,7 @@ def frequency_side(
         return FrequencySide(measured, None, error.came.rstrip("."))
 
 
-def held_response(omega_rad_s: FloatArray, records: TimeRecords) -> ComplexArray:
+def hold_response(omega_rad_s: FloatArray, records: TimeRecords) -> ComplexArray:
     r"""Response of the hold of the inputs, :math:`(1 - e^{-j \omega T}) / (j \omega T)`, shape ``(f,)``.
 
     It is one for inputs that were joined by lines. Responses between samples contain it. A simulation with held inputs
@@ -101,7 +101,7 @@ def held_response(omega_rad_s: FloatArray, records: TimeRecords) -> ComplexArray
     return np.asarray(np.sinc(half / np.pi) * np.exp(-1j * half), dtype=np.complex128)
 
 
-_APART = 3.0
+_DISTINCT_SIGMAS = 3.0
 """Combined standard deviations beyond which two methods disagree."""
 
 
@@ -112,8 +112,8 @@ def responses_without_hold(
     problem = frequency.problem
     values = {name: fitted.parameters[name].value for name in problem.parameters.free}
     measured = problem.data
-    apart = replace(measured, values=measured.values / held_response(measured.omega_rad_s, records))
-    return replace(problem, data=apart), problem.parameters.with_values(values).pack()
+    without_hold = replace(measured, values=measured.values / hold_response(measured.omega_rad_s, records))
+    return replace(problem, data=without_hold), problem.parameters.with_values(values).pack()
 
 
 def compare_with(
@@ -161,7 +161,7 @@ def with_model_error(
     if not shared:
         return fitted
     by_responses = frequency.bounds
-    if grown(frequency.parameters, by_responses):
+    if unbounded_parameters(frequency.parameters, by_responses):
         by_responses = _bounds_by_responses(fitted, frequency, records)
     here = [names.index(name) for name in shared]
     there = [by_responses.names.index(name) for name in shared]
@@ -203,16 +203,18 @@ def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
     std = fitted.bounds.stds[gain]
     if abs(here.value) >= CERTAIN_SIGN * std:
         return
-    said = (
+    sentence = (
         f"{gain} is {with_error(here.value, std)} {here.unit} in time and "
         f"{significant(there.value, digits=4)} {here.unit} by the responses"
     )
     others = " or ".join(name for name in ("frequency", "output_error") if name != fitted.method)
     raise InsufficientDataError(
-        f"{said} of the same flights",
+        f"{sentence} of the same flights",
         needed="methods that agree on it, within a half of its size at least",
         remedy=f"take --method {others}, or hold what trades against it with --fix NAME=VALUE",
-        findings=[refusal("not_identifiable", gain, f"{said}.", value=here.value, std=std, by_responses=there.value)],
+        findings=[
+            refusal("not_identifiable", gain, f"{sentence}.", value=here.value, std=std, by_responses=there.value)
+        ],
     )
 
 
@@ -226,9 +228,9 @@ def judge_agreement(fitted: TimeFit, others: Mapping[str, Compared]) -> tuple[Fi
             continue
         value, combined = fitted.parameters[name].value, math.hypot(std[name], other.std)
         distance = abs(value + other.hold_s - other.value) / combined if combined > 0.0 else 0.0
-        if distance > _APART:
+        if distance > _DISTINCT_SIGMAS:
             unit = fitted.parameters[name].unit
-            held = (
+            hold_note = (
                 f" Of that, {1e3 * other.hold_s:.3g} ms are the hold of the input, which the response contains."
                 if other.hold_s
                 else ""
@@ -239,7 +241,8 @@ def judge_agreement(fitted: TimeFit, others: Mapping[str, Compared]) -> tuple[Fi
                     name,
                     f"{name} is {with_error(value, std[name])} {unit} in the time domain and "
                     f"{with_error(other.value, other.std)} {unit} in the frequency domain, {distance:.1f} standard "
-                    f"deviations apart.{held} They weigh what the structure leaves out differently, or feedback biases "
+                    f"deviations apart.{hold_note} They weigh what the "
+                    f"structure leaves out differently, or feedback biases "
                     "one of them.",
                     time=value,
                     frequency=other.value,

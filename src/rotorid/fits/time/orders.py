@@ -64,19 +64,19 @@ def _table(found: OrderComparison) -> OrderChoice:
         best=found.best,
         rows=tuple(
             OrderRow(
-                order=one.order,
-                parameters=one.parameters,
-                fitted_percent=finite(one.fitted_percent),
-                unseen_percent=finite(one.unseen_percent),
-                unseen_std=finite(one.unseen_error),
-                behind_percent=finite(one.behind_percent),
-                behind_std=finite(one.behind_error),
-                aic=finite(one.aic),
-                bic=finite(one.bic),
-                color=finite(one.color),
-                refused=one.refused,
+                order=score.order,
+                parameters=score.parameters,
+                fitted_percent=finite(score.fitted_percent),
+                unseen_percent=finite(score.unseen_percent),
+                unseen_std=finite(score.unseen_error),
+                behind_percent=finite(score.behind_percent),
+                behind_std=finite(score.behind_error),
+                aic=finite(score.aic),
+                bic=finite(score.bic),
+                color=finite(score.color),
+                refused=score.refused,
             )
-            for one in found.scores
+            for score in found.scores
         ),
         held_out=found.records,
         chance=found.chance,

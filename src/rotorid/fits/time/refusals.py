@@ -10,7 +10,7 @@ import numpy as np
 from rotorid.data.findings import Finding, refusal
 from rotorid.data.quantity import with_error
 from rotorid.errors import InsufficientDataError
-from rotorid.fits.frequency.fit import FrequencyFit, grown
+from rotorid.fits.frequency.fit import FrequencyFit, unbounded_parameters
 from rotorid.fits.frequency.refusals import faster_than_sampled
 from rotorid.fits.time.fit import TimeFit
 from rotorid.fits.time.frequency_check import responses_without_hold
@@ -29,7 +29,7 @@ _SIGNIFICANT = 3.0
 """Errors that responses state, as root mean square, within which their cost says nothing."""
 
 
-def require_sound_in_time(fitted: TimeFit, frequency: FrequencyFit | None, records: TimeRecords) -> None:
+def require_time_fit_explains(fitted: TimeFit, frequency: FrequencyFit | None, records: TimeRecords) -> None:
     """Refuse a model that does not describe the records it was fitted to.
 
     A simulation that leaves more of every output than it explains; a search that came to no rest, or poles that no
@@ -57,7 +57,7 @@ def require_sound_in_time(fitted: TimeFit, frequency: FrequencyFit | None, recor
     if not opaque:
         reasons += out_of_iterations(name, fitted.solution)
         system = fitted.structure.matrices(fitted.parameters.values)
-        reasons += faster_than_sampled(name, system, min(one.sample_rate_hz for one in records.data))
+        reasons += faster_than_sampled(name, system, min(record.sample_rate_hz for record in records.data))
     of_vehicles = all(is_command(name) for name in fitted.problem.structure.inputs)
     if frequency is not None and not opaque and of_vehicles:
         reasons += _missed_responses(fitted, frequency, records)
@@ -139,7 +139,7 @@ def require_bounds(parameters: ParameterSet, bounds: Bounds, couplings: Collecti
     InsufficientDataError
         A parameter, no coupling, is ten times less certain than it is large.
     """
-    loose = [name for name in grown(parameters, bounds) if name not in couplings]
+    loose = [name for name in unbounded_parameters(parameters, bounds) if name not in couplings]
     if not loose:
         return
     stds = bounds.stds

@@ -111,8 +111,8 @@ def judge_solver(
     """Parameters that ended on a bound, and a search that did not come to rest."""
     delays = {str(entry) for entry in input_delays}
     findings = [
-        _at_bound(one, late=one in delays and parameters[one].value == 0.0)
-        for one, at_bound in zip(parameters.free, solution.at_bound, strict=False)
+        _at_bound(parameter, late=parameter in delays and parameters[parameter].value == 0.0)
+        for parameter, at_bound in zip(parameters.free, solution.at_bound, strict=False)
         if at_bound
     ]
     if solution.outcome is not Outcome.CONVERGED and left_to_gain(solution) > _SETTLED:

@@ -69,7 +69,7 @@ def residual_colors(
         step_s=1.0 / sample_rate_hz,
         chance=2.0 / math.sqrt(sum(sizes)),
         autocorrelation={
-            name: _autocorrelation([one.measured[row] - one.simulated[row] for one in simulated], lags)
+            name: _autocorrelation([item.measured[row] - item.simulated[row] for item in simulated], lags)
             for row, name in enumerate(outputs)
         },
     )

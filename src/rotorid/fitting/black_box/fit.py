@@ -391,11 +391,11 @@ def fit_black_box(
             f"no start of order {order} can be written in sections", remedy="take another order"
         )
     problem = TimeProblem(structure=structure, parameters=sets[0], records=tuple(records), hold=hold, unknowns=unknowns)
-    fit = fit_output_error(problem, starts=[one.pack() for one in sets], solver=solver or _SEARCH)
+    fit = fit_output_error(problem, starts=[parameter_set.pack() for parameter_set in sets], solver=solver or _SEARCH)
     return BlackBoxFit(
         structure=structure,
         fit=fit,
-        singular_values=next((one.singular_values for one in starts if one.singular_values.size), np.zeros(0)),
+        singular_values=next((start.singular_values for start in starts if start.singular_values.size), np.zeros(0)),
         findings=_remarks(starts, structure.name),
     )
 
@@ -436,7 +436,7 @@ def fit_black_box_pairs(
     require_records(
         records, inputs=structure.inputs, outputs=structure.outputs, unknowns=unknowns, known=get_args(InitialCondition)
     )
-    alone = [
+    pair_fits = [
         fit_black_box(
             [_row(record, number) for record in records],
             order,
@@ -453,8 +453,8 @@ def fit_black_box_pairs(
     ]
     values = {
         f"{name}_{y}": value
-        for (_, y), one in zip(pairs, alone, strict=True)
-        for name, value in one.parameters.values.items()
+        for (_, y), fit in zip(pairs, pair_fits, strict=True)
+        for name, value in fit.parameters.values.items()
     }
     problem = TimeProblem(
         structure=structure,
@@ -466,8 +466,8 @@ def fit_black_box_pairs(
     return BlackBoxFit(
         structure=structure,
         fit=fit_output_error(problem, solver=solver or _SEARCH),
-        singular_values=np.sort(np.concatenate([one.singular_values for one in alone]))[::-1],
-        findings=tuple(finding for one in alone for finding in one.findings),
+        singular_values=np.sort(np.concatenate([fit.singular_values for fit in pair_fits]))[::-1],
+        findings=tuple(finding for fit in pair_fits for finding in fit.findings),
     )
 
 
@@ -540,7 +540,7 @@ def _remarks(starts: Sequence[Start], name: str) -> tuple[Finding, ...]:
                 "Every subspace of this order has a mode that changes its sign with each sample: "
                 "it describes noise, or a delay that the model has no parameter for.",
                 starts=float(len(subspaces)),
-                replaced=float(min(one.replaced for one in lost)),
+                replaced=float(min(start.replaced for start in lost)),
             )
         )
     return tuple(remarks)

@@ -384,12 +384,12 @@ def _filtered(records: Sequence[TimeData], orders: PolynomialOrders, start: Poly
     for _ in range(_ROUNDS):
         passed = [
             TimeData(
-                name=one.name,
-                inputs=lfilter([1.0], model.denominator, one.inputs, axis=1),
-                outputs=lfilter([1.0], model.denominator, one.outputs, axis=1),
-                sample_rate_hz=one.sample_rate_hz,
+                name=record.name,
+                inputs=lfilter([1.0], model.denominator, record.inputs, axis=1),
+                outputs=lfilter([1.0], model.denominator, record.outputs, axis=1),
+                sample_rate_hz=record.sample_rate_hz,
             )
-            for one in records
+            for record in records
         ]
         following = _inside(fit_arx(passed, orders))
         moved = np.abs(following.denominator - model.denominator).max()
@@ -402,4 +402,4 @@ def _filtered(records: Sequence[TimeData], orders: PolynomialOrders, start: Poly
 
 
 def _error(model: PolynomialModel, records: Sequence[TimeData]) -> float:
-    return float(sum(np.sum((one.outputs[0] - model.simulate(one.inputs)) ** 2) for one in records))
+    return float(sum(np.sum((record.outputs[0] - model.simulate(record.inputs)) ** 2) for record in records))

@@ -195,7 +195,7 @@ def predicted_states(records: Sequence[TimeData], order: int, horizon: int, *, f
     shifted = np.zeros((horizon * y, wide))
     for ahead in range(horizon):
         shifted[ahead * y : (ahead + 1) * y, ahead * channels :] = oldest_first[:, : wide - ahead * channels]
-    pasts = [stacked(np.vstack([one.outputs, one.inputs])[:, :-1], horizon) for one in records]
+    pasts = [stacked(np.vstack([record.outputs, record.inputs])[:, :-1], horizon) for record in records]
     lower = triangle(np.hstack(pasts).T).T
     vectors, values, _ = np.linalg.svd(shifted @ lower, full_matrices=False)
     root = np.sqrt(np.maximum(values[:order], 1e-300))
@@ -222,12 +222,12 @@ def _equations(
     records: Sequence[TimeData], states: Sequence[FloatArray], horizon: int, *, feedthrough: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     order = len(states[0])
-    u = np.hstack([one.inputs[:, horizon:] for one in records])
-    y = np.hstack([one.outputs[:, horizon:] for one in records])
+    u = np.hstack([record.inputs[:, horizon:] for record in records])
+    y = np.hstack([record.outputs[:, horizon:] for record in records])
     present = np.hstack(states)
-    seen = np.vstack([present, u]) if feedthrough else present
-    found = _regression(seen, y)
-    errors = y - found @ seen
+    regressors = np.vstack([present, u]) if feedthrough else present
+    found = _regression(regressors, y)
+    errors = y - found @ regressors
     # The last state of a record has no next one.
     last = np.cumsum([part.shape[1] for part in states]) - 1
     kept = np.setdiff1d(np.arange(present.shape[1]), last)
@@ -307,7 +307,7 @@ def predicted_gains(
     """
     u = len(records[0].inputs)
     predictor = stable(A - K @ C)
-    driven = [_record(one, np.vstack([one.inputs, one.outputs]), one.outputs) for one in records]
+    driven = [_record(record, np.vstack([record.inputs, record.outputs]), record.outputs) for record in records]
     both = simulated_gains(predictor, C, driven, direct=direct)
     B, K, D = both.B[:, :u], both.B[:, u:], both.D[:, :u]
     return predictor + K @ C, K, Gains(B + K @ D, D, both.initial_states)
@@ -514,12 +514,12 @@ def _scaled(records: Sequence[TimeData]) -> tuple[list[TimeData], FloatArray, Fl
     u, y = sizes
     scaled = [
         TimeData(
-            name=one.name,
-            inputs=one.inputs / u[:, None],
-            outputs=one.outputs / y[:, None],
-            sample_rate_hz=one.sample_rate_hz,
+            name=record.name,
+            inputs=record.inputs / u[:, None],
+            outputs=record.outputs / y[:, None],
+            sample_rate_hz=record.sample_rate_hz,
         )
-        for one in records
+        for record in records
     ]
     return scaled, u, y
 

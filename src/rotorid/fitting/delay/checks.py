@@ -85,7 +85,7 @@ def steep_output(histories: Sequence[TimeHistory], *, input: str, output: str) -
     found = [fall for history in histories if (fall := _fall(history[input], history[output], history.sample_rate_hz))]
     if 2 * len(found) <= len(histories):
         return None
-    cutoff = float(np.median([one for one, _ in found]))
+    cutoff = float(np.median([value for value, _ in found]))
     tests = [test for history in histories if (test := _ahead(history[input], history[output]))]
     if not tests:
         return None
@@ -137,7 +137,7 @@ def _ahead(u: FloatArray, y: FloatArray) -> tuple[float, FloatArray] | None:
     covariance = fit.colored_covariance[np.ix_(ahead, ahead)]
     white = fit.covariance[np.ix_(ahead, ahead)]
     # Of two estimates of one covariance the wider: residuals of an unfinished response make the other too small.
-    statistic = min(float(part @ np.linalg.pinv(one) @ part) for one in (covariance, white))
+    statistic = min(float(part @ np.linalg.pinv(matrix) @ part) for matrix in (covariance, white))
     spread = np.sqrt(np.maximum(np.diag(covariance), np.diag(white)))
     return statistic, part / spread
 

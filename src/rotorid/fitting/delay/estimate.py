@@ -26,9 +26,9 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.delay.checks import Acausal, delay_in_samples, steep_output
 from rotorid.fitting.delay.fit import (
     NO_EVIDENCE,
+    DelayedLag,
     DelayProblem,
     InputHold,
-    LateLag,
     Limits,
     Order,
     OrderFit,
@@ -246,8 +246,8 @@ def _at_limit(delay_s: float, ends: tuple[float, float], limits: Limits) -> str:
     )
 
 
-def _lag(order: Order, scale_rad_s: float, hold: InputHold, sample_s: float) -> LateLag:
-    return LateLag(order=order, scale_rad_s=scale_rad_s, hold=hold, sample_s=sample_s)
+def _lag(order: Order, scale_rad_s: float, hold: InputHold, sample_s: float) -> DelayedLag:
+    return DelayedLag(order=order, scale_rad_s=scale_rad_s, hold=hold, sample_s=sample_s)
 
 
 def in_samples(
@@ -310,11 +310,11 @@ def contradicted(
 def _zeros(estimate: DelayEstimate) -> str:
     plain = [fit for fit in estimate.orders if fit.order.zeros == 0]
     order = estimate.order.words if estimate.order else ""
-    said = f"zeros of the lag of {order} take the place of a delay"
+    sentence = f"zeros of the lag of {order} take the place of a delay"
     if not plain:
-        return said
+        return sentence
     best = min(plain, key=lambda fit: fit.criterion)
-    return f"{said}, and without zeros the data are not explained as well ({1e3 * best.delay_s:.1f} ms)"
+    return f"{sentence}, and without zeros the data are not explained as well ({1e3 * best.delay_s:.1f} ms)"
 
 
 _CLEARLY_BETTER = 0.05
@@ -475,7 +475,7 @@ class DelayAnalysis(Immutable):
         return replace(
             self,
             recommended=self.recommended.with_clocks(std_s),
-            others=tuple(one.with_clocks(std_s) for one in self.others),
+            others=tuple(delay_estimate.with_clocks(std_s) for delay_estimate in self.others),
             as_filtered=self.as_filtered and self.as_filtered.with_clocks(std_s),
         )
 

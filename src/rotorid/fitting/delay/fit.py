@@ -78,7 +78,7 @@ class Order(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LateLag:
+class DelayedLag:
     """The model of one response: an order, a frequency that scales its coefficients, and the hold of the input.
 
     Parameters
@@ -121,9 +121,9 @@ class LateLag:
         turn = 2.0 * np.pi / self.sample_s
         images = omega_rad_s + turn * np.arange(-_IMAGES, _IMAGES + 1)[:, None]
         values, slopes = self._plain(theta, images.ravel())
-        held = held_spectrum(images, self.sample_s)
-        total = (held * values.reshape(images.shape)).sum(axis=0)
-        return total, (held * slopes.reshape(-1, *images.shape)).sum(axis=1)
+        hold_response = hold_spectrum(images, self.sample_s)
+        total = (hold_response * values.reshape(images.shape)).sum(axis=0)
+        return total, (hold_response * slopes.reshape(-1, *images.shape)).sum(axis=1)
 
     def _plain(self, theta: FloatArray, omega_rad_s: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         m, x = self.order.zeros + 1, np.asarray(1j * omega_rad_s / self.scale_rad_s, dtype=np.complex128)
@@ -184,7 +184,7 @@ class LateLag:
         return lower, upper
 
 
-def held_spectrum(omega_rad_s: FloatArray, sample_s: float) -> ComplexArray:
+def hold_spectrum(omega_rad_s: FloatArray, sample_s: float) -> ComplexArray:
     r"""What holding a sample does to its spectrum, :math:`(1 - e^{-j\omega T}) / (j\omega T)`; same shape."""
     half = 0.5 * omega_rad_s * sample_s
     return np.asarray(np.sinc(half / np.pi) * np.exp(-1j * half), dtype=np.complex128)
@@ -206,7 +206,7 @@ class DelayProblem(Protocol):
     """What a late lag is fitted to: records or a frequency response."""
 
     @property
-    def model(self) -> LateLag: ...
+    def model(self) -> DelayedLag: ...
 
     @property
     def count(self) -> int:
@@ -293,7 +293,7 @@ def fit_order(problem: DelayProblem, limits: Limits, *, start: FloatArray | None
     """
     lower, upper = problem.model.box(limits.fastest_rad_s, limits.delays_s)
     starts = [start] if start is not None else _starts(problem, limits, lower, upper)
-    ends = [_POLISH.minimize(problem.residuals, one, lower, upper) for one in starts]
+    ends = [_POLISH.minimize(problem.residuals, start, lower, upper) for start in starts]
     ends = [end for end in ends if np.isfinite(end.cost)]
     if not ends:
         raise InsufficientDataError(
@@ -315,12 +315,12 @@ def _starts(problem: DelayProblem, limits: Limits, lower: FloatArray, upper: Flo
     """The best places that a search on some of the points finds, best first."""
     thin = problem.thinned()
     found = [thin.linear(float(delay_s), limits.fastest_rad_s) for delay_s in np.linspace(*limits.delays_s, _GRID)]
-    cost = np.array([one for _, one in found])
+    cost = np.array([value for _, value in found])
     padded = np.concatenate([[np.inf], cost, [np.inf]])
     valleys = np.flatnonzero((cost <= padded[:-2]) & (cost <= padded[2:]) & np.isfinite(cost))
     lowest = valleys[np.argsort(cost[valleys])][:_VALLEYS]
     scouts = [_SCOUT.minimize(thin.residuals, found[index][0], lower, upper) for index in lowest]
-    return [one.theta for one in sorted(scouts, key=lambda one: one.cost)[:_POLISHED]]
+    return [solution.theta for solution in sorted(scouts, key=lambda solution: solution.cost)[:_POLISHED]]
 
 
 def simplest(fits: Sequence[OrderFit]) -> OrderFit:
@@ -352,8 +352,8 @@ def _crossing(problem: DelayProblem, fit: OrderFit, limits: Limits, side: float)
         theta[-1] = fit.delay_s + side * distance
         bounds = lower.copy(), upper.copy()
         bounds[0][-1] = bounds[1][-1] = theta[-1]
-        held = _SCOUT.minimize(problem.residuals, theta, *bounds)
-        return held.cost - fit.solution.cost, held.theta
+        minimum = _SCOUT.minimize(problem.residuals, theta, *bounds)
+        return minimum.cost - fit.solution.cost, minimum.theta
 
     # The square root of the excess grows in proportion to the distance where the cost is a parabola.
     inner, theta = 0.0, np.array(fit.solution.theta)
@@ -419,7 +419,7 @@ class ResponseFit:
     """Residuals of a late lag on a frequency response."""
 
     data: ResponsePoints
-    model: LateLag
+    model: DelayedLag
 
     @property
     def count(self) -> int:
@@ -452,7 +452,7 @@ class ResponseFit:
         powers = (1j * omega / self.model.scale_rad_s) ** np.arange(order.poles + 1)[:, None]
         late, scale = np.exp(-1j * omega * delay_s), self._weight
         if self.model.hold == "held":
-            late = late * held_spectrum(omega, self.model.sample_s)
+            late = late * hold_spectrum(omega, self.model.sample_s)
         found = np.zeros(order.coefficients)
         for _ in range(_ROUNDS):
             columns = [*(powers[: order.zeros + 1] * late), *(-powers[:-1] * self.data.values)]

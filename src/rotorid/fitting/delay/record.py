@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import TimeHistory
-from rotorid.fitting.delay.fit import InputHold, LateLag, held_spectrum, real
+from rotorid.fitting.delay.fit import DelayedLag, InputHold, hold_spectrum, real
 from rotorid.typing import ComplexArray, FloatArray
 
 MOST_LINES = 4000
@@ -36,7 +36,7 @@ _WIDTH = 0.01
 _FEWEST_MERGED = 8
 UNKNOWNS = 4
 _NODE = 1.0 / np.sqrt(2.0)
-_REMEMBERED = 64
+_CACHED = 64
 """Shifts whose equations are kept; a search comes back to the same few dozen."""
 
 
@@ -124,7 +124,7 @@ class RecordPart(Immutable):
         return self.omega_rad_s.size
 
     @property
-    def alone(self) -> int:
+    def single_lines(self) -> int:
         """Lines that are equations of their own."""
         return int(self.edges[0])
 
@@ -137,19 +137,19 @@ class RecordPart(Immutable):
     def nodes_rad_s(self) -> FloatArray:
         """Where a response must be known: single lines, then the lower and the upper nodes of the groups."""
         middle, half = self._spans
-        return np.concatenate([self.omega_rad_s[: self.alone], middle - _NODE * half, middle + _NODE * half])
+        return np.concatenate([self.omega_rad_s[: self.single_lines], middle - _NODE * half, middle + _NODE * half])
 
     @cached_property
     def places(self) -> NDArray[np.int64]:
         """Nodes of each equation, shape ``(2, r)``."""
-        single = np.arange(self.alone)
-        low = self.alone + np.repeat(np.arange(self.groups), UNKNOWNS)
+        single = np.arange(self.single_lines)
+        low = self.single_lines + np.repeat(np.arange(self.groups), UNKNOWNS)
         return np.stack([np.concatenate([single, low]), np.concatenate([single, low + self.groups])])
 
     @cached_property
     def line_of(self) -> NDArray[np.int64]:
         """A line of each equation, to look up its noise, shape ``(r,)``."""
-        return np.concatenate([np.arange(self.alone), np.repeat(self.edges[:-1], UNKNOWNS)])
+        return np.concatenate([np.arange(self.single_lines), np.repeat(self.edges[:-1], UNKNOWNS)])
 
     def at_rows(self, coefficients: ComplexArray, nodes: ComplexArray) -> ComplexArray:
         """Values at nodes, shape ``(..., n)``, as the equations see them, shape ``(..., r)``."""
@@ -194,12 +194,12 @@ class RecordPart(Immutable):
 
     @cached_property
     def _equations(self) -> Callable[[int], Equations]:
-        return lru_cache(maxsize=_REMEMBERED)(self._made)
+        return lru_cache(maxsize=_CACHED)(self._made)
 
     def _made(self, samples: int) -> Equations:
-        drive, single = self.input_lines(samples), slice(0, self.alone)
+        drive, single = self.input_lines(samples), slice(0, self.single_lines)
         found = [self._merged(group, drive) for group in range(self.groups)]
-        zero, one = np.zeros(self.alone, dtype=np.complex128), np.ones(self.alone, dtype=np.complex128)
+        zero, one = np.zeros(self.single_lines, dtype=np.complex128), np.ones(self.single_lines, dtype=np.complex128)
         return Equations(
             output=np.concatenate([self.output[single], *(out for out, _, _ in found)]),
             drive=np.concatenate([np.stack([drive[single], zero]), *(above[:2] for _, above, _ in found)], axis=1),
@@ -364,7 +364,7 @@ def _quick(samples: int) -> int:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordFit:
-    """Residuals of a late lag on records; ``theta`` is that of :meth:`LateLag.response`.
+    """Residuals of a late lag on records; ``theta`` is that of :meth:`DelayedLag.response`.
 
     Parameters
     ----------
@@ -378,7 +378,7 @@ class RecordFit:
 
     data: RecordSpectra
     noise: tuple[FloatArray, ...]
-    model: LateLag
+    model: DelayedLag
 
     @property
     def count(self) -> int:
@@ -387,7 +387,7 @@ class RecordFit:
 
     def thinned(self) -> RecordFit:
         """The fit of some of the lines."""
-        noise = tuple(one[::step] for one, step in zip(self.noise, self.data.steps, strict=True))
+        noise = tuple(noise[::step] for noise, step in zip(self.noise, self.data.steps, strict=True))
         return replace(self, data=self.data.thin, noise=noise)
 
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -453,8 +453,11 @@ class RecordFit:
         scales = [np.sqrt(2.0 / noise) for noise in self.noise]
         found = np.zeros(order.coefficients)
         for _ in range(_ROUNDS):
-            blocks = [self._equation(p, delay_s, one) for p, one in zip(self.data.parts, scales, strict=True)]
-            matrix, right = np.concatenate([block for block, _ in blocks]), np.concatenate([one for _, one in blocks])
+            blocks = [self._equation(p, delay_s, scale) for p, scale in zip(self.data.parts, scales, strict=True)]
+            matrix, right = (
+                np.concatenate([block for block, _ in blocks]),
+                np.concatenate([block for _, block in blocks]),
+            )
             length = np.sqrt(np.sum(matrix**2, axis=0))
             length = np.where(length > 0.0, length, 1.0)
             found = np.linalg.lstsq(matrix / length, right, rcond=_RANK)[0] / length
@@ -473,7 +476,7 @@ class RecordFit:
         drive = part.equations(whole).drive[0]
         late = drive * np.exp(-1j * part.omega_rad_s * (delay_s - whole * part.sample_s))
         if part.hold == "held":
-            late = late * held_spectrum(part.omega_rad_s, part.sample_s)
+            late = late * hold_spectrum(part.omega_rad_s, part.sample_s)
         columns = [power * late for power in powers[: order.zeros + 1]]
         columns += [-power * part.output for power in powers[:-1]]
         rows, right = np.stack([real(weight * c) for c in columns], axis=1), real(weight * powers[-1] * part.output)
@@ -491,11 +494,13 @@ class RecordFit:
             # The projection has taken the ends of the record and leaves complex residuals in units of the old noise.
             power = (residual[:size] ** 2 + residual[size : 2 * size] ** 2) * old[part.line_of] / 2.0
             merged = (
-                power[part.alone :].reshape(part.groups, UNKNOWNS).sum(axis=1)
+                power[part.single_lines :].reshape(part.groups, UNKNOWNS).sum(axis=1)
                 + part.equations(_whole(theta, part)).left
             )
             widths = np.diff(part.edges)
-            noise.append(_smooth(np.append(power[: part.alone], np.repeat(merged / widths, widths))) / max(lost, 0.1))
+            noise.append(
+                _smooth(np.append(power[: part.single_lines], np.repeat(merged / widths, widths))) / max(lost, 0.1)
+            )
         return replace(self, noise=tuple(noise))
 
 

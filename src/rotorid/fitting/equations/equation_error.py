@@ -28,7 +28,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import Channel, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.equations.regression import CONSTANT, InTime, StepwiseRegression, stepwise
-from rotorid.fitting.equations.rows import EquationDomain, EquationRows, Errors, held_parameters, stacked
+from rotorid.fitting.equations.rows import EquationDomain, EquationRows, Errors, simulated_parameters, stacked
 from rotorid.fitting.frequency.parameter_map import ParameterMap
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
 from rotorid.fitting.time.output_error import TimeData
@@ -91,13 +91,13 @@ def _in_time(error: FloatArray, slopes: FloatArray) -> FloatArray:
     taper = np.zeros(size)
     taper[:lags] = 1.0 - np.arange(lags) / lags
     taper[size - lags + 1 :] = taper[lags - 1 : 0 : -1]
-    seen = rfft(error, size)
+    spectrum = rfft(error, size)
     moved = rfft(slopes, size)
     middle = np.zeros((len(slopes), len(slopes)))
     for a in range(equations):
         smooth = np.zeros((len(slopes), n))
         for b in range(equations):
-            correlation = irfft(seen[a] * seen[b].conj(), size) / n * taper
+            correlation = irfft(spectrum[a] * spectrum[b].conj(), size) / n * taper
             smooth += irfft(rfft(correlation) * moved[:, b], size)[:, :n]
         middle += slopes[:, a] @ smooth.T
     return np.asarray(0.5 * (middle + middle.T))
@@ -111,14 +111,14 @@ _LARGE_SHARE = 0.1
 _SEED = 1
 
 
-def left_findings(parameters: ParameterSet, left: Sequence[str], held: Sequence[str]) -> tuple[Finding, ...]:
+def left_findings(parameters: ParameterSet, left: Sequence[str], fixed_names: Sequence[str]) -> tuple[Finding, ...]:
     """What was not estimated, and why.
 
     Parameters
     ----------
     parameters
         With the values that were kept.
-    left, held
+    left, fixed_names
         Free parameters that were not estimated, and those that states were simulated with.
     """
     simulated = "it shapes a state that no sensor measures; --method output_error estimates it"
@@ -128,7 +128,7 @@ def left_findings(parameters: ParameterSet, left: Sequence[str], held: Sequence[
             "not_in_measured_equations",
             name,
             f"{name} was not estimated and stays at {parameters[name].value:.4g} {parameters[name].unit}: "
-            f"{simulated if name in held else nowhere}.",
+            f"{simulated if name in fixed_names else nowhere}.",
             value=parameters[name].value,
         )
         for name in left
@@ -251,7 +251,7 @@ _ROUNDS = 8
 _AT_REST = 1e-4
 _LEAST_MISFIT = 1e-9
 _SECTIONS = 13
-_SEEN = 1e-10
+_RANK_TOLERANCE = 1e-10
 _LONGEST_SHARE = 0.95
 
 
@@ -412,18 +412,23 @@ class _Search:
     def of(cls, rows: EquationRows, search_delays: bool) -> _Search:
         parameters, (_, slopes) = rows.map.parameters, rows.start
         free = [parameters[name] for name in parameters.free]
-        lower, upper = np.array([one.lower for one in free]), np.array([one.upper for one in free])
+        lower, upper = (
+            np.array([parameter.lower for parameter in free]),
+            np.array([parameter.upper for parameter in free]),
+        )
         late: BoolArray = np.any(slopes.input_delays_s, axis=1)
         # Half a sample of a held input and a nudge to see what a delay does must fit into what is left out.
-        longest_s = _LONGEST_SHARE * rows.domain.longest_delay_s - max(1.0 / one.sample_rate_hz for one in rows.records)
+        longest_s = _LONGEST_SHARE * rows.domain.longest_delay_s - max(
+            1.0 / record.sample_rate_hz for record in rows.records
+        )
         lower, upper = (
             np.where(late, np.maximum(lower, 0.0), lower),
             np.where(late, np.minimum(upper, longest_s), upper),
         )
         start = np.clip(parameters.pack(), lower, upper)
         size = np.sum([np.sum(part.slopes**2, axis=(1, 2)) for part in rows.errors(start)], axis=0)
-        seen = (size > 0.0) & ~(late & (not search_delays))
-        moving = tuple(np.flatnonzero(seen).tolist())
+        visible = (size > 0.0) & ~(late & (not search_delays))
+        moving = tuple(np.flatnonzero(visible).tolist())
         return cls(rows, moving, tuple(k for k in moving if late[k]), (lower, upper))
 
     @property
@@ -460,7 +465,7 @@ class _Search:
         """Values at which each delay fits best on a grid, one after the other, the rest solved for."""
         for k in self.delays:
             tried = [self._linear(theta, k, value) for value in np.linspace(self.box[0][k], self.box[1][k], _SECTIONS)]
-            theta = min(tried, key=lambda one: one[0])[1]
+            theta = min(tried, key=lambda item: item[0])[1]
         return theta
 
     def _linear(self, theta: FloatArray, delay: int, value: float) -> tuple[float, FloatArray]:
@@ -475,7 +480,7 @@ class _Search:
         length = np.sqrt(np.sum(columns**2, axis=0))
         length = np.where(length > 0.0, length, 1.0)
         scaled = columns / length
-        step = np.linalg.lstsq(scaled.T @ scaled, -scaled.T @ residual, rcond=_SEEN)[0]
+        step = np.linalg.lstsq(scaled.T @ scaled, -scaled.T @ residual, rcond=_RANK_TOLERANCE)[0]
         theta[others] = np.clip(theta[others] + step / length, self.box[0][others], self.box[1][others])
         left = residual + scaled @ step
         return float(left @ left), theta
@@ -489,7 +494,7 @@ def _ended(search: _Search, theta: FloatArray, weights: FloatArray, solution: So
     size = np.sqrt(np.sum(solution.jacobian**2, axis=0))
     scaled = solution.jacobian / np.where(size > 0.0, size, 1.0)
     values, vectors = np.linalg.eigh(scaled.T @ scaled)
-    if values[0] < _SEEN:
+    if values[0] < _RANK_TOLERANCE:
         mixed = [name for name, share in zip(names, np.abs(vectors[:, 0]), strict=True) if share > 0.1]
         raise InsufficientDataError(
             f"the equations do not tell {', '.join(mixed)} apart",
@@ -500,9 +505,11 @@ def _ended(search: _Search, theta: FloatArray, weights: FloatArray, solution: So
     leverage = np.einsum("np,pq,nq->n", solution.jacobian, inverse, solution.jacobian)
     parameters = rows.map.parameters.unpack(theta)
     left = tuple(name for name in free if name not in names)
-    held = held_parameters(rows.plan, rows.start[1], free)
+    simulated = simulated_parameters(rows.plan, rows.start[1], free)
     spread = covariance(parts, weights, inverse, ordered=rows.domain.ordered)
-    findings = noise_findings(rows, theta, weights, inverse, spread, moving) + left_findings(parameters, left, held)
+    findings = noise_findings(rows, theta, weights, inverse, spread, moving) + left_findings(
+        parameters, left, simulated
+    )
     return EquationErrorFit(
         parameters=parameters,
         names=names,
@@ -518,11 +525,11 @@ def _scores(search: _Search, parts: Sequence[Errors], leverage: FloatArray) -> t
     """R squared and PRESS of each equation."""
     found, count = [], len(search.rows.names)
     edges = np.cumsum([part.error.size for part in parts])[:-1]
-    hats = [one.reshape(count, -1) for one in np.split(np.minimum(leverage, 1.0 - 1e-12), edges)]
+    hats = [part.reshape(count, -1) for part in np.split(np.minimum(leverage, 1.0 - 1e-12), edges)]
     for row, name in enumerate(search.rows.names):
         error = np.concatenate([part.error[row] for part in parts])
         target = np.concatenate([part.target[row] for part in parts])
-        hat = np.concatenate([one[row] for one in hats])
+        hat = np.concatenate([hat[row] for hat in hats])
         ratio = float(error @ error) / max(float(target @ target), np.finfo(np.float64).tiny)
         found.append(EquationScore(name, 1.0 - ratio, float(np.sum((error / (1.0 - hat)) ** 2)), float(np.sqrt(ratio))))
     return tuple(found)
@@ -615,6 +622,6 @@ def _block(
     left = now.A[row] @ columns.slopes + now.D[row] @ columns.outputs - firm @ columns.levels
     levels = dict(zip(structure.states, columns.levels, strict=True))
     inputs = dict(zip(structure.inputs, columns.inputs, strict=True))
-    one = rows.domain.one(rows.histories[record])
+    constant = rows.domain.constant_term(rows.histories[record])
     chosen = [inputs[name] if name in inputs else levels[name] for name in offered]
-    return np.stack([*chosen, one], axis=1), left
+    return np.stack([*chosen, constant], axis=1), left

@@ -423,7 +423,7 @@ class _Search:
         usable = {name: column for name, column in others.items() if column is not None}
         if not usable or self.target.size <= len(terms) + 1 + self.constant:
             return None
-        name = max(usable, key=lambda one: abs(float(usable[one] @ left)))
+        name = max(usable, key=lambda name: abs(float(usable[name] @ left)))
         model = self.fit((*terms, name))
         return name, float(model.partial_f[model.names.index(name)]), model
 
@@ -446,7 +446,7 @@ def _weakest(model: Regression, keep: Sequence[str]) -> tuple[str, float] | None
     free = [name for name in model.names if name not in keep and name != CONSTANT]
     if len(free) < 2:
         return None
-    name = min(free, key=lambda one: strengths[one])
+    name = min(free, key=lambda name: strengths[name])
     return name, strengths[name]
 
 
@@ -461,7 +461,7 @@ def _step(action: Action, name: str, strength: float, terms: tuple[str, ...], mo
     )
 
 
-_REMEMBERED = 16
+_CACHED = 16
 """Sizes of records and bands whose chirps are kept: making them costs ten times as much as using them."""
 
 
@@ -549,7 +549,7 @@ def late_transform(
     return np.asarray((inside + moved * edge) * np.exp(-1j * omega * rest_s))
 
 
-@lru_cache(maxsize=_REMEMBERED)
+@lru_cache(maxsize=_CACHED)
 def _chirp(count: int, lines: int, turn: complex, begin: complex) -> CZT:
     """What a chirp transform needs that does not depend on the values; nothing changes it afterwards."""
     from scipy.signal import CZT
@@ -578,7 +578,7 @@ class Domain(Protocol):
     def slope(self, history: TimeHistory, name: str) -> FloatArray:
         """Its derivative, shape ``(n,)``."""
 
-    def one(self, history: TimeHistory) -> FloatArray:
+    def constant_term(self, history: TimeHistory) -> FloatArray:
         """A constant, shape ``(n,)``."""
 
 
@@ -613,7 +613,7 @@ class InTime(Immutable):
         slopes = savgol_filter(history[name], max(width, 5), 2, deriv=1, delta=step_s)
         return np.asarray(slopes[self._kept(history)], dtype=np.float64)
 
-    def one(self, history: TimeHistory) -> FloatArray:
+    def constant_term(self, history: TimeHistory) -> FloatArray:
         """Ones."""
         return np.ones(history.values.shape[1])[self._kept(history)]
 
@@ -666,7 +666,7 @@ class InBand(Immutable):
             )
         )
 
-    def one(self, history: TimeHistory) -> FloatArray:
+    def constant_term(self, history: TimeHistory) -> FloatArray:
         """Transform of a constant over the window."""
         _, count = self._window(history)
         return _parts(
@@ -753,7 +753,7 @@ def _equation(
     blocks, lefts = [], []
     for history in histories:
         columns = [domain.level(history, name, delays_s.get(name, 0.0)) for name in regressors]
-        blocks.append(np.stack([*columns, *([domain.one(history)] if constant else [])], axis=1))
+        blocks.append(np.stack([*columns, *([domain.constant_term(history)] if constant else [])], axis=1))
         lefts.append(domain.level(history, target, 0.0) if measured else domain.slope(history, target))
     return np.concatenate(blocks), np.concatenate(lefts), (*regressors, *([CONSTANT] if constant else []))
 

@@ -103,10 +103,10 @@ def plan_states(system: Matrices, slopes: Matrices) -> StatePlan:
     direct = settled_outputs & ~system.H1.any(axis=1)
     weights = np.zeros(system.H0.T.shape)
     weights[:, direct] = np.linalg.pinv(system.H0[direct])
-    seen = np.abs(weights @ system.H0 - np.eye(len(system.F))).max(axis=1) < _EXACT
-    weights[~seen] = 0.0
-    sources = [StateSource(int(state), "measured") for state in np.flatnonzero(seen)]
-    known = seen.copy()
+    observed = np.abs(weights @ system.H0 - np.eye(len(system.F))).max(axis=1) < _EXACT
+    weights[~observed] = 0.0
+    sources = [StateSource(int(state), "measured") for state in np.flatnonzero(observed)]
+    known = observed.copy()
     while not known.all():
         found = (
             _from_equation(system, known, settled_rows)
@@ -148,8 +148,8 @@ def _from_input(system: Matrices, slopes: Matrices, known: BoolArray) -> StateSo
     found = []
     for row in range(len(system.F)):
         M, F, G = (np.flatnonzero(entry[row]) for entry in entries)
-        alone = F.size == 1 and G.size == 1 and set(M.tolist()) <= set(F.tolist())
-        if alone and not known[F[0]] and system.F[row, F[0]] * system.M[row, F[0]] <= 0.0 != system.F[row, F[0]]:
+        separate = F.size == 1 and G.size == 1 and set(M.tolist()) <= set(F.tolist())
+        if separate and not known[F[0]] and system.F[row, F[0]] * system.M[row, F[0]] <= 0.0 != system.F[row, F[0]]:
             found.append((int(np.asarray(counts)[row]), StateSource(int(F[0]), "simulated", row, int(G[0]))))
     return min(found)[1] if found else None
 
@@ -195,7 +195,7 @@ def state_history(plan: StatePlan, system: Matrices, record: TimeData) -> TimeHi
     return TimeHistory(values=values, channels=channels, sample_rate_hz=record.sample_rate_hz, start_s=0.0)
 
 
-def held_parameters(plan: StatePlan, slopes: Matrices, names: Sequence[str]) -> tuple[str, ...]:
+def simulated_parameters(plan: StatePlan, slopes: Matrices, names: Sequence[str]) -> tuple[str, ...]:
     """Free parameters of the rows that states are simulated with."""
     rows = [source.row for source in plan.sources if source.origin == "simulated"]
     moving = [slope[:, rows].any(axis=(1, 2)) for slope in (slopes.M, slopes.F, slopes.G)]
@@ -363,11 +363,11 @@ class EquationRows:
         for history in self.histories:
             sizes = [len(self.start[0].F), len(self.start[0].H0)]
             simulated = set(self.plan.of("simulated"))
-            zero = np.zeros_like(self.domain.one(history))
+            zero = np.zeros_like(self.domain.constant_term(history))
             slopes = [zero if k in simulated else self.domain.slope(history, f"x{k}") for k in range(sizes[0])]
             levels = [zero if k in simulated else self.domain.level(history, f"x{k}", 0.0) for k in range(sizes[0])]
             outputs = [self.domain.level(history, f"y{k}", 0.0) for k in range(sizes[1])]
-            open_ = [self.domain.one(history)]
+            open_ = [self.domain.constant_term(history)]
             if self.plan.of("integrated", "integrated_output"):
                 open_.append(self.domain.level(history, RAMP, 0.0))
             basis = np.linalg.qr(np.stack(open_, axis=1))[0]
@@ -427,7 +427,7 @@ class EquationRows:
             change = moves.A @ c.slopes - moves.B @ c.levels - moves.C @ c.inputs
             change -= (slopes.input_delays_s[:, None, :] * rows.C) @ c.inputs_move
             change -= (by_state[:, None, :] * rows.B) @ c.levels_move
-            found.append(Errors(*(_beside(basis, part) for part in (error, change, target))))
+            found.append(Errors(*(_orthogonal_to(basis, part) for part in (error, change, target))))
         return found
 
     def checked(self) -> EquationRows:
@@ -448,7 +448,7 @@ class EquationRows:
         )
 
 
-def _beside(basis: FloatArray, values: FloatArray) -> FloatArray:
+def _orthogonal_to(basis: FloatArray, values: FloatArray) -> FloatArray:
     """What is left of rows ``(..., n)`` beside a basis ``(n, k)``."""
     return np.asarray(values - (values @ basis) @ basis.T)
 

@@ -127,7 +127,7 @@ def response_error_shapes(
         changed = np.concatenate([magnitude * slope_changes, np.zeros(count)])
         known = np.concatenate([known, changed[:, None]], axis=1)
     if lean_errors is not None:
-        known = np.concatenate([known, _leant(lean_errors, magnitude, phase, output, source)], axis=1)
+        known = np.concatenate([known, _tilt_shapes(lean_errors, magnitude, phase, output, source)], axis=1)
     if unchecked_errors is not None:
         unknown = _unchecked(unchecked_errors, np.log(omega_rad_s), magnitude, phase, output, source)
         known = np.concatenate([known, unknown], axis=1)
@@ -138,7 +138,7 @@ def response_error_shapes(
     return _shared(shapes, [(u, rows.size) for _, u, rows in _responses(output, source)])
 
 
-def _leant(
+def _tilt_shapes(
     errors: FloatArray, magnitude: FloatArray, phase: FloatArray, output: IntArray, source: IntArray
 ) -> FloatArray:
     """A column for the magnitude and one for the phase of each response to an input that leant the vehicle."""

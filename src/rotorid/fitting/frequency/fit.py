@@ -84,7 +84,7 @@ def fit_frequency(
         solution = solver.minimize(problem.residuals, start, *problem.box)
         if not np.isfinite(solution.cost):
             continue
-        lowest = min((one.cost for one in found), default=np.inf)
+        lowest = min((solution.cost for solution in found), default=np.inf)
         found.append(solution)
         again = solution.outcome is Outcome.CONVERGED and same_cost(solution.cost, lowest)
         if again and solution.cost <= acceptable:
@@ -260,10 +260,10 @@ def _advance(
     """One step of the searches ``index``: which of them are done, and where all are then."""
     now = search.part(index)
     scale = np.sqrt(np.maximum(np.einsum("bii->bi", now.normal), 1e-300))
-    held = ((now.theta <= task.lower) & (now.gradient > 0.0)) | ((now.theta >= task.upper) & (now.gradient < 0.0))
+    at_bound = ((now.theta <= task.lower) & (now.gradient > 0.0)) | ((now.theta >= task.upper) & (now.gradient < 0.0))
     level = np.sqrt(1.0 + now.cost)
-    flat = np.where(held, 0.0, np.abs(now.gradient / scale)).max(axis=-1, initial=0.0) <= 1e-14 * level
-    trial = np.clip(now.theta + _steps(now, damping[index], held), task.lower, task.upper)
+    flat = np.where(at_bound, 0.0, np.abs(now.gradient / scale)).max(axis=-1, initial=0.0) <= 1e-14 * level
+    trial = np.clip(now.theta + _steps(now, damping[index], at_bound), task.lower, task.upper)
     promised = _promised(now, trial - now.theta)
     # A step that would be the last is not worth the evaluation.
     last = (damping[index] <= 1e-2) & (promised >= 0.0) & (promised <= tolerance * (1e-6 + now.cost))
@@ -289,16 +289,16 @@ def _promised(now: _Search, step: FloatArray) -> FloatArray:
     return -np.asarray(np.einsum("bp,bp->b", step, 2.0 * now.gradient + curved))
 
 
-def _steps(now: _Search, damping: FloatArray, held: BoolArray) -> FloatArray:
+def _steps(now: _Search, damping: FloatArray, at_bound: BoolArray) -> FloatArray:
     """Damped steps, zero along parameters that are held on a bound."""
     size = now.theta.shape[1]
     diagonal = np.einsum("bii->bi", now.normal)
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     system = now.normal / (scale[:, :, None] * scale[:, None, :])
-    system = np.where(held[:, :, None] | held[:, None, :], 0.0, system)
-    alone = held | (diagonal <= 0.0)
-    system = system + np.eye(size) * np.where(alone, 1.0, damping[:, None])[:, None, :]
-    gradient = np.where(held, 0.0, now.gradient / scale)
+    system = np.where(at_bound[:, :, None] | at_bound[:, None, :], 0.0, system)
+    fixed = at_bound | (diagonal <= 0.0)
+    system = system + np.eye(size) * np.where(fixed, 1.0, damping[:, None])[:, None, :]
+    gradient = np.where(at_bound, 0.0, now.gradient / scale)
     return np.asarray(-np.linalg.solve(system, gradient[..., None])[..., 0] / scale)
 
 

@@ -72,7 +72,10 @@ class ParameterMap:
     @cached_property
     def _affine(self) -> tuple[Matrices, Matrices] | None:
         """Constants and slopes, where the matrices are sums of the parameters: then the slopes are one everywhere."""
-        if any(one.status == "tied" and (one.lower > -np.inf or one.upper < np.inf) for one in self.parameters):
+        if any(
+            parameter.status == "tied" and (parameter.lower > -np.inf or parameter.upper < np.inf)
+            for parameter in self.parameters
+        ):
             return None
         rng = np.random.default_rng(0)
         places = [self.parameters.pack(), *(generic_values(self.parameters, rng) for _ in range(2))]
@@ -95,7 +98,11 @@ class ParameterMap:
         assert self._affine is not None
         constants, slopes = self._affine
         rows = np.concatenate([slope.reshape(len(slope), int(np.prod(slope.shape[1:]))) for slope in slopes], axis=1)
-        return np.concatenate([one.ravel() for one in constants]), rows, _sparse([slope[None] for slope in slopes])
+        return (
+            np.concatenate([constant.ravel() for constant in constants]),
+            rows,
+            _sparse([slope[None] for slope in slopes]),
+        )
 
     def tangents(self, thetas: FloatArray) -> tuple[Matrices, Slopes]:
         """Matrices at each of ``thetas``, shape ``(b, p)``, with a leading axis ``b``, and their derivatives by entry.
@@ -104,13 +111,13 @@ class ParameterMap:
         """
         if self._affine is None:
             both = [self._tangent_or_nothing(theta) for theta in thetas]
-            matrices = [np.stack(column) for column in zip(*(one for one, _ in both), strict=True)]
+            matrices = [np.stack(column) for column in zip(*(matrices for matrices, _ in both), strict=True)]
             return Matrices(*matrices), _sparse([np.stack(c) for c in zip(*(other for _, other in both), strict=True)])
         constants, slopes, entries = self._flat
         numbers, first, parts = constants + thetas @ slopes, 0, []
-        for one in self._affine[0]:
-            parts.append(numbers[:, first : first + one.size].reshape(-1, *one.shape))
-            first += one.size
+        for column in self._affine[0]:
+            parts.append(numbers[:, first : first + column.size].reshape(-1, *column.shape))
+            first += column.size
         return Matrices(*parts), entries
 
     def _tangent_or_nothing(self, theta: FloatArray) -> tuple[Matrices, Matrices]:
@@ -122,8 +129,8 @@ class ParameterMap:
             return tuple(Matrices(*(np.full_like(one, np.nan) for one in part)) for part in shapes)  # type: ignore[return-value]
 
 
-def _same(one: Matrices, other: Matrices) -> bool:
-    pairs = zip(one, other, strict=True)
+def _same(matrices: Matrices, other: Matrices) -> bool:
+    pairs = zip(matrices, other, strict=True)
     return all(np.all(np.abs(a - b) <= _LINEAR * np.abs(a).max(initial=0.0)) for a, b in pairs)
 
 
@@ -154,10 +161,10 @@ def _factor(values: FloatArray) -> float | FloatArray:
 def generic_values(parameters: ParameterSet, rng: np.random.Generator) -> FloatArray:
     """Free parameters that no accident makes zero or equal: scattered about their values, or about one where zero."""
     free = [parameters[name] for name in parameters.free]
-    value = np.array([one.value or 1.0 for one in free])
-    sign = np.where([one.value == 0.0 for one in free], rng.choice([-1.0, 1.0], len(free)), 1.0)
+    value = np.array([parameter.value or 1.0 for parameter in free])
+    sign = np.where([parameter.value == 0.0 for parameter in free], rng.choice([-1.0, 1.0], len(free)), 1.0)
     scattered = sign * value * np.exp(_SPREAD * rng.standard_normal(len(free)))
-    lower, upper = np.array([one.lower for one in free]), np.array([one.upper for one in free])
+    lower, upper = np.array([parameter.lower for parameter in free]), np.array([parameter.upper for parameter in free])
     # A draw beyond a bound is mirrored at zero before it is cut, so that it rarely ends on the bound itself.
     inside = (scattered >= lower) & (scattered <= upper)
     return np.asarray(np.clip(np.where(inside, scattered, -scattered), lower, upper))

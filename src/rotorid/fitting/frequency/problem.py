@@ -614,7 +614,7 @@ class FrequencyProblem(Problem):
     def error_shapes(self, theta: FloatArray) -> ErrorShapes:
         """A smooth error of each response, clocks, and an accelerometer that the model has at the center of gravity."""
         points, changes, left = self.points, self.data.slope_changes, self.data.sensor_shapes
-        lean, unchecked = self.data.lean_errors, self.data.unchecked_errors
+        tilt, unchecked = self.data.lean_errors, self.data.unchecked_errors
         shapes = response_error_shapes(
             points.omega_rad_s[points.frequency],
             points.output,
@@ -625,7 +625,7 @@ class FrequencyProblem(Problem):
             sample_rate_hz=self.data.sample_rate_hz,
             sensor_errors=self.data.sensor_errors,
             slope_changes=None if changes is None else changes[points.input, points.frequency],
-            lean_errors=None if lean is None else lean[points.input, points.frequency],
+            lean_errors=None if tilt is None else tilt[points.input, points.frequency],
             unchecked_errors=None if unchecked is None else unchecked[:, points.input, points.frequency],
             sensor_shapes=None if left is None else left[:, points.output, points.input, points.frequency],
         )

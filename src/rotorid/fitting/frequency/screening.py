@@ -22,7 +22,7 @@ from rotorid.typing import BoolArray, FloatArray
 
 _DRAWS = 3
 _ZERO = 1e-9
-_SEEN = 1e-6
+_LEAST_SHOWN = 1e-6
 _TRIM = ("U0", "V0", "W0", "phi0", "theta0")
 
 
@@ -163,7 +163,7 @@ def _shown(problem: FrequencyProblem, couplings: Sequence[str], there: Collectio
         except (ModelError, np.linalg.LinAlgError):
             continue
         moved = np.abs(slopes[rows]).max(axis=-1, initial=0.0) * np.abs(size[rows])[:, None, None]
-        shown |= (moved > _SEEN * _level(np.abs(response))) & equations[:, :, None]
+        shown |= (moved > _LEAST_SHOWN * _level(np.abs(response))) & equations[:, :, None]
         drawn += 1
     # Where the model has no response without couplings, none of them can be judged.
     return shown | (drawn == 0)
@@ -212,9 +212,9 @@ def above_speed_modes(
         ``None`` where no band is followed excellently.
     """
     omega = problem.data.omega_rad_s
-    seen = omega[problem.used.any(axis=(0, 1))]
-    low, best, least = float(seen[0]) * _EDGE_STEP, None, EXCELLENT_COST
-    while least > _FREE_OF_SPEED_COST and low <= min(LOWEST_TOP_RAD_S, float(seen[-1]) / _LEAST_SPAN):
+    used_omega = omega[problem.used.any(axis=(0, 1))]
+    low, best, least = float(used_omega[0]) * _EDGE_STEP, None, EXCELLENT_COST
+    while least > _FREE_OF_SPEED_COST and low <= min(LOWEST_TOP_RAD_S, float(used_omega[-1]) / _LEAST_SPAN):
         fitted, cost = fit(replace(problem, used=problem.used & (omega >= low)))
         if cost <= least:
             best, least = fitted, cost

@@ -123,9 +123,9 @@ def roles(problem: FrequencyProblem, theta: FloatArray) -> Roles | None:
     system, slopes = problem.parameter_map.tangent(theta)
     rows = (np.any(matrix, axis=-1) for matrix in (slopes.M, slopes.F, slopes.G))
     standing = np.asarray(np.logical_or.reduce(list(rows)), dtype=np.bool_)
-    seen = slopes.H0.any(axis=(-1, -2)) | slopes.H1.any(axis=(-1, -2))
-    seen |= slopes.output_delays_s.any(axis=-1) | slopes.input_delays_s.any(axis=-1)
-    linear: BoolArray = np.asarray(np.any(standing, axis=-1) & ~seen, dtype=np.bool_)
+    observed = slopes.H0.any(axis=(-1, -2)) | slopes.H1.any(axis=(-1, -2))
+    observed |= slopes.output_delays_s.any(axis=-1) | slopes.input_delays_s.any(axis=-1)
+    linear: BoolArray = np.asarray(np.any(standing, axis=-1) & ~observed, dtype=np.bool_)
     while linear.any():
         unknowns = np.count_nonzero(standing[linear], axis=0)
         known = np.asarray(unknowns == 0, dtype=np.bool_)
@@ -450,7 +450,7 @@ def _unit_cost(problem: FrequencyProblem) -> float:
 def _grid(problem: FrequencyProblem, rng: np.random.Generator) -> list[FloatArray]:
     """All combinations of the parameters' start values, or some of them where they are too many."""
     parameters = [problem.parameters[name] for name in problem.parameters.free]
-    choices = [one.starts or (one.value,) for one in parameters]
+    choices = [parameter.starts or (parameter.value,) for parameter in parameters]
     if math.prod(map(len, choices)) <= _LARGEST_GRID:
         return [np.array(point) for point in itertools.product(*choices)]
     return [np.array([rng.choice(choice) for choice in choices]) for _ in range(_LARGEST_GRID)]

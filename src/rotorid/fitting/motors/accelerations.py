@@ -123,10 +123,10 @@ class AccelerationErrors(MotorProblem):
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals whose squares add up to the cost, and derivatives of those with corners rounded ``(n, p)``."""
         rows, slopes = [], []
-        for one in self.channels(theta):
-            rounded = _ROUNDED[-1] * _mean_size(one.error)
-            rows.append(np.sign(one.error) * np.sqrt(one.weight * np.abs(one.error)))
-            slopes.append(_steepness(one, rounded) * one.slopes)
+        for channel in self.channels(theta):
+            rounded = _ROUNDED[-1] * _mean_size(channel.error)
+            rows.append(np.sign(channel.error) * np.sqrt(channel.weight * np.abs(channel.error)))
+            slopes.append(_steepness(channel, rounded) * channel.slopes)
         return np.concatenate(rows), np.concatenate(slopes, axis=1).T
 
     def polish(self, start: FloatArray) -> Solution:
@@ -135,10 +135,10 @@ class AccelerationErrors(MotorProblem):
         best: Solution | None = None
         evaluations, trace = 0, [float(self.many_costs(theta[None])[0])]
         for part in _ROUNDED:
-            corners = [part * _mean_size(one.error) for one in self.channels(theta)]
+            corners = [part * _mean_size(channel.error) for channel in self.channels(theta)]
 
             def rounded(at: FloatArray, corners: Sequence[float] = corners) -> tuple[FloatArray, FloatArray]:
-                pairs = [_rounded(one, size) for one, size in zip(self.channels(at), corners, strict=True)]
+                pairs = [_rounded(channel, size) for channel, size in zip(self.channels(at), corners, strict=True)]
                 rows, slopes = zip(*pairs, strict=True)
                 return np.concatenate(rows), np.concatenate(slopes, axis=1).T
 
@@ -196,16 +196,16 @@ class AccelerationErrors(MotorProblem):
         parameters = int(kept.sum())
         H, V = np.zeros((parameters, parameters)), np.zeros((parameters, parameters))
         for channel in self.channels(theta):
-            one = channel._replace(slopes=channel.slopes[kept])
-            if one.error.size < 2:
-                H += one.weight * one.slopes @ one.slopes.T
-                V += one.weight**2 * one.slopes @ one.slopes.T
+            item = channel._replace(slopes=channel.slopes[kept])
+            if item.error.size < 2:
+                H += item.weight * item.slopes @ item.slopes.T
+                V += item.weight**2 * item.slopes @ item.slopes.T
                 continue
-            near = max(_NEAR * float(np.median(np.abs(one.error))), np.finfo(np.float64).tiny)
-            density = float(np.mean(np.abs(one.error) <= near)) / (2.0 * near)
-            H += 2.0 * one.weight * density * one.slopes @ one.slopes.T
-            scores = one.weight * np.sign(one.error) * one.slopes
-            rate_hz = self.records[one.place].sample_rate_hz / self._every(one.place)
+            near = max(_NEAR * float(np.median(np.abs(item.error))), np.finfo(np.float64).tiny)
+            density = float(np.mean(np.abs(item.error) <= near)) / (2.0 * near)
+            H += 2.0 * item.weight * density * item.slopes @ item.slopes.T
+            scores = item.weight * np.sign(item.error) * item.slopes
+            rate_hz = self.records[item.place].sample_rate_hz / self._every(item.place)
             length = max(1, round(_TOGETHER_S * rate_hz))
             pieces = np.add.reduceat(scores, np.arange(0, scores.shape[1], length), axis=1)
             V += pieces @ pieces.T
@@ -215,7 +215,7 @@ class AccelerationErrors(MotorProblem):
 
 
 _TOGETHER_S = 1.5
-_BESIDE = 2.0
+_START_REACH = 2.0
 """Inertia and thrust of a rotor lie within this factor of first sight, which is from regression and the weight: no
 narrower than ranges that the spread of the published table is reached in (30 to 50 percent)."""
 
@@ -227,16 +227,16 @@ def _mean_size(error: FloatArray) -> float:
     return max(float(np.mean(np.abs(error))), 1e-12)
 
 
-def _steepness(one: Channel, corner: float) -> FloatArray:
-    smooth = np.sqrt(one.error**2 + corner**2)
-    return np.asarray(0.5 * np.sqrt(one.weight * (smooth + corner)) / smooth)
+def _steepness(channel: Channel, corner: float) -> FloatArray:
+    smooth = np.sqrt(channel.error**2 + corner**2)
+    return np.asarray(0.5 * np.sqrt(channel.weight * (smooth + corner)) / smooth)
 
 
-def _rounded(one: Channel, corner: float) -> tuple[FloatArray, FloatArray]:
+def _rounded(channel: Channel, corner: float) -> tuple[FloatArray, FloatArray]:
     """Residuals whose squares are absolute errors with rounded corners, and their derivatives."""
-    smooth = np.sqrt(one.error**2 + corner**2)
-    row = np.sqrt(one.weight) * one.error / np.sqrt(smooth + corner)
-    return row, _steepness(one, corner) * one.slopes
+    smooth = np.sqrt(channel.error**2 + corner**2)
+    row = np.sqrt(channel.weight) * channel.error / np.sqrt(smooth + corner)
+    return row, _steepness(channel, corner) * channel.slopes
 
 
 def acceleration_errors(problem: MotorProblem) -> AccelerationErrors:
@@ -255,8 +255,8 @@ def acceleration_errors(problem: MotorProblem) -> AccelerationErrors:
     records = tuple(coarser(_alike(record)) for record in problem.records)
     found = excitations(problem.records, problem.levers)
     filters = []
-    for record, seen in zip(records, found, strict=True):
-        counted = [axis for axis in problem.axes if axis in seen and seen[axis].correlation >= LEAST_CORRELATION]
+    for record, excited in zip(records, found, strict=True):
+        counted = [axis for axis in problem.axes if axis in excited and excited[axis].correlation >= LEAST_CORRELATION]
         taps = slow_taps(record.sample_rate_hz)
         forces = [] if "az" in counted or "weight" not in problem.axes else ["weight"]
         filters.append({axis: Filter(taps if axis not in forces else np.ones(1), 1.0) for axis in (*forces, *counted)})
@@ -270,7 +270,7 @@ def acceleration_errors(problem: MotorProblem) -> AccelerationErrors:
         for place, (errors, shapes) in enumerate(zip(start.errors(start.parameters.pack()), start.filters, strict=True))
     ]
     start = start.with_filters(sized)
-    return start.within(reach(start, factor=_BESIDE))
+    return start.within(reach(start, factor=_START_REACH))
 
 
 def _alike(record: MotorRecord) -> MotorRecord:

@@ -119,7 +119,7 @@ def likely_step(fit: MotorFit, more: MotorProblem, name: str) -> tuple[float, fl
     """
     residual, jacobian = more.residuals(more.parameters.pack())
     free = more.parameters.free
-    kept = [place for place, one in enumerate(free) if one == name or one in fit.moving]
+    kept = [place for place, item in enumerate(free) if item == name or item in fit.moving]
     slopes = jacobian[:, kept]
     length = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
     inverse = np.linalg.pinv(slopes.T @ slopes / np.outer(length, length), hermitian=True) / np.outer(length, length)
@@ -241,8 +241,8 @@ def _at_the_best_sample_of(
             start[place] = samples * step_s
             if not lower[place] <= start[place] <= upper[place]:
                 continue
-            held = problem.with_parameters(problem.parameters.fix(name, float(start[place])))
-            glance = _GLANCE.minimize(held.residuals, np.delete(start, place), *held.box)
+            fixed = problem.with_parameters(problem.parameters.fix(name, float(start[place])))
+            glance = _GLANCE.minimize(fixed.residuals, np.delete(start, place), *fixed.box)
             if glance.cost < _WORTH * solution.cost:
                 start[np.arange(start.size) != place] = glance.theta
                 solution = solver.minimize(problem.residuals, start, *problem.box)

@@ -84,7 +84,7 @@ class InertiaRegression(Immutable):
         return self.plain[0] / self.corrected[0] - 1.0, self.plain[1] / self.corrected[0] - 1.0
 
     @property
-    def apart(self) -> float:
+    def distance_sigmas(self) -> float:
         """Difference of the corrected answers in standard deviations of a difference."""
         return float((self.corrected[1] - self.corrected[0]) / np.hypot(*self.deviations))
 
@@ -96,7 +96,7 @@ class InertiaRegression(Immutable):
     @property
     def agrees(self) -> bool:
         """Whether the corrected answers agree within their intervals of 95 %."""
-        return abs(self.apart) <= TWO_SIDED_95
+        return abs(self.distance_sigmas) <= TWO_SIDED_95
 
 
 def inertia_regressions(
@@ -135,19 +135,19 @@ def inertia_regressions(
     found = []
     for axis in RATES:
         rows = [
-            _rows(fit, one, filters[axis], excitation, record.sample_rate_hz, record.rates[RATES.index(axis)])
+            _rows(fit, item, filters[axis], excitation, record.sample_rate_hz, record.rates[RATES.index(axis)])
             for record, filters, axes, excitation in zip(
                 fit.problem.records, fit.problem.filters, equations, injected, strict=True
             )
-            for one in axes
-            if one.name == axis and axis in filters and _turned(fit, axis)
+            for item in axes
+            if item.name == axis and axis in filters and _turned(fit, axis)
         ]
         if rows:
             found.append(_regressed(fit, axis, rows))
     return tuple(found)
 
 
-def judge_both_ways(found: Sequence[InertiaRegression]) -> list[Finding]:
+def compare_regressions(found: Sequence[InertiaRegression]) -> list[Finding]:
     """What an engineer should know of plain and corrected regressions.
 
     Parameters
@@ -164,11 +164,11 @@ def judge_both_ways(found: Sequence[InertiaRegression]) -> list[Finding]:
     ['noisy_acceleration', 'both_ways_disagree']
     """
     findings = []
-    for one in found:
-        if max(map(abs, one.biases)) > _WORTH_SAYING:
-            findings.append(_noisy(one))
-        if not one.agrees:
-            findings.append(_disagreeing(one))
+    for regression in found:
+        if max(map(abs, regression.biases)) > _WORTH_SAYING:
+            findings.append(_noisy(regression))
+        if not regression.agrees:
+            findings.append(_disagreeing(regression))
     return findings
 
 
@@ -201,19 +201,19 @@ def _rows(
     late = [np.concatenate([np.full(lag, row[0]), row[: row.size - lag]]) for row in sources for lag in lags]
     filtered = shape(np.stack([share, axis.measured - damped, *known, *late]))[:, max(past) :]
     filtered = filtered - filtered.mean(axis=1, keepdims=True)
-    beside, tellers = filtered[2 : 2 + len(known)], filtered[2 + len(known) :]
-    torque, motion, *others = _beside(np.vstack([filtered[:2], tellers]), beside)
+    known_terms, regressors = filtered[2 : 2 + len(known)], filtered[2 + len(known) :]
+    torque, motion, *others = _without_known(np.vstack([filtered[:2], regressors]), known_terms)
     return _Rows(
         plain_torque=share - share.mean(),
         plain_motion=axis.measured - damped - (axis.measured - damped).mean(),
         torque=torque,
         motion=motion,
-        instrument=_told(torque, np.stack(others)),
+        instrument=_explained_by(torque, np.stack(others)),
         memory=max(1, round(_MEMORY_S * rate_hz)),
     )
 
 
-def _beside(rows: FloatArray, known: FloatArray) -> FloatArray:
+def _without_known(rows: FloatArray, known: FloatArray) -> FloatArray:
     """Rows without what damping and spin-up, whose size is not known, may explain of them."""
     if not known.size:
         return rows
@@ -222,25 +222,25 @@ def _beside(rows: FloatArray, known: FloatArray) -> FloatArray:
     return left
 
 
-def _told(torque: FloatArray, tellers: FloatArray) -> FloatArray:
+def _explained_by(torque: FloatArray, regressors: FloatArray) -> FloatArray:
     """What the tellers say of the torque."""
-    size = np.linalg.norm(tellers, axis=1, keepdims=True)
-    scaled = tellers / np.where(size > 0.0, size, 1.0)
-    told: FloatArray = np.linalg.lstsq(scaled.T, torque, rcond=_LEAST_SHARE)[0] @ scaled
-    return told
+    size = np.linalg.norm(regressors, axis=1, keepdims=True)
+    scaled = regressors / np.where(size > 0.0, size, 1.0)
+    fitted: FloatArray = np.linalg.lstsq(scaled.T, torque, rcond=_LEAST_SHARE)[0] @ scaled
+    return fitted
 
 
 def _regressed(fit: MotorFit, axis: str, rows: Sequence[_Rows]) -> InertiaRegression:
     parameter, unit, value = _stated(fit, axis)
-    torque, motion = (np.concatenate([getattr(one, name) for one in rows]) for name in ("plain_torque", "plain_motion"))
+    torque, motion = (np.concatenate([getattr(row, name) for row in rows]) for name in ("plain_torque", "plain_motion"))
     common = float(torque @ motion)
     plain = value * float(torque @ torque) / common, value * common / float(motion @ motion)
-    direct = sum(one.torque @ one.torque for one in rows) / sum(one.torque @ one.motion for one in rows)
-    moved = sum(float(one.instrument @ one.motion) for one in rows)
-    reverse = sum(one.instrument @ one.torque for one in rows) / moved
-    spread = np.sqrt(sum(_spread(one.torque * (one.motion - one.torque / direct), one.memory) for one in rows))
-    through = np.sqrt(sum(_spread(one.instrument * (one.torque - reverse * one.motion), one.memory) for one in rows))
-    size = sum(float(one.torque @ one.torque) for one in rows)
+    direct = sum(row.torque @ row.torque for row in rows) / sum(row.torque @ row.motion for row in rows)
+    moved = sum(float(row.instrument @ row.motion) for row in rows)
+    reverse = sum(row.instrument @ row.torque for row in rows) / moved
+    spread = np.sqrt(sum(_spread(row.torque * (row.motion - row.torque / direct), row.memory) for row in rows))
+    through = np.sqrt(sum(_spread(row.instrument * (row.torque - reverse * row.motion), row.memory) for row in rows))
+    size = sum(float(row.torque @ row.torque) for row in rows)
     return InertiaRegression(
         axis=axis,
         parameter=parameter,
@@ -278,44 +278,46 @@ def _spread(products: FloatArray, memory: int) -> float:
 def _require(fit: MotorFit, injected: Sequence[FloatArray | None]) -> None:
     if len(injected) != len(fit.problem.records):
         raise UsageError(f"{len(injected)} excitations came for {len(fit.problem.records)} records", needed="as many")
-    for record, one in zip(fit.problem.records, injected, strict=True):
-        if one is not None and np.atleast_2d(one).shape[-1] != record.samples:
+    for record, signal in zip(fit.problem.records, injected, strict=True):
+        if signal is not None and np.atleast_2d(signal).shape[-1] != record.samples:
             raise UsageError(
-                f"{np.atleast_2d(one).shape[-1]} samples of an excitation came for {record.name}",
+                f"{np.atleast_2d(signal).shape[-1]} samples of an excitation came for {record.name}",
                 needed=f"{record.samples}, as the record has",
             )
 
 
-def _noisy(one: InertiaRegression) -> Finding:
-    direct, reverse = one.biases
+def _noisy(regression: InertiaRegression) -> Finding:
+    direct, reverse = regression.biases
     return remark(
         "noisy_acceleration",
-        one.parameter,
-        f"Plain regression would state {one.parameter} {_off(direct)} from acceleration on torque and "
-        f"{_off(reverse)} from torque on acceleration: torque explains {100.0 * one.explained:.3g} % of the measured "
-        f"acceleration, noise and gusts the rest. Corrected, the two state {_pair(one)}.",
+        regression.parameter,
+        f"Plain regression would state {regression.parameter} {_off(direct)} from acceleration on torque and "
+        f"{_off(reverse)} from torque on acceleration: torque "
+        f"explains {100.0 * regression.explained:.3g} % of the measured "
+        f"acceleration, noise and gusts the rest. Corrected, the two state {_pair(regression)}.",
         bias_direct=direct,
         bias_reverse=reverse,
-        explained=one.explained,
-        direct=one.corrected[0],
-        reverse=one.corrected[1],
-        direct_std=one.deviations[0],
-        reverse_std=one.deviations[1],
+        explained=regression.explained,
+        direct=regression.corrected[0],
+        reverse=regression.corrected[1],
+        direct_std=regression.deviations[0],
+        reverse_std=regression.deviations[1],
     )
 
 
-def _disagreeing(one: InertiaRegression) -> Finding:
+def _disagreeing(regression: InertiaRegression) -> Finding:
     return warn(
         "both_ways_disagree",
-        one.parameter,
-        f"Acceleration on torque and torque on acceleration state {_pair(one)} for {one.parameter}, "
-        f"{abs(one.apart):.1f} standard deviations apart: slow and fast motion state different values; "
+        regression.parameter,
+        f"Acceleration on torque and torque on acceleration state {_pair(regression)} for {regression.parameter}, "
+        f"{abs(regression.distance_sigmas):.1f} standard deviations "
+        f"apart: slow and fast motion state different values; "
         "lag, delay or damping are not as modeled, or the logged outputs are not what the motors received.",
-        direct=one.corrected[0],
-        reverse=one.corrected[1],
-        direct_std=one.deviations[0],
-        reverse_std=one.deviations[1],
-        apart=one.apart,
+        direct=regression.corrected[0],
+        reverse=regression.corrected[1],
+        direct_std=regression.deviations[0],
+        reverse_std=regression.deviations[1],
+        apart=regression.distance_sigmas,
     )
 
 
@@ -323,6 +325,6 @@ def _off(share: float) -> str:
     return f"{100.0 * abs(share):.2g} % too {'large' if share > 0.0 else 'small'}"
 
 
-def _pair(one: InertiaRegression) -> str:
-    (first, second), (near, far) = one.corrected, one.deviations
-    return f"{with_error(first, near)} and {with_error(second, far)} {one.unit}"
+def _pair(regression: InertiaRegression) -> str:
+    (first, second), (near, far) = regression.corrected, regression.deviations
+    return f"{with_error(first, near)} and {with_error(second, far)} {regression.unit}"

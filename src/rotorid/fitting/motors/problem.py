@@ -236,7 +236,9 @@ class MotorProblem(Problem):
             found += [self._rate_axis(record, values, delayed[names[axis]], axis, step) for axis in rates]
         return found
 
-    def _rate_axis(self, record: MotorRecord, values: Mapping[str, float], late: _Late, axis: str, step: float) -> Axis:
+    def _rate_axis(
+        self, record: MotorRecord, values: Mapping[str, float], late: _DelayedMotors, axis: str, step: float
+    ) -> Axis:
         place = RATES.index(axis)
         rate = record.rates[place]
         damping, inertia = ("L_p", "M_q", "N_r")[place], ("I_xx", "I_yy", "kappa_per_I_zz")[place]
@@ -273,7 +275,7 @@ class MotorProblem(Problem):
 _CURVE = ("c_0", "c_1", "c_2")
 
 
-class _Late(NamedTuple):
+class _DelayedMotors(NamedTuple):
     """Motors over a record, and their derivatives by the names of lag and delay."""
 
     here: MotorSpeed
@@ -314,7 +316,9 @@ def _by_the_curve(values: Mapping[str, float], terms: Mapping[str, FloatArray]) 
     return total
 
 
-def _derived(record: MotorRecord, values: Mapping[str, float], delay: str, step: float, *, moved: bool) -> _Late:
+def _derived(
+    record: MotorRecord, values: Mapping[str, float], delay: str, step: float, *, moved: bool
+) -> _DelayedMotors:
     """Motors with derivatives by lag and delay, where these are parameters at all and the derivatives are wanted."""
     delay_s = values.get(delay, 0.0)
     if record.between == "lines" and "T_motor" not in values:
@@ -323,10 +327,10 @@ def _derived(record: MotorRecord, values: Mapping[str, float], delay: str, step:
         lag_s = values.get("T_motor", _NO_LAG_S)
         here = motor_speed(record.outputs, lag_s=lag_s, delay_s=delay_s, step_s=step, moved=moved)
     names = {"lag": "T_motor", "delay": delay}
-    return _Late(here, {names[by]: slope for by, slope in here.moved.items() if names[by] in values})
+    return _DelayedMotors(here, {names[by]: slope for by, slope in here.moved.items() if names[by] in values})
 
 
-def _force_axis(record: MotorRecord, values: Mapping[str, float], late: _Late, names: Sequence[str]) -> Axis:
+def _force_axis(record: MotorRecord, values: Mapping[str, float], late: _DelayedMotors, names: Sequence[str]) -> Axis:
     inverse = 1.0 / values["m"]
     strength = record.strength[1:]
 

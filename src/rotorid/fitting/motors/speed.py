@@ -95,7 +95,7 @@ def measured_speed(speeds: FloatArray, *, delay_s: float, step_s: float, moved: 
     samples = speeds.shape[1]
     whole = int(np.floor(delay_s / step_s))
     rest = delay_s - whole * step_s
-    ago = [speeds[:, np.clip(np.arange(samples) - whole - one, 0, samples - 1)] for one in (0, 1)]
+    ago = [speeds[:, np.clip(np.arange(samples) - whole - row, 0, samples - 1)] for row in (0, 1)]
     slope = (ago[1] - ago[0]) / step_s
     level = ago[0] + slope * rest
     # The late clock passes a sample `rest` after each of the early one.

@@ -108,9 +108,9 @@ def _counted(record: Mapping[str, Excitation], axes: Sequence[str]) -> list[str]
 def slow_problem(problem: MotorProblem, found: Sequence[Mapping[str, Excitation]]) -> MotorProblem:
     """The problem of slow motion: each axis that counts in units of the errors of a first guess."""
     filters = []
-    for record, errors, seen in zip(problem.records, problem.errors(problem.parameters.pack()), found, strict=True):
+    for record, errors, excited in zip(problem.records, problem.errors(problem.parameters.pack()), found, strict=True):
         taps = slow_taps(record.sample_rate_hz)
-        counted = _counted(seen, problem.axes)
+        counted = _counted(excited, problem.axes)
         filters.append({axis: WEIGHING if axis == "weight" else sized(taps, errors[axis]) for axis in counted})
     return problem.with_filters(filters)
 
@@ -125,7 +125,12 @@ def started(problem: MotorProblem, found: Sequence[Mapping[str, Excitation]]) ->
     """Thrust that carries the weight, lag of the best correlation, inertia from torque and slow acceleration."""
     parameters = problem.parameters
     free = set(parameters.free)
-    lags = [one.lag_s for record in found for one in record.values() if one.correlation >= LEAST_CORRELATION]
+    lags = [
+        excitation.lag_s
+        for record in found
+        for excitation in record.values()
+        if excitation.correlation >= LEAST_CORRELATION
+    ]
     if "T_motor" in free and lags:
         parameters = parameters.with_values({"T_motor": float(np.median(lags))})
     parameters = parameters.with_values(_carrying(problem, parameters))
@@ -156,10 +161,10 @@ def _inertia(
     """Inertia from the regression of slow acceleration on the torque of a unit inertia."""
     products = {axis: np.zeros(2) for axis in probe.axes}
     yaw: list[tuple[FloatArray, FloatArray]] = []
-    for record, equations, seen in zip(probe.records, probe.equations(probe.parameters.pack()), found, strict=True):
+    for record, equations, excited in zip(probe.records, probe.equations(probe.parameters.pack()), found, strict=True):
         shape = Filter(slow_taps(record.sample_rate_hz), 1.0)
         for axis in equations:
-            if axis.name in _counted(seen, probe.axes):
+            if axis.name in _counted(excited, probe.axes):
                 motion, torque = (shape(row - row.mean()) for row in (axis.measured, axis.predicted))
                 products[axis.name] += [float(motion @ torque), float(torque @ torque)]
                 if axis.name == "r" and SPIN_UP in probe.parameters.free:

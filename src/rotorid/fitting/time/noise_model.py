@@ -341,15 +341,15 @@ def steady_predictor(
     1.61803398875
     """
     identity = np.eye(len(transition))
-    late, seen, error = transition.T, (measured.T / sensor) @ measured, process
+    late, information, error = transition.T, (measured.T / sensor) @ measured, process
     for _ in range(_DOUBLINGS):
-        growing = identity + seen @ error
+        growing = identity + information @ error
         if not np.isfinite(growing).all():
             raise _unseen()
         inverse = np.linalg.inv(growing)
         grown = late.T @ error @ inverse @ late
-        seen = seen + late @ inverse @ seen @ late.T
-        seen = 0.5 * (seen + seen.T)
+        information = information + late @ inverse @ information @ late.T
+        information = 0.5 * (information + information.T)
         error = error + 0.5 * (grown + grown.T)
         late = late @ inverse @ late
         if not np.isfinite(error).all() or np.abs(grown).max() <= _AT_REST * np.abs(error).max():
@@ -398,8 +398,13 @@ def gain_slopes(
     moved = half + half.swapaxes(1, 2) + dprocess + (K * dsensor[:, None, :]) @ K.T
     dP = lyapunov(closed, moved)
     dcross = dtransition @ P @ measured.T + transition @ dP @ measured.T + transition @ P @ dmeasured.swapaxes(1, 2)
-    seen = dmeasured @ P @ measured.T
-    dS = seen + seen.swapaxes(1, 2) + measured @ dP @ measured.T + dsensor[:, :, None] * np.eye(len(measured))
+    innovation_slope = dmeasured @ P @ measured.T
+    dS = (
+        innovation_slope
+        + innovation_slope.swapaxes(1, 2)
+        + measured @ dP @ measured.T
+        + dsensor[:, :, None] * np.eye(len(measured))
+    )
     slopes = np.linalg.solve(steady.innovation, (dcross - K @ dS).swapaxes(1, 2)).swapaxes(1, 2)
     return np.asarray(slopes, dtype=np.float64)
 

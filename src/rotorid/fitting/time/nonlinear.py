@@ -120,7 +120,7 @@ class NonlinearProblem(OutputErrorProblem):
             return self.region
         about = self.start[len(self.parameters.free) :]
         reach = _ABOUT_START * np.maximum(np.abs(about), _LEAST_START)
-        return search_box(self.parameters).beside(about - reach, about + reach)
+        return search_box(self.parameters).extended(about - reach, about + reach)
 
     @cached_property
     def start(self) -> FloatArray:
@@ -199,7 +199,7 @@ class NonlinearProblem(OutputErrorProblem):
 
     def errors(self, theta: FloatArray) -> FloatArray:
         """Errors of all records one after the other, in units of the outputs, shape ``(samples, y)``."""
-        return np.hstack([one.record.outputs - one.predicted for one in self.predicted(theta)]).T
+        return np.hstack([fitted.record.outputs - fitted.predicted for fitted in self.predicted(theta)]).T
 
     def predicted(self, theta: FloatArray) -> tuple[Fitted, ...]:
         """Every record with what the model predicts, shifts included."""
@@ -223,11 +223,11 @@ class NonlinearProblem(OutputErrorProblem):
         estimate = self.unpack(theta)
         outputs = len(self.structure.outputs)
         for record, start, shift in zip(self.records, estimate.starts, estimate.shifts, strict=True):
-            one = self._sensitivities(estimate.parameters, record, start)
-            slopes = [one.slopes]
+            nonlinear_sensitivities = self._sensitivities(estimate.parameters, record, start)
+            slopes = [nonlinear_sensitivities.slopes]
             if "output_shift" in self.unknowns:
                 slopes.append(np.broadcast_to(np.eye(outputs), (record.samples, outputs, outputs)))
-            yield record.outputs.T - one.outputs - shift, np.concatenate(slopes, axis=2)
+            yield record.outputs.T - nonlinear_sensitivities.outputs - shift, np.concatenate(slopes, axis=2)
 
     def _sensitivities(self, parameters: ParameterSet, record: TimeData, start: FloatArray) -> NonlinearSensitivities:
         """A record with derivatives by the free parameters and by the unknown initial states."""

@@ -42,7 +42,7 @@ def moving(rows: FloatArray) -> BoolArray:
     return np.asarray(np.ptp(rows, axis=1) > _ROUNDING * np.abs(rows).max(axis=1))
 
 
-_REMEMBERED_S = 2.0
+_CACHED_S = 2.0
 """Longer than any delay between a command and what it moves."""
 
 
@@ -101,7 +101,7 @@ class TimeData(Immutable):
     def until(self, sample: int) -> FloatArray:
         """Inputs before a sample, shape ``(u, k)``: as many as any delay still shows there."""
         past = np.hstack([self.before, self.inputs[:, :sample]])
-        return past[:, -max(1, math.ceil(_REMEMBERED_S * self.sample_rate_hz)) :]
+        return past[:, -max(1, math.ceil(_CACHED_S * self.sample_rate_hz)) :]
 
     def pieces(self, length_s: float) -> tuple[TimeData, ...]:
         """The record in pieces of about one length, each of which knows the inputs before it.
@@ -469,7 +469,7 @@ def own_starts(problem: TimeProblem) -> list[FloatArray]:
     """
     problem = problem.shortened(_RANKED)
     tried = [(cost, theta) for theta in _grid(problem) if np.isfinite(cost := _with_gain(problem, theta))]
-    ranked = sorted(tried, key=lambda one: one[0])
+    ranked = sorted(tried, key=lambda item: item[0])
     return [theta for _, theta in ranked[:_KEPT]]
 
 
@@ -613,16 +613,19 @@ def _searched(problem: TimeProblem, starts: Sequence[FloatArray], solver: Levenb
     )
     if brief is problem:
         return best
-    places = [best.theta, *(one.theta for one in best.others)]
+    places = [best.theta, *(minimum.theta for minimum in best.others)]
     whole = [Minimum(float(np.sum(problem.residuals(theta)[0] ** 2)), theta) for theta in places]
-    ranked = sorted((one for one in whole if np.isfinite(one.cost)), key=lambda one: one.cost) or whole[:1]
+    ranked = (
+        sorted((minimum for minimum in whole if np.isfinite(minimum.cost)), key=lambda minimum: minimum.cost)
+        or whole[:1]
+    )
     solution = solver.minimize(problem.residuals, ranked[0].theta, *problem.box)
     return replace(best_of([solution], name=problem.structure.name), others=tuple(ranked[1:]))
 
 
 def _covariance(problem: TimeProblem, theta: FloatArray, *, correlated: bool) -> FloatArray:
     """Covariance of the residuals, in the units of the outputs, shape ``(y, y)``."""
-    errors = [one.record.outputs - one.predicted for one in problem.predicted(theta)]
+    errors = [fitted.record.outputs - fitted.predicted for fitted in problem.predicted(theta)]
     whole = np.hstack(errors)
     covariance = whole @ whole.T / whole.shape[1]
     size = np.hstack([record.outputs for record in problem.records]).var(axis=1)

@@ -78,7 +78,7 @@ class Gram:
         columns = np.concatenate([unknown, slopes, residual[:, :, None]], axis=2).reshape(-1, len(self.products))
         self.products += columns.T @ columns
 
-    def beside(self) -> FloatArray:
+    def reduced(self) -> FloatArray:
         """Products of slopes and residual in what the unknowns leave, shape ``(p + 1, p + 1)``."""
         k = self.unknowns
         inner, cross, rest = self.products[:k, :k], self.products[:k, k:], self.products[k:, k:]
@@ -86,8 +86,8 @@ class Gram:
             return rest
         size = np.sqrt(np.where(inner.diagonal() > 0.0, inner.diagonal(), 1.0))
         values, vectors = np.linalg.eigh(inner / np.outer(size, size))
-        seen = values > _SAME_DIRECTION * values[-1]
-        taken = (vectors[:, seen].T @ (cross / size[:, None])) / np.sqrt(values[seen])[:, None]
+        determined = values > _SAME_DIRECTION * values[-1]
+        taken = (vectors[:, determined].T @ (cross / size[:, None])) / np.sqrt(values[determined])[:, None]
         return np.asarray(rest - taken.T @ taken)
 
 
@@ -158,43 +158,43 @@ def _with_gusts(
     order, gusts = len(system.F), len(levels.gusts)
     count = len(slopes.F) + len(levels.dsensors)
     here = order + np.arange(gusts)
-    F = _grown(system.F, gusts, gusts)
+    F = _zero_padded(system.F, gusts, gusts)
     F[list(noise.disturbed)[:gusts], here] = 1.0
     F[here, here] = -1.0 / levels.correlation_s
-    M = _grown(system.M, gusts, gusts)
+    M = _zero_padded(system.M, gusts, gusts)
     M[here, here] = 1.0
-    dF = _longer(_grown(slopes.F, gusts, gusts), count)
+    dF = _longer(_zero_padded(slopes.F, gusts, gusts), count)
     dF[len(slopes.F) :, here, here] = (levels.dcorrelation_s / levels.correlation_s**2)[:, None]
     # A constant wind is one more input to each disturbed equation.
-    G = _grown(system.G, gusts, len(noise.disturbed))
+    G = _zero_padded(system.G, gusts, len(noise.disturbed))
     G[list(noise.disturbed), system.G.shape[1] + np.arange(len(noise.disturbed))] = 1.0
     whole = StateSpace(
         M=M,
         F=F,
         G=G,
-        H0=_grown(system.H0, 0, gusts),
-        H1=_grown(system.H1, 0, gusts),
+        H0=_zero_padded(system.H0, 0, gusts),
+        H1=_zero_padded(system.H1, 0, gusts),
         input_delays_s=np.append(system.input_delays_s, np.zeros(len(noise.disturbed))),
         output_delays_s=system.output_delays_s,
     )
     still = np.zeros((len(slopes.F), len(noise.disturbed)))
     moves = Slopes(
-        M=_longer(_grown(slopes.M, gusts, gusts), count),
+        M=_longer(_zero_padded(slopes.M, gusts, gusts), count),
         F=dF,
-        G=_longer(_grown(slopes.G, gusts, len(noise.disturbed)), count),
-        H0=_longer(_grown(slopes.H0, 0, gusts), count),
-        H1=_longer(_grown(slopes.H1, 0, gusts), count),
+        G=_longer(_zero_padded(slopes.G, gusts, len(noise.disturbed)), count),
+        H0=_longer(_zero_padded(slopes.H0, 0, gusts), count),
+        H1=_longer(_zero_padded(slopes.H1, 0, gusts), count),
         input_delays_s=_longer(np.hstack([slopes.input_delays_s, still]), count),
         output_delays_s=_longer(slopes.output_delays_s, count),
     )
     return whole, moves
 
 
-def _grown(matrix: FloatArray, rows: int, columns: int) -> FloatArray:
+def _zero_padded(matrix: FloatArray, rows: int, columns: int) -> FloatArray:
     """A matrix, or many of them, with rows and columns of zeros after its own."""
-    grown = np.zeros((*matrix.shape[:-2], matrix.shape[-2] + rows, matrix.shape[-1] + columns))
-    grown[..., : matrix.shape[-2], : matrix.shape[-1]] = matrix
-    return grown
+    padded = np.zeros((*matrix.shape[:-2], matrix.shape[-2] + rows, matrix.shape[-1] + columns))
+    padded[..., : matrix.shape[-2], : matrix.shape[-1]] = matrix
+    return padded
 
 
 def _longer(slopes: FloatArray, count: int) -> FloatArray:
@@ -281,9 +281,15 @@ class Settled(NamedTuple):
     def slopes(self, record: int) -> Iterator[FloatArray]:
         """Derivatives of the whitened innovations of one record, piece by piece."""
         u, before = self.inputs[record]
-        one = self.followed[record]
+        followed = self.followed[record]
         return innovation_slopes(
-            one.model, one.steady.gain, one.dgain, self.runs[record], u, before=before, whitening=self.whitening
+            followed.model,
+            followed.steady.gain,
+            followed.dgain,
+            self.runs[record],
+            u,
+            before=before,
+            whitening=self.whitening,
         )
 
     def gram(self, record: int) -> Gram:
@@ -387,7 +393,7 @@ class InnovationsProblem(RecordsProblem):
     @np.errstate(over="ignore", invalid="ignore")
     def _condensed(self, estimated: _Estimated) -> tuple[FloatArray, FloatArray]:
         settled = self._again(estimated)
-        grams = [settled.gram(record).beside() for record in range(len(self.records))]
+        grams = [settled.gram(record).reduced() for record in range(len(self.records))]
         root = self._size(settled.covariance) * _root(np.sum(grams, axis=0))
         return root[:, -1], root[:, :-1]
 
@@ -449,15 +455,15 @@ class InnovationsProblem(RecordsProblem):
         """The predictor over every record once more, with the unknowns in place."""
         runs, covariance, unknown = estimated
         inputs, again = [], []
-        for one, beta in zip(runs, unknown, strict=True):
-            start, constants, shifts = self._told_apart(beta, len(one.followed.steady.gain))
-            u = _with_constants(one.record.inputs, constants)
-            before = _with_constants(one.record.before, constants)
-            y = one.record.outputs - shifts[:, None]
-            model, gain = one.followed.model, one.followed.steady.gain
+        for run, beta in zip(runs, unknown, strict=True):
+            start, constants, shifts = self._split_unknowns(beta, len(run.followed.steady.gain))
+            u = _with_constants(run.record.inputs, constants)
+            before = _with_constants(run.record.before, constants)
+            y = run.record.outputs - shifts[:, None]
+            model, gain = run.followed.model, run.followed.steady.gain
             again.append(innovations(model, gain, u, y, before=before, start=start))
             inputs.append((u, before))
-        return Settled([one.followed for one in runs], again, inputs, [one.unknown for one in runs], covariance)
+        return Settled([run.followed for run in runs], again, inputs, [run.unknown for run in runs], covariance)
 
     def _from_rest(self, theta: FloatArray) -> list[_Run]:
         model, noise = self.split(theta)
@@ -469,21 +475,21 @@ class InnovationsProblem(RecordsProblem):
         for record in self.records:
             rate = record.sample_rate_hz
             if rate not in known:
-                one = follow(system, Slopes(*slopes), self.noise_model, noise, sample_rate_hz=rate, hold=self.hold)
+                followed = follow(system, Slopes(*slopes), self.noise_model, noise, sample_rate_hz=rate, hold=self.hold)
                 # What is unknown moves all records of a rate alike; a short one shows the beginning of it.
                 longest = max(other.samples for other in self.records if other.sample_rate_hz == rate)
-                free = free_innovations(one.model, one.steady.gain, longest, constants=still.size)
-                known[rate] = one, np.ascontiguousarray(free[:, :, self._columns(len(one.steady.gain))])
-            one, unknown = known[rate]
+                free = free_innovations(followed.model, followed.steady.gain, longest, constants=still.size)
+                known[rate] = followed, np.ascontiguousarray(free[:, :, self._columns(len(followed.steady.gain))])
+            followed, unknown = known[rate]
             run = innovations(
-                one.model,
-                one.steady.gain,
+                followed.model,
+                followed.steady.gain,
                 _with_constants(record.inputs, still),
                 record.outputs,
                 before=_with_constants(record.before, still),
-                start=np.zeros(len(one.steady.gain)),
+                start=np.zeros(len(followed.steady.gain)),
             )
-            found.append(_Run(record, one, run.values, unknown[: record.samples]))
+            found.append(_Run(record, followed, run.values, unknown[: record.samples]))
         return found
 
     def _columns(self, order: int) -> list[int]:
@@ -497,7 +503,7 @@ class InnovationsProblem(RecordsProblem):
             columns += range(order + disturbed, order + disturbed + outputs)
         return columns
 
-    def _told_apart(self, beta: FloatArray, order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _split_unknowns(self, beta: FloatArray, order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Start, constants and shifts; zero where they are not unknown."""
         disturbed, outputs = len(self.noise_model.disturbed), len(self.structure.outputs)
         whole = np.zeros(order + disturbed + outputs)
@@ -516,7 +522,7 @@ class InnovationsProblem(RecordsProblem):
         moved = [np.zeros_like(beta) for beta in first]
         for weighted in range(_REWEIGHTED):
             if weighted:
-                moved = [_unknowns(own, seen, R) for own, seen in zip(inner, cross, strict=True)]
+                moved = [_unknowns(own, coupling, R) for own, coupling in zip(inner, cross, strict=True)]
             before = R
             rest = (_left(*products) for products in zip(squares, cross, inner, moved, strict=True))
             R = sum(rest, start=np.zeros_like(R)) / self.samples
@@ -588,8 +594,8 @@ def _basis(columns: FloatArray) -> FloatArray:
     flat = columns.reshape(-1, columns.shape[2])
     size = np.linalg.norm(flat, axis=0)
     left, values, _ = np.linalg.svd(flat[:, size > 0.0] / size[size > 0.0], full_matrices=False)
-    seen = values > 1e-5 * values.max(initial=0.0)
-    return np.asarray(left[:, seen].reshape(*columns.shape[:2], -1), dtype=np.float64)
+    determined = values > 1e-5 * values.max(initial=0.0)
+    return np.asarray(left[:, determined].reshape(*columns.shape[:2], -1), dtype=np.float64)
 
 
 def _without(columns: FloatArray, basis: FloatArray) -> FloatArray:
@@ -744,8 +750,8 @@ def _whiteness(problem: InnovationsProblem, settled: Settled) -> dict[str, White
     found = {}
     for row, name in enumerate(problem.structure.outputs):
         parts = [run.values[:, row] for run in settled.runs]
-        power = sum(float(one @ one) for one in parts)
-        products = [sum(float(one[lag:] @ one[:-lag]) for one in parts) / power for lag in range(1, lags + 1)]
+        power = sum(float(part @ part) for part in parts)
+        products = [sum(float(part[lag:] @ part[:-lag]) for part in parts) / power for lag in range(1, lags + 1)]
         limit = TWO_SIDED_95 / math.sqrt(problem.samples)
         magnitude = np.abs(products)
         found[name] = Whiteness(float(magnitude.max()), float(np.mean(magnitude > limit)), lags)
@@ -839,8 +845,8 @@ def _search(problem: InnovationsProblem, start: FloatArray, solver: LevenbergMar
     plain = problem.without_gusts()
     # Far from the model a wrong noise leads astray; its natural size is known from the data, and always tried too.
     tried = [jolts] if np.array_equal(jolts, plain.noise_model.start) else [jolts, plain.noise_model.start]
-    firsts = [plain.minimized(solver, np.concatenate([model, one])) for one in tried]
-    first = min(firsts, key=lambda one: one.cost)
+    firsts = [plain.minimized(solver, np.concatenate([model, theta])) for theta in tried]
+    first = min(firsts, key=lambda solution: solution.cost)
     if not np.isfinite(first.cost):
         return problem.minimized(solver, start)
     model, jolts = np.split(first.theta, [count])

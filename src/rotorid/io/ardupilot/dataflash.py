@@ -21,7 +21,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import LogError, UsageError
-from rotorid.io.files import gather, gather_into, let_go, tell_progress
+from rotorid.io.files import gather, gather_into, let_go, log_progress
 from rotorid.typing import AnyArray, BoolArray, FloatArray, IntArray
 
 HEADER_BYTES = 3
@@ -396,7 +396,7 @@ def _sections(log: AnyArray, definitions: Definitions) -> Iterator[tuple[IntArra
     begin, length = 0, SECTION_BYTES
     while begin < log.size:
         let_go(log)
-        tell_progress(begin, log.size)
+        log_progress(begin, log.size)
         end = min(begin + length, log.size)
         headers = _headers(log, begin, end)
         starts, gaps = _follow(begin, end, *_messages(log, end, headers, definitions))

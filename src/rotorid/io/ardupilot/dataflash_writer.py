@@ -203,18 +203,22 @@ def encode(tables: Iterable[Messages]) -> bytes:
     >>> log.tables["EV"].column("Id").tolist()
     [10, 28]
     """
-    held = [table for table in tables if np.size(table.values.get(CLOCK, ()))]
-    numbers = [FMT.number, *(layout.number for layout in (UNIT, MULT, FMTU, *(messages.layout for messages in held)))]
-    if not held or len(set(numbers)) < len(numbers):
+    timed_tables = [table for table in tables if np.size(table.values.get(CLOCK, ()))]
+    numbers = [
+        FMT.number,
+        *(layout.number for layout in (UNIT, MULT, FMTU, *(messages.layout for messages in timed_tables))),
+    ]
+    if not timed_tables or len(set(numbers)) < len(numbers):
         raise UsageError(
-            f"messages {', '.join(messages.layout.name for messages in held) or 'of no kind'} came",
+            f"messages {', '.join(messages.layout.name for messages in timed_tables) or 'of no kind'} came",
             needed="at least one kind with stamps TimeUS, each with a number of its own that is none of "
             f"{', '.join(map(str, numbers[:4]))}",
         )
-    blocks = [packed(messages) for messages in held]
+    blocks = [packed(messages) for messages in timed_tables]
     stamps = [block[CLOCK].astype(np.int64) for block in blocks]
     head = b"".join(
-        block.tobytes() for block in _described([messages.layout for messages in held], int(min(map(np.min, stamps))))
+        block.tobytes()
+        for block in _described([messages.layout for messages in timed_tables], int(min(map(np.min, stamps))))
     )
     return head + _merged(blocks, stamps).tobytes()
 

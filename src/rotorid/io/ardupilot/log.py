@@ -29,7 +29,7 @@ from rotorid.io.ardupilot.status import STATUS_MESSAGES, status_of
 from rotorid.io.files import file_bytes
 from rotorid.io.flags import vehicle_findings
 from rotorid.io.parameters import changed_in, kept_parameters, parameters_changed
-from rotorid.io.screening import without_lone
+from rotorid.io.screening import without_isolated
 from rotorid.typing import AnyArray, Axis, BoolArray
 from rotorid.units import parse_unit
 
@@ -294,11 +294,11 @@ def _sdlog2(name: str) -> LogError:
 def _instruments(runs: tuple[Run, ...], sticks: Topic | None) -> Mapping[str, tuple[str, ...]]:
     """Signals without feedback: the injection where there was one, then the stick, which a pilot closes slowly."""
     excited = {run.axis for run in runs}
-    held = () if sticks is None else tuple(channel.name for channel in sticks.channels)
+    channels = () if sticks is None else tuple(channel.name for channel in sticks.channels)
     listed = {
         axis: (
             *([f"{axis}_excitation"] if axis in excited else []),
-            *([f"{axis}_stick"] if f"{axis}_stick" in held else []),
+            *([f"{axis}_stick"] if f"{axis}_stick" in channels else []),
         )
         for axis in AXES
     }
@@ -386,14 +386,14 @@ def topic_of(
     chosen
         The messages that belong to the topic; all when not given.
     """
-    held = [row for row in rows if table.holds_numbers(row.column) and not _is_contradicted(table, row)]
+    numeric_rows = [row for row in rows if table.holds_numbers(row.column) and not _is_contradicted(table, row)]
     part = table if chosen is None else table.chosen(chosen)
     time_s = part.time_s
-    if not held or time_s is None:
+    if not numeric_rows or time_s is None:
         return None
-    values = part.numbers(*(row.column for row in held))
+    values = part.numbers(*(row.column for row in numeric_rows))
     with np.errstate(over="ignore"):
-        for target, row in zip(values, held, strict=True):
+        for target, row in zip(values, numeric_rows, strict=True):
             target *= row.scale
             target += row.offset
             target *= parse_unit(row.unit).factor
@@ -401,7 +401,8 @@ def topic_of(
         name=name or table.name,
         time_s=time_s,
         channels=tuple(
-            Channel(name=row.channel, unit=parse_unit(row.unit).si, source=f"{table.name}.{row.column}") for row in held
+            Channel(name=row.channel, unit=parse_unit(row.unit).si, source=f"{table.name}.{row.column}")
+            for row in numeric_rows
         ),
         values=values,
     )
@@ -554,7 +555,7 @@ def _system_id_runs(tables: Mapping[str, Table], parameters: Mapping[str, float]
     data = tables.get("SIDD")
     if data is None or (time_s := data.time_s) is None or not data.holds_numbers("Time"):
         return ()
-    waveform_s = without_lone(data.column("Time"))
+    waveform_s = without_isolated(data.column("Time"))
     begins = np.flatnonzero(waveform_s[1:] < waveform_s[:-1]) + 1
     edges = [0, *begins.tolist(), len(data)]
     runs = []
@@ -579,7 +580,7 @@ def _swept_band(data: Table, messages: slice, planned: tuple[float, float] | Non
     """The band that was really flown: a pilot may leave the mode early, and a log may be cut."""
     if not data.holds_numbers("F"):
         return planned
-    frequency = 2.0 * math.pi * without_lone(data.chosen(messages).numbers("F")[0])
+    frequency = 2.0 * math.pi * without_isolated(data.chosen(messages).numbers("F")[0])
     frequency = frequency[np.isfinite(frequency) & (frequency > 0.0)]
     if frequency.size == 0 or not frequency.min() < frequency.max():
         return planned

@@ -97,13 +97,15 @@ def _between(
     Of a log that tells neither arming nor landing nothing is said: it may begin and end in the air.
     """
     time_s, numbers = events
-    told = np.isin(numbers, list(meaning))
-    time_s, on = time_s[told], np.array([meaning[int(number)] for number in numbers[told]], dtype=np.bool_)
+    meaningful = np.isin(numbers, list(meaning))
+    time_s, on = time_s[meaningful], np.array([meaning[int(number)] for number in numbers[meaningful]], dtype=np.bool_)
     if not time_s.size:
         return () if np.isin(numbers, (_ARMED, _DISARMED, *_IN_AIR)).any() else None
-    begun = not on[0] and int(numbers[told][0]) in (_LANDED, _DISARMED)
+    landed_before = not on[0] and int(numbers[meaningful][0]) in (_LANDED, _DISARMED)
     return intervals_of(
-        np.concatenate([[min(span_s[0], float(time_s[0]))], time_s]), np.concatenate([[begun], on]), until_s=span_s[1]
+        np.concatenate([[min(span_s[0], float(time_s[0]))], time_s]),
+        np.concatenate([[landed_before], on]),
+        until_s=span_s[1],
     )
 
 
@@ -171,9 +173,9 @@ def _planned(tables: Mapping[str, Table], until_s: float) -> Intervals:
     if messages is None or modes is None or messages.time_s is None or not messages.holds_text("Message"):
         return ()
     texts = messages.column("Message").tolist()
-    said = np.array([text.startswith(_SCRIPT) for text in texts], dtype=np.bool_)
-    begun = np.array([text.startswith(_BEGINS) for text in texts], dtype=np.bool_)
-    flown = intervals_of(messages.time_s[said], begun[said], until_s=until_s)
+    from_script = np.array([text.startswith(_SCRIPT) for text in texts], dtype=np.bool_)
+    is_begin = np.array([text.startswith(_BEGINS) for text in texts], dtype=np.bool_)
+    flown = intervals_of(messages.time_s[from_script], is_begin[from_script], until_s=until_s)
     return shared(flown, intervals_of(modes[0], modes[1] == _GUIDED, until_s=until_s))
 
 

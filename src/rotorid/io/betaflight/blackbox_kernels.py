@@ -246,9 +246,9 @@ def plausible(iteration: int, time: int, interval: int, state: IntArray) -> bool
     if consistent(steps, elapsed, state[PERIOD_NS]):
         return True
     steps, elapsed = (iteration - state[SEEN_ITERATION]) & MASK, (time - state[SEEN_TIME]) & MASK
-    seen = state[SEEN] == 1 and consistent(steps, elapsed, state[PERIOD_NS])
+    started = state[SEEN] == 1 and consistent(steps, elapsed, state[PERIOD_NS])
     state[SEEN_ITERATION], state[SEEN_TIME], state[SEEN] = iteration, time, 1
-    return seen
+    return started
 
 
 @njit(cache=True)

@@ -85,12 +85,12 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> F
     except OSError as error:
         raise LogError(f"{path.name} cannot be read: {error.strerror}", needed="a readable log file") from error
     settings, columns, body = _parts(text, source.name)
-    beside = path.with_suffix(".headers.csv")
-    if not settings and beside.is_file():
-        settings = _settings(beside.read_text(encoding="utf-8-sig", errors="replace").splitlines())
-    held = {place: match for place, cell in enumerate(columns) if (match := _COLUMN.fullmatch(cell)) is not None}
-    wanted = [place for place, match in held.items() if _FIELDS.fullmatch(match["name"])]
-    clock = next((place for place, match in held.items() if match["name"] == _CLOCK), None)
+    header_file = path.with_suffix(".headers.csv")
+    if not settings and header_file.is_file():
+        settings = _settings(header_file.read_text(encoding="utf-8-sig", errors="replace").splitlines())
+    matches = {place: match for place, cell in enumerate(columns) if (match := _COLUMN.fullmatch(cell)) is not None}
+    wanted = [place for place, match in matches.items() if _FIELDS.fullmatch(match["name"])]
+    clock = next((place for place, match in matches.items() if match["name"] == _CLOCK), None)
     if clock is None or not wanted:
         raise LogError(
             f"{source.name} has no column of time, gyro or motors",
@@ -100,24 +100,24 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> F
     values = _table(body, [clock, *wanted], len(columns), source.name)
     header = Header(
         # Every firmware that is still decoded logs degrees per second; the oldest ones say so by their settings.
-        values=MappingProxyType(settings or {"Firmware type": "", **_resolution(values, wanted, held)}),
-        layouts=_layouts(held[place]["name"] for place in wanted if settings or not _needs_settings(held[place])),
+        values=MappingProxyType(settings or {"Firmware type": "", **_resolution(values, wanted, matches)}),
+        layouts=_layouts(matches[place]["name"] for place in wanted if settings or not _needs_settings(matches[place])),
         cadence=(1, 1, 1),
         size=0,
     )
-    kept = [at for at, place in enumerate(wanted, start=1) if settings or not _needs_settings(held[place])]
+    kept = [at for at, place in enumerate(wanted, start=1) if settings or not _needs_settings(matches[place])]
     if not kept:
         raise LogError(
             f"{source.name} holds motors, accelerometer or voltage alone, which have no unit without the settings of "
             "the flight controller",
             needed="gyros, or the settings",
-            remedy=f"give the .BBL, or decode it with --save-headers and keep {beside.name} beside it",
+            remedy=f"give the .BBL, or decode it with --save-headers and keep {header_file.name} beside it",
         )
-    raw = np.stack([_raw(values[at], held[wanted[at - 1]], header) for at in kept], axis=1)
+    raw = np.stack([_raw(values[at], matches[wanted[at - 1]], header) for at in kept], axis=1)
     flight = Flight(
         number=1,
         header=header,
-        time_s=values[0] * _TIMES.get(held[clock]["unit"] or "", 1e-6),
+        time_s=values[0] * _TIMES.get(matches[clock]["unit"] or "", 1e-6),
         frames=raw,
         fix_time_s=np.zeros(0),
         fixes=np.zeros((0, 0), dtype=np.int64),
@@ -128,28 +128,29 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> F
         return record
     scale = (
         ""
-        if _THROTTLE in {held[place]["name"] for place in wanted}
+        if _THROTTLE in {matches[place]["name"] for place in wanted}
         else (
             f", and without {_THROTTLE} nothing tells whether rates and set-points are tenths of their unit "
             "(blackbox_high_resolution), which they are not taken for"
         )
     )
-    told = warn(
+    finding = warn(
         "missing_channel",
         "settings",
         "the CSV comes without the settings of the flight controller, so that motors, accelerometer and voltage have "
-        f"no unit and were left out{scale}; give the .BBL, or decode it with --save-headers and keep {beside.name} "
+        f"no unit and were left out{scale}; give the .BBL, or "
+        f"decode it with --save-headers and keep {header_file.name} "
         "beside it",
     )
-    return replace(record, findings=(*record.findings, told))
+    return replace(record, findings=(*record.findings, finding))
 
 
 _THROTTLE = "rcCommand[3]"
 
 
-def _resolution(values: FloatArray, wanted: Sequence[int], held: Mapping[int, re.Match[str]]) -> dict[str, str]:
+def _resolution(values: FloatArray, wanted: Sequence[int], matches: Mapping[int, re.Match[str]]) -> dict[str, str]:
     """The setting of high resolution, where the size of the throttle shows it."""
-    names = [held[place]["name"] for place in wanted]
+    names = [matches[place]["name"] for place in wanted]
     high = _THROTTLE in names and float(np.median(values[1 + names.index(_THROTTLE)])) > _LARGEST_PULSE_US
     return {"blackbox_high_resolution": "1"} if high else {}
 

@@ -109,7 +109,7 @@ def record_of(readable: Sequence[Flight], unread: Sequence[tuple[int, LogError]]
     )
 
 
-_APART_S = 10.0
+_GAP_BETWEEN_FLIGHTS_S = 10.0
 """Between flights whose clocks were set apart."""
 
 
@@ -121,10 +121,10 @@ def _in_a_row(readable: Sequence[Flight]) -> tuple[list[Flight], dict[int, float
     """
     later_s: dict[int, float] = {}
     end_s = -math.inf
-    for flight in sorted(readable, key=lambda one: one.number):
+    for flight in sorted(readable, key=lambda flight: flight.number):
         start_s, stop_s = float(flight.time_s[0]), float(flight.time_s[-1])
         if start_s <= end_s:
-            later_s[flight.number] = math.ceil(end_s + _APART_S - start_s)
+            later_s[flight.number] = math.ceil(end_s + _GAP_BETWEEN_FLIGHTS_S - start_s)
         end_s = stop_s + later_s.get(flight.number, 0.0)
     return [_later(flight, later_s.get(flight.number, 0.0)) for flight in readable], later_s
 
@@ -156,8 +156,8 @@ def _sorted(data: bytes) -> tuple[list[Flight], list[tuple[int, LogError]]]:
 
 def _instruments(topics: tuple[Topic, ...]) -> dict[str, tuple[str, ...]]:
     """Signals without feedback: the injected sweep where there is one, then the stick."""
-    held = {channel.name for topic in topics for channel in topic.channels}
-    present = {axis: tuple(name for name in (f"{axis}_excitation", f"{axis}_stick") if name in held) for axis in AXES}
+    logged = {channel.name for topic in topics for channel in topic.channels}
+    present = {axis: tuple(name for name in (f"{axis}_excitation", f"{axis}_stick") if name in logged) for axis in AXES}
     return {axis: names for axis, names in present.items() if names}
 
 
@@ -630,8 +630,8 @@ def _geometry(flight: Flight) -> Iterator[Finding]:
         return
     known = {"yaw_motors_reversed", "yaw_motor_direction"} & set(flight.header.values)
     outputs = np.stack([motor.values for motor in _motors(flight)])
-    told = known or abs(_yaw_correlation(flight, outputs)) > _LEAST_CORRELATION
-    turning = "" if told else ", and that the first motor turns clockwise seen from above"
+    correlated = known or abs(_yaw_correlation(flight, outputs)) > _LEAST_CORRELATION
+    turning = "" if correlated else ", and that the first motor turns clockwise seen from above"
     yield remark(
         "assumed_geometry",
         f"flight {flight.number}",

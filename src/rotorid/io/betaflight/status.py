@@ -34,16 +34,20 @@ def status_of(flights: Sequence[Flight]) -> Status:
     flights
         Those that can be read.
     """
-    told = [flight for flight in flights if _FLAGS in flight.slow_fields and _is_betaflight(flight)]
-    if not told:
+    flights_with_flags = [flight for flight in flights if _FLAGS in flight.slow_fields and _is_betaflight(flight)]
+    if not flights_with_flags:
         return Status()
     return Status(
-        vehicle="multirotor" if all(_is_multirotor(flight) for flight in told) else "",
-        named_in="motors" if all(_is_multirotor(flight) for flight in told) else "",
-        armed=_sorted(_intervals(flight, direct=False) for flight in told) if len(told) == len(flights) else None,
+        vehicle="multirotor" if all(_is_multirotor(flight) for flight in flights_with_flags) else "",
+        named_in="motors" if all(_is_multirotor(flight) for flight in flights_with_flags) else "",
+        armed=_sorted(_intervals(flight, direct=False) for flight in flights_with_flags)
+        if len(flights_with_flags) == len(flights)
+        else None,
         flagged_in=_FLAGS,
-        direct_rates=_sorted(_intervals(flight, direct=True) for flight in told),
-        modes=tuple(sorted((stay for flight in told for stay in _modes(flight)), key=lambda stay: stay[1])),
+        direct_rates=_sorted(_intervals(flight, direct=True) for flight in flights_with_flags),
+        modes=tuple(
+            sorted((stay for flight in flights_with_flags for stay in _modes(flight)), key=lambda stay: stay[1])
+        ),
     )
 
 

@@ -167,8 +167,8 @@ def _parameters(messages: Mapping[str, Messages], firmware: int) -> dict[str, fl
 
 
 def _instruments(topics: tuple[Topic, ...]) -> dict[str, tuple[str, ...]]:
-    held = {channel.name for topic in topics for channel in topic.channels}
-    return {axis: (f"{axis}_stick",) for axis in ("roll", "pitch", "yaw", "thrust") if f"{axis}_stick" in held}
+    logged = {channel.name for topic in topics for channel in topic.channels}
+    return {axis: (f"{axis}_stick",) for axis in ("roll", "pitch", "yaw", "thrust") if f"{axis}_stick" in logged}
 
 
 def _damage(telemetry: Telemetry, size_bytes: int) -> Iterator[Finding]:
@@ -223,8 +223,8 @@ def _decimated(topics: tuple[Topic, ...]) -> Finding:
 
 
 def _missing(topics: tuple[Topic, ...]) -> Iterator[Finding]:
-    held = {channel.name for topic in topics for channel in topic.channels}
-    if not any(name.endswith("_command") or name.startswith("motor_") for name in held):
+    logged = {channel.name for topic in topics for channel in topic.channels}
+    if not any(name.endswith("_command") or name.startswith("motor_") for name in logged):
         yield warn(
             "missing_channel",
             "motor_1",

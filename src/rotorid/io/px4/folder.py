@@ -95,12 +95,12 @@ def read_topic(path: Path, source: Source) -> FlightRecord:
     record = record_of(arrays, facts, replace(source, format=FORMAT))
     # What one topic lacks, the log need not lack.
     others = [finding for finding in record.findings if finding.kind != "missing_channel"]
-    alone = warn(
+    finding = warn(
         "missing_channel",
         topic,
         f"{source.name} is one topic of a log; give the folder of all files that ulog2csv wrote for the others",
     )
-    return replace(record, findings=(*([_cut(source.name, cut_bytes)] if cut_bytes else []), *others, alone))
+    return replace(record, findings=(*([_cut(source.name, cut_bytes)] if cut_bytes else []), *others, finding))
 
 
 def is_topic_file(name: str, head: bytes) -> bool:
@@ -179,16 +179,16 @@ def _columns(file: Path, wanted: Sequence[str]) -> tuple[dict[str, AnyArray], in
     names = header.strip().split(",")
     if names[0] != "timestamp" or len(set(names)) < len(names):
         raise _damaged(file.name, 1, "is no header that starts with `timestamp` and names each column once")
-    held = [names.index(name) for name in dict.fromkeys(wanted) if name in names]
-    table = _table(file.name, body, held, len(names))
-    columns: dict[str, AnyArray] = {names[column]: table[:, place] for place, column in enumerate(held)}
+    indices = [names.index(name) for name in dict.fromkeys(wanted) if name in names]
+    table = _table(file.name, body, indices, len(names))
+    columns: dict[str, AnyArray] = {names[column]: table[:, place] for place, column in enumerate(indices)}
     for name in _CLOCKS:
         if name in columns:
             columns[name] = _stamps(file.name, columns[name])
     return columns, len(cut.encode())
 
 
-def _table(file: str, body: str, held: Sequence[int], width: int) -> FloatArray:
+def _table(file: str, body: str, indices: Sequence[int], width: int) -> FloatArray:
     lines = body.splitlines()
     wrong = next((number for number, line in enumerate(lines, start=2) if line.count(",") != width - 1), None)
     if wrong is not None:
@@ -196,17 +196,17 @@ def _table(file: str, body: str, held: Sequence[int], width: int) -> FloatArray:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # a topic that was never published has a header alone
-            return np.loadtxt(io.StringIO(body), delimiter=",", usecols=held, comments=None, ndmin=2)
+            return np.loadtxt(io.StringIO(body), delimiter=",", usecols=indices, comments=None, ndmin=2)
     except ValueError as error:
-        raise _damaged(file, _first_text(lines, held), "holds a cell that is no number") from error
+        raise _damaged(file, _first_text(lines, indices), "holds a cell that is no number") from error
 
 
-def _first_text(lines: Sequence[str], held: Sequence[int]) -> int:
+def _first_text(lines: Sequence[str], indices: Sequence[int]) -> int:
     """Number of the first line with a wanted cell that is no number: slow, and only looked for when there is one."""
     for number, line in enumerate(lines, start=2):
         cells = line.split(",")
         try:
-            for column in held:
+            for column in indices:
                 float(cells[column])
         except ValueError:
             return number

@@ -74,7 +74,7 @@ def _firmware(info: Mapping[str, str | int]) -> str:
 _SAMPLED = ("timestamp_sample", "timestamp")
 _PUBLISHED = ("timestamp",)
 _LARGEST_STAMP_DELAY_US = 100_000
-_MOSTLY_SOUND = 0.9
+_MOSTLY_VALID = 0.9
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -259,10 +259,10 @@ def _topics(
     for rule in ALL_RULES:
         samples = _named(rule, arrays)
         fields = _present(rule, samples)
-        held = {channel.name for topic in topics for channel in topic.channels}
+        logged = {channel.name for topic in topics for channel in topic.channels}
         own = {channel.name for topic in topics if topic.name == rule.topic for channel in topic.channels}
         # A second name of the same fields, or a raw sensor next to its calibrated form.
-        if not fields or own & set(rule.channels) or (rule.last_resort and held & set(rule.channels)):
+        if not fields or own & set(rule.channels) or (rule.last_resort and logged & set(rule.channels)):
             continue
         if rule.last_resort and parameters.get("SENS_BOARD_ROT", 0.0) != 0.0:
             findings.append(_rotated(rule.topic, parameters["SENS_BOARD_ROT"]))
@@ -322,24 +322,24 @@ def _topic(rule: Rule, fields: Sequence[str], arrays: Mapping[str, AnyArray]) ->
 def _stamps(rule: Rule, arrays: Mapping[str, AnyArray]) -> FloatArray:
     """Seconds on the log's own clock, by the best clock that can be right."""
     published = arrays[f"{rule.topic}/timestamp"]
-    chosen, sound = published, np.ones(published.size, dtype=np.bool_)
+    chosen, valid = published, np.ones(published.size, dtype=np.bool_)
     for clock in rule.clocks:
         stamps = arrays.get(f"{rule.topic}/{clock}", published)
         # Unsigned stamps wrap when they are subtracted, so that a sample "after" its publication is huge as well.
         near = published - stamps <= _LARGEST_STAMP_DELAY_US
         # One damaged stamp is left out; it does not move those of all other samples to another clock.
-        if np.count_nonzero(near) > _MOSTLY_SOUND * near.size:
-            chosen, sound = stamps, near
+        if np.count_nonzero(near) > _MOSTLY_VALID * near.size:
+            chosen, valid = stamps, near
             break
     # Microseconds since boot stay exact in double precision for two centuries.
     seconds: FloatArray = chosen.astype(np.float64) * 1e-6
-    seconds[~sound] = np.nan
+    seconds[~valid] = np.nan
     return seconds
 
 
 def _instruments(topics: Sequence[Topic]) -> dict[str, tuple[str, ...]]:
-    held = {channel.name for topic in topics for channel in topic.channels}
-    present = {axis: tuple(name for name in names if name in held) for axis, names in _INSTRUMENTS.items()}
+    logged = {channel.name for topic in topics for channel in topic.channels}
+    present = {axis: tuple(name for name in names if name in logged) for axis, names in _INSTRUMENTS.items()}
     return {axis: names for axis, names in present.items() if names}
 
 
@@ -430,9 +430,9 @@ def _dropouts(dropouts: Sequence[tuple[float, float]], parameters: Mapping[str, 
 
 
 def _missing(topics: Sequence[Topic], remedy: str) -> Iterator[Finding]:
-    held = {channel.name for topic in topics for channel in topic.channels}
+    logged = {channel.name for topic in topics for channel in topic.channels}
     for name, meaning in _NEEDED.items():
-        if name not in held:
+        if name not in logged:
             yield warn("missing_channel", name, f"The log does not hold {meaning}. {remedy}")
 
 

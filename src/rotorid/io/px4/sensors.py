@@ -89,10 +89,10 @@ def _fifo(topic: str, names: Sequence[str], unit: str, arrays: Mapping[str, AnyA
     count = np.clip(arrays[f"{topic}/samples"].astype(np.int64), 0, _SAMPLES)
     place = np.arange(_SAMPLES)
     # Shape (messages, 32): the last of a message's samples is the one of its stamp.
-    held = (place < count[:, None]) & np.isfinite(step_s * scale)[:, None]
-    time_s = (stamp_s[:, None] - (count[:, None] - 1 - place) * step_s[:, None])[held]
+    filled = (place < count[:, None]) & np.isfinite(step_s * scale)[:, None]
+    time_s = (stamp_s[:, None] - (count[:, None] - 1 - place) * step_s[:, None])[filled]
     values = [
-        (np.stack([arrays[f"{topic}/{axis}[{index}]"] for index in range(_SAMPLES)], axis=1) * scale[:, None])[held]
+        (np.stack([arrays[f"{topic}/{axis}[{index}]"] for index in range(_SAMPLES)], axis=1) * scale[:, None])[filled]
         for axis in "xyz"
     ]
     if time_s.size < 2:

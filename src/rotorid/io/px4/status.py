@@ -67,7 +67,7 @@ def status_of(arrays: Mapping[str, AnyArray], parameters: Mapping[str, float], s
     """
     vehicle, named_in = _vehicle(arrays, parameters)
     armed, armed_in = _armed(arrays, span_s[1])
-    landed = _held(arrays, "vehicle_land_detected/landed")
+    landed = _field_samples(arrays, "vehicle_land_detected/landed")
     in_air = None
     if landed is not None and armed is not None:
         time_s, down = landed
@@ -88,7 +88,7 @@ def status_of(arrays: Mapping[str, AnyArray], parameters: Mapping[str, float], s
     )
 
 
-def _held(arrays: Mapping[str, AnyArray], field: str) -> tuple[FloatArray, AnyArray] | None:
+def _field_samples(arrays: Mapping[str, AnyArray], field: str) -> tuple[FloatArray, AnyArray] | None:
     """Stamps in seconds and values of a field, where it is there."""
     topic = field.partition("/")[0]
     values, stamps = arrays.get(field), arrays.get(f"{topic}/timestamp")
@@ -99,16 +99,16 @@ def _held(arrays: Mapping[str, AnyArray], field: str) -> tuple[FloatArray, AnyAr
 
 def _armed(arrays: Mapping[str, AnyArray], until_s: float) -> tuple[Intervals | None, str]:
     for field, value in (("vehicle_status/arming_state", _ARMED), ("actuator_armed/armed", 1)):
-        held = _held(arrays, field)
-        if held is not None:
-            return intervals_of(held[0], held[1] == value, until_s=until_s), field.partition("/")[0]
+        samples = _field_samples(arrays, field)
+        if samples is not None:
+            return intervals_of(samples[0], samples[1] == value, until_s=until_s), field.partition("/")[0]
     return None, ""
 
 
 def _acro(arrays: Mapping[str, AnyArray], until_s: float) -> Intervals:
     """Where the sticks were set-points of rates."""
-    held = _held(arrays, "vehicle_status/nav_state")
-    return () if held is None else intervals_of(held[0], held[1] == _ACRO, until_s=until_s)
+    samples = _field_samples(arrays, "vehicle_status/nav_state")
+    return () if samples is None else intervals_of(samples[0], samples[1] == _ACRO, until_s=until_s)
 
 
 _MODES: Mapping[int, str] = MappingProxyType(
@@ -136,8 +136,8 @@ _MODES: Mapping[int, str] = MappingProxyType(
 
 
 def _modes(arrays: Mapping[str, AnyArray], until_s: float) -> tuple[tuple[str, float, float], ...]:
-    held = _held(arrays, "vehicle_status/nav_state")
-    return () if held is None else stays_of(*held, _MODES, until_s=until_s)
+    samples = _field_samples(arrays, "vehicle_status/nav_state")
+    return () if samples is None else stays_of(*samples, _MODES, until_s=until_s)
 
 
 def _vehicle(arrays: Mapping[str, AnyArray], parameters: Mapping[str, float]) -> tuple[Vehicle, str]:

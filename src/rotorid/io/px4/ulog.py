@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 
 from rotorid.errors import LogError
-from rotorid.io.files import Place, file_bytes, gather, let_go, tell_progress
+from rotorid.io.files import Place, file_bytes, gather, let_go, log_progress
 from rotorid.io.parameters import changed_in
 from rotorid.typing import AnyArray, IntArray
 
@@ -80,10 +80,10 @@ class Samples(Mapping[str, AnyArray]):
             return self._waiting[name]
         self._waiting.clear()
         stream, place = self.fields[name]
-        beside = {other: at for other, (of, at) in self.fields.items() if of is stream}
-        if sum(dtype.itemsize for _, dtype in beside.values()) * stream.positions.size > _WAITING_BYTES:
+        siblings = {other: at for other, (of, at) in self.fields.items() if of is stream}
+        if sum(dtype.itemsize for _, dtype in siblings.values()) * stream.positions.size > _WAITING_BYTES:
             return gather(self.data, stream.positions, [place])[0]
-        self._waiting.update(zip(beside, gather(self.data, stream.positions, list(beside.values())), strict=True))
+        self._waiting.update(zip(siblings, gather(self.data, stream.positions, list(siblings.values())), strict=True))
         return self._waiting[name]
 
     def __contains__(self, name: object) -> bool:
@@ -282,7 +282,7 @@ _LEVELS = tuple(bytes([digit]) for digit in b"01234567")
 _TEXT_STARTS = {ord("L"): 9, ord("C"): 11}
 _CHAIN = 3
 _FIRST_BLOCK, _LARGEST_BLOCK = 1 << 14, 1 << 22
-_TOLD_BLOCK = 1 << 25
+_PROGRESS_BLOCK = 1 << 25
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -513,10 +513,10 @@ class _Walker:
         self.collect()
         begin, end = position, min(position + self.block_bytes, stop - _HEADER.size + 1)
         self.block_bytes = min(2 * self.block_bytes, _LARGEST_BLOCK)
-        if begin >= self.told + _TOLD_BLOCK:
+        if begin >= self.told + _PROGRESS_BLOCK:
             self.told = begin
             let_go(self.data)
-            tell_progress(begin, self.data.size)
+            log_progress(begin, self.data.size)
         # The type letter is the third byte of a header.
         starts = np.flatnonzero(self.data[begin + 2 : end + 2] == _DATA) + begin
         size, identity = _u16(self.data, starts), _u16(self.data, starts + MESSAGE_HEADER_BYTES)

@@ -272,10 +272,10 @@ def _stamps(flight: SimulatedFlight, start_s: float) -> IntArray:
 
 def _logged(flight: SimulatedFlight, layout: Layout, stamps: IntArray, rate_hz: float | None) -> Iterator[LoggedTopic]:
     """The topic, when the flight has channels of it."""
-    held = flight.raw if layout.raw else flight.columns
+    logged = flight.raw if layout.raw else flight.columns
     dtype = message_dtype(layout.fields)
     own = [rule for rule in ALL_RULES if rule.topic == layout.topic and _fits(rule, dtype)]
-    rules = [rule for rule in own if _is_held(rule, held)]
+    rules = [rule for rule in own if _is_logged(rule, logged)]
     if not rules:
         return
     if rules[0].named:
@@ -289,9 +289,9 @@ def _logged(flight: SimulatedFlight, layout: Layout, stamps: IntArray, rate_hz: 
         field, name = rules[0].named
         samples[field] = name.encode()
     for flag, channel in layout.flags.items():
-        samples[flag] = channel in held
+        samples[flag] = channel in logged
     for rule in (*rules, *([_THRUST] if _fits(_THRUST, dtype) else [])):
-        for field, values in _values(rule, _picked(rule, held, turns, flight)):
+        for field, values in _values(rule, _picked(rule, logged, turns, flight)):
             _column(samples, field)[:] = values
     yield LoggedTopic(name=layout.topic, layout=layout.fields, samples=samples)
 
@@ -300,8 +300,8 @@ def _fits(rule: Rule, dtype: np.dtype[np.void]) -> bool:
     return all(field.partition("[")[0] in (dtype.names or ()) for field in rule.fields)
 
 
-def _is_held(rule: Rule, held: Mapping[str, FloatArray]) -> bool:
-    present = [name in held for name in rule.channels]
+def _is_logged(rule: Rule, channels: Mapping[str, FloatArray]) -> bool:
+    present = [name in channels for name in rule.channels]
     return all(present) if _is_attitude(rule) else any(present)
 
 
@@ -338,21 +338,24 @@ def _column(samples: AnyArray, field: str) -> AnyArray:
 
 
 def _picked(
-    rule: Rule, held: Mapping[str, FloatArray], turns: IntArray, flight: SimulatedFlight
+    rule: Rule, channels: Mapping[str, FloatArray], turns: IntArray, flight: SimulatedFlight
 ) -> dict[str, FloatArray]:
     """Channels of a rule that the flight has, at the turns that are logged; a number that is none is refused."""
     picked: dict[str, FloatArray] = {}
     for name in rule.channels:
-        if name in held:
-            wrong = np.flatnonzero(~(np.abs(held[name]) <= _LARGEST))
+        if name in channels:
+            wrong = np.flatnonzero(~(np.abs(channels[name]) <= _LARGEST))
             if wrong.size:
                 first = wrong[0]
                 raise UsageError(
-                    f"{name} of the flight of {flight.vehicle} is {held[name][first]:g} at {flight.time_s[first]:g} s",
+                    (
+                        f"{name} of the flight of {flight.vehicle} is "
+                        f"{channels[name][first]:g} at {flight.time_s[first]:g} s"
+                    ),
                     needed="numbers that single precision can hold",
                     remedy="look at what diverged in the simulation",
                 )
-            picked[name] = held[name][turns]
+            picked[name] = channels[name][turns]
     return picked
 
 

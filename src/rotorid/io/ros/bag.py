@@ -80,9 +80,9 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None, *, s
             needed="a topic of sensor_msgs/Imu, nav_msgs/Odometry, px4_msgs or the like, with its definition",
             remedy="name the channels of other topics with a mapping: --map FILE.toml",
         )
-    held = {channel.name for topic in topics for channel in topic.channels}
+    logged = {channel.name for topic in topics for channel in topic.channels}
     axes = ("roll", "pitch", "yaw", "thrust")
-    present = {axis: tuple(f"{axis}_{kind}" for kind in _INSTRUMENTS if f"{axis}_{kind}" in held) for axis in axes}
+    present = {axis: tuple(f"{axis}_{kind}" for kind in _INSTRUMENTS if f"{axis}_{kind}" in logged) for axis in axes}
     return FlightRecord(
         source=source,
         topics=topics,
@@ -313,14 +313,16 @@ def _topics_of(extract: Extract) -> Iterator[Topic]:
     extract
         What the parser found.
     """
-    held: set[str] = set()
+    known_names: set[str] = set()
     for rule, topic in _matches(extract.facts["topics"]):
         arrays = _of_topic(topic, extract.arrays)
-        if rule.last_resort and held & set(rule.channels):
+        if rule.last_resort and known_names & set(rule.channels):
             continue
         found = _topic(rule, topic, arrays, extract.facts["topics"][topic]["frames"])
-        if found is not None and not _second_name(found, topic, held):
-            held |= {f"{topic}/{channel.name}" for channel in found.channels} | {item.name for item in found.channels}
+        if found is not None and not _second_name(found, topic, known_names):
+            known_names |= {f"{topic}/{channel.name}" for channel in found.channels} | {
+                item.name for item in found.channels
+            }
             yield found
     for topic, about in extract.facts["topics"].items():
         name = topic.rpartition("/")[2]
@@ -334,11 +336,11 @@ def _stamps_of(topic: str, arrays: Mapping[str, AnyArray], clocks: tuple[str, ..
 
     A stamp counts when it moves: a header that nobody filled in stays at zero.
     """
-    held = _of_topic(topic, arrays)
+    of_topic = _of_topic(topic, arrays)
     for path, factor in (*((clock, _MICROSECOND) for clock in clocks), (STAMP, 1.0)):
-        if path in held and _stamps_rise(held[path]):
-            return np.asarray(held[path] * factor, dtype=np.float64), path
-    return np.asarray(held[RECEIVED], dtype=np.float64), RECEIVED
+        if path in of_topic and _stamps_rise(of_topic[path]):
+            return np.asarray(of_topic[path] * factor, dtype=np.float64), path
+    return np.asarray(of_topic[RECEIVED], dtype=np.float64), RECEIVED
 
 
 def _stamps_rise(stamps: AnyArray) -> bool:
@@ -362,9 +364,9 @@ def _matches(topics: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[Rule, st
     yield from sorted(found, key=lambda match: order[match[0].kind, match[0].fields, match[0].topic])
 
 
-def _second_name(found: Topic, topic: str, held: set[str]) -> bool:
+def _second_name(found: Topic, topic: str, known_names: set[str]) -> bool:
     """Whether the same topic gave these channels already, under the names of another firmware."""
-    return any(f"{topic}/{channel.name}" in held for channel in found.channels)
+    return any(f"{topic}/{channel.name}" in known_names for channel in found.channels)
 
 
 def _topic(rule: Rule, topic: str, arrays: Mapping[str, AnyArray], frames: tuple[str, str]) -> Topic | None:
@@ -551,10 +553,12 @@ def _clocks(topics: Sequence[Topic], arrays: Mapping[str, AnyArray]) -> Iterator
         )
 
 
-def _without_meaning(topics: Sequence[Topic], held: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
+def _without_meaning(topics: Sequence[Topic], by_topic: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
     used = {topic.name for topic in topics}
     others = [
-        f"{topic} ({about['kind']})" for topic, about in held.items() if topic not in used and not about["unreadable"]
+        f"{topic} ({about['kind']})"
+        for topic, about in by_topic.items()
+        if topic not in used and not about["unreadable"]
     ]
     if others:
         more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""

@@ -257,8 +257,8 @@ def _begin(column: _Column, message: Any) -> None:
     column.fields = tuple(getattr(message, "__dataclass_fields__", ()))
     header = getattr(message, "header", None)
     column.frames = (str(getattr(header, "frame_id", ""))[:100], str(getattr(message, "child_frame_id", ""))[:100])
-    held = (path for path in dict.fromkeys((STAMP, *column.paths)) if value_at(message, path) is not None)
-    column.values = {path: [] for path in held} or {"": []}
+    present = (path for path in dict.fromkeys((STAMP, *column.paths)) if value_at(message, path) is not None)
+    column.values = {path: [] for path in present} or {"": []}
 
 
 def value_at(message: Any, path: str) -> Any:

@@ -13,7 +13,7 @@ import numpy as np
 from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, Source
 from rotorid.errors import LogError, UsageError
-from rotorid.io.files import tell_progress, write_atomically
+from rotorid.io.files import log_progress, write_atomically
 from rotorid.io.tables.mapped import HEADER_RULE, assemble, of_columns, sources_of
 from rotorid.io.tables.mapping import ChannelMapping, nearest
 from rotorid.typing import FloatArray
@@ -135,11 +135,11 @@ def _header(path: Path, file: str) -> tuple[list[str], str, int]:
 
 
 def _refuse_twins(cells: Sequence[str], file: str) -> None:
-    seen: set[str] = set()
+    earlier: set[str] = set()
     for cell in cells:
-        if cell and cell in seen:
+        if cell and cell in earlier:
             raise LogError(f"{file} has two columns {cell!r}", needed="each name once", remedy="rename one of them")
-        seen.add(cell)
+        earlier.add(cell)
 
 
 def _require_few(cells: Sequence[str], file: str) -> None:
@@ -218,7 +218,7 @@ def _large_table(
         for _ in range(first_line - 1):
             stream.readline()
         while text := stream.read(_PIECE_BYTES):
-            tell_progress(stream.tell(), size)
+            log_progress(stream.tell(), size)
             text += stream.readline()
             text += b"" if text.endswith(b"\n") else b"\n"
             lines = text.count(b"\n")

@@ -19,7 +19,7 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver,
 from rotorid.errors import LogError, UsageError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.tables.mapping import ChannelMapping, Clock, MappedAttitude, MappedChannel, Segment, Series, nearest
-from rotorid.io.tables.steps import processed, told
+from rotorid.io.tables.steps import describe_steps, processed
 from rotorid.typing import AnyArray, FloatArray
 from rotorid.units import parse_unit
 
@@ -137,7 +137,7 @@ def _topic(
     arrays: Mapping[str, FloatArray],
     file: str,
 ) -> Topic:
-    meta = [Channel(name=channel.name, unit=channel.si, source=told(channel.samples)) for channel in channels]
+    meta = [Channel(name=channel.name, unit=channel.si, source=describe_steps(channel.samples)) for channel in channels]
     angles: list[FloatArray] = []
     if mapping.attitude is not None and mapping.attitude.time == time:
         meta += [Channel(name=name, unit="rad", source=mapping.attitude.parts[0].source) for name in ATTITUDE]
@@ -329,9 +329,9 @@ def by_variables(names: Collection[str], file: str) -> ChannelMapping:
         if name.startswith(prefix) and (label := name.removeprefix(prefix)) in STANDARD_UNITS
     )
     if len(clocks) != 1 or not channels:
-        held = ", ".join(list(names)[:20]) or "no numbers at all"
+        available = ", ".join(list(names)[:20]) or "no numbers at all"
         raise LogError(
-            f"{file} holds {held}",
+            f"{file} holds {available}",
             needed="one variable `time` (s) and variables with names such as pitch_command, q, az",
             remedy="name its variables with a mapping: --map FILE.toml",
         )
@@ -396,7 +396,7 @@ def by_header(header: Sequence[str], file: str) -> tuple[ChannelMapping, tuple[F
     for cell, (name, unit) in zip(header[1:], names[1:], strict=True):
         if name in STANDARD_UNITS:
             _check_unit(name, unit, cell, file)
-            if twin := next((one.samples.source for one in channels if one.name == name), None):
+            if twin := next((channel.samples.source for channel in channels if channel.name == name), None):
                 raise LogError(
                     f"{file} has two columns for {name}, {twin!r} and {cell!r}",
                     needed="each channel once",

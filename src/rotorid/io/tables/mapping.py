@@ -325,8 +325,8 @@ def _channels(
         attitude = quaternion or attitude
     if not channels and attitude is None:
         raise UsageError(f"{where} names no channel", needed="a table [channels.NAME]", remedy="add one per channel")
-    held = [channel.name for channel in channels] + (["phi", "theta", "psi"] if attitude else [])
-    twins = sorted({name for name in held if held.count(name) > 1})
+    channel_names = [channel.name for channel in channels] + (["phi", "theta", "psi"] if attitude else [])
+    twins = sorted({name for name in channel_names if channel_names.count(name) > 1})
     if twins:
         raise UsageError(
             f"{where} names {', '.join(twins)} twice",
@@ -396,20 +396,22 @@ def _experiments(document: Mapping[str, Any], where: str) -> Experiments | None:
     return Experiments(names=names(values, "names", None, where), spacing_s=spacing_s)
 
 
-def _segments(document: Mapping[str, Any], held: set[str], where: str) -> tuple[Segment, ...]:
+def _segments(document: Mapping[str, Any], channel_names: set[str], where: str) -> tuple[Segment, ...]:
     where = f"{where}: [segments]"
     values = table(document.get("segments", {}), where)
     only_keys(values, ("use",), where)
     items = values.get("use", [])
     if not isinstance(items, list):
         raise UsageError(f"{where} `use` is {items!r}", needed="a list of tables", remedy="add brackets")
-    return tuple(_segment(item, held, f"{where} use, number {place}") for place, item in enumerate(items, start=1))
+    return tuple(
+        _segment(item, channel_names, f"{where} use, number {place}") for place, item in enumerate(items, start=1)
+    )
 
 
-def _segment(value: object, held: set[str], where: str) -> Segment:
+def _segment(value: object, channel_names: set[str], where: str) -> Segment:
     values = table(value, where)
     only_keys(values, _SEGMENT_KEYS, where)
-    excited = {axis for axis in AXES if f"{axis}_command" in held or f"{axis}_excitation" in held}
+    excited = {axis for axis in AXES if f"{axis}_command" in channel_names or f"{axis}_excitation" in channel_names}
     axis = values.get("axis", next(iter(excited)) if len(excited) == 1 else None)
     if axis not in AXES:
         raise UsageError(
@@ -423,7 +425,7 @@ def _segment(value: object, held: set[str], where: str) -> Segment:
     whole = Segment(
         axis=cast("Axis", axis),
         kind=kind,
-        signal=_signal(values, str(axis), held, where),
+        signal=_signal(values, str(axis), channel_names, where),
         band_rad_s=band(values, "band_rad_s", where),
     )
     if (*by_time, *by_sample) == (None,) * 4:
@@ -438,11 +440,11 @@ def _segment(value: object, held: set[str], where: str) -> Segment:
     return replace(whole, start_s=by_time[0], stop_s=by_time[1], start_sample=by_sample[0], stop_sample=by_sample[1])
 
 
-def _signal(values: Mapping[str, Any], axis: str, held: set[str], where: str) -> str:
+def _signal(values: Mapping[str, Any], axis: str, channel_names: set[str], where: str) -> str:
     """The channel in which a segment shows: the one that is named, else the injected signal or the command."""
     if "signal" in values:
-        return choice(values, "signal", sorted(held), "", where)
-    return next((name for kind in ("excitation", "command") if (name := f"{axis}_{kind}") in held), "")
+        return choice(values, "signal", sorted(channel_names), "", where)
+    return next((name for kind in ("excitation", "command") if (name := f"{axis}_{kind}") in channel_names), "")
 
 
 BODY_VECTORS: Mapping[str, tuple[str, ...]] = MappingProxyType(

@@ -21,7 +21,7 @@ _SETTLING = 3.0
 """Periods of the cutoff that a record has to last."""
 
 
-def told(series: Series) -> str:
+def describe_steps(series: Series) -> str:
     """Where the samples stand in the file, and what was done to them.
 
     Examples

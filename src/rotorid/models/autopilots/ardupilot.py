@@ -78,7 +78,7 @@ def read(
         late_angle=True,
     )
     used = [f"FILT{int(value(name))}" for name, notch in notches.items() if notch]
-    own = [f"{one}_{name}" for one in used for name in ("TYPE", "NOTCH_FREQ", "NOTCH_Q", "NOTCH_ATT")]
+    own = [f"{item}_{name}" for item in used for name in ("TYPE", "NOTCH_FREQ", "NOTCH_Q", "NOTCH_ATT")]
     return AxisController(
         autopilot=NAME,
         firmware=firmware,

@@ -196,7 +196,7 @@ def _derivative_filters(
         code = int(_first(parameters, kinds))
         if cutoff_hz >= _SLOWEST_HZ and code in _KINDS and (code < 2 or version >= NAMED_BY_NUMBER):
             found.append(LoopFilter(kind=_KINDS[code], frequency_hz=cutoff_hz))
-    return tuple(one for one in found if one is not None)
+    return tuple(loop_filter for loop_filter in found if loop_filter is not None)
 
 
 def _moving_cutoff_hz(parameters: Mapping[str, float], version: Version, throttle: float) -> float:

@@ -51,7 +51,7 @@ _HEADER: Mapping[str, str] = MappingProxyType(
     }
 )
 
-MOVING_GYRO = tuple(f"gyro_{one}_dyn_hz_{k}" for one in ("lpf1", "lowpass") for k in range(2))
+MOVING_GYRO = tuple(f"gyro_{prefix}_dyn_hz_{k}" for prefix in ("lpf1", "lowpass") for k in range(2))
 """A low-pass of the gyro whose cutoff follows the throttle, in a header."""
 
 

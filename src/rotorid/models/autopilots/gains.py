@@ -160,9 +160,9 @@ def parameters_of(controller: AxisController) -> dict[str, Parameter]:
     moving = ("D",) if controller.ends else ()
     # One of which TPA left nothing did nothing in this flight: there is nothing to judge it by.
     return {
-        letter: one
-        for letter, one in found.items()
-        if one.name in gains and letter not in moving and controller.left.get(letter, 1.0) > _LEAST_LEFT
+        letter: parameter
+        for letter, parameter in found.items()
+        if parameter.name in gains and letter not in moving and controller.left.get(letter, 1.0) > _LEAST_LEFT
     }
 
 

@@ -78,8 +78,8 @@ def _found(record: FlightRecord, name: str, source: str, *remarks: Finding) -> R
 
 
 def _motors(record: FlightRecord) -> int:
-    held = set(record.channel_names)
-    return sum(f"motor_{number}" in held for number in range(1, MOTORS + 1))
+    channels = set(record.channel_names)
+    return sum(f"motor_{number}" in channels for number in range(1, MOTORS + 1))
 
 
 def _remark(where: str, message: str, **numbers: float) -> Finding:
@@ -90,21 +90,21 @@ def _ardupilot(record: FlightRecord) -> RotorLayout:
     parameters = record.parameters
     kind = whole(parameters, "FRAME_TYPE" if "FRAME_TYPE" in parameters else "FRAME", -1)
     frame = whole(parameters, "FRAME_CLASS")
-    said = f"FRAME_CLASS = {frame}, FRAME_TYPE = {kind}"
+    frame_words = f"FRAME_CLASS = {frame}, FRAME_TYPE = {kind}"
     if frame <= 0:
         frame = _OLD_CLASSES.get(_motors(record), 0)
         frame = _Y6_CLASS if frame == 2 and kind == _OLD_Y6 else frame
-        said = f"FRAME = {kind} with {_motors(record)} motors"
+        frame_words = f"FRAME = {kind} with {_motors(record)} motors"
     if frame == _Y6_CLASS and kind not in _Y6_TYPES:
         kind = 0
     name = named_by("ardupilot", [frame, kind])
     if name is None:
-        raise _unknown(record, f"{said} is no frame of the library")
+        raise _unknown(record, f"{frame_words} is no frame of the library")
     message = (
-        f"{said}: {name}. ArduPilot normalizes roll and pitch each for itself, so that a frame that is longer "
+        f"{frame_words}: {name}. ArduPilot normalizes roll and pitch each for itself, so that a frame that is longer "
         "than wide logs the same; describe the rotors where that matters."
     )
-    return _found(record, name, said, _remark("FRAME_TYPE", message))
+    return _found(record, name, frame_words, _remark("FRAME_TYPE", message))
 
 
 def _px4(record: FlightRecord) -> RotorLayout:

@@ -89,7 +89,7 @@ def read(
         firmware=firmware,
         axis=axis,
         controller=controller,
-        gains=present(parameters, (*(one.format(name) for one in _GAINS), *limit)),
+        gains=present(parameters, (*(gain.format(name) for gain in _GAINS), *limit)),
         filters=present(parameters, (cutoff, f"MC_{name}_TQ_CUTOFF")),
         notes=tuple(_notes(parameters)),
     )

@@ -72,10 +72,10 @@ def axis_controller(
     damaged = [name for name, value in parameters.items() if not math.isfinite(value)]
     try:
         # Of a controller that hangs on a number that is none, nothing is known.
-        one, other = (read({**parameters, **dict.fromkeys(damaged, value)}) for value in (1.0, 2.0))
-        if one is None or other is None or one.controller != other.controller:
+        controller, other = (read({**parameters, **dict.fromkeys(damaged, value)}) for value in (1.0, 2.0))
+        if controller is None or other is None or controller.controller != other.controller:
             return None
-        return one if np.isfinite(one.controller.response(_ANY_RAD_S)).all() else None
+        return controller if np.isfinite(controller.controller.response(_ANY_RAD_S)).all() else None
     except (UsageError, ArithmeticError):
         # Numbers with which no program could run: damage.
         return None

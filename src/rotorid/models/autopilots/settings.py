@@ -86,8 +86,8 @@ def described(controllers: Sequence[AxisController]) -> dict[str, Any]:
         "autopilot": first.autopilot,
         "firmware": first.firmware,
         "loop_rate_hz": first.loop_rate_hz,
-        "gains": {name: value for one in controllers for name, value in one.gains.items()},
-        "filters": {name: value for one in controllers for name, value in one.filters.items()},
+        "gains": {name: value for controller in controllers for name, value in controller.gains.items()},
+        "filters": {name: value for controller in controllers for name, value in controller.filters.items()},
     }
 
 

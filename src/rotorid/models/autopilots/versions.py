@@ -48,9 +48,9 @@ class _Generations(NamedTuple):
 
 def _betaflight_shown(firmware: str, names: Iterable[str]) -> str:
     """The filters of the derivative have other names since 4.3."""
-    version, held = version_of(firmware), set(names)
-    new = any(name.startswith("dterm_lpf1") for name in held)
-    old = any(name.startswith("dterm_lowpass") for name in held)
+    version, known = version_of(firmware), set(names)
+    new = any(name.startswith("dterm_lpf1") for name in known)
+    old = any(name.startswith("dterm_lowpass") for name in known)
     if new != old and version is not None and new != (version >= NAMED_BY_NUMBER):
         return "Betaflight 4.3 or newer" if new else "Betaflight 4.2 or older"
     return firmware
@@ -91,7 +91,7 @@ def firmware_candidates(
     >>> firmware_candidates(parameters, firmware="PX4 1.8.0 (beta)", names=["actuator_motors.control"])
     ('PX4 1.13 or newer', 'PX4 1.8.0 (beta)')
     """
-    own = next((one for one in _ALL if one.sign in parameters), None)
+    own = next((generations for generations in _ALL if generations.sign in parameters), None)
     if own is None:
         return (firmware,)
     likeliest = own.shown(firmware, (*names, *parameters))

@@ -11,7 +11,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.delay import record as delay_record
 from rotorid.fitting.delay.estimate import AIRFRAME_ORDERS, LONGEST_S, _consistent, estimate_delay, input_hold
-from rotorid.fitting.delay.fit import LateLag, Order
+from rotorid.fitting.delay.fit import DelayedLag, Order
 from rotorid.fitting.delay.record import RecordFit, record_spectra
 from rotorid.typing import FloatArray
 
@@ -21,7 +21,7 @@ SECOND = (Order(0, 2),)
 @pytest.mark.parametrize("order", AIRFRAME_ORDERS, ids=lambda order: order.words)
 @pytest.mark.parametrize("hold", ["held", "smooth"])
 def test_slopes_of_the_model_are_those_of_small_steps(order: Order, hold: str) -> None:
-    model = LateLag(order=order, scale_rad_s=5.0, hold=hold, sample_s=0.02)  # type: ignore[arg-type]
+    model = DelayedLag(order=order, scale_rad_s=5.0, hold=hold, sample_s=0.02)  # type: ignore[arg-type]
     theta = np.random.default_rng(order.coefficients).uniform(0.5, 1.5, size=order.coefficients + 1)
     theta[-1] = 0.03
     omega = np.linspace(0.5, 60.0, 25)
@@ -36,7 +36,7 @@ def test_slopes_of_the_model_are_those_of_small_steps(order: Order, hold: str) -
 
 @pytest.mark.parametrize("order", AIRFRAME_ORDERS, ids=lambda order: order.words)
 def test_factors_have_the_poles_they_are_made_of(order: Order) -> None:
-    model = LateLag(order=order, scale_rad_s=5.0, hold="smooth", sample_s=0.02)
+    model = DelayedLag(order=order, scale_rad_s=5.0, hold="smooth", sample_s=0.02)
     poles = np.array([-3.0, -1.0 + 4.0j, -1.0 - 4.0j])[3 - order.poles :].astype(np.complex128)
     if order.poles == 1:
         poles = np.array([-3.0 + 0.0j])
@@ -51,7 +51,7 @@ def test_images_of_a_held_input_are_those_of_exact_sampling() -> None:
     omega = np.linspace(0.5, 0.5 * np.pi / sample_s, 30)
     above, below, _ = cont2discrete(([pole**2], [1.0, 2.0 * pole, pole**2]), sample_s, method="zoh")
     exact = freqz(np.ravel(above), below, worN=omega * sample_s)[1]
-    model = LateLag(order=Order(0, 2), scale_rad_s=1.0, hold="held", sample_s=sample_s)
+    model = DelayedLag(order=Order(0, 2), scale_rad_s=1.0, hold="held", sample_s=sample_s)
     found, _ = model.response(np.array([pole**2, 2.0 * pole, pole**2, 0.0]), omega)
     # An image at k times the sample rate stands against the response as (omega / (k omega_s))^3 at most, and its two
     # neighbors nearly cancel: at a quarter of the rate the first one that is left out adds (1/16)^3 of it and less.
@@ -80,7 +80,7 @@ def test_residuals_do_not_see_where_a_record_begins() -> None:
     whole = late_lag(3, 1.4, samples=900, noise=0.0)
     part = record_of(whole[INPUT][217:], whole[OUTPUT][217:])
     data = record_spectra([part], input=INPUT, output=OUTPUT, holds=["held"], delays_s=(-0.1, 0.3), highest_rad_s=40.0)
-    model = LateLag(order=Order(0, 2), scale_rad_s=9.0, hold="held", sample_s=1.0 / RATE_HZ)
+    model = DelayedLag(order=Order(0, 2), scale_rad_s=9.0, hold="held", sample_s=1.0 / RATE_HZ)
     theta = np.array([1.0, 2.0 * 0.8, 1.0, 1.4 / RATE_HZ])
     residual, _ = RecordFit(data=data, noise=data.white, model=model).residuals(theta)
     level = np.sqrt(2.0) * np.linalg.norm(data.parts[0].output)

@@ -10,7 +10,7 @@ import pytest
 from rotorid.data.record import MotorRecord
 from rotorid.errors import UsageError
 from rotorid.fitting.motors.fit import MotorFit, fit_motors
-from rotorid.fitting.motors.inertia import InertiaRegression, inertia_regressions, judge_both_ways
+from rotorid.fitting.motors.inertia import InertiaRegression, compare_regressions, inertia_regressions
 from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.motors import motor_parameters
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
@@ -65,7 +65,7 @@ def test_noise_of_the_outputs_is_seen() -> None:
     assert one.corrected[0] > 1.1 * TRUTH["I_xx"]
     assert one.corrected[1] == pytest.approx(TRUTH["I_xx"], abs=3.0 * one.deviations[1])
     assert not one.agrees
-    assert "both_ways_disagree" in {finding.kind for finding in judge_both_ways([one])}
+    assert "both_ways_disagree" in {finding.kind for finding in compare_regressions([one])}
 
 
 def test_an_injected_excitation_is_an_instrument(flown: MotorRecord, fit: MotorFit) -> None:
@@ -103,7 +103,7 @@ def test_findings_name_size_and_sense_of_the_bias() -> None:
         corrected=(0.01, 0.0101),
         deviations=(0.0001, 0.0002),
     )
-    (finding,) = judge_both_ways([one])
+    (finding,) = compare_regressions([one])
     assert (finding.kind, finding.severity, finding.where) == ("noisy_acceleration", "info", "I_xx")
     assert "I_xx 2 % too large from acceleration on torque and 12 % too small from torque" in finding.message
     assert finding.numbers["bias_reverse"] == pytest.approx(-0.12)
