@@ -210,8 +210,6 @@ def read_measures(text: str, unit: str, between: str, *, came: str = "", needed:
         Such as ``0.1:8Hz`` or ``10,5``.
     unit, came, needed
         As for :func:`read_measure`.
-    between
-        The sign.
 
     Raises
     ------

@@ -29,8 +29,6 @@ class Passage:
 
     Parameters
     ----------
-    filters
-        Those that are known.
     doubts
         Why these are not, or perhaps not, all; each the rest of a sentence.
     """

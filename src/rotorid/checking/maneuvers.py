@@ -65,8 +65,6 @@ def with_known_delays(
         The model as it was fitted.
     record
         The log it is judged on; its parameters tell the filters of both places.
-    outputs
-        Names of the outputs.
     fitted, judged
         Output to where it stands in the logs: those that were fitted, and this one.
     """
@@ -110,8 +108,6 @@ def with_known_filters(
         The model, its outputs as late as :func:`with_known_delays` made them.
     record
         The log it is judged on.
-    outputs
-        Names of the outputs.
     read
         Those that a controller reads.
     fitted, judged
@@ -204,8 +200,6 @@ def fly_maneuver(
         The airframe.
     history
         The maneuver with time around it: inputs, outputs and what drives the controllers.
-    maneuver
-        What was flown.
     controllers
         What is known of the controllers.
     inputs, outputs
@@ -272,12 +266,8 @@ def predict_maneuvers(
 
     Parameters
     ----------
-    candidate
-        The model.
     short
         Maneuvers of one log.
-    settings
-        Choices of the run.
     outputs
         Outputs of the model that the log has.
 

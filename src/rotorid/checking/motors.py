@@ -64,8 +64,6 @@ class MotorPredictor(Immutable):
     ----------
     parameters
         Their values count.
-    layout
-        The rotors.
     kind
         What the motors are known by: ``output``, ``thrust_demand`` or ``speed``.
     axes

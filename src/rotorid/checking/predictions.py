@@ -77,8 +77,6 @@ class Simulation:
     ----------
     record
         Name of the log.
-    maneuver
-        The interval.
     time_s
         Stamps, shape ``(samples,)``.
     inputs
@@ -132,10 +130,6 @@ class Predictor(Protocol):
 
         Parameters
         ----------
-        records
-            Logs.
-        settings
-            Choices of the run.
         fitted
             What the model was fitted to, where that is known, and what of the same logs was kept unseen.
 

@@ -41,12 +41,8 @@ class FittedResponses:
 
     Parameters
     ----------
-    fitted
-        The model.
     records
         What it was fitted to.
-    settings
-        Choices of the run.
     """
 
     fitted: TimeFit

@@ -41,8 +41,6 @@ def score_flights(
     ----------
     structure
         The model; its parameters have their values.
-    flights
-        Maneuvers.
     settings
         Whose hold and shifts count.
     horizon_s

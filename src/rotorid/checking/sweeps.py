@@ -55,14 +55,10 @@ def check_sweeps(
 
     Parameters
     ----------
-    structure, parameters
-        The model.
     sweeps
         What it has not seen.
     band_rad_s
         The fitted band.
-    settings
-        Choices of the run.
 
     Raises
     ------
@@ -192,12 +188,8 @@ def hold_out(structure: LinearStructure, flights: Sequence[Flight], settings: Id
 
     Parameters
     ----------
-    structure
-        What to fit.
     flights
         All maneuvers that the model of the result was fitted to.
-    settings
-        Choices of the run.
     """
     axes = [flight.axis for flight in flights]
     again = [index for index, axis in enumerate(axes) if axes.count(axis) > 1]

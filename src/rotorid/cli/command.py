@@ -40,8 +40,6 @@ def carry_out(
 
     Parameters
     ----------
-    logs
-        Files to read.
     output
         What the user wants to be written and said.
     folder

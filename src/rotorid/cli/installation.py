@@ -60,8 +60,6 @@ class Check:
 
     Parameters
     ----------
-    group, name
-        What was looked at.
     state
         ``missing`` is something that one can do without.
     said

@@ -96,10 +96,6 @@ class Output:
 
     Parameters
     ----------
-    out
-        Folder for the files.
-    json, quiet
-        Print the result as JSON; print nothing.
     force
         Overwrite what is not rotorid's.
     """
@@ -134,8 +130,6 @@ class ForPaper:
         Kind of file of every picture; ``None`` writes none.
     tables
         Kinds of file of every table.
-    pdf
-        Print the pages, too.
     """
 
     figures: Annotated[

@@ -57,8 +57,6 @@ def input_unit(axis: Axis, entry: Entry) -> str:
 
     Parameters
     ----------
-    axis
-        Where it acts.
     entry
         Where it is added.
 

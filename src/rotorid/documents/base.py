@@ -52,8 +52,6 @@ def checked(kind: type[Checked], table: Any) -> Checked:
 
     Parameters
     ----------
-    kind
-        The document.
     table
         As :func:`rotorid.io.documents.parse_json` returns it.
 

@@ -283,8 +283,6 @@ def design_document(
         Remarks on plans and files.
     autopilot
         Whose files were written.
-    command
-        Words of the command line.
     """
     provenance = Provenance(
         command=tuple(command),

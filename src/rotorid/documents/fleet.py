@@ -224,10 +224,6 @@ def fleet_document(
         What gave no answer.
     counts
         Of its logs.
-    settings
-        What was asked.
-    command
-        Words of the command line.
     """
     population: dict[str, dict[str, PopulationDocument]] = {}
     for (model, parameter), item in analysis.populations.items():

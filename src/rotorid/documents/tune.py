@@ -192,13 +192,7 @@ def _step(step: PathStep, flown: Judged, sweep_to_rad_s: float) -> PathStepDocum
 
 
 def end_of(tuning: AxisTuneDocument) -> str:
-    """Where in its range the D of the numbers of an axis is; empty for a D that does not move in flight.
-
-    Parameters
-    ----------
-    tuning
-        The axis.
-    """
+    """Where in its range the D of the numbers of an axis is; empty for a D that does not move in flight."""
     known = tuning.proposed.get("crossover_rad_s")
     each = {name: end.get("crossover_rad_s") for name, end in tuning.ends.items()}
     same = [name for name, end in each.items() if known and end and math.isclose(end.value, known.value)]

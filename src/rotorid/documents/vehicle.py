@@ -636,8 +636,6 @@ class NamedVehicle(Immutable):
 
     Parameters
     ----------
-    entry
-        What flies.
     changes
         Numbers of it that are to be otherwise, by the names of :func:`rotorid.simulation.multirotor_flight.changed`.
     own

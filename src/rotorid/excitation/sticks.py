@@ -31,8 +31,6 @@ def everyday_stick(*, level: float, duration_s: float, sample_rate_hz: float, rn
     ----------
     level
         Largest deflection; 1 is full stick.
-    duration_s
-        Its length.
     sample_rate_hz
         Rate at which it is given back, that of the autopilot.
     rng

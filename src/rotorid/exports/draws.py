@@ -40,14 +40,8 @@ def draws(
 
     Parameters
     ----------
-    models
-        The results.
-    count
-        How many draws.
     make
         What is made of each; an error of its says that this draw is none.
-    rng
-        Draws.
 
     Raises
     ------

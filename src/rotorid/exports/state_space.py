@@ -49,8 +49,6 @@ class NamedModel(Immutable):
     ----------
     name
         Of a variable.
-    model
-        What was identified.
     plant
         Without delays, continuous.
     exported

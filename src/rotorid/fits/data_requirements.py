@@ -32,8 +32,6 @@ def require_support(
 
     Parameters
     ----------
-    measured
-        The responses.
     used
         Points that can be trusted, shape ``(y, u, f)``.
     least_coherence

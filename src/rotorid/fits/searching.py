@@ -192,12 +192,8 @@ def refuse_search(settings: IdentifySettings, what: str, needed: str) -> None:
 
     Parameters
     ----------
-    settings
-        Choices of the run.
     what
         Where it came, for the message.
-    needed
-        What has a search.
 
     Raises
     ------
@@ -294,8 +290,6 @@ def judge_minima(found: Searched | None, parameters: ParameterSet, bounds: Bound
 
     Parameters
     ----------
-    found
-        The search.
     parameters
         The identified values.
     bounds

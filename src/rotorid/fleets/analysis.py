@@ -67,8 +67,6 @@ class History(Immutable):
 
     Parameters
     ----------
-    vehicle, model, parameter, unit
-        Of what.
     rows
         In the order of the flights.
     level
@@ -131,8 +129,6 @@ class OtherGains(Immutable):
 
     Parameters
     ----------
-    vehicle, log
-        Whose.
     at_flight
         Number of its first flight, from 1.
     gains

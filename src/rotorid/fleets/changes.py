@@ -277,8 +277,6 @@ def steps(values: AnyArray, stds: AnyArray, spread: Spread, *, unit: str) -> tup
     ----------
     values, stds, spread
         As for :func:`first_step`.
-    unit
-        Of the values.
 
     Examples
     --------

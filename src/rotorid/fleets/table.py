@@ -241,13 +241,7 @@ def settings_hash(asked: Mapping[str, Any]) -> str:
 
 @dataclass(eq=False)
 class Journal:
-    """Answers as they came, one a line; a run that is ended at any moment loses at most the last one.
-
-    Parameters
-    ----------
-    path
-        The file.
-    """
+    """Answers as they came, one a line; a run that is ended at any moment loses at most the last one."""
 
     path: Path
     answers: dict[tuple[str, str], LogAnswer] = field(default_factory=dict)

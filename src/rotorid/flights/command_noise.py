@@ -42,11 +42,6 @@ def command_density(record: FlightRecord, channel: str) -> FloatArray | None:
     """Rad/s and one-sided density of a channel over the whole log, shape ``(2, n)``: the median over windows of 1 s.
 
     ``None`` where the channel is not logged faster than twice :data:`LEAST_NOISE_HZ`, or only for a few windows.
-
-    Parameters
-    ----------
-    record, channel
-        The log, and one of its channels.
     """
     from scipy.signal import welch
 

@@ -91,8 +91,6 @@ class CommandRelation(Immutable):
 
         Parameters
         ----------
-        name
-            Of the signal.
         highest_rad_s
             Faster motion is left out.
         """
@@ -110,8 +108,6 @@ def command_relation(
 
     Parameters
     ----------
-    record
-        The log.
     axis
         ``roll``, ``pitch`` or ``yaw``.
     signals
@@ -171,13 +167,7 @@ def _flight(record: FlightRecord) -> tuple[float, float]:
 
 
 def injection_delay_s(record: FlightRecord) -> float:
-    """How much later than its stamp an excitation enters the command: one loop in ArduPilot's system identification.
-
-    Parameters
-    ----------
-    record
-        The log.
-    """
+    """How much later than its stamp an excitation enters the command: one loop in ArduPilot's system identification."""
     rate_hz = record.parameters.get("SCHED_LOOP_RATE", 0.0) if "SID_AXIS" in record.parameters else 0.0
     return 1.0 / rate_hz if rate_hz > 0.0 else 0.0
 

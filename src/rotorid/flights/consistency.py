@@ -187,8 +187,6 @@ def stretches(
 
     Parameters
     ----------
-    record
-        The log.
     maneuvers
         Of any axis; those below 20 s are too short.
     flight
@@ -222,8 +220,6 @@ def check_consistency(record: FlightRecord, where: Sequence[Stretch]) -> Consist
 
     Parameters
     ----------
-    record
-        The log.
     where
         See :func:`stretches`.
 

@@ -142,8 +142,6 @@ def check_controller(record: FlightRecord, axis: Axis) -> ControllerCheck:
 
     Parameters
     ----------
-    record
-        The log.
     axis
         ``roll``, ``pitch`` or ``yaw``.
     """
@@ -180,12 +178,8 @@ def check_given(
 
     Parameters
     ----------
-    record
-        The log.
     axis
         ``roll``, ``pitch`` or ``yaw``.
-    controller
-        Gains and filters.
     setpoint, driven
         Channel that drives it, and what that is.
     """
@@ -193,13 +187,7 @@ def check_given(
 
 
 def controller_findings(record: FlightRecord) -> tuple[Finding, ...]:
-    """What to say of the controllers of a log: its firmware, and gains that did not make the commands.
-
-    Parameters
-    ----------
-    record
-        The log.
-    """
+    """What to say of the controllers of a log: its firmware, and gains that did not make the commands."""
     wrong = [check for axis in RATE_OF if (check := check_controller(record, axis)).verdict == "not made"]
     return (
         *flown_firmware(record).findings,

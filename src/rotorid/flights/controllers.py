@@ -206,13 +206,7 @@ class LogControllers(Immutable):
 
 
 def controllers_of_result(known: ControllerSettings) -> LogControllers:
-    """The controllers of a log by what a result of it says.
-
-    Parameters
-    ----------
-    known
-        As the result has it.
-    """
+    """The controllers of a log by what a result of it says."""
     return LogControllers(
         origin="the result",
         parameters={**known.gains, **known.filters, **known.settings},
@@ -227,11 +221,6 @@ def controllers_of(record: FlightRecord) -> LogControllers:
     """The controllers of a log, with the firmware that flew, its loop rate and the throttle that was flown.
 
     This is the only place that reads the controller of a log.
-
-    Parameters
-    ----------
-    record
-        The log.
 
     Examples
     --------
@@ -292,11 +281,6 @@ def _usual_throttle(record: FlightRecord) -> float:
 
     Betaflight moves filters and gains by the stick, before the mixer makes room for the other axes; other autopilots
     move nothing.
-
-    Parameters
-    ----------
-    record
-        The log.
     """
     stick = autopilot_of(record).gains_by_throttle
     names = ("thrust_stick", "thrust_command") if stick else ("thrust_command",)
@@ -425,8 +409,6 @@ def made_by_paths(
 
     Parameters
     ----------
-    record
-        The log.
     relation
         Set-point and rate; without a set-point, each path makes what it does of the rate.
     controller_at

@@ -189,11 +189,6 @@ def noise_gain(sample_rate_hz: float) -> float:
 
     The low-pass is that of second order which the accelerations pass, with its corner at :data:`SLOW_HZ`.
 
-    Parameters
-    ----------
-    sample_rate_hz
-        Of the samples.
-
     Examples
     --------
     >>> round(noise_gain(250.0)), round(6.0**0.5 * 250.0**2)

@@ -24,8 +24,6 @@ class Samples(NamedTuple):
     ----------
     time_s, values
         Shape ``(n,)``.
-    unit
-        Of the values.
     """
 
     time_s: FloatArray
@@ -113,8 +111,6 @@ def longest_flight(record: FlightRecord, *, or_whole: bool = True, guessed: bool
 
     Parameters
     ----------
-    record
-        The log.
     or_whole
         Whether the whole log stands in where nothing in it tells take-off and landing, as in records that were cut for
         identification.

@@ -31,8 +31,6 @@ class Controllers(Immutable):
 
     Parameters
     ----------
-    record
-        The log.
     given
         Those that a person gave; they go before the gains in the log.
     """
@@ -55,8 +53,6 @@ class Controllers(Immutable):
 
         Parameters
         ----------
-        axis
-            Of the controller.
         loop, setpoint
             As :meth:`loop` finds them.
         """
@@ -170,8 +166,6 @@ def doubts_of(controllers: Controllers, axis: Axis, found: tuple[Loop, str, Loop
     ----------
     controllers
         Of the log.
-    axis
-        Of the controller.
     found
         What :meth:`Controllers.loop` found.
     """

@@ -66,8 +66,6 @@ def hover_of(record: FlightRecord, flights: Intervals) -> Hover | None:
 
     Parameters
     ----------
-    record
-        The log.
     flights
         When it flew.
     """
@@ -102,11 +100,6 @@ def thrust_curve(record: FlightRecord) -> tuple[float, float, float]:
 
     Where the autopilot straightens the curve (``THR_MDL_FAC``, ``MOT_THST_EXPO``), its number is taken, to a quarter;
     elsewhere the usual one, between a line and a square.
-
-    Parameters
-    ----------
-    record
-        The log.
     """
     if autopilot_of(record).log.thrust_demand:
         # What is logged is asked for in thrust, and bent on its way out.
@@ -124,8 +117,6 @@ def steady_windows(
 
     Parameters
     ----------
-    record
-        The log.
     flights
         In the air.
     time_s, values

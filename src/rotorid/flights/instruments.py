@@ -84,13 +84,6 @@ def instrument_of(flight: Flight, axis: Axis) -> str | None:
     set-points of rates that are the stick, then set-points from the outermost loop inward: as soon as an outer loop is
     excited, the set-points inside it contain its feedback. A pilot who corrects a drift while a program flies a sweep
     moves the stick too, and excites nothing where the sweep is fast.
-
-    Parameters
-    ----------
-    flight
-        A maneuver and its log.
-    axis
-        The axis that is excited.
     """
     record, maneuver = flight.record, flight.maneuver
     within = (maneuver.start_s, maneuver.stop_s)
@@ -149,8 +142,6 @@ def by_instruments(
 
     Parameters
     ----------
-    flights
-        Maneuvers and their logs.
     inputs
         Of the responses.
     settings
@@ -239,8 +230,6 @@ def band_of_instrument(flights: Sequence[Flight], name: str) -> tuple[float, flo
 
     Parameters
     ----------
-    flights
-        Maneuvers and their logs.
     name
         The instrument. One that no log holds, or that stands still, has no limits.
     """

@@ -78,8 +78,6 @@ class Measured:
     excited_rad_s
         Input to the highest frequency that its sweeps reached; infinite where other excitations leave that to the
         coherence.
-    findings
-        Remarks on the way.
     diagnostics
         What stands behind ``response``.
     lowest_rad_s
@@ -604,8 +602,6 @@ def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Meas
 
     Parameters
     ----------
-    measured
-        The responses.
     flights
         Records and maneuvers behind them; the filters follow from the parameters of the records.
 
@@ -644,8 +640,6 @@ def filter_delays(measured: Measured, flights: Sequence[Flight]) -> dict[str, fl
 
     Parameters
     ----------
-    measured
-        The responses.
     flights
         Records and maneuvers behind them.
     """

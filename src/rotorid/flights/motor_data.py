@@ -102,8 +102,6 @@ def on_one_clock(
 
     Parameters
     ----------
-    record, motors, stretch
-        What was flown, and where in it.
     reference_v
         Voltage at which thrust is told; ``None`` where it does not matter.
     """
@@ -282,8 +280,6 @@ class MotorData(NamedTuple):
         Motors of each log.
     flights
         Logs and what of them was used.
-    findings
-        Remarks on the way.
     straightened
         Whether thrust follows the motors in a line, because the autopilot takes their curve out.
     reference_v

@@ -96,11 +96,6 @@ class OscillationReview(Immutable):
 def reviewed_oscillations(record: FlightRecord) -> tuple[OscillationReview, ...]:
     """The axes of a flight that swing, with the gains for the next one.
 
-    Parameters
-    ----------
-    record
-        The log.
-
     Raises
     ------
     InsufficientDataError

@@ -178,8 +178,6 @@ def cut(
 
     Parameters
     ----------
-    flights
-        Records and maneuvers.
     channels, followers
         See :func:`rotorid.signal.clock.resample`; of ``channels`` those too that
         :func:`rotorid.signal.kinematics.reconstruct` makes.
@@ -315,8 +313,6 @@ def with_surroundings(flights: Sequence[Flight], margin_s: float, channels: Sequ
 
     Parameters
     ----------
-    flights
-        Records and maneuvers.
     margin_s
         How much to take along on either side, where the record has it.
     channels
@@ -407,8 +403,6 @@ class TimeRecords(NamedTuple):
         The same as inputs and outputs of the structure.
     hold
         What the inputs do between their samples.
-    findings
-        Remarks on the way.
     """
 
     segments: tuple[Segment, ...]
@@ -433,8 +427,6 @@ def time_records(
     ----------
     structure
         Whose channels are cut out.
-    flights
-        Records and maneuvers.
     settings
         Whose hold and shifts count.
     every_input
@@ -620,8 +612,6 @@ def evenly_stamped(record: FlightRecord, maneuver: Maneuver, channels: Sequence[
 
     Parameters
     ----------
-    record, maneuver
-        What was flown.
     channels
         What will be read.
 

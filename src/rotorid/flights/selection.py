@@ -82,8 +82,6 @@ def select_maneuvers(
 
     Parameters
     ----------
-    records, axes, settings
-        What was flown, what is wanted, and the choices of the run.
     otherwise
         What to fit where nothing was excited: whole flights (:func:`whole_flights`) of an input that is no command and
         in which nothing can be found, ordinary ones (:func:`by_stick`) for a rate model.

@@ -57,8 +57,6 @@ class Need(Immutable):
 
     Parameters
     ----------
-    need
-        What it is.
     there
         Whether the log has it.
     found
@@ -76,16 +74,12 @@ class Support(Immutable):
 
     Parameters
     ----------
-    possible
-        Whether it can.
     because
         Why, or why not.
     remedy
         What to change where it cannot, or what would give narrower intervals.
     instrument
         Channel free of feedback that a joint estimate would use.
-    needs
-        What the model needs, one by one.
     by
         What it would be identified from: an ``excitation``, an ``ordinary flight`` or the ``motors``; empty where it
         cannot.
@@ -109,13 +103,7 @@ class Support(Immutable):
 
 
 def supports(record: FlightRecord) -> dict[str, Support]:
-    """Name of each model that ``--model all`` may choose, and of each of a rig, to whether a log supports it.
-
-    Parameters
-    ----------
-    record
-        The log.
-    """
+    """Name of each model that ``--model all`` may choose, and of each of a rig, to whether a log supports it."""
     found = {
         model: _LOOKS[family.needs](record, model)
         for family in sorted(FAMILIES, key=lambda name: not name.in_all)
@@ -133,8 +121,6 @@ def supported_models(records: Sequence[FlightRecord], settings: IdentifySettings
 
     Parameters
     ----------
-    records
-        The logs.
     settings
         Choices of the run: an axis of a given segment counts as excited.
     """
@@ -158,8 +144,6 @@ def unsupported(records: Sequence[FlightRecord], model: str) -> InsufficientData
 
     Parameters
     ----------
-    records
-        The logs.
     model
         One of :data:`rotorid.models.families.RATE_AXIS`.
     """
@@ -229,8 +213,6 @@ def rate_support(record: FlightRecord, model: str) -> Support:
 
     Parameters
     ----------
-    record
-        The log.
     model
         One of :data:`rotorid.models.families.RATE_AXIS`.
     """
@@ -262,8 +244,6 @@ def ordinary_flights(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     record
         A log that holds the command of the axis and what answers it at 40 Hz or more; of others nothing serves. A
         stick moves too slowly to show the gain by itself where neither lag nor delay can be seen.
-    axis
-        Which.
 
     Returns
     -------

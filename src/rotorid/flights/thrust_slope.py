@@ -55,8 +55,6 @@ def with_slope_changes(response: FrequencyResponse, records: Sequence[TimeHistor
 
     Parameters
     ----------
-    response
-        Measured responses.
     factor
         See :func:`curvature`.
     records

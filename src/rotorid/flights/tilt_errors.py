@@ -47,8 +47,6 @@ def with_tilt_errors(
 
     Parameters
     ----------
-    response
-        Measured responses.
     flights
         Logs and maneuvers behind them. An input whose own angle a log lacks has no error here, but its usual one
         (:mod:`rotorid.flights.unchecked`).

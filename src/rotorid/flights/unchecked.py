@@ -99,8 +99,6 @@ def unchecked_scales(
     ----------
     agreement
         What was compared, see :func:`rotorid.flights.consistency.sensor_agreement`.
-    outputs
-        Channels.
     errors
         Those that comparing showed, see :func:`rotorid.flights.consistency.sensor_errors`.
     """

@@ -82,8 +82,6 @@ class FlightData(Immutable):
 
     Parameters
     ----------
-    record
-        The log.
     airborne
         Its flights, and what tells them.
     """
@@ -113,8 +111,6 @@ class FlightData(Immutable):
 
         Parameters
         ----------
-        axis
-            Of the loop.
         of_rates
             Whether the loop in question is that of the body rates.
         """
@@ -251,11 +247,6 @@ class FlightData(Immutable):
 def flown(record: FlightRecord) -> FlightData:
     """Find the flights of a record.
 
-    Parameters
-    ----------
-    record
-        The log.
-
     Raises
     ------
     InsufficientDataError
@@ -278,8 +269,6 @@ def loop_response(
 
     Parameters
     ----------
-    flight
-        The flight.
     reference, answer
         Input and output of the response: a set-point and its state, or a command and a rate.
     instrument

@@ -112,8 +112,6 @@ class Planned(Immutable):
 
     Parameters
     ----------
-    plan
-        What to fly.
     amplitudes
         What was found for each shape and axis whose amplitude was searched for.
     reached
@@ -192,13 +190,6 @@ _LOOK_RAD_S = np.geomspace(1.0, 100.0, 30)
 
 def equal_axes(aircraft: Aircraft, axes: Sequence[Axis]) -> tuple[tuple[Axis, ...], ...]:
     """Axes in groups that share one amplitude: roll and pitch where vehicle and gains are the same on both.
-
-    Parameters
-    ----------
-    aircraft
-        What will fly.
-    axes
-        Those to group.
 
     Examples
     --------

@@ -25,8 +25,6 @@ class Example(Immutable):
 
     Parameters
     ----------
-    name
-        What it is called.
     about
         A line on what flies and what it shows.
     vehicle

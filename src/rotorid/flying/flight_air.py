@@ -84,8 +84,6 @@ def logged_air(record: FlightRecord, aircraft: Aircraft, *, height_m: float = 10
 
     Parameters
     ----------
-    record
-        The log.
     aircraft
         The vehicle of the plan, with the gains of the log.
     height_m

@@ -44,12 +44,8 @@ class KnownOfLog(Immutable):
 
     Parameters
     ----------
-    record
-        The log.
     models
         Names of models that it supports.
-    identified
-        Those that were identified.
     segment
         Model and value of ``--segment`` of an interval that may have been meant as an excitation.
     loop
@@ -71,11 +67,6 @@ class KnownOfLog(Immutable):
 
 def next_steps(known: KnownOfLog) -> Iterator[str]:
     """The commands that lead on from here, for this very log, as they are typed.
-
-    Parameters
-    ----------
-    known
-        What is known of it.
 
     Examples
     --------

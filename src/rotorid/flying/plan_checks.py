@@ -39,8 +39,6 @@ def plan_findings(record: FlightRecord, plan: FlightPlan) -> tuple[Finding, ...]
     ----------
     record
         A log of the vehicle.
-    plan
-        What is to be flown, or was.
 
     Returns
     -------

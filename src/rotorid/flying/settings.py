@@ -291,10 +291,6 @@ class Air:
     ----------
     mean_m_s
         Where the air moves, to north and to east.
-    turbulence_m_s
-        Standard deviation of horizontal gusts.
-    height_m
-        Above ground, for the size of the gusts.
     """
 
     mean_m_s: Annotated[
@@ -488,12 +484,8 @@ def plan_settings(
 
     Parameters
     ----------
-    vehicle
-        What flies.
     inputs
         Set-points whose responses will be identified.
-    models
-        What will be identified.
     **wishes
         Fields of :class:`PlanSettings` that were given.
 

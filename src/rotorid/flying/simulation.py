@@ -87,8 +87,6 @@ class Simulation(Immutable):
 
     Parameters
     ----------
-    vehicle
-        What flew.
     logs
         What was written.
     maneuvers
@@ -97,8 +95,6 @@ class Simulation(Immutable):
         Parameter to its true value.
     findings
         Remarks, the grave ones first.
-    provenance
-        Where all of it came from.
     """
 
     vehicle: FlownVehicle
@@ -182,8 +178,6 @@ def everyday_plan(craft: Aircraft, *, duration_s: float = EVERYDAY_S, level: flo
     ----------
     craft
         What flies; its autopilot's turns are those of the sticks.
-    duration_s
-        Length of the flight.
     level
         Largest deflection of roll and pitch; half of it is yaw's, less the throttle's.
     seed

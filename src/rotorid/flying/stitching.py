@@ -422,8 +422,6 @@ def refused_flight(error: InsufficientDataError, stitched: Stitched, records: Se
         What ended the run.
     stitched
         The model without flights.
-    records
-        Logs that were read.
     """
     why = error.findings or (
         Finding(kind="lost_through_speeds", severity="error", where="logs", message=f"{error.came}.", numbers={}),

@@ -63,11 +63,6 @@ class OwnVehicle(Immutable):
 def numbers_of(craft: Aircraft) -> dict[str, VehicleNumber]:
     """The numbers of a vehicle by the names of :data:`rotorid.flying.vehicle_from_results.UNITS`.
 
-    Parameters
-    ----------
-    craft
-        What flies.
-
     Examples
     --------
     >>> from rotorid.vehicles import aircraft
@@ -256,8 +251,6 @@ def hovering_at(craft: Aircraft, throttle: float, *, answers: Sequence[Axis] = (
 
     Parameters
     ----------
-    craft
-        What flies.
     throttle
         Thrust command in hover, from zero to one.
     answers

@@ -47,8 +47,6 @@ class Entry(Immutable):
     ----------
     label
         What it is called there.
-    model
-        The model.
     sha256
         Hash of the ``result.json`` that it was read from, empty for one that was not.
     scored
@@ -78,8 +76,6 @@ class ComparedManeuver(Immutable):
     ----------
     record
         Name of the log.
-    maneuver
-        What was flown.
     scores
         Label of a result to its scores, one for each stretch without a gap; measured and predicted stand in them.
     seen
@@ -137,8 +133,6 @@ def score_on_logs(
     ----------
     entries
         Results with their models.
-    records
-        Logs.
     settings
         Whose segments, shifts and hold count.
 

@@ -174,8 +174,6 @@ def summary_of(
 
     Parameters
     ----------
-    found
-        What was found.
     parameters
         Those of the model of each fold.
     band_rad_s

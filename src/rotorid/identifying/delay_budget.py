@@ -38,8 +38,6 @@ def delay_budget(
 
     Parameters
     ----------
-    structure, parameters, bounds
-        The identified model.
     fitted
         Which responses were fitted, shape ``(y, u)``.
     known_filters_s

@@ -49,10 +49,6 @@ class PairDelay(Immutable):
         Whether the input contains feedback of the output.
     instrument
         The channel that removes the bias of feedback; ``None`` where there is no feedback, or no such channel.
-    flights
-        Records and maneuvers that were used.
-    findings
-        Remarks on this pair.
     """
 
     analysis: DelayAnalysis

@@ -38,8 +38,6 @@ class SeveralModels(Immutable, Mapping[str, "IdentifiedModel | Refused"]):
     ----------
     answers
         Identified models, and what to say of those that the data cannot support.
-    provenance
-        Where all of it came from.
     """
 
     answers: Mapping[str, IdentifiedModel | Refused]

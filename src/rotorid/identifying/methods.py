@@ -208,8 +208,6 @@ class _Linear(Generic[DataT]):
     ----------
     model
         The whole model.
-    settings
-        Choices of the run.
     """
 
     model: LinearStructure
@@ -273,14 +271,10 @@ class ResponseData(NamedTuple):
 
     Parameters
     ----------
-    selection
-        What was flown.
     measured, screened
         The responses, and what can be fitted of them.
     settings
         Choices of the run, with what a first step held.
-    findings
-        Remarks on the way.
     sensors
         Errors of sensors that were taken out.
     """
@@ -423,18 +417,10 @@ class TimeDomainData(NamedTuple):
 
     Parameters
     ----------
-    structure
-        What is fitted.
-    selection
-        What was flown.
     records
         Maneuvers as they were sampled.
     frequency
         Responses of the same maneuvers and their fit, as far as the data support that.
-    settings
-        Choices of the run.
-    findings
-        Remarks on the way.
     orders
         How the order of a black box was chosen, where it was.
     """

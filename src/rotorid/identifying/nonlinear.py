@@ -86,12 +86,8 @@ class NonlinearData(NamedTuple):
         Of the outputs that are fitted.
     parameters
         Of both, as the user wants them; those that nothing moves are held.
-    flights
-        What was flown.
     records
         The same as inputs and outputs.
-    findings
-        Remarks on the way.
     """
 
     whole: NonlinearStructure
@@ -120,8 +116,6 @@ class FittedNonlinear(Immutable):
     ----------
     model
         The whole structure, with its identified values.
-    outputs
-        Those that were fitted.
     fit
         End of the search; of several pieces where they were asked for.
     bounds
@@ -163,15 +157,7 @@ class FittedNonlinear(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class Nonlinear:
-    """Fit a nonlinear structure to whole flights.
-
-    Parameters
-    ----------
-    model
-        The whole model.
-    settings
-        Choices of the run.
-    """
+    """Fit a nonlinear structure to whole flights."""
 
     model: NonlinearStructure
     settings: IdentifySettings

@@ -73,8 +73,6 @@ def scoped(
         Maneuvers that will be fitted.
     records
         Logs behind them.
-    settings
-        Choices of the run.
     joined
         Whether an output counts that any record holds, as for responses, each of which may come from some of the
         records; else it must be in all of them.
@@ -169,8 +167,6 @@ def with_channels_of(
 
     Parameters
     ----------
-    structure, records
-        The model and the logs.
     joined
         Whether one input that was excited will do, with any of the outputs, as for responses, each of which may come
         from some of the logs; else all inputs are needed.
@@ -379,8 +375,6 @@ def trimmed(structure: LinearStructure, flights: Sequence[Flight], settings: Ide
     ----------
     structure
         Its constants ``U0 V0 W0 theta0 phi0`` are set; one without them stays as it is.
-    flights
-        Maneuvers.
     settings
         Whose ``constants`` were given.
 

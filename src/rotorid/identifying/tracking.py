@@ -68,8 +68,6 @@ class TrimStep(Immutable):
 
     Parameters
     ----------
-    channel
-        Which.
     at_s
         When it was seen.
     before, after
@@ -105,8 +103,6 @@ class FlightTracking(Immutable):
         The gain.
     trims
         Mean commands that moved.
-    findings, provenance
-        Remarks, and where all of it came from.
     """
 
     log: str

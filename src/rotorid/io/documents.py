@@ -56,8 +56,6 @@ class DocumentError(ValueError):
 
     Parameters
     ----------
-    message
-        What is wrong.
     line
         Counted from one; zero where it is not known.
     """
@@ -72,8 +70,6 @@ def parse_toml(text: str, *, any_integer: bool = False) -> dict[str, Any]:
 
     Parameters
     ----------
-    text
-        The whole text.
     any_integer
         Leave integers of more than 64 bits to the caller, which knows what they are.
 
@@ -116,11 +112,6 @@ def toml_text(text: str) -> str:
 def parse_json(text: str) -> Any:
     """A JSON text as tables, lists, texts, numbers, ``None``.
 
-    Parameters
-    ----------
-    text
-        The whole text.
-
     Raises
     ------
     DocumentError
@@ -153,8 +144,6 @@ def read_text(path: Path, *, needed: str, most_bytes: int = MOST_TOML_BYTES) -> 
 
     Parameters
     ----------
-    path
-        The file.
     needed
         What an error says was needed.
     most_bytes
@@ -185,11 +174,6 @@ def read_text(path: Path, *, needed: str, most_bytes: int = MOST_TOML_BYTES) -> 
 
 def require_file(path: Path) -> None:
     """Refuse what is neither a file nor a folder: reading a pipe waits for ever, a device may have no end.
-
-    Parameters
-    ----------
-    path
-        What is to be read.
 
     Raises
     ------

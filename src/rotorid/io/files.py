@@ -39,8 +39,6 @@ def write_atomically(path: Path, data: bytes | str) -> None:
 
     Parameters
     ----------
-    path
-        File to write or replace.
     data
         Content; text is encoded as UTF-8.
 
@@ -66,8 +64,6 @@ def write_npz(path: Path, arrays: Mapping[str, AnyArray]) -> None:
 
     Parameters
     ----------
-    path
-        File to write or replace.
     arrays
         Name to array of numbers or of text; an array of Python objects is refused.
 

@@ -40,8 +40,6 @@ def intervals_of(time_s: FloatArray, on: BoolArray, *, until_s: float) -> Interv
         Stamps, shape ``(samples,)``; those that are no number or step back are put in order first.
     on
         The flag, shape ``(samples,)``.
-    until_s
-        End of the record.
 
     Examples
     --------

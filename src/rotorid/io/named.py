@@ -16,8 +16,6 @@ def logs_in(paths: Sequence[Path], *, archives: bool = False) -> list[Path]:
 
     Parameters
     ----------
-    paths
-        Files and folders.
     archives
         Whether a ``.zip`` of any name counts, which may hold many logs.
 

@@ -54,8 +54,6 @@ class Guard:
         What the cookie carries.
     hosts
         Values of ``Host`` that name this server.
-    cookie
-        Name of the cookie.
     once
         Whether the token lets one browser in, and no other after it.
     """

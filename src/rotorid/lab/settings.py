@@ -15,8 +15,6 @@ class LabSettings(Immutable):
 
     Parameters
     ----------
-    host, port
-        Where to listen.
     token
         What lets browsers in, or the file that holds it behind an ``@``; without one it is drawn at random, and lets in
         one.

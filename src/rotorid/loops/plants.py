@@ -367,8 +367,6 @@ def ordinary_plant(flight: FlightData, whole: WholeFlight, controllers: Sequence
 
     Parameters
     ----------
-    flight
-        The record with its flights.
     whole
         Channels of the axis, and its instrument.
     controllers

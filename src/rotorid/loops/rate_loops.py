@@ -588,8 +588,6 @@ def axis_loop(
 
     Parameters
     ----------
-    axis
-        The axis.
     measured
         Responses of a command of this axis, and the data behind them.
     flights
@@ -751,8 +749,6 @@ def loop_by_injection(axis: Axis, records: Sequence[FlightRecord]) -> AxisLoop |
 
     Parameters
     ----------
-    axis
-        The axis.
     records
         Logs of one vehicle with one set of gains.
 

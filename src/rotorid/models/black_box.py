@@ -148,8 +148,6 @@ def black_box(
     ----------
     order
         Number of states, from 1 to 20.
-    inputs, outputs
-        Names of the channels.
     delays
         Whether every input may be delayed, by ``tau`` or ``tau_INPUT`` in seconds.
     stable

@@ -282,8 +282,6 @@ def stepped(controller: RateController, *, step_s: float, driven: Driven) -> Ste
 
     Parameters
     ----------
-    controller
-        Gains and filters.
     step_s
         Length of a step.
     driven

@@ -164,8 +164,6 @@ class Source:
 
     Parameters
     ----------
-    text
-        The whole text.
     where
         Name of the file, for messages.
     """

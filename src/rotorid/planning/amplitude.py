@@ -241,8 +241,6 @@ def common_amplitude(
 
     Parameters
     ----------
-    aircraft
-        What will fly.
     plans
         Plans for an amplitude; those of axes that are equal share one.
     limits, start, largest, wind

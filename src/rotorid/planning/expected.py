@@ -117,12 +117,8 @@ def as_planned(
 
     Parameters
     ----------
-    plan
-        The flight.
     axes
         Of the inputs of the model.
-    sample_rate_hz
-        Rate of the log.
     declared
         Where test inputs enter that the log declares with their band; of others an identification finds what it can.
     alone

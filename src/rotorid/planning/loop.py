@@ -334,8 +334,6 @@ class White:
     ----------
     std
         Standard deviation of each source, per sample.
-    sample_rate_hz
-        Rate of the samples.
 
     Examples
     --------

@@ -80,8 +80,6 @@ def remarks(
         The expected fit and its bounds.
     values
         Parameters as they were given.
-    band_rad_s
-        The band that was asked for.
     dropped
         Parameters that the fit would drop.
     """

@@ -237,8 +237,6 @@ def predict_responses(
         What its parameters are believed to be; those that are not given are where the fit to the loop ends.
     loop
         Of :func:`setpoint_loop`.
-    plan
-        The test inputs.
     choices
         Only the band of the responses that stand beside.
     seed

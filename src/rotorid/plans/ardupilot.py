@@ -265,8 +265,6 @@ def ardupilot_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
 
     Parameters
     ----------
-    plan
-        What is to be flown.
     facts
         Its limits.
 

@@ -48,8 +48,6 @@ def betaflight_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
         Logarithmic sweeps of the rate set-points of roll, pitch and yaw, at most one on each axis, in this order, with
         the same band and duration. An axis without one gets the amplitude zero, and is passed over by switching on and
         off. Steps beside them are left to the pilot's hand.
-    facts
-        Whose flight it is.
 
     Returns
     -------

@@ -26,11 +26,6 @@ def plan_csv(plan: FlightPlan) -> dict[str, str]:
     Inputs that enter at the same place add up; everything is zero in between. The table spans the whole plan, with the
     last rest, at the fastest rate of the inputs.
 
-    Parameters
-    ----------
-    plan
-        What is to be flown.
-
     Returns
     -------
     dict[str, str]

@@ -50,8 +50,6 @@ class PredictedBound(Immutable):
 
     Parameters
     ----------
-    name, unit
-        Of the parameter.
     value
         Expected value, in ``unit``.
     std

@@ -30,13 +30,7 @@ _DRIVING = ("_command", "_stick", "_excitation", "_setpoint")
 
 @dataclass(frozen=True)
 class RecordPictures:
-    """Pictures of a record: called, it draws channels over time.
-
-    Parameters
-    ----------
-    record
-        The record.
-    """
+    """Pictures of a record: called, it draws channels over time."""
 
     record: FlightRecord
 
@@ -61,13 +55,7 @@ class RecordPictures:
 
 @dataclass(frozen=True)
 class HistoryPictures:
-    """Pictures of a time history: called, it draws channels over time.
-
-    Parameters
-    ----------
-    history
-        The history.
-    """
+    """Pictures of a time history: called, it draws channels over time."""
 
     history: TimeHistory
 
@@ -91,13 +79,7 @@ class HistoryPictures:
 
 @dataclass(frozen=True)
 class TrackPictures:
-    """The picture of one channel.
-
-    Parameters
-    ----------
-    track
-        The channel.
-    """
+    """The picture of one channel."""
 
     track: Track
 
@@ -108,13 +90,7 @@ class TrackPictures:
 
 @dataclass(frozen=True)
 class ResponsePictures:
-    """Pictures of a frequency response: called, it draws the Bode plot of its first pair.
-
-    Parameters
-    ----------
-    response
-        The response.
-    """
+    """Pictures of a frequency response: called, it draws the Bode plot of its first pair."""
 
     response: FrequencyResponse
 
@@ -193,13 +169,7 @@ class Model(Protocol):
 
 @dataclass(frozen=True)
 class ModelPictures:
-    """Pictures of an identified model: called, it draws the Bode plot of the pair with most fitted points.
-
-    Parameters
-    ----------
-    model
-        The model.
-    """
+    """Pictures of an identified model: called, it draws the Bode plot of the pair with most fitted points."""
 
     model: Model
 

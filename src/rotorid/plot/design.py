@@ -70,8 +70,6 @@ class Strip:
         At least one, all of one unit.
     limits
         Values that the flight is not to pass, SI.
-    height_px
-        Of the panel.
     """
 
     label: str

@@ -44,8 +44,6 @@ class Trend:
 
     Parameters
     ----------
-    channel
-        Name of the channel.
     is_input
         Whether it drives the vehicle.
     time_s, values

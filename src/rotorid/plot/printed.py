@@ -98,15 +98,7 @@ def printed(figure: Figure, kind: PrintedAs) -> bytes:
 
 
 def saved(canvas: Canvas, kind: PrintedAs) -> bytes:
-    """A matplotlib figure as SVG, PDF with fonts that journals take, or PNG; the same figure is the same file.
-
-    Parameters
-    ----------
-    canvas
-        The figure.
-    kind
-        Of the file.
-    """
+    """A matplotlib figure as SVG, PDF with fonts that journals take, or PNG; the same figure is the same file."""
     matplotlib = matplotlib_or_remedy("a figure as a file")
     file = io.BytesIO()
     # No date, so that the same picture is the same file.

@@ -50,8 +50,6 @@ class KnownAxis(Immutable):
         With draws of what is not known.
     omega_rad_s
         Frequencies of the parts, shape ``(f,)``.
-    flown_parts
-        What its gains do, with the filters as they were flown.
     then
         The log as if other filters had been flown; ``None`` where they stay.
     controller, parts
@@ -93,8 +91,6 @@ def needed_rad_s(
         As flown.
     parts
         What its gains do, with the filters that are to be flown.
-    wishes
-        Limits.
     """
     ends = tuple(at_ends(controller, parts).values())
     return float(np.ceil(needed_band(axis, plant.response, parts.controller, parts, wishes=wishes, ends=ends)[1]))

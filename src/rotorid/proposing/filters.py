@@ -74,8 +74,6 @@ def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRec
 
     Parameters
     ----------
-    record
-        The log.
     values
         Parameters of the firmware, with their new values; those of Betaflight by the names of its command line or of
         its header.
@@ -137,8 +135,6 @@ def changed_filters(
 
     Parameters
     ----------
-    record
-        The log.
     values
         As for :func:`with_filters`.
     gyro
@@ -168,10 +164,6 @@ def prices(
     ----------
     record
         The log, for the filters of its gyro.
-    controller
-        Of the axis.
-    parts
-        What its gains do.
     plant
         Response of the plant on the frequencies of the parts, shape ``(f,)``.
     gains

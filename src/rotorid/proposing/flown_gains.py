@@ -242,8 +242,6 @@ def require_room(record: FlightRecord, model: IdentifiedModel | None = None) -> 
 
     Parameters
     ----------
-    record
-        The log.
     model
         Its plant: limits count where it was measured. ``None`` for the flight as a whole.
 

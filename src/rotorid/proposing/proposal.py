@@ -106,8 +106,6 @@ class AxisTuning(Immutable):
         Seconds, and the attitude's answer to a step of its set-point under both gains, ``(draws, n)`` each.
     parts
         What each gain does, with the filters of the proposal.
-    wishes
-        What is asked of the gains.
     path
         The flights to the gains that keep the limits of the loop alone, the proposed ones first and the goal last;
         empty where one flight reaches them.

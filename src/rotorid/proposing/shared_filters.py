@@ -44,8 +44,6 @@ def require_filters_hold(
         All others that are not tuned, with why they were refused; ``None`` for those that nobody asked for.
     given, logs, filters, draws, seed
         As for :func:`rotorid.proposing.axis.known_axis`.
-    wishes
-        Limits.
 
     Raises
     ------

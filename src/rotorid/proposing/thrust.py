@@ -101,8 +101,6 @@ def linearization(
         Log with the parameters as flown.
     autopilot
         ``PX4``, ``ArduPilot`` or ``Betaflight``.
-    seed
-        Of the draws.
     """
     model = next((model for model in models if model.motors is not None), None)
     parameter = named(autopilot).thrust_parameter

@@ -421,8 +421,6 @@ def dropped_because(
 
     Parameters
     ----------
-    suspect
-        The dropped parameter.
     before, after
         Evidence on the free parameters with and without it.
     cost_before, cost_after

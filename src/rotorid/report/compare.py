@@ -212,10 +212,6 @@ def write_comparison(folder: Path, compared: Comparison, *, title: str) -> None:
     ----------
     folder
         Where they go; it is made when missing. Files of the same names are replaced.
-    compared
-        What to write.
-    title
-        Heading of the report.
     """
     write_together(folder, {JSON: compare_document(compared), PAGE: render_comparison(compared, title=title)})
 
@@ -227,8 +223,6 @@ def render_comparison(compared: Comparison, *, title: str) -> str:
     ----------
     compared
         What ``compare`` found.
-    title
-        Heading of the page.
     """
     return render_documents(compare_document(compared), compared.maneuvers, title=title)
 

@@ -694,10 +694,6 @@ def render_design(
     ----------
     designed
         At least one plan and what it will tell.
-    choices
-        What was asked for.
-    title
-        Heading of the page.
     document
         What ``design.json`` says: adds where all comes from, and remarks on files.
 

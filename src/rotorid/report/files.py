@@ -428,15 +428,6 @@ def write_simulation(
 def write_flown(folder: Path, flown: FlownModel, *, title: str) -> None:
     """Write ``flown.json``, ``flown.npz`` and ``report.html`` of a model that flew.
 
-    Parameters
-    ----------
-    folder
-        Where they go.
-    flown
-        What flew.
-    title
-        Heading of the page.
-
     Raises
     ------
     UsageError

@@ -44,15 +44,7 @@ class FlownFlight:
 
 
 def render_flown(flown: FlownModel, *, title: str) -> str:
-    """The report as one HTML document, which holds everything it shows and lets no text of a log act.
-
-    Parameters
-    ----------
-    flown
-        What flew.
-    title
-        Heading of the page.
-    """
+    """The report as one HTML document, which holds everything it shows and lets no text of a log act."""
     document = flown_document(flown)
     flights = [_flight(stretch, number) for number, stretch in enumerate(flown.stretches)]
     return render(

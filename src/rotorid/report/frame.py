@@ -143,8 +143,6 @@ def render(
 
     Parameters
     ----------
-    name
-        Of the template.
     pictures
         All pictures that the page places.
     further_script, further

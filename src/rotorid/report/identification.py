@@ -387,8 +387,6 @@ def search_shown(document: SearchSummary | None, *, key: str) -> SearchShown | N
 
     Parameters
     ----------
-    document
-        The search.
     key
         Identifier of its picture.
     """
@@ -537,8 +535,6 @@ def step_rows(steps: Sequence[ReductionStep], *, anchor: str) -> tuple[StepRow, 
 
     Parameters
     ----------
-    steps
-        Of the reduction.
     anchor
         Prefix of the identifiers of the section.
     """
@@ -669,8 +665,6 @@ def section(shown: Shown, *, anchor: str, truth: Mapping[str, float]) -> Section
 
     Parameters
     ----------
-    shown
-        The model with its document.
     anchor
         Prefix of the identifiers on the page, unique among its sections.
     truth
@@ -772,8 +766,6 @@ def render_report(models: Sequence[IdentifiedModel], *, title: str, truth: Mappi
     ----------
     models
         At least one; each becomes a section.
-    title
-        Heading of the page.
     truth
         True parameter values where they are known, as ``model.name`` or ``name``: adds a column to the tables.
 

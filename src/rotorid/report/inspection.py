@@ -32,8 +32,6 @@ def write_inspection(path: Path, record: FlightRecord, inspection: Inspection) -
     ----------
     path
         An ``.html`` or a ``.png``; replaced when it is there.
-    record
-        The log.
     inspection
         What ``inspect`` says of it.
 

@@ -234,8 +234,6 @@ def motors_shown(shown: Shown, *, key: str) -> MotorsShown | None:
 
     Parameters
     ----------
-    shown
-        The model with its document.
     key
         Prefix of the identifiers of its pictures.
     """

@@ -83,8 +83,6 @@ def model_pictures(shown: Shown, *, anchor: str) -> ModelPictures:
 
     Parameters
     ----------
-    shown
-        The model with its document.
     anchor
         Prefix of the identifiers on the page.
     """
@@ -412,8 +410,6 @@ def dropped_parameters(document: ResultDocument, *, anchor: str) -> tuple[Droppe
 
     Parameters
     ----------
-    document
-        The result.
     anchor
         Prefix of the identifiers of the section: a step of the reduction is ``ANCHOR-step-N``, the findings are
         ``ANCHOR-findings``.

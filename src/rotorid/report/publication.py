@@ -115,8 +115,6 @@ def write_publication(
 
     Parameters
     ----------
-    folder
-        Of the result.
     made
         What there is.
     figures

@@ -348,8 +348,6 @@ def render_responses(result: Responses, *, title: str) -> str:
     ----------
     result
         What ``response`` found.
-    title
-        Heading of the page.
     """
     drawn = _drawn(result)
     return render(

@@ -30,8 +30,6 @@ def write_several(
         Where they go; it is made when missing.
     models
         What to write; those that were refused stand in ``results.json`` alone.
-    title
-        Heading of the report.
     figures, tables
         Kinds of files for a paper, written into the folder of each model.
     """

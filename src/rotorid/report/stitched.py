@@ -107,10 +107,6 @@ def write_stitched(folder: Path, found: Stitched, *, title: str) -> None:
     ----------
     folder
         Where they go; it is made when missing. Files of the same names are replaced.
-    found
-        What to write.
-    title
-        Heading of the report.
     """
     document = stitched_document(found)
     write_together(folder, {JSON: document, PAGE: render_stitched(found, document, title=title)})
@@ -123,8 +119,6 @@ def render_stitched(found: Stitched, document: StitchedDocument, *, title: str) 
     ----------
     found, document
         The stitched model, and what its file holds.
-    title
-        Heading of the page.
     """
     curves = [
         Picture(

@@ -118,8 +118,6 @@ def time_fits(shown: Shown, *, key: str) -> TimeFits | None:
 
     Parameters
     ----------
-    shown
-        The model with its document.
     key
         Prefix of the identifiers of its pictures.
     """

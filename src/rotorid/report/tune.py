@@ -120,8 +120,6 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
     ----------
     proposal
         What ``tune`` found.
-    title
-        Heading of the page.
     """
     document = tune_document(proposal)
     axes = [_axis(axis, document.axes[axis], tuning, proposal.scale) for axis, tuning in proposal.axes.items()]
@@ -182,8 +180,6 @@ def render_check(found: CheckedTuning, *, title: str) -> str:
     ----------
     found
         What ``tune --check`` found.
-    title
-        Heading of the page.
     """
     document = tune_check_document(found)
     cards = [
@@ -250,8 +246,6 @@ def loops_for_page(tuning: AxisTuning, *, limit: float) -> dict[str, Any]:
 
     Parameters
     ----------
-    tuning
-        The axis.
     limit
         Largest sensitivity peak that was asked for.
     """

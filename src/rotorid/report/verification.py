@@ -267,8 +267,6 @@ def render_verification(verified: Verified, *, title: str) -> str:
     ----------
     verified
         What ``verify`` found.
-    title
-        Heading of the page.
     """
     return render_checks(verify_document(verified), verified.found, title=title)
 

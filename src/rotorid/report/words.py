@@ -51,13 +51,7 @@ _POOR_PERCENT = 0.0
 
 
 def motor_sentences(document: ResultDocument) -> tuple[str, ...]:
-    """Inertia, thrust and lag in numbers, and a scale that was assumed; empty for other models.
-
-    Parameters
-    ----------
-    document
-        The result.
-    """
+    """Inertia, thrust and lag in numbers, and a scale that was assumed; empty for other models."""
     motors = document.motors
     if motors is None:
         return ()
@@ -117,13 +111,7 @@ def no_lag(document: ResultDocument) -> str:
 
 
 def scale_sentence(document: ResultDocument) -> str:
-    """What the scale of mass, thrust and inertia rests on; empty for other models.
-
-    Parameters
-    ----------
-    document
-        The result.
-    """
+    """What the scale of mass, thrust and inertia rests on; empty for other models."""
     motors = document.motors
     if motors is None:
         return ""
@@ -518,13 +506,7 @@ def has_held_out_costs(document: ResultDocument) -> bool:
 
 
 def summary(document: ResultDocument) -> tuple[str, ...]:
-    """What was found: each input, modes that grow, the cost or the fit, and each kind of check.
-
-    Parameters
-    ----------
-    document
-        The result.
-    """
+    """What was found: each input, modes that grow, the cost or the fit, and each kind of check."""
     sentences = [sentence for name in document.inputs if (sentence := _input_sentence(document, name))]
     sentences += motor_sentences(document)
     if not sentences:
@@ -744,13 +726,7 @@ _FEW = 3
 
 
 def response_summary(result: Responses) -> tuple[str, ...]:
-    """What was measured and how, what of it can be used, the loops, and the most serious finding.
-
-    Parameters
-    ----------
-    result
-        The result.
-    """
+    """What was measured and how, what of it can be used, the loops, and the most serious finding."""
     return (
         *_measured(result),
         *_usable(result),

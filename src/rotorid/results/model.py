@@ -72,8 +72,6 @@ class SimulatedRecord(Immutable):
     ----------
     record
         Name of the file.
-    maneuver
-        What was flown.
     time_s
         Stamps on the log's own clock, shape ``(samples,)``.
     inputs
@@ -182,8 +180,6 @@ class Verifications:
         Unseen sweeps in the frequency domain, with the measured responses and those of the model.
     frequency
         Cost of the model against each response of unseen sweeps, the worst where several logs were judged.
-    findings
-        Remarks.
     """
 
     maneuvers: tuple[Verification, ...] = ()
@@ -535,8 +531,6 @@ class Refused(Immutable):
         The model, where that much is known.
     findings
         The reasons, and the remarks on the logs.
-    provenance
-        What was asked.
     """
 
     name: str

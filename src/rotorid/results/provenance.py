@@ -42,16 +42,12 @@ class Provenance(Immutable):
 
     Parameters
     ----------
-    version
-        That of the program.
     command
         Words of the command line, empty where a program called.
     inputs
         Name of each log to its SHA-256.
     settings
         Choices of the run by name.
-    seed
-        Of everything random.
     estimate
         How the response was estimated; ``None`` where there is none.
     instruments
@@ -97,10 +93,6 @@ def provenance(
 
     Parameters
     ----------
-    records
-        All logs that were read.
-    settings
-        Choices of the run.
     flights
         The stretches used: a log and an interval of it.
     response
@@ -176,10 +168,6 @@ class Refused(Immutable):
     ----------
     findings
         Remarks, the grave ones first.
-    provenance
-        Where they came from.
-    inputs, outputs
-        Channels that were asked for.
     """
 
     findings: tuple[Finding, ...]
@@ -203,14 +191,8 @@ def refused(
     ----------
     error
         What ended the run.
-    records
-        Logs that were read.
-    settings
-        Choices of the run.
     otherwise
         The finding that stands for an error which brings none.
-    inputs, outputs
-        Channels that were asked for.
     """
     findings = (*(finding for record in records for finding in record.findings), *(error.findings or (otherwise,)))
     return Refused(

@@ -764,8 +764,6 @@ class Fit:
     ----------
     method
         What was minimized: errors of responses, or in time of outputs, predictions or equations.
-    outputs
-        Channels that were fitted.
     end
         How the solver ended.
     cost
@@ -784,8 +782,6 @@ class Fit:
         Of a fit in time: of the residuals, were they white and Gaussian; criteria of Akaike and Schwarz; their color.
     minima
         Other minima than the one that counts, best first.
-    search, bootstrap
-        Where one was asked for.
     equations
         How well each equation of motion holds, where those were fitted.
     frequency_fit

@@ -277,15 +277,7 @@ def _with_thrust_of(
 
 
 def next_commands(record: FlightRecord, reviewed: Review) -> tuple[str, ...]:
-    """The commands that lead on from here, for this very log.
-
-    Parameters
-    ----------
-    record
-        The log.
-    reviewed
-        Its review.
-    """
+    """The commands that lead on from here, for this very log."""
     identified = {name: model for name, model in reviewed.models.items() if isinstance(model, IdentifiedModel)}
     known = KnownOfLog(record=record, models=tuple(identified), identified=tuple(identified.values()))
     if not reviewed.oscillations:

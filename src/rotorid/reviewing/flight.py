@@ -58,13 +58,7 @@ _FULL = 0.9
 
 
 def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Unavailable, ...]]:
-    """What flew, as far as the log says it.
-
-    Parameters
-    ----------
-    record
-        The log.
-    """
+    """What flew, as far as the log says it."""
     history = or_none(logged_outputs, record)
     frame, source = frame_of(record)
     count = history.motors if history is not None else None
@@ -91,11 +85,6 @@ def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Unavailable, ...
 
 def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]]:
     """Flights, battery, throttle of hover, thrust over weight, wind and modes.
-
-    Parameters
-    ----------
-    record
-        The log.
 
     Raises
     ------
@@ -325,13 +314,7 @@ _PX4_WANTED: Mapping[str, float] = {**_NEEDED, "thrust_command": GOOD_RATE_HZ, "
 
 
 def logging(record: FlightRecord) -> tuple[LoggingReview, tuple[Unavailable, ...]]:
-    """Rates of all channels, the longest gap in flight, and what to change before the next one.
-
-    Parameters
-    ----------
-    record
-        The log.
-    """
+    """Rates of all channels, the longest gap in flight, and what to change before the next one."""
     rates = {name: record[name].sample_rate_hz for name in record.channel_names}
     try:
         flights: Intervals = airborne(record).intervals

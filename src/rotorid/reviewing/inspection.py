@@ -305,8 +305,6 @@ def foreseen(record: FlightRecord, model: str, support: Support) -> Support:
 
     Parameters
     ----------
-    record
-        The log.
     model
         Name of the model.
     support

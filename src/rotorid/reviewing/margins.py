@@ -23,11 +23,6 @@ from rotorid.typing import Axis
 def margins(flight: FlightData) -> tuple[dict[Axis, MarginReview], tuple[Unavailable, ...]]:
     """Margins of the rate loops of a flight, each with the error that it deserves.
 
-    Parameters
-    ----------
-    flight
-        A record with its flights.
-
     Returns
     -------
     dict of MarginReview

@@ -67,11 +67,6 @@ _LAG_BIAS = 0.05
 def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Unavailable, ...]]:
     """Limits, balance, headroom, loss of step, and the delay from output to gyro.
 
-    Parameters
-    ----------
-    record
-        The log.
-
     Raises
     ------
     InsufficientDataError

@@ -112,8 +112,6 @@ def noise(
 
     Parameters
     ----------
-    record
-        The log.
     bandwidths_rad_s
         Of the closed rate loops ``p q r``, where they are known.
 
@@ -243,8 +241,6 @@ def rotor_speeds_hz(record: FlightRecord, time_s: FloatArray) -> FloatArray | No
 
     Parameters
     ----------
-    record
-        The log.
     time_s
         Middles, shape ``(n,)``; what lies outside of the speeds' own stamps becomes NaN.
     """

@@ -399,8 +399,6 @@ def whole_number(text: str, *, of: str, needed: str) -> int:
 
     Parameters
     ----------
-    text
-        As it was given.
     of
         The search whose option it is, for the message.
     needed

@@ -113,8 +113,6 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
 
     Parameters
     ----------
-    record
-        The log.
     margin_s
         Cut from both ends of each flight without flags that begins or ends within the record, where the ground still
         acts.
@@ -156,11 +154,6 @@ def airborne_by_thrust(record: FlightRecord) -> Airborne | None:
     The activity of sensors is no reason to throw data away. Where flags say that the vehicle was armed or in the air
     at times and it never flew, as in a bench test, there are no intervals; a rig without flags has thrust and no
     flight, and its maneuvers count as they are.
-
-    Parameters
-    ----------
-    record
-        The log.
     """
     try:
         found = airborne(record, margin_s=0.0)

@@ -31,8 +31,6 @@ def battery_voltages(record: FlightRecord, intervals: Intervals = ()) -> Mapping
 
     Parameters
     ----------
-    record
-        The log.
     intervals
         The flights, on the log's own clock. The whole log counts where there is none, as of a log from the bench.
 

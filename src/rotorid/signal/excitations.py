@@ -267,13 +267,6 @@ def rich_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     them, by the messages of its autopilot, by a plan that a program flew or by a mapping, what signals show beyond
     them is left to judge the model (:func:`verifying_excitations`): it was flown for something else.
 
-    Parameters
-    ----------
-    record
-        The log.
-    axis
-        The axis to look at.
-
     Examples
     --------
     >>> from rotorid.data.record import Source
@@ -287,15 +280,7 @@ def rich_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
 
 
 def verifying_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
-    """Excitations of one axis that no response is measured from: doublets, multisteps, and what ranks lower.
-
-    Parameters
-    ----------
-    record
-        The log.
-    axis
-        The axis to look at.
-    """
+    """Excitations of one axis that no response is measured from: doublets, multisteps, and what ranks lower."""
     fitted = rich_excitations(record, axis)
     return Maneuvers(m for m in find_excitations(record, axis) if m not in fitted)
 
@@ -885,8 +870,6 @@ def lines_in_noise(time_s: FloatArray, motion: FloatArray, period_s: float) -> t
     ----------
     time_s, motion
         One active interval of about two periods or more, shapes ``(samples,)``.
-    period_s
-        Of the signal.
     """
     step_s = even_step_s(time_s)
     samples, periods = round(period_s / step_s), max(round((time_s[-1] - time_s[0]) / period_s - 0.4), 1)

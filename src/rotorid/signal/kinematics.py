@@ -120,8 +120,6 @@ def ingredients(name: str, logged: Iterable[str]) -> tuple[str, ...]:
 
     Parameters
     ----------
-    name
-        The channel that is wanted.
     logged
         What the log holds. Where it cannot give the channel, the answer names what would be needed all the same.
 
@@ -344,8 +342,6 @@ class KinematicCheck:
         ``same`` as it should be; ``opposite`` for a wrong sign, which the scale then has too.
     coherence
         Mean coherence of the lines that were used.
-    band_rad_s
-        Their lowest and highest frequency.
     known_lag_s
         Least and most of the lag that filters explain.
     cancellation

@@ -282,8 +282,6 @@ def limits_of(record: FlightRecord, time_s: FloatArray, values: FloatArray, ends
 
     Parameters
     ----------
-    record
-        Their log.
     time_s, values
         Stamps and outputs, shapes ``(n,)`` and ``(motors, n)``.
     ends

@@ -149,11 +149,6 @@ def with_motors(record: FlightRecord, history: MotorHistory) -> FlightRecord:
 def logged_outputs(record: FlightRecord) -> MotorHistory:
     """Outputs ``motor_1`` and on as the log holds them: demands of thrust in a PX4 log, outputs in all others.
 
-    Parameters
-    ----------
-    record
-        The log.
-
     Raises
     ------
     InsufficientDataError
@@ -459,8 +454,6 @@ def agreement_of(record: FlightRecord, demands: MotorHistory, mixer: FloatArray)
 
     Parameters
     ----------
-    record
-        The log.
     demands
         Of the kind ``thrust_demand``, faster or slower than the outputs.
     mixer

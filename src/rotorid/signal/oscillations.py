@@ -158,8 +158,6 @@ class OscillationCheck(Immutable):
 
     Parameters
     ----------
-    found
-        Axes that swing.
     calm
         Axes that were checked and do not.
     unchecked

@@ -190,8 +190,6 @@ def corrected_values(correction: SensorCorrection, channel: str, measured: Mappi
     ----------
     correction
         What to add.
-    channel
-        The sensor.
     measured
         All sensors at the same stamps, shape ``(n,)``; for an accelerometer corrected rates and their derivatives
         ``p_dot q_dot r_dot`` too. What is absent counts as zero.

@@ -15,8 +15,6 @@ def stretch(record: FlightRecord, start_s: float, stop_s: float) -> FlightRecord
 
     Parameters
     ----------
-    record
-        The log.
     start_s, stop_s
         On the log's own clock; declared maneuvers that reach beyond are left out.
 

@@ -95,8 +95,6 @@ class FlightTables(Immutable):
 
     Parameters
     ----------
-    aircraft, plan
-        What flew.
     skipped
         Rows before the log begins.
     log, truth
@@ -447,11 +445,6 @@ def piloted(aircraft: Aircraft) -> Aircraft:
 
     They stand for a pilot who brings it back: 1 m/s² of acceleration for each m/s of drift, 0.3 m/s for each meter, and
     the same in height. What the sticks ask for comes on top.
-
-    Parameters
-    ----------
-    aircraft
-        What flies.
     """
     guidance, vehicle = aircraft.autopilot.guidance, aircraft.vehicle
     if not guidance.hold_velocity:
@@ -611,8 +604,6 @@ def seed_of(seed: int, index: int) -> int:
 
     Parameters
     ----------
-    seed
-        Of all flights.
     index
         Place of the flight, from zero.
 

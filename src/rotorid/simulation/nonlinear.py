@@ -562,14 +562,10 @@ def planned(pieces: Pieces, times: FloatArray, *, substeps: int, interval_s: flo
 
     Parameters
     ----------
-    pieces
-        The pieces.
     times
         When the stages of a step are, as shares of the step, shape ``(g,)``.
     substeps
         Steps of a whole interval; a piece takes its share of them, and at least one.
-    interval_s
-        The interval.
     hold
         What the inputs do between their samples.
     """

@@ -188,8 +188,6 @@ def innovation_slopes(
         As in :func:`innovations`.
     dgain
         Derivatives of K, shape ``(p, x, y)``.
-    run
-        The innovations of this record.
     whitening
         A matrix that multiplies every innovation, shape ``(y, y)``.
 

@@ -385,8 +385,6 @@ def discretize_tangent(
         Their derivatives, shapes ``(p, x, x)`` and ``(p, x, u)``.
     delays_s, ddelays_s
         Delays, shape ``(u,)``, not negative, and their derivatives, shape ``(p, u)``.
-    step_s
-        Sample interval.
     hold
         What the inputs do between their samples.
 

@@ -143,8 +143,6 @@ def shaped_plan(plan: FlightPlan, shaping: Mapping[Axis, InputShaping], sample_r
 
     Parameters
     ----------
-    plan
-        What is asked for.
     shaping
         By axis, of :func:`input_shaping`.
     sample_rate_hz

@@ -119,10 +119,6 @@ def influence(
         The input.
     blocks, first_block
         How many blocks to look at, counted over all records, and the first of them.
-    taper
-        The taper of the windows.
-    moments
-        Moments in each block.
     """
     matrix, projection = separated.matrix, separated.projection[index]
     near = (matrix.starts < first_block + blocks) & (matrix.starts + matrix.window.blocks > first_block)
@@ -223,8 +219,6 @@ def residual_share(window: ConditionedResponse, taper: Taper) -> FloatArray:
     ----------
     window
         Inputs told apart; its instruments span what is fitted.
-    taper
-        That of the windows.
     """
     matrix = window.matrix
     count = len(matrix.transforms)

@@ -167,10 +167,6 @@ def joined_diagnostics(
 
     Parameters
     ----------
-    parts
-        Responses with what stands behind each.
-    whole
-        Their response.
     columns
         The part that each input was taken from, where that was decided by input.
     """

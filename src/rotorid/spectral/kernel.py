@@ -36,8 +36,6 @@ class BlockGrid:
     ----------
     samples_per_block
         Length of a block.
-    sample_rate_hz
-        Rate of the record.
     """
 
     samples_per_block: int

@@ -56,8 +56,6 @@ class GainCrossover:
 
     Parameters
     ----------
-    omega_rad_s
-        Frequency.
     phase_margin_rad
         Phase above −180°, in (−π, π].
     delay_margin_s
@@ -76,8 +74,6 @@ class PhaseCrossover:
 
     Parameters
     ----------
-    omega_rad_s
-        Frequency.
     gain_margin
         Factor that brings the loop to −1 here: above one the gain may rise by it, below one it may fall by it.
     """

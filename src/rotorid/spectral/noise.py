@@ -403,8 +403,6 @@ def measured_delay(
     ----------
     time_s, before, after
         On one clock, shape ``(samples,)``.
-    band_hz
-        Lowest and highest frequency.
 
     Returns
     -------
@@ -470,8 +468,6 @@ def unexplained(
         Shape ``(samples,)``.
     reference
         What was asked for; ``None`` where the whole density is noise.
-    bands_hz
-        Lowest and highest frequency of each band.
     window_s
         Length of a window, about.
     gain

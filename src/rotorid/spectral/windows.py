@@ -155,15 +155,6 @@ def plan_of_records(
 
     A gap may leave a stub of a second beside records of a minute. Windows that do not fit into it pass it over.
 
-    Parameters
-    ----------
-    lengths_s
-        Of the records.
-    band_rad_s
-        Lowest and highest frequency that is wanted.
-    given_s
-        Lengths that were asked for.
-
     Examples
     --------
     >>> plan_of_records([90.0, 90.0, 1.0], (0.6, 60.0)) == plan_windows(90.0, 181.0, (0.6, 60.0))

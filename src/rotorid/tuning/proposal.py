@@ -337,8 +337,6 @@ def steps_beyond(
     ----------
     axis, plant, parts, flown_parts, ends, wishes
         As for :func:`propose`.
-    first
-        What was proposed.
 
     Returns
     -------
@@ -686,8 +684,6 @@ def newly_broken_limit(flown: Judged, then: Judged, plant: UncertainPlant, wishe
         Gains with the filters as flown, and with the others.
     plant
         Of which both were judged.
-    wishes
-        Limits.
     """
     limit = _broken_limit(then, plant, wishes)
     if not limit or not _broken_limit(flown, plant, wishes):

@@ -231,8 +231,6 @@ def resample(
     refit
         One run. For workers in other processes it must pickle: a function of a module, or a frozen value with
         ``__call__``.
-    names, units
-        Of the parameters.
     estimate
         The values about which data are drawn, shape ``(p,)``.
     runs

@@ -168,8 +168,6 @@ def closed_loop(
         Measured commands of the loops, shape ``(loops, samples)``.
     filtered
         What measurement and prediction pass alike, for arrays ``(rows, samples)``.
-    sample_rate_hz
-        Rate of all of these.
 
     Returns
     -------

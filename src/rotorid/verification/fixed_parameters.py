@@ -86,13 +86,6 @@ class FixedParameterScores(Immutable):
 def natural_horizon_s(structure: LinearStructure, values: Mapping[str, float], duration_s: float) -> float:
     """How far ahead a model can be judged on a record: all through it, unless an error grows e-fold within it.
 
-    Parameters
-    ----------
-    structure, values
-        The model.
-    duration_s
-        Length of the record.
-
     Returns
     -------
     float

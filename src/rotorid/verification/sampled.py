@@ -89,12 +89,8 @@ def sampled(system: StateSpace, u: FloatArray, *, sample_rate_hz: float, before:
 
     Parameters
     ----------
-    system
-        The model.
     u
         Inputs, shape ``(u, samples)``, as differences from trim.
-    sample_rate_hz
-        Their rate.
     before
         Inputs before the first sample, shape ``(u,)`` or ``(u, k)`` with the latest last.
     """
@@ -462,8 +458,6 @@ def vibration(measured: FloatArray, band_rad_s: tuple[float, float], rate_hz: fl
         Shape ``(y, samples)``.
     band_rad_s
         The fitted band.
-    rate_hz
-        Sample rate.
     """
     spectrum = np.abs(np.fft.rfft((measured - measured.mean(axis=1, keepdims=True)) * np.hanning(measured.shape[1])))
     omega = 2.0 * np.pi * np.fft.rfftfreq(measured.shape[1], 1.0 / rate_hz)
@@ -486,8 +480,6 @@ def chosen_low_pass(
         Shape ``(y, samples)``.
     band_rad_s
         The fitted band.
-    rate_hz
-        Sample rate.
     """
     if choice != "auto":
         return choice

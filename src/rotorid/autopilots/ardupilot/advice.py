@@ -59,8 +59,6 @@ def decimation_findings(
 
     Parameters
     ----------
-    topics
-        What was read.
     tops_rad_s
         Highest frequency that each SYSTEMID run reached, zero where it is not known; empty: nothing was swept.
     parameters

@@ -183,8 +183,6 @@ def firmware_findings(plan: FlightPlan, firmware: str) -> tuple[Finding, ...]:
 
     Parameters
     ----------
-    plan
-        What is to be flown.
     firmware
         As a log names it, ``ArduCopter V4.6.2 (3fc7011a)``; empty where it does not.
 

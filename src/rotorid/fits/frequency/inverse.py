@@ -85,10 +85,6 @@ def pose_screened(
     ----------
     structure
         What would be fitted.
-    measured
-        The responses.
-    settings
-        Choices of the run.
     flights
         Records and maneuvers behind them; gains are read from the parameters of the records.
 
@@ -125,8 +121,6 @@ def without_inverse_controller(
 
     Parameters
     ----------
-    measured
-        The responses.
     used
         Points that can be trusted otherwise, shape ``(y, u, f)``.
     settings, flights

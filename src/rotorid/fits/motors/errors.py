@@ -84,8 +84,6 @@ def motor_model_error(fit: MotorFit, random: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    fit
-        Of motors.
     random
         Covariance of random errors of ``fit.moving``, shape ``(p, p)``.
     """

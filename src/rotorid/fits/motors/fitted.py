@@ -42,8 +42,6 @@ class FittedMotors(Immutable):
 
     Parameters
     ----------
-    data
-        What was fitted.
     fit
         How it ended.
     curve

@@ -26,8 +26,6 @@ class Motion(NamedTuple):
 
     Parameters
     ----------
-    flight
-        The stretch.
     counted
         Channels whose axis was excited.
     rows

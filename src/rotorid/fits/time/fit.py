@@ -94,8 +94,6 @@ class TimeFit(Immutable):
 
     Parameters
     ----------
-    method
-        How.
     problem
         Its simulation over the records, or over pieces of them; at the covariance of the output errors.
     solution
@@ -199,12 +197,6 @@ def fit_in_time(
     ----------
     structure
         What to fit; of a vehicle's, what the frequency domain has dropped stays dropped.
-    records
-        What to fit it to.
-    settings
-        Choices of the run.
-    method
-        How.
     frequency
         The fit of the same data in the frequency domain.
 

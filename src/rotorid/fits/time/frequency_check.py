@@ -151,8 +151,6 @@ def with_model_error(
 
     Parameters
     ----------
-    fitted, records
-        The fit in time, and what it was fitted to.
     frequency, structure
         The fit of responses of the same data. Parameters that only one of the two has keep their random errors.
     """

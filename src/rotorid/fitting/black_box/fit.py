@@ -63,8 +63,6 @@ def continuous_from_discrete(A: FloatArray, B: FloatArray, *, step_s: float, hol
     ----------
     A, B
         Shapes ``(x, x)`` and ``(x, u)``.
-    step_s
-        Sample interval.
     hold
         What the inputs do between their samples.
 

@@ -326,8 +326,6 @@ def innovation_gain(
         The system that was simulated.
     records
         Inputs and outputs.
-    lags
-        Of the regression.
     """
     feedthrough = bool(np.any(gains.D))
     predictor = fit_predictor(records, lags, feedthrough=feedthrough)

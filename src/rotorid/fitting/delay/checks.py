@@ -74,8 +74,6 @@ def steep_output(histories: Sequence[TimeHistory], *, input: str, output: str) -
     ----------
     histories
         Records of one rate.
-    input, output
-        Channels.
 
     Returns
     -------

@@ -368,8 +368,6 @@ class RecordFit:
 
     Parameters
     ----------
-    data
-        The records.
     noise
         Power of the noise at each line of each record.
     model

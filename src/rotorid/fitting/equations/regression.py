@@ -627,8 +627,6 @@ class InBand(Immutable):
 
     Parameters
     ----------
-    band_rad_s
-        Lowest and highest frequency.
     longest_delay_s
         Start of each record that is left out, so that late regressors are known.
     """

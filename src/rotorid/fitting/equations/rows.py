@@ -165,8 +165,6 @@ def state_history(plan: StatePlan, system: Matrices, record: TimeData) -> TimeHi
         As :func:`plan_states` gives it.
     system
         Matrices at the values of lags.
-    record
-        What was measured.
     """
     step_s = 1.0 / record.sample_rate_hz
     x = plan.weights @ record.outputs
@@ -271,8 +269,6 @@ class EquationRows:
     ----------
     map
         Structure and free parameters.
-    records
-        What was measured.
     domain
         Where equations are compared.
     hold

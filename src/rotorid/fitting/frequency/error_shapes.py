@@ -89,8 +89,6 @@ def response_error_shapes(
         Frequency and indices of output and input of each point, shape ``(n,)`` each.
     scale
         Factor from a relative error to each residual, shape ``(2 n,)``.
-    outputs, inputs
-        Channel names.
     sample_rate_hz
         Of the log; without it clocks count as exact.
     sensor_errors

@@ -373,8 +373,6 @@ def only_pairs(used: BoolArray, data: FrequencyResponse, names: Iterable[str]) -
     ----------
     used
         Points that could be used, shape ``(y, u, f)``.
-    data
-        Their responses.
     names
         Responses to keep, for instance ``["q/pitch_command", "ax/pitch_command"]``.
 
@@ -397,8 +395,6 @@ def within_bands(used: BoolArray, data: FrequencyResponse, bands: Mapping[str, t
     ----------
     used
         Points that could be used, shape ``(y, u, f)``.
-    data
-        Their responses.
     bands
         Lowest and highest frequency of a response, rad/s.
 
@@ -432,8 +428,6 @@ def residual_errors(
 
     Parameters
     ----------
-    data
-        Measured responses.
     used
         Points that count, shape ``(y, u, f)``.
     scales

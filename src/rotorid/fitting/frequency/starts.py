@@ -44,8 +44,6 @@ def fraction_starts(problem: FrequencyProblem, thetas: FloatArray) -> tuple[Floa
 
     Parameters
     ----------
-    problem
-        Structure, data, points.
     thetas
         Where to begin, shape ``(b, p)``. Delays stay as they are; give a grid of them, no coarser than half a radian at
         the highest frequency.
@@ -156,8 +154,6 @@ def equation_error(problem: FrequencyProblem, theta: FloatArray, role: Roles) ->
 
     Parameters
     ----------
-    problem
-        Structure, data, points.
     theta
         Free parameters, shape ``(p,)``. Those in delays, outputs and known equations stay.
     role
@@ -430,8 +426,6 @@ def own_starts(
 
     Parameters
     ----------
-    problem
-        Structure, data, points.
     count, rng
         As for :func:`start_values`.
     """

@@ -48,8 +48,6 @@ def excitations(
 
     Parameters
     ----------
-    records
-        What was flown.
     levers
         As for :class:`rotorid.fitting.motors.problem.MotorProblem`.
     spin_up

@@ -114,8 +114,6 @@ def likely_step(fit: MotorFit, more: MotorProblem, name: str) -> tuple[float, fl
         Without the parameter.
     more
         The same problem with it, at the end of the fit, and with its filters.
-    name
-        Of the parameter.
     """
     residual, jacobian = more.residuals(more.parameters.pack())
     free = more.parameters.free

@@ -52,8 +52,6 @@ def motor_speed(outputs: FloatArray, *, lag_s: float, delay_s: float, step_s: fl
     lag_s, delay_s
         Time constant, positive, and delay. A delay below zero, of stamps that do not belong together, needs outputs
         after the last one, which are taken to stand.
-    step_s
-        Time between samples.
     moved
         Whether derivatives by lag and delay are worked out too.
 
@@ -79,10 +77,6 @@ def measured_speed(speeds: FloatArray, *, delay_s: float, step_s: float, moved: 
     ----------
     speeds
         At the samples, shape ``(motors, n)``; before the first and after the last they stand.
-    delay_s
-        Delay.
-    step_s
-        Time between samples.
     moved
         Whether the derivative by the delay is worked out too.
 

@@ -140,8 +140,6 @@ def require_records(
     ----------
     records
         What will be fitted.
-    inputs, outputs
-        Channels of the model.
     unknowns, known
         What is to be estimated beside the parameters, and what can be.
 
@@ -186,8 +184,6 @@ class RecordsProblem(Problem):
         As in :class:`rotorid.fitting.problem.Problem`.
     structure
         Its inputs and outputs name the rows of the records.
-    records
-        What was measured.
     unknowns
         What is estimated beside the parameters, for each record.
 

@@ -98,8 +98,6 @@ class Followed(NamedTuple):
     ----------
     model
         On the samples, with derivatives by the parameters of model and noise.
-    steady
-        The predictor.
     dgain
         Derivatives of its gain, shape ``(p, x, y)``.
     """

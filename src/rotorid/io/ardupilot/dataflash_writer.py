@@ -166,8 +166,6 @@ def write_dataflash(path: Path, tables: Iterable[Messages]) -> None:
 
     Parameters
     ----------
-    path
-        File to write or replace.
     tables
         Kinds of messages.
 

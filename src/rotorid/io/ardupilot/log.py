@@ -211,8 +211,6 @@ def record_of(tables: Mapping[str, Table], source: Source, findings: Iterable[Fi
         Message name to its table.
     source
         What is known of the file; the firmware is filled in.
-    findings
-        What the container had to remark.
 
     Raises
     ------

@@ -318,8 +318,6 @@ class Logged:
 
     Parameters
     ----------
-    flight
-        The flight.
     samples
         Their indices.
     parameters

@@ -372,8 +372,6 @@ def _message_topics(messages: Mapping[str, Messages], clock: BootClock, *, scale
     ----------
     messages
         Name to messages of one autopilot.
-    clock
-        Its clock.
     scaled_raw
         Whether ``RAW_IMU`` is in the units of ``SCALED_IMU``, as ArduPilot sends it; elsewhere its numbers are counts
         of an unknown converter, which are left out.

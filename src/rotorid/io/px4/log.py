@@ -375,8 +375,6 @@ def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any], firmware: str
 
     Parameters
     ----------
-    topics
-        What was read.
     facts
         What the container says: ``damage``, ``dropouts``, ``size_bytes``, ``parameters``, and which of these
         ``changed``, if it says that.

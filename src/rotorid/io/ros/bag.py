@@ -307,11 +307,6 @@ def _topics_of(extract: Extract) -> Iterator[Topic]:
     """Topics that the rules have a name for, best first.
 
     Of two topics of one type the one without ``raw`` in its name comes first; then the names decide.
-
-    Parameters
-    ----------
-    extract
-        What the parser found.
     """
     known_names: set[str] = set()
     for rule, topic in _matches(extract.facts["topics"]):
@@ -421,8 +416,6 @@ def turned(values: FloatArray, rule: Rule, frames: tuple[str, str]) -> FloatArra
     ----------
     values
         Rows as the fields of the rule, shape ``(fields, samples)``.
-    rule
-        What they are.
     frames
         ``frame_id`` and ``child_frame_id`` of the header.
 
@@ -481,8 +474,6 @@ def findings_of(topics: Sequence[Topic], extract: Extract) -> Iterator[Finding]:
     ----------
     topics
         What was read by the rules; empty when a mapping named the channels, and with them the stamps.
-    extract
-        What the parser found.
     """
     facts = extract.facts
     yield from _damage(facts)

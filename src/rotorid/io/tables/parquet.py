@@ -70,8 +70,6 @@ def extract(path: Path, options: Mapping[str, Any]) -> Extract:
 
     Parameters
     ----------
-    path
-        A Parquet file.
     options
         ``names``: the columns to bring back, of which those that exist are read; when none is given, all whose name,
         without its unit, is of the vocabulary.

@@ -38,8 +38,6 @@ def processed(series: Series, time_s: FloatArray, values: FloatArray, file: str)
 
     Parameters
     ----------
-    series
-        Which steps.
     time_s, values
         Stamps and samples, shape ``(n,)``.
     file

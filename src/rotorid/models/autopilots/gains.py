@@ -23,8 +23,6 @@ class Parameter(NamedTuple):
 
     Parameters
     ----------
-    name
-        As the firmware has it.
     low, high
         Range that it takes.
     per_si
