@@ -296,7 +296,8 @@ def _fit(document: ResultDocument) -> Iterator[str]:
             yield f"cost of {pair} {cost.value:.1f} over {low:.2g} to {high:.3g} rad/s"
     if document.fit_percent:
         fits = ", ".join(f"{name} {percent:.1f} %" for name, percent in document.fit_percent.items())
-        yield f"{document.method.replace('_', ' ')}, {document.hold}-order hold; explained: {fits}"
+        hold = f", {document.hold}-order hold" if document.hold else ""
+        yield f"{document.method.replace('_', ' ')}{hold}; explained: {fits}"
     yield from _lines_by_record(document)
 
 

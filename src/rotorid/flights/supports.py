@@ -470,7 +470,9 @@ def _coupled_support(record: FlightRecord, model: str) -> Support:
         because = f"the log holds no sweep of {listed(still)}"
         remedy = flying_advice(record, *still)
         return Support(possible=False, because=because, remedy=remedy, needs=needs, lacks="no_excitation")
-    because = f"{listed(axes)} were excited; only identify shows whether the model fits"
+    because = (
+        f"{listed(axes)} {'was' if len(axes) == 1 else 'were'} excited; only identify shows whether the model fits"
+    )
     return Support(possible=True, because=because, needs=needs, by="excitation")
 
 

@@ -40,8 +40,9 @@ from rotorid.typing import Axis
 Structure: TypeAlias = LinearStructure | NonlinearStructure
 
 Needs: TypeAlias = Literal["axis", "axes", "motors", "single motors"]
-"""What a log has to hold: the excitation of one axis, or a stick that moves it; excitations of several axes; outputs of
-all motors; or single motors that are swept. :mod:`rotorid.flights.supports` looks for each."""
+"""What a log has to hold: of rate models the excitation of their axis, or a stick that moves it; of all others
+excitations of one or several axes; outputs of all motors; or single motors that are swept.
+:mod:`rotorid.flights.supports` looks for each."""
 
 
 class Channels(NamedTuple):

@@ -453,8 +453,8 @@ def _power(review: Review) -> Card:
         start, lowest = battery["start_v"].value, battery["lowest_v"].value
         stop = battery.get("stop_v", battery["lowest_v"]).value
         sentences.append(f"The battery went from {start:.1f} V to {stop:.1f} V, lowest {lowest:.1f} V.")
-        if start > 0.0 and "sag_v" in battery:
-            sagged = True
+        if start > 0.0:
+            sagged = "sag_v" in battery
             judge(_judged("power", battery))
     missing = [*([] if ratio is not None else ["full thrust over weight"]), *([] if sagged else ["sag under load"])]
     state: State = next((state for state in ("look", "cannot") if state in verdicts), _good(missing))
