@@ -36,7 +36,7 @@ DEFINED = {
 }
 """Functions and classes of all modules."""
 
-EXAMPLES = re.compile(r"docs/(?:my|your)|/PAGE\.md$")
+EXAMPLES = re.compile(r"docs/(?:my|your)|[/_](?:NAME|PACKAGE|MODULE|PAGE)\b")
 """Paths that stand for any."""
 
 
