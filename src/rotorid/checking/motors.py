@@ -171,6 +171,9 @@ class MotorPredictor(Immutable):
         try:
             of_log = rotors_of([record], choices)
         except (InsufficientDataError, UsageError, ModelError):
+            # A result says its rotors; beside the logs of a fit, a log has to say its own.
+            if self.choices is not None:
+                raise
             of_log = self.layout
         if not np.array_equal(of_log.spins, self.layout.spins):
             raise InsufficientDataError(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, get_args
 
 from rotorid.data.record import FlightRecord
@@ -219,14 +220,16 @@ def require_choices(model: Model, settings: IdentifySettings, *, options: Mappin
     read = read_model(model)
     fitting = fitting_of(read)
     named = read if isinstance(read, NonlinearStructure) else model
-    words = {"name": named if isinstance(named, str) else getattr(named, "name", str(named))}
+    words = {"name": str(named) if isinstance(named, str | Path) else named.name}
     words |= {"had": ", ".join(options_of(IdentifySettings, fitting.choices)), "methods": ", ".join(fitting.methods)}
-    given = [option for option, value in (options or {}).items() if value]
-    if fitting.no_option is not None and given:
+    given = [option for option, value in (options or {}).items() if value and fitting.no_option is not None]
+    alike = fitting.no_option is fitting.no_choice
+    if fitting.no_option is not None and given and not alike:
         raise fitting.no_option.error(wrong=" and ".join(given), **words)
     if settings.method not in fitting.methods:
         raise fitting.no_method.error(wrong=settings.method, **words)
-    if wrong := [option for name, option in options_given(settings).items() if name not in fitting.choices]:
+    wrong = [option for name, option in options_given(settings).items() if name not in fitting.choices]
+    if wrong := [*wrong, *(given if alike else ())]:
         raise fitting.no_choice.error(wrong=", ".join(wrong), **words)
     fitting.check(read, settings)
 
@@ -236,5 +239,6 @@ def own_settings(model: Read, settings: IdentifySettings) -> IdentifySettings:
     fitting, usual = fitting_of(model), IdentifySettings()
     foreign = {name for name in _ALL if name not in fitting.choices}
     foreign |= {name for name, method in fitting.only_with.items() if settings.method != method}
-    foreign |= {"method"} if settings.method not in fitting.methods else set()
+    # Motors leave the methods of other models out; no other model leaves out theirs, which is refused.
+    foreign |= {"method"} if settings.method in LINEAR.methods and settings.method not in fitting.methods else set()
     return replace(settings, **{name: getattr(usual, name) for name in foreign})

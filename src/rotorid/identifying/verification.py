@@ -76,7 +76,7 @@ def verify(
 
     Short maneuvers are predicted in the time domain, in open loop and a little ahead from every sample; sweeps and
     random signals are compared in the frequency domain. Nothing of the model is adjusted. What was fitted flatters:
-    where the result says what that was, such a maneuver is shown with the finding ``fitted_before``; else it is for the
+    where the result says what that was, such a maneuver is shown with the finding ``seen_data``; else it is for the
     caller to know.
 
     Parameters

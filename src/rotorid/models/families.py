@@ -145,7 +145,8 @@ class Family:
 
     def has(self, name: str) -> bool:
         """Whether a name is that of one of its models."""
-        return re.fullmatch(self.pattern, name) is not None if self.pattern else name in self.listed
+        # A name with a line break is one too, of nobody's model.
+        return re.fullmatch(self.pattern, name, re.DOTALL) is not None if self.pattern else name in self.listed
 
 
 def _first_sentence(text: str) -> str:

@@ -91,6 +91,16 @@ def test_a_log_with_its_rotors_in_other_places_judges_nothing(
     assert vehicle.data(motor_log(2), ()).layout is vehicle.layout
 
 
+def test_a_log_that_does_not_say_its_rotors_judges_no_fit_beside_it(
+    motors: IdentifiedModel, motor_log: Callable[[int], FlightRecord]
+) -> None:
+    vehicle = identified_motors(motors)
+    assert vehicle is not None
+    beside = replace(vehicle, choices=replace(CHOICES, layout=None, arm_m=None))
+    with pytest.raises(rotorid.InsufficientDataError, match="--layout"):
+        beside.data(motor_log(2), ())
+
+
 def _not_verified(findings: Sequence[Finding]) -> list[str]:
     return [one.message for one in findings if one.kind == "not_verified"]
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields
+from pathlib import Path
 
 import pytest
 
@@ -12,7 +14,7 @@ from rotorid.identifying.methods import Frequency, InTime
 from rotorid.identifying.motors import Motors
 from rotorid.identifying.nonlinear import Nonlinear
 from rotorid.models.families import FAMILIES
-from rotorid.models.library import library_model, nonlinear_model, rate_model, response_model
+from rotorid.models.library import library_model, library_text, nonlinear_model, rate_model, response_model
 from rotorid.models.nonlinear import linear_of
 from rotorid.settings.identifying import IdentifySettings
 
@@ -54,6 +56,25 @@ def test_each_family_says_what_it_does_not_take() -> None:
             require_choices(model, IdentifySettings(arm_m=0.2))
     with pytest.raises(UsageError, match=r"--inputs and --decoupled came with drag\.linear, which is nonlinear"):
         require_choices("drag.linear", IdentifySettings(), options={"--inputs": "u", "--decoupled": True})
+    with pytest.raises(UsageError, match=r"^--tie, --inputs, --decoupled came with physical\.motors, which has no"):
+        require_choices(
+            "physical.motors", IdentifySettings(ties={"a": "b"}), options={"--inputs": "u", "--decoupled": True}
+        )
+
+
+def test_a_file_is_called_by_its_whole_path(tmp_path: Path) -> None:
+    path = tmp_path / "model.toml"
+    path.write_text(library_text("axis.roll"), encoding="utf-8")
+    with pytest.raises(UsageError, match=f"--arm came with {re.escape(str(path))}"):
+        require_choices(path, IdentifySettings(arm_m=0.2))
+
+
+def test_a_method_of_motors_alone_is_no_choice_to_leave_out_for_others() -> None:
+    asked = IdentifySettings(method="accelerations")
+    assert own_settings("physical.motors", asked).method == "accelerations"
+    for model in ("rate.roll", "response.first_order"):
+        with pytest.raises(UsageError, match="--method accelerations came with"):
+            require_choices(model, own_settings(model, asked))
 
 
 def test_choices_that_a_model_does_not_have_are_left_out_for_it() -> None:

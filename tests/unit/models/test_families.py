@@ -7,6 +7,7 @@ import pytest
 from rotorid.errors import ModelError, UsageError
 from rotorid.models.families import (
     FAMILIES,
+    OWN,
     RATE_AXIS,
     Channels,
     Family,
@@ -54,6 +55,12 @@ def test_a_name_of_no_model_is_refused_although_its_beginning_is_that_of_a_famil
     assert family_of("rate.rol") is family_of("rate.roll")
     with pytest.raises(ModelError, match=r"did you mean rate\.roll"):
         named_model("rate.rol")
+
+
+def test_a_name_with_a_line_break_has_a_family_and_is_of_no_model() -> None:
+    assert family_of("my\nfolder/model.toml") is OWN
+    with pytest.raises(ModelError, match="there is no model"):
+        named_model("rate.roll\nrate.pitch")
 
 
 def test_models_with_channels_of_their_own_are_made_by_their_name() -> None:
