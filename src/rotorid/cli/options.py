@@ -54,7 +54,7 @@ def complete_from(words: Iterable[str] | Callable[[], Iterable[str]]) -> Callabl
 
     Examples
     --------
-    >>> one_of(["hann", "half_sine"])("ha"), one_of(["roll", "pitch"])("roll,p")
+    >>> complete_from(["hann", "half_sine"])("ha"), complete_from(["roll", "pitch"])("roll,p")
     (['hann', 'half_sine'], ['roll,pitch'])
     """
 

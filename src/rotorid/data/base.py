@@ -74,7 +74,7 @@ def cached_by_value(function: Callable[Parameters, Value]) -> Callable[Parameter
     >>> asked = []
     >>> class Log(Immutable):
     ...     pass
-    >>> @remembered
+    >>> @cached_by_value
     ... def length(log, unit="s"):
     ...     asked.append(unit)
     ...     return 10.0

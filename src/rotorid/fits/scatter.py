@@ -122,8 +122,8 @@ def disagreements(estimates: Sequence[LogEstimate]) -> tuple[Disagreement, ...]:
 
     Examples
     --------
-    >>> logs = [Alone(record="a", values={"N": 498.0}, stds={"N": 20.0}),
-    ...         Alone(record="b", values={"N": 308.0}, stds={"N": 6.0})]
+    >>> logs = [LogEstimate(record="a", values={"N": 498.0}, stds={"N": 20.0}),
+    ...         LogEstimate(record="b", values={"N": 308.0}, stds={"N": 6.0})]
     >>> (found,) = disagreements(logs)
     >>> found.parameter, round(found.scatter)
     ('N', 134)
@@ -201,7 +201,7 @@ def amplitude_dependences(estimates: Sequence[LogEstimate]) -> tuple[AmplitudeDe
     --------
     >>> def sweep(Z_w, swing):
     ...     said = {"values": {"Z_w": Z_w}, "stds": {"Z_w": 0.01}, "random": {"Z_w": 0.004}}
-    ...     return Alone(record=f"{swing}", **said, asked=swing, moved=swing)
+    ...     return LogEstimate(record=f"{swing}", **said, asked=swing, moved=swing)
     >>> (found,) = amplitude_dependences([sweep(-0.281, 0.034), sweep(-0.300, 0.055)])
     >>> found.parameter, round(found.at_rest, 2)
     ('Z_w', -0.25)

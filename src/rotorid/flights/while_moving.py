@@ -68,7 +68,8 @@ def input_weighted_mean(
 
     >>> time_s = np.arange(0.0, 60.0, 0.02)
     >>> chirp = np.sin(2.0 * time_s + 0.15 * time_s**2)
-    >>> mean_while_moving([Watched(50.0, 1.0 - time_s / 60.0, chirp[None])], np.array([3.0, 11.0, 19.0])).round(1)
+    >>> falling = WeightedMean(50.0, 1.0 - time_s / 60.0, chirp[None])
+    >>> input_weighted_mean([falling], np.array([3.0, 11.0, 19.0])).round(1)
     array([[0.9, 0.5, 0.2]])
     """
     low, high = float(omega_rad_s[0]), float(omega_rad_s[-1])

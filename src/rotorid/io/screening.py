@@ -139,7 +139,7 @@ def without_isolated(values: FloatArray) -> FloatArray:
 
     Examples
     --------
-    >>> without_lone(np.array([0.0, 0.1, 1e9, 0.3, 0.4])).tolist()
+    >>> without_isolated(np.array([0.0, 0.1, 1e9, 0.3, 0.4])).tolist()
     [0.0, 0.1, 0.3, 0.4, 0.4]
     """
     if values.size < 3:

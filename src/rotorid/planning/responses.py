@@ -261,7 +261,7 @@ def predict_responses(
     >>> from rotorid.planning.aircraft import aircraft_loop
     >>> from rotorid.vehicles import aircraft
     >>> roll = response_model("response.first_order_delay", [("phi_setpoint", "phi")])
-    >>> loop = setpoint_loop(aircraft_loop(aircraft("bebop"), log_rate_hz=20.0), roll.inputs, held=True)
+    >>> loop = setpoint_loop(aircraft_loop(aircraft("bebop"), log_rate_hz=20.0), roll.inputs, sampled=True)
     >>> inputs = uncorrelated_binaries({"roll": 0.1}, start_s=0.0, band_rad_s=(1.5, 8.5), duration_s=30.0,
     ...                                sample_rate_hz=400.0, clock_hz=20.0, entries={"roll": "attitude_setpoint"})
     >>> found = predict_responses(roll, {}, loop, sequence("half a minute", [inputs]))

@@ -45,11 +45,11 @@ def unavailable_words(name: str) -> tuple[str, str]:
 
     Examples
     --------
-    >>> untold_words("loops.p.rise_time_s"), untold_words("loops.p")
+    >>> unavailable_words("loops.p.rise_time_s"), unavailable_words("loops.p")
     (('roll rate loop', 'rise time'), ('roll rate loop', ''))
-    >>> untold_words("margins.yaw.gain_margin_db"), untold_words("models.physical.motors")
+    >>> unavailable_words("margins.yaw.gain_margin_db"), unavailable_words("models.physical.motors")
     (('margins of yaw', 'gain margin'), ('model physical.motors', ''))
-    >>> untold_words("noise.roll_p_noise_share")
+    >>> unavailable_words("noise.roll_p_noise_share")
     ('noise through P of roll', '')
     """
     if name in _PARTS:
@@ -94,7 +94,7 @@ def gathered(unavailable: Iterable[Unavailable]) -> tuple[Unavailable, ...]:
 
     Examples
     --------
-    >>> slow = [Untold(what=f"loops.p.{name}", why="It is too slow.") for name in ("rise_time_s", "peak_db")]
+    >>> slow = [Unavailable(what=f"loops.p.{name}", why="It is too slow.") for name in ("rise_time_s", "peak_db")]
     >>> [one.what for one in gathered(slow)]
     ['roll rate loop: rise time and resonance peak']
     """

@@ -160,7 +160,7 @@ def loops(flight: FlightData) -> tuple[dict[str, LoopReview], tuple[Unavailable,
     -------
     dict, tuple of Untold
         Loops by the names of their states. A loop of which only the response is known has no step; one of which
-        nothing is known is not there. ``Untold.what`` is ``loops.NAME`` or ``loops.NAME.NUMBER``.
+        nothing is known is not there. ``Unavailable.what`` is ``loops.NAME`` or ``loops.NAME.NUMBER``.
     """
     found: dict[str, LoopReview] = {}
     unavailable: list[Unavailable] = []

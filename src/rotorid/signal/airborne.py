@@ -169,7 +169,7 @@ def evidence_words(seen_in: str) -> str:
 
     Examples
     --------
-    >>> told_by("vehicle_land_detected and vehicle_status")
+    >>> evidence_words("vehicle_land_detected and vehicle_status")
     'as vehicle_land_detected and vehicle_status tell'
     """
     return f"as {seen_in} {'tell' if ' and ' in seen_in else 'tells'}"

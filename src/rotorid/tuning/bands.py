@@ -57,7 +57,7 @@ def needed_band(
     >>> flown = RateController(proportional_s=0.0675, integral=0.0675, angle_1_s=3.0, step_s=1.0 / 400.0)
     >>> omega = frequency_grid(flown)
     >>> ones = np.ones(omega.size, dtype=complex)
-    >>> parts = ControllerParts(controller=flown, omega_rad_s=omega, seen=ones, logged=ones)
+    >>> parts = ControllerParts(controller=flown, omega_rad_s=omega, filters=ones, logged=ones)
     >>> low, high = needed_band("roll", plant, flown, parts)
     >>> low, 90.0 < high < 300.0
     (2.0, True)

@@ -236,7 +236,7 @@ def hover_guidance(parameters: Mapping[str, float]) -> Guidance:
 
     Examples
     --------
-    >>> guidance = held(PX4_PARAMETERS)
+    >>> guidance = hover_guidance(PX4_PARAMETERS)
     >>> guidance.velocity_p_1_s, round(guidance.climb_p, 3)
     (1.8, 0.204)
     """

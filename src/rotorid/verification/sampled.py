@@ -355,7 +355,7 @@ def independent_columns(columns: FloatArray, whole: FloatArray) -> BoolArray:
 
     Examples
     --------
-    >>> told_apart(np.array([[1.0, 1.0], [2.0, 2.0], [1e-6, 0.0], [0.0, 1.0]]), np.array([1.0, 3.0, 1.0, 1.0]))
+    >>> independent_columns(np.array([[1.0, 1.0], [2.0, 2.0], [1e-6, 0.0], [0.0, 1.0]]), np.array([1.0, 3.0, 1.0, 1.0]))
     array([ True, False, False,  True])
     """
     kept = np.zeros(len(columns), dtype=bool)

@@ -160,7 +160,7 @@ def compare_regressions(found: Sequence[InertiaRegression]) -> list[Finding]:
     >>> one = InertiaRegression(axis="p", parameter="I_xx", unit="kg m^2",
     ...                         plain=(0.0102, 0.004), corrected=(0.01, 0.012),
     ...                deviations=(0.0001, 0.0004))
-    >>> [finding.kind for finding in judge_both_ways([one])]
+    >>> [finding.kind for finding in compare_regressions([one])]
     ['noisy_acceleration', 'both_ways_disagree']
     """
     findings = []

@@ -26,7 +26,7 @@ def describe_steps(series: Series) -> str:
 
     Examples
     --------
-    >>> told(Series(source="x", derivative=True, low_pass_hz=5.0))
+    >>> describe_steps(Series(source="x", derivative=True, low_pass_hz=5.0))
     'derivative of x, zero-phase low-pass at 5 Hz'
     """
     text = f"derivative of {series.source}" if series.derivative else series.source
