@@ -158,7 +158,7 @@ def loops(flight: FlightData) -> tuple[dict[str, LoopReview], tuple[Unavailable,
 
     Returns
     -------
-    dict, tuple of Untold
+    dict, tuple of Unavailable
         Loops by the names of their states. A loop of which only the response is known has no step; one of which
         nothing is known is not there. ``Unavailable.what`` is ``loops.NAME`` or ``loops.NAME.NUMBER``.
     """

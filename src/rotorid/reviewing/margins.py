@@ -27,7 +27,7 @@ def margins(flight: FlightData) -> tuple[dict[Axis, MarginReview], tuple[Unavail
     -------
     dict of MarginReview
         By axis; an axis of which nothing can be told is absent.
-    tuple of Untold
+    tuple of Unavailable
         What cannot be told, and why.
     """
     found: dict[Axis, MarginReview] = {}
