@@ -39,8 +39,6 @@ SYSTEM_ID_DELAY_S = 1.0
 CONSTANT_CYCLES = 2.0
 """Periods at the lowest frequency before the chirp begins, fixed in the firmware."""
 
-"""From an input angle (1 to 3) to the same without feedforward (4 to 6)."""
-
 _AGREEMENT = 0.01
 """Share of the amplitude by which the waveform of the firmware may differ from the planned samples."""
 

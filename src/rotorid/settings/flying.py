@@ -24,7 +24,7 @@ class FlySettings(Settings):
     pieces_s
         Seconds after which a simulation begins anew; by default whole flights where the model allows it.
     hold
-        What inputs do between their samples, as in :class:`IdentifySettings`.
+        What inputs do between their samples, as in :class:`~rotorid.settings.identifying.IdentifySettings`.
     seed
         Of the draws for the bands.
 

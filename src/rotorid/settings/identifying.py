@@ -150,8 +150,8 @@ class IdentifySettings(MeasureSettings):
     bootstrap
         Refits to noise drawn anew, beside the stated standard deviations.
     layout, arm_m, curve, rotor_diameter_m
-        Of ``physical.motors``, as in :class:`MotorSettings`; all but ``curve`` of ``physical.hover`` too, which has its
-        arm and the diameter of its propellers from them.
+        Of ``physical.motors``, as in :class:`~rotorid.settings.motors.MotorSettings`; all but ``curve`` of
+        ``physical.hover`` too, which has its arm and the diameter of its propellers from them.
     """
 
     fix: Annotated[Mapping[str, float], Option("--fix", "A parameter to hold. Repeatable.", "Models", FIXED)] = field(

@@ -127,7 +127,7 @@ def inertia_regressions(
     Deviations hold for any color that is left in the products of instrument and error (Newey and West, *A Simple,
     Positive Semi-Definite, Heteroskedasticity and Autocorrelation Consistent Covariance Matrix*, Econometrica 55(3),
     1987). Lag and delay are held. Where motors move without lag and without slow excitation, their past tells little,
-    and the second answer is wide; see :attr:`BothWays.telling`.
+    and the second answer is wide; see :attr:`InertiaRegression.telling`.
     """
     injected = list(excitations) or [None] * len(fit.problem.records)
     _require(fit, injected)
