@@ -101,7 +101,7 @@ def _text(
             f"{name} came, which is no linear structure and has no text",
             remedy=f"rotorid identify LOG --model {name} writes the linear model about hover that follows from it",
         )
-    if (inputs or outputs) and family.channels == "own":
+    if (inputs or outputs) and family.channels == "own" and name in family.names:
         raise UsageError(
             f"--inputs and --outputs came with {name}",
             needed=f"them with {without_channels()} alone",

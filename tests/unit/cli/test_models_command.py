@@ -111,6 +111,8 @@ def test_one_model_as_json_has_its_text() -> None:
         (("transfer:3/1", "--inputs", "u", "--outputs", "y"), "a transfer function of the orders 3 over 1"),
         (("rate.roll", "--outputs", "p"), "--inputs and --outputs came with rate.roll"),
         (("mine.toml",), "there is no model 'mine.toml'"),
+        (("response.first", "--inputs", "phi_setpoint"), "there is no model 'response.first'"),
+        (("black_box:x", "--inputs", "u", "--outputs", "y"), "there is no model 'black_box:x'"),
     ],
 )
 def test_wrong_names_are_refused_in_one_sentence(arguments: tuple[str, ...], says: str) -> None:
