@@ -31,7 +31,7 @@ compiled: $(VENV)/.installed-dev
 	OPENBLAS_NUM_THREADS=1 $(BIN)/rotorid demo --quiet --force --out $(VENV)/compiled
 	$(BIN)/pytest --collect-only --quiet > $(VENV)/collected
 
-# The tests of what changed since BASE, nearest first, in about a minute; what is left out is listed.
+# The tests of what changed since BASE, nearest first, in about a minute; the nearest of the others are listed.
 BASE ?= HEAD
 quick: $(VENV)/.installed-dev
 	$(BIN)/ruff check

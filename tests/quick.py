@@ -6,9 +6,9 @@ face that lists them (``from rotorid import identify`` needs the module of ``ide
 
 A test file is nearest where it is named after a changed module (``tests/unit/PACKAGE/test_MODULE.py``), then where it
 imports one, then where it imports what imports one, and so on; of those that are as near, first what has the same words
-in its name. The nearest run, as far as :data:`BUDGET_S` allows by ``tests/durations.json``, and the others are listed.
-Doctests of changed modules run too. Studies of real flights, twins, browsers and the site (:data:`LONG`) are left to
-``make test``.
+in its name. The nearest run, as far as :data:`BUDGET_S` allows by ``tests/durations.json``. Doctests of changed modules
+run too. The others are left to ``make test``, with studies of real flights, twins, browsers and the site
+(:data:`LONG`); the nearest of them are listed.
 
 ``python -m tests.quick --renew REPORT`` writes the durations of a report that ``pytest --junitxml REPORT`` wrote.
 """
@@ -36,6 +36,8 @@ BUDGET_S = 45.0
 """Of what is chosen, one file after the other: two cores need half of it, and some seconds to begin."""
 SHORT_S = 0.5
 """Of a file that is not in the table."""
+LISTED = 12
+"""Of what is left out: who wants all runs ``make test``."""
 DURATIONS = "tests/durations.json"
 ELSE = "tests/api/test_faces.py"
 """What runs where no test belongs to the change."""
@@ -74,7 +76,7 @@ class File:
 
 @dataclass(frozen=True)
 class Choice:
-    """Test files of a change, nearest first, and those for which there is no time."""
+    """Test files of a change, nearest first, and those for which there is no time, studies of flights among them."""
 
     chosen: tuple[str, ...]
     left_out: tuple[str, ...]
@@ -183,9 +185,10 @@ class Tree:
         spent_s = 0.0
         for module in sorted(near, key=lambda one: (near[one], -alike[one], self.duration_s(one), one)):
             file, cost_s = self.files[module], self.duration_s(module)
-            if not file.is_test or file.slow or (near[module] and file.path.startswith(LONG)):
+            if not file.is_test or file.slow:
                 continue
-            if not chosen or spent_s + cost_s <= budget_s:
+            fits = not chosen or spent_s + cost_s <= budget_s
+            if fits and (not near[module] or not file.path.startswith(LONG)):
                 chosen.append(file.path)
                 spent_s += cost_s
             else:
@@ -341,7 +344,9 @@ def main(words: list[str]) -> None:
     modules = [path for path in changed if path.startswith("src/") and path.endswith(".py") and (ROOT / path).exists()]
     print(*(choice.chosen or (ELSE,)), *(path for path in modules if ">>>" in (ROOT / path).read_text("utf-8")))
     if choice.left_out:
-        print(f"Left to make test ({len(choice.left_out)} files):", *choice.left_out, sep="\n  ", file=sys.stderr)
+        more = len(choice.left_out) - LISTED
+        others = [f"and {more} more"] if more > 0 else []
+        print("Left to make test, nearest first:", *choice.left_out[:LISTED], *others, sep="\n  ", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -68,10 +68,12 @@ def test_a_table_needs_all_its_modules_and_a_test_those_that_it_names(small: Tre
 
 
 def test_the_nearest_come_first_and_long_and_slow_ones_not_at_all(small: Tree) -> None:
-    chosen = small.choose(["src/rotorid/flights/wind.py"]).chosen
+    choice = small.choose(["src/rotorid/flights/wind.py"])
+    chosen = choice.chosen
     assert chosen[0] == "tests/unit/flights/test_wind_from_north.py"
     assert {"tests/unit/test_command.py", "tests/unit/test_face.py"} <= set(chosen)
     assert not {"tests/unit/test_later.py", "tests/twins/test_wind.py"} & set(chosen)
+    assert choice.left_out == ("tests/twins/test_wind.py",)
 
 
 def test_a_changed_test_is_chosen_wherever_it_is(small: Tree) -> None:
