@@ -41,7 +41,7 @@ def raw_gyro_advice(record: FlightRecord) -> str:
 
 
 def motor_advice(record: FlightRecord) -> str:
-    """How the next log holds what the motors were told."""
+    """How to log the motor outputs."""
     return autopilot_of(record).advice.motors(record)
 
 

@@ -129,7 +129,7 @@ class Advice:
     sensors
         How the sensors are logged, fast enough for the vibration of rotors: of the record and their rate.
     raw_gyro, motors
-        How the gyro before its filters, and what the motors were told, are logged.
+        How the gyro before its filters, and the motor outputs, are logged.
     speeds, gains
         How the speeds of the motors, and the gains of the rate controllers, are logged.
     gaps
@@ -247,7 +247,7 @@ class Autopilot:
     sweep
         The sweep that it flies by itself.
     leaves_steps
-        Whether sweeps are all that it flies by itself, so that the steps beside them are flown by hand.
+        Whether it flies sweeps only, so that steps are flown by hand.
     hand_on_throttle
         Whether a hand keeps the height in the runs of a plan that it flies itself.
     plan_findings

@@ -69,7 +69,7 @@ class MotorPredictor(Immutable):
     axes
         Equations that were identified.
     reference_v
-        Voltage at which thrust is told; ``None`` where it is no matter.
+        Battery voltage for which thrust is stated; ``None`` where thrust does not depend on it.
     choices
         How the fitted logs were read; ``None`` where that is not known.
     """
@@ -164,7 +164,7 @@ class MotorPredictor(Immutable):
         Raises
         ------
         InsufficientDataError
-            It tells no motors or no motion, is of another vehicle, or tells the motors in another way.
+            It has no motor outputs or no motion, is of another vehicle, or has outputs of another kind.
         """
         choices = replace(self.choices or MotorSettings(), segments=tuple(segments))
         needed, name = "a log of the vehicle that was identified", record.source.name

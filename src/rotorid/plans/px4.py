@@ -149,7 +149,7 @@ def _require_rate(plan: FlightPlan) -> None:
         raise UsageError(
             f"{_SEND_RATE_HZ:g} messages a second for test inputs up to {round(highest, 1):g} rad/s",
             needed=f"at least {_LEAST_SAMPLES * highest / (2.0 * math.pi):.0f} a second: ten for a period",
-            remedy="raise the rate or lower the highest frequency",
+            remedy="lower the highest frequency",
         )
 
 
