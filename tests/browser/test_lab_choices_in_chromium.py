@@ -188,6 +188,9 @@ def test_a_click_moves_no_edge(looking: LabPage) -> None:
     page.mouse.down()
     page.mouse.move(x + 80, y)
     page.mouse.move(x + 90, y)
+    # A list that arrives from the server meanwhile redraws the page.
+    page.evaluate("document.querySelector('#scale').dispatchEvent(new Event('change'))")
+    assert lab.choices()["segments"] == [dragged]
     edge.evaluate("(one) => one.dispatchEvent(new PointerEvent('pointercancel'))")
     page.mouse.move(x + 120, y)
     page.mouse.up()

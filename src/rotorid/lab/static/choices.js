@@ -78,7 +78,7 @@ export class Choices {
   forget() {
     if (this.started) this.now = JSON.parse(this.started);
     this.started = null;
-    this.hooks.changed();
+    this.show();
   }
 
   undo() { this.#back(this.before, this.after); }
@@ -162,7 +162,9 @@ export class Choices {
 
   show() {
     const { now } = this;
-    keep("sessionStorage", "choices", JSON.stringify({ ...now, names: this.hooks.names() }));
+    // Only what is finished is stored: the page may be redrawn during a drag that is then cancelled.
+    const finished = this.started ? JSON.parse(this.started) : now;
+    keep("sessionStorage", "choices", JSON.stringify({ ...finished, names: this.hooks.names() }));
     // What somebody is typing is not taken away, whatever else is shown anew meanwhile.
     const fill = (name, text) => { if (document.activeElement !== $(name)) $(name).value = text; };
     for (const name of TEXTS) fill(name, now[name]);
