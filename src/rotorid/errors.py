@@ -18,14 +18,20 @@ class RotoridError(Exception):
     """Base of every error that rotorid raises on purpose."""
 
     exit_code = 2
+    #: What stands before the part of the sentence that says what would have been right.
+    before_needed = "expected"
 
     def __init__(self, came: str, *, needed: str = "", remedy: str = "") -> None:
         self.came = came
         self.needed = needed
         self.remedy = remedy
-        parts = (came, f"needed: {needed}" if needed else "", remedy)
-        sentence = "; ".join(part.rstrip(".") for part in parts if part)
+        sentence = "; ".join(part.rstrip(".") for part in (came, self.expectation, remedy) if part)
         super().__init__(sentence if sentence.endswith("?") else f"{sentence}.")
+
+    @property
+    def expectation(self) -> str:
+        """The part of the sentence that says what would have been right; empty where nothing was named."""
+        return f"{self.before_needed} {self.needed}" if self.needed else ""
 
 
 class UsageError(RotoridError):
@@ -44,6 +50,7 @@ class InsufficientDataError(RotoridError):
     """The log was read, and its data cannot support what was asked. Carries the findings that say why."""
 
     exit_code = 1
+    before_needed = "this needs"
 
     def __init__(self, came: str, *, needed: str = "", remedy: str = "", findings: Sequence[Finding] = ()) -> None:
         super().__init__(came, needed=needed, remedy=remedy)

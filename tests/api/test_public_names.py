@@ -85,6 +85,7 @@ def test_misspelt_field_of_a_document_is_refused() -> None:
 @pytest.mark.parametrize("name", ERRORS)
 def test_errors_say_what_came_what_was_needed_and_what_to_do(name: str) -> None:
     error = PUBLIC[name]("a cat came", needed="a dog", remedy="ask a neighbor")
-    assert str(error) == "a cat came; needed: a dog; ask a neighbor."
+    expected = "this needs" if name == "InsufficientDataError" else "expected"
+    assert str(error) == f"a cat came; {expected} a dog; ask a neighbor."
     assert (error.came, error.needed, error.remedy) == ("a cat came", "a dog", "ask a neighbor")
     assert error.exit_code == (1 if name == "InsufficientDataError" else 2)

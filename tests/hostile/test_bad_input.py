@@ -124,7 +124,7 @@ def test_unreadable_file(broken: Callable[[Path], Path], command: str, tmp_path:
     options = ROLL if command == "identify" else ()
     sentence = assert_one_sentence(rotorid(command, log, *options, "--json"), 2, told=True)
     assert log.name in sentence
-    assert "needed: " in sentence
+    assert "expected " in sentence
     assert list(here.iterdir()) == []
 
 
@@ -232,7 +232,7 @@ def test_options_that_the_parser_refuses(
 ) -> None:
     sentence = assert_one_sentence(rotorid("identify", flight, *ROLL, *option, *json_too), 2, told=bool(json_too))
     assert option[0] in sentence
-    assert "needed: what rotorid identify --help lists" in sentence
+    assert "expected what rotorid identify --help lists" in sentence
     assert list(here.iterdir()) == []
 
 

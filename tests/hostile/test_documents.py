@@ -112,7 +112,7 @@ def test_a_pipe_is_refused_at_once(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("read", [read_mapping, read_plan], ids=["mapping", "plan"])
 def test_a_document_that_is_missing_says_what_was_needed(read: Callable[[Path], object], tmp_path: Path) -> None:
-    assert "needed: " in str(refused(read, tmp_path / "nowhere"))
+    assert "expected " in str(refused(read, tmp_path / "nowhere"))
 
 
 def test_sound_documents_pass_unchanged() -> None:

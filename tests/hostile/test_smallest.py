@@ -68,7 +68,7 @@ CASES: Mapping[str, tuple[Callable[[Path], object], int, str]] = MappingProxyTyp
             "clock_disorder",
         ),
         "a shape of many digits": (npz, 2, "header of time.npy is damaged"),
-        "erased memory": (lambda path: path.write_bytes(ERASED), 2, "needed: "),
+        "erased memory": (lambda path: path.write_bytes(ERASED), 2, "expected "),
         "a header that colors the terminal": (
             lambda path: path.write_bytes(b"time [s],\x1b]0;owned\x07\x1b[31mevil [furlong]\n0,1\n1,2\n"),
             2,

@@ -66,7 +66,7 @@ def target_named(name: str) -> Target:
     >>> target_named("mujuco")
     Traceback (most recent call last):
     ...
-    rotorid.errors.UsageError: there is no target mujuco; needed: one of px4-sih, ardupilot, gazebo, mujoco, rotorpy, \
+    rotorid.errors.UsageError: there is no target mujuco; expected one of px4-sih, ardupilot, gazebo, mujoco, rotorpy, \
 urdf, matlab, control, fmu, json; did you mean mujoco?
     """
     from difflib import get_close_matches

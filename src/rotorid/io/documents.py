@@ -186,7 +186,7 @@ def require_file(path: Path) -> None:
     --------
     >>> require_file(Path("/dev/null"))
     Traceback (most recent call last):
-    rotorid.errors.LogError: /dev/null is a device; needed: a file; copy what it gives to a file first.
+    rotorid.errors.LogError: /dev/null is a device; expected a file; copy what it gives to a file first.
     """
     mode = path.stat().st_mode
     kinds = (

@@ -31,7 +31,7 @@ def _matching(form: re.Pattern[str], needed: str) -> AfterValidator:
 
     def checked(text: str) -> str:
         if not form.fullmatch(text):
-            raise ValueError(f"{text[:80]!r} came; needed: {needed}")
+            raise ValueError(f"{text[:80]!r} came; expected {needed}")
         return text
 
     return AfterValidator(checked)
@@ -84,7 +84,7 @@ class Step(BaseModel):
             if name.endswith((".toml", "/")) or ".." in name:
                 raise ValueError(f"the model {name} is a file")
         if self.band_rad_s is not None and not self.band_rad_s[0] < self.band_rad_s[1]:
-            raise ValueError("a band came that ends before it begins; needed: a low edge, and a high one above it")
+            raise ValueError("a band came that ends before it begins; expected a low edge, and a high one above it")
         return self
 
 

@@ -275,8 +275,8 @@ def tune(
         except InsufficientDataError as error:
             refused[axis] = error
             # Options of identify, which tune does not have, are no remedy here.
-            parts = (error.came, f"needed: {error.needed}", "" if "--" in error.remedy else error.remedy)
-            why = "; ".join(part.rstrip(".") for part in parts if part not in ("", "needed: "))
+            parts = (error.came, error.expectation, "" if "--" in error.remedy else error.remedy)
+            why = "; ".join(part.rstrip(".") for part in parts if part)
             findings += [finding for finding in error.findings if finding not in findings]
             findings.append(warn("not_tuned", axis, f"The gains of {axis} stay: {why}."))
             _PROGRESS.info(f"{axis}: {error}")

@@ -58,7 +58,7 @@ def require_suffix(path: Path) -> None:
     >>> require_suffix(Path("flight.html"))
     >>> require_suffix(Path("flight.pdf"))
     Traceback (most recent call last):
-    rotorid.errors.UsageError: a picture called flight.pdf was asked for; needed: .html or .png; change its ending.
+    rotorid.errors.UsageError: a picture called flight.pdf was asked for; expected .html or .png; change its ending.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(

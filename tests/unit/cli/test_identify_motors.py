@@ -64,7 +64,7 @@ def test_options_that_do_not_belong_are_refused(log: Path, words: list[str], sai
 def test_its_options_are_refused_by_other_models(log: Path) -> None:
     ran = rotorid("identify", log, "--model", "rate.roll", "--arm", "0.2")
     assert ran.code == 2
-    assert "--arm came with rate.roll; needed: them with physical.motors alone" in " ".join(ran.err.split())
+    assert "--arm came with rate.roll; expected them with physical.motors alone" in " ".join(ran.err.split())
 
 
 @pytest.mark.parametrize("name", ["", "result.json", "model.toml"])

@@ -227,11 +227,11 @@ def test_the_rig_as_a_new_user_would(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ((), "does not describe its rotors; needed: --layout"),
+        ((), "does not describe its rotors; expected --layout"),
         (("--layout", "quad.x"), "physical.hover came without m, D, l, rho, k_n, which no flight tells"),
         (("--layout", "quad.x", "--fix", "m=1", "--arm", "0.2"), "came without D, rho, k_n"),
         (("--layout", "quad.x", "--arm", "-0.2", "--rotor-diameter", "0.2", "--fix", "m=1", "--fix", "rho=1.2",
-          "--fix", "k_n=100"), "l = -0.2 came; needed: a positive arm"),
+          "--fix", "k_n=100"), "l = -0.2 came; expected a positive arm"),
         (("--layout", "quad.x", "--arm", "0.2", "--fix", "l=0.2"), "l came with --arm and with --fix"),
         (("--layout", "x8", "--arm", "0.2", "--rotor-diameter", "0.2", "--fix", "m=1", "--fix", "rho=1.2",
           "--fix", "k_n=100"), "above one another"),

@@ -34,8 +34,8 @@ def test_a_log_without_gains_is_refused_with_the_reason(log: Path, tmp_path: Pat
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--set", "IMU_GYRO_CUTOFF"), "needed: NAME=VALUE"),
-        (("--set", "IMU_GYRO_CUTOFF=fast"), "needed: NAME=VALUE"),
+        (("--set", "IMU_GYRO_CUTOFF"), "expected NAME=VALUE"),
+        (("--set", "IMU_GYRO_CUTOFF=fast"), "expected NAME=VALUE"),
         (("--keep", "P", "--only", "D"), "one of them"),
         (("--keep", "X"), "of P, I, D and A"),
         (("--robustness", "9"), "from 1.2 to 2.5"),
@@ -54,7 +54,7 @@ def test_a_slip_is_one_sentence(log: Path, tmp_path: Path, words: tuple[str, ...
 
 
 @pytest.mark.parametrize(
-    ("remedy", "said"), [("lower --coherence", "c; needed: n."), ("fly a sweep", "c; needed: n; fly a sweep.")]
+    ("remedy", "said"), [("lower --coherence", "c; this needs n."), ("fly a sweep", "c; this needs n; fly a sweep.")]
 )
 def test_no_remedy_is_an_option_of_identify(log: Path, remedy: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*given: object, **look: object) -> None:

@@ -212,7 +212,7 @@ def test_thrust_by_demand_flies_without_a_curve() -> None:
     ("words", "options", "said"),
     [
         (["x50"], {}, "did you mean x500"),
-        (["x500", "iris"], {}, "x500 and iris came; needed: one vehicle"),
+        (["x500", "iris"], {}, "x500 and iris came; expected one vehicle"),
         (["x500"], {"like": "iris"}, "--like iris came for x500"),
         ([], {}, "no vehicle came"),
         (["mine.toml"], {}, "mine.toml cannot be read"),
@@ -259,7 +259,7 @@ def test_files_are_printed_and_flown(results: dict[str, Path], tmp_path: Path) -
 def test_wrong_use_of_the_commands(results: dict[str, Path], tmp_path: Path) -> None:
     for words, said in {
         ("vehicles", "--from", str(results["motors"])): "--like px4_quad",
-        ("vehicles", "x500"): "needed: --toml",
+        ("vehicles", "x500"): "expected --toml",
         ("vehicles", "--toml"): "--toml came alone",
         ("vehicles", "x500", "--toml", "--set", "m=3"): "--set m came for a file",
         ("simulate", "x50", "--out", str(tmp_path / "a")): "did you mean x500",

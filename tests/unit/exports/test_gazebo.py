@@ -200,5 +200,5 @@ def test_whole_speeds_of_a_slow_rotor_move_the_hover_and_are_said() -> None:
     exported = export(second(speed_max=40.0), ExportSettings())
     (hover,) = (one for one in exported.compared if one.name == "hover output")
     assert hover.held == "approximated"
-    with pytest.raises(ModelError, match="from 0 to 1 rad/s; needed: at least 10 rad/s between them"):
+    with pytest.raises(ModelError, match="from 0 to 1 rad/s; expected at least 10 rad/s between them"):
         export(second(speed_max=0.6), ExportSettings())

@@ -122,5 +122,5 @@ def test_what_was_not_identified_is_listed() -> None:
 
 def test_six_rotors_are_refused() -> None:
     vehicle = joined_vehicle([], given=SIH, layout=library_layout("hexa.x"))
-    with pytest.raises(ModelError, match="has 6 rotors; needed: four rotors"):
+    with pytest.raises(ModelError, match="has 6 rotors; expected four rotors"):
         export(vehicle, ExportSettings())

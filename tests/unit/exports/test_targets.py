@@ -132,7 +132,7 @@ def test_names_of_logs_end_no_comment(target: str) -> None:
 @pytest.mark.parametrize("choices", [ExportSettings(delay="states"), ExportSettings(sample_rate_hz=100.0)])
 @pytest.mark.parametrize("target", SCALED)
 def test_simulators_refuse_what_only_state_spaces_hold(target: str, choices: ExportSettings) -> None:
-    with pytest.raises(UsageError, match="needed: a state space"):
+    with pytest.raises(UsageError, match="expected a state space"):
         export(whole(), target, choices)
 
 
@@ -145,5 +145,5 @@ def test_motors_without_a_lag_take_no_delay(target: str) -> None:
 @pytest.mark.parametrize("target", ["px4-sih", "ardupilot", "gazebo", "rotorpy", "urdf"])
 def test_tilted_rotors_do_not_become_upright_ones(target: str) -> None:
     tilted = replace(library_layout("quad.x"), axes=np.tile([0.05, 0.0, -math.sqrt(1.0 - 0.05**2)], (4, 1)))
-    with pytest.raises(ModelError, match="are tilted; needed: upright ones"):
+    with pytest.raises(ModelError, match="are tilted; expected upright ones"):
         export([], target, given=SIH, layout=tilted)

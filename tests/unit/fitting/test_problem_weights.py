@@ -86,8 +86,11 @@ def test_weights_survive_pickling_and_cannot_be_changed() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"pair_weights": {"q/aa": 2.0}}, "there is no response 'q/aa'; needed: one of p/a, .*; did you mean q/a"),
-        ({"pair_weights": {"q/a": 0.0}}, "the weight 0 of q/a came; needed: a positive number; leave the response out"),
+        ({"pair_weights": {"q/aa": 2.0}}, "there is no response 'q/aa'; expected one of p/a, .*; did you mean q/a"),
+        (
+            {"pair_weights": {"q/a": 0.0}},
+            "the weight 0 of q/a came; expected a positive number; leave the response out",
+        ),
         ({"pair_weights": {"q/a": float("nan")}}, "the weight nan of q/a came"),
         ({"phase_weight": -1.0}, "the phase weight -1 came"),
         ({"phase_weight": float("inf")}, "the phase weight inf came"),

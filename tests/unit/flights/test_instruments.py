@@ -150,5 +150,5 @@ def test_what_another_vehicle_is_asked_for_is_no_sweep() -> None:
         select_maneuvers([still], ["yaw"], IdentifySettings())
     assert "sweep" not in str(caught.value)
     assert "in which yaw moves slowly and fast" in str(caught.value)
-    with pytest.raises(InsufficientDataError, match="needed: a sweep"):
+    with pytest.raises(InsufficientDataError, match="this needs a sweep"):
         select_maneuvers([record(yaw_command=np.zeros(TIME_S.size))], ["yaw"], IdentifySettings())

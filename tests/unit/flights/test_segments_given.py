@@ -33,7 +33,7 @@ from rotorid.settings.verifying import VerifySettings
 
 OUTSIDE = (parse_segment("roll:900:990"),)
 SAYS = (
-    r"the segment roll:900:990 lies inside no log; needed: a segment within [03]\.0 to .* s of .*; see the excitations"
+    r"the segment roll:900:990 lies inside no log; expected a segment within [03]\.0 to .* s of .*; see the excitations"
 )
 FIRST = response_model("response.first_order", [("phi_setpoint", "phi")])
 

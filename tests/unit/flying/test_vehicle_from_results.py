@@ -312,7 +312,7 @@ def test_mass_and_arm_of_another_vehicle_scale_what_is_relative() -> None:
     [
         ({"mass": 1.0}, r"no number of a vehicle 'mass'"),
         ({"I_xz_": 1.0}, r"did you mean I_xz"),
-        ({"m": -1.0}, r"m = -1 kg came; needed: a positive number"),
+        ({"m": -1.0}, r"m = -1 kg came; expected a positive number"),
         ({"T_motor": float("nan")}, r"T_motor = nan"),
     ],
 )

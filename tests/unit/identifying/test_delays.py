@@ -131,7 +131,7 @@ def test_feedback_without_an_instrument_is_warned_of() -> None:
     [
         (("phi_setpiont",), "did you mean phi_setpoint"),
         ((OUTPUT,), "the output itself"),
-        ((INPUT, "theta"), "needed: one"),
+        ((INPUT, "theta"), "expected one"),
     ],
 )
 def test_wrong_instruments_are_named(instruments: tuple[str, ...], words: str, record: FlightRecord) -> None:

@@ -49,7 +49,7 @@ def test_a_structure_of_a_family_that_waits_for_logs_is_fitted_as_it_is() -> Non
 
 def test_each_family_says_what_it_does_not_take() -> None:
     for model, said in (
-        ("rate.roll", "--arm came with rate.roll; needed: them with physical.motors alone"),
+        ("rate.roll", "--arm came with rate.roll; expected them with physical.motors alone"),
         ("drag.linear", "--arm came with drag.linear, which is nonlinear and has no such choice"),
     ):
         with pytest.raises(UsageError, match=said):

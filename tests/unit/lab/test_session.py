@@ -361,8 +361,8 @@ def test_costs_are_told_while_a_fit_goes_on(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("chosen", "words"),
-    [({"inputs": ["roll rate"]}, "inputs.0: 'roll rate' came; needed: a name of letters"),
-     ({"models": ["../x"]}, "models.0: '../x' came; needed: a model of the list"),
+    [({"inputs": ["roll rate"]}, "inputs.0: 'roll rate' came; expected a name of letters"),
+     ({"models": ["../x"]}, "models.0: '../x' came; expected a model of the list"),
      ({"band_rad_s": [50, 5]}, "a band came that ends before it begins"),
      ({"method": "guess"}, "method: "), ({"verb": "rm"}, "verb: "), ({"logs": ["x"]}, "logs.0: ")],
 )  # fmt: skip

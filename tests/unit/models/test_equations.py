@@ -86,7 +86,7 @@ def test_an_algebraic_equation_has_nothing_on_its_left() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("theta' = q", "theta' = qq", r"qq in the right side of .* is not known; needed: one of q, u, .*mean q\?"),
+        ("theta' = q", "theta' = qq", r"qq in the right side of .* is not known; expected one of q, u, .*mean q\?"),
         ("theta' = q", "theta' == q", "has 2 signs of equality"),
         ("theta' = q", "theta'", "has 0 signs of equality"),
         ("theta' = q", "theta' = q*theta", r"q\*theta is not linear in q, theta"),
@@ -95,7 +95,7 @@ def test_an_algebraic_equation_has_nothing_on_its_left() -> None:
         ("theta' = q", "theta' = q**2", r"q\*\*2 is not linear in q"),
         ("theta' = q", "theta' = q + 1", "1 stands alone in the right side"),
         ("theta' = q", "theta' + 1 = q", "1 stands alone in the left side"),
-        ("theta' = q", "theta = q", "theta stands in the left side .*needed: only q', u', theta', motor' there"),
+        ("theta' = q", "theta = q", "theta stands in the left side .*expected only q', u', theta', motor' there"),
         ("theta' = q", "theta' = q'", "q' stands in the right side"),
         ("theta' = q", "theta' = pitch_command'", "pitch_command' stands in .*derivatives of states only"),
         ("theta' = q", "theta' = M_q'*q", "M_q' stands in .*derivatives of states only"),
@@ -112,7 +112,7 @@ def test_an_equation_that_is_none_is_refused(old: str, new: str, message: str) -
 def test_every_state_has_one_equation() -> None:
     with pytest.raises(ModelError, match="3 equations came for 4 states; none says what theta' is"):
         build(equations=[text for text in EQUATIONS if not text.startswith("theta")])
-    with pytest.raises(ModelError, match="5 equations came for 4 states; needed: one equation for each state"):
+    with pytest.raises(ModelError, match="5 equations came for 4 states; expected one equation for each state"):
         build(equations=[*EQUATIONS, "0 = q - u"])
 
 

@@ -90,5 +90,5 @@ def test_speed_damping_is_the_formula_on_paper(output: str, name: str, sign: flo
 
 
 def test_there_is_no_other_speed_damping() -> None:
-    with pytest.raises(ModelError, match=r"w_dot / theta; needed: u_dot / theta, or v_dot / phi"):
+    with pytest.raises(ModelError, match=r"w_dot / theta; expected u_dot / theta, or v_dot / phi"):
         speed_damping("w_dot", "theta")

@@ -58,7 +58,7 @@ def test_lag_and_heave_damping_can_be_left_out() -> None:
 
 
 def test_unknown_names_and_contradictions_are_refused() -> None:
-    with pytest.raises(ModelError, match=r"there is no parameter mass; needed: one of I_xx, .*m"):
+    with pytest.raises(ModelError, match=r"there is no parameter mass; expected one of I_xx, .*m"):
         motor_parameters(known={"mass": 1.0})
     with pytest.raises(ModelError, match="c_2 came, which a linear curve does not have"):
         motor_parameters(curve="linear", known={"c_2": 1.0})
@@ -69,7 +69,7 @@ def test_unknown_names_and_contradictions_are_refused() -> None:
 
 
 def test_values_out_of_bounds_are_refused() -> None:
-    with pytest.raises(ModelError, match=r"m = -1 came as known; needed: a positive number"):
+    with pytest.raises(ModelError, match=r"m = -1 came as known; expected a positive number"):
         motor_parameters(known={"m": -1.0})
 
 

@@ -64,7 +64,7 @@ def test_a_description_says_equations_delays_and_starts() -> None:
         ('x = "x"\n[con', 'x = "z"\n[con', 11, "no output, input or constant 'z'"),
         ("[starts]\nx", "[starts]\ny", 11, "there is no state 'y'"),
         ("m = 2.0", "k = 2.0", 13, "means two things"),
-        ("value = 0.3", 'value = "much"', 15, "needed: a number"),
+        ("value = 0.3", 'value = "much"', 15, "expected a number"),
         ("[delays]", "[delay]", 8, "did you mean delays?"),
         ('name = "sled"', "name = sled", 3, "not valid TOML"),
     ],

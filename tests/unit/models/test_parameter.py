@@ -78,7 +78,7 @@ def test_an_unknown_name_is_answered_with_the_nearest() -> None:
 
 @pytest.mark.parametrize("value", [0.5, float("nan"), float("-inf")])
 def test_a_value_outside_its_bounds_is_refused(value: float) -> None:
-    with pytest.raises(ModelError, match=r"L_p = .* outside its bounds; needed: a finite value from -inf to 0"):
+    with pytest.raises(ModelError, match=r"L_p = .* outside its bounds; expected a finite value from -inf to 0"):
         three().with_values({"L_p": value})
     with pytest.raises(ModelError, match="outside its bounds"):
         three().unpack(np.array([value, 1.0]))
@@ -149,7 +149,7 @@ def test_directions_against_the_complex_step() -> None:
         ({"a": "a"}, r"the ties go in a loop: a -> a;", "a"),
         ({"a": "2*b", "b": "c", "c": "a - 1"}, r"the ties go in a loop: a -> b -> c -> a;", "a"),
         ({"d": "a", "a": "b", "b": "a"}, r"loop: a -> b -> a;", "a"),
-        ({"a": "bb"}, r"a is tied to 'bb', which is no parameter; needed: one of a, b, c, d; did you mean b\?", "a"),
+        ({"a": "bb"}, r"a is tied to 'bb', which is no parameter; expected one of a, b, c, d; did you mean b\?", "a"),
     ],
 )
 def test_ties_that_cannot_stand_are_refused(ties: dict[str, str], message: str, at: str) -> None:

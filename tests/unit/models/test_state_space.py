@@ -135,7 +135,7 @@ def test_the_derivative_of_a_state_that_jumps_is_refused() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"M": np.eye(3)}, r"matrix M has shape \(3, 3\); needed: shape \(4, 4\)"),
+        ({"M": np.eye(3)}, r"matrix M has shape \(3, 3\); expected shape \(4, 4\)"),
         ({"H1": np.zeros((2, 4))}, "matrix H1"),
         ({"G": np.zeros((3, 2))}, "matrix G"),
         ({"input_delays_s": np.zeros(3)}, "2 and 3 delays"),

@@ -211,7 +211,7 @@ ZERO = Expression()
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"G": ((ZERO,),)}, "matrix G is 1 x 1; needed: 2 rows of 1 entries"),
+        ({"G": ((ZERO,),)}, "matrix G is 1 x 1; expected 2 rows of 1 entries"),
         ({"F": ((ZERO,), (ZERO, ZERO))}, "matrix F is 2 x 1/2"),
         ({"input_delays": ()}, "1 input and 1 output delays"),
         ({"input_delays": (ZERO,)}, "tau_roll stands in no matrix"),
@@ -262,7 +262,7 @@ def test_an_entry_without_a_value_says_which() -> None:
 
 
 def test_there_is_no_other_rate_model() -> None:
-    with pytest.raises(ModelError, match=r"no model 'rate\.rol'; needed: one of rate\.roll"):
+    with pytest.raises(ModelError, match=r"no model 'rate\.rol'; expected one of rate\.roll"):
         rate_model("rate.rol")
 
 

@@ -80,9 +80,9 @@ def test_a_selection_keeps_what_ties_need() -> None:
 @pytest.mark.parametrize(
     ("chosen", "message"),
     [
-        ({"outputs": ["qq"]}, "no output 'qq'; needed: one of q, u, az; did you mean q?"),
+        ({"outputs": ["qq"]}, "no output 'qq'; expected one of q, u, az; did you mean q?"),
         ({"inputs": ["pitch"]}, "no input 'pitch'.*did you mean pitch_command"),
-        ({"outputs": ["q", "q"]}, "the outputs q, q were selected; needed: at least one, each once"),
+        ({"outputs": ["q", "q"]}, "the outputs q, q were selected; expected at least one, each once"),
         ({"inputs": []}, r"the inputs \(none\) were selected"),
     ],
 )

@@ -93,7 +93,7 @@ class TestViews:
 
     @pytest.mark.parametrize("wrong", [{"frequency": "rpm"}, {"magnitude": "db"}])
     def test_an_unknown_unit_is_refused_with_those_that_are_known(self, wrong: Any) -> None:
-        with pytest.raises(UsageError, match=r"needed: '(rad/s' or 'Hz|dB' or 'linear)'"):
+        with pytest.raises(UsageError, match=r"expected '(rad/s' or 'Hz|dB' or 'linear)'"):
             bode(response(), **PAIR, **wrong)
 
 
@@ -172,7 +172,7 @@ class TestWindows:
         assert error["y"][:6] == [None] * 6
 
     @pytest.mark.parametrize(
-        ("share", "match"), [(np.ones((1, 40)), r"the shape \(1, 40\); needed: the shape \(2, 40\)"), (-SHARE, "neg")]
+        ("share", "match"), [(np.ones((1, 40)), r"the shape \(1, 40\); expected the shape \(2, 40\)"), (-SHARE, "neg")]
     )
     def test_what_is_no_share_is_refused(self, share: Any, match: str) -> None:
         with pytest.raises(UsageError, match=match):

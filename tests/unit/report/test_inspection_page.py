@@ -131,7 +131,7 @@ def test_png_and_html_are_written_by_their_ending(tmp_path: Path) -> None:
     assert (tmp_path / "made" / "log.png").read_bytes().startswith(b"\x89PNG")
     write_inspection(tmp_path / "log.HTML", record, document)
     assert (tmp_path / "log.HTML").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
-    with pytest.raises(UsageError, match=r"needed: \.html or \.png"):
+    with pytest.raises(UsageError, match=r"expected \.html or \.png"):
         write_inspection(tmp_path / "log.pdf", record, document)
 
 

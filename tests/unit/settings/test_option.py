@@ -82,15 +82,15 @@ def test_gains_that_may_change_are_held_as_those_that_stay() -> None:
     assert as_settings(TuneSettings, settings, {"noise": 1.0}).keep == ("I", "A")
     with pytest.raises(UsageError, match="--keep and --only came together"):
         TuneSettings(keep=("P",), only=("D",))
-    with pytest.raises(UsageError, match="the gain X came; needed: of P, I, D and A"):
+    with pytest.raises(UsageError, match="the gain X came; expected of P, I, D and A"):
         TuneSettings(only=("X",))
 
 
 def test_one_of_few_words_is_refused_by_every_class() -> None:
     for make, said in (
-        (lambda: ExportSettings(delay="foo"), "the delay 'foo' came; needed: one of states, lag, none"),  # type: ignore[arg-type]
-        (lambda: FlySettings(hold="second"), "the hold 'second' came; needed: one of auto, zero, first"),  # type: ignore[arg-type]
-        (lambda: VerifySettings(taper="box"), "the taper 'box' came; needed: one of hann, half_sine"),  # type: ignore[arg-type]
+        (lambda: ExportSettings(delay="foo"), "the delay 'foo' came; expected one of states, lag, none"),  # type: ignore[arg-type]
+        (lambda: FlySettings(hold="second"), "the hold 'second' came; expected one of auto, zero, first"),  # type: ignore[arg-type]
+        (lambda: VerifySettings(taper="box"), "the taper 'box' came; expected one of hann, half_sine"),  # type: ignore[arg-type]
     ):
         with pytest.raises(UsageError, match=said):
             make()

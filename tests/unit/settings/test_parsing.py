@@ -137,8 +137,8 @@ def test_a_channel_is_shifted_once() -> None:
 @pytest.mark.parametrize(
     ("choice", "says"),
     [
-        ({"weights": "cifr"}, "the weights 'cifr' came; needed: one of auto, cifer, covariance"),
-        ({"speed_damping": "twice"}, "the speed damping 'twice' came; needed: one of joint, two_step"),
+        ({"weights": "cifr"}, "the weights 'cifr' came; expected one of auto, cifer, covariance"),
+        ({"speed_damping": "twice"}, "the speed damping 'twice' came; expected one of joint, two_step"),
         ({"fix": {"L_p": 1.0}, "ties": {"L_p": "L_roll"}}, "L_p is to be two things at once"),
         ({"fix": {"L_p": 1.0}, "free": ("L_p",)}, "L_p is to be two things at once"),
         ({"ties": {"L_p": "L_roll"}, "free": ("L_p",)}, "L_p is to be two things at once"),

@@ -68,7 +68,7 @@ def test_transfer_functions_need_channels() -> None:
     structure = resolve_model("transfer:1/2", inputs=["roll_command"], outputs=["p", "phi"])
     assert (structure.inputs, structure.outputs) == (("roll_command",), ("p", "phi"))
     for channels in ({"inputs": ["roll_command"]}, {"outputs": ["p"]}, {}):
-        with pytest.raises(UsageError, match="transfer:1/2 came without channels; needed: --inputs and --outputs"):
+        with pytest.raises(UsageError, match="transfer:1/2 came without channels; expected --inputs and --outputs"):
             resolve_model("transfer:1/2", **channels)  # type: ignore[arg-type]
 
 

@@ -214,7 +214,9 @@ def test_a_heading_does_not_jump(build: Callable[[FloatArray], FloatArray]) -> N
 
 def test_a_channel_that_is_not_there_is_an_error_with_its_finding() -> None:
     time_s = stamps(100.0)
-    with pytest.raises(InsufficientDataError, match=r"a\.ulg holds no q; needed: the channel q; there are p") as caught:
+    with pytest.raises(
+        InsufficientDataError, match=r"a\.ulg holds no q; this needs the channel q; there are p"
+    ) as caught:
         resample(record(topic("t", time_s, p=time_s)), channels=("p", "q"), start_s=100.0, stop_s=120.0)
     assert [finding.kind for finding in caught.value.findings] == ["missing_channel"]
 

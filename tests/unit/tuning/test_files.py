@@ -225,5 +225,5 @@ def test_what_leaves_its_range_is_not_scaled() -> None:
 
 
 def test_nothing_else_is_known() -> None:
-    with pytest.raises(UsageError, match="needed: PX4, ArduPilot, Betaflight"):
+    with pytest.raises(UsageError, match="expected PX4, ArduPilot, Betaflight"):
         parameter_files("Crazyflie", {"p": 1.0}, role="proposed")

@@ -124,7 +124,7 @@ def test_a_record_drawn_twice_counts_twice() -> None:
 
 def test_one_record_cannot_be_drawn_from() -> None:
     fit = flown(1, 100, noise=0.1)
-    with pytest.raises(UsageError, match="1 record to draw from came; needed: 5 or more"):
+    with pytest.raises(UsageError, match="1 record to draw from came; expected 5 or more"):
         bootstrap_records(fit.problem, fit.solution, runs=10, seed=0)
 
 

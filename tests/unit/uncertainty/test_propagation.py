@@ -336,7 +336,7 @@ def test_bounds_of_another_problem_are_refused() -> None:
     structure = oscillator(SPRING)
     bounds = correlated(structure.parameters, 1.0)
     other = structure.parameters.fix("tau", 0.03)
-    with pytest.raises(UsageError, match=r"bounds of m, k, c, b, tau came; needed: bounds of m, k, c, b\."):
+    with pytest.raises(UsageError, match=r"bounds of m, k, c, b, tau came; expected bounds of m, k, c, b\."):
         covariance_of_all(other, bounds)
     with pytest.raises(UsageError):
         response_confidence(structure, other, bounds, np.ones(1))

@@ -102,7 +102,7 @@ def test_the_weight_alone_gives_the_thrust_of_hover() -> None:
 
 def test_short_records_are_refused() -> None:
     (short,) = flights(1, seed=9, duration_s=0.25)
-    with pytest.raises(InsufficientDataError, match="a record of 50 samples came; needed: 60 or more"):
+    with pytest.raises(InsufficientDataError, match="a record of 50 samples came; this needs 60 or more"):
         fitted(short, {"m": 1.0})
 
 
