@@ -1,4 +1,4 @@
-"""Findings: what a careful engineer would remark on, with the numbers, and the kinds that there are."""
+"""Findings: warnings and notes with their numbers, and the catalogue of their kinds."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from rotorid.data.base import Immutable
-from rotorid.data.display import html_table, lines_of
+from rotorid.data.display import counted, html_table, lines_of
 
 Severity: TypeAlias = Literal["info", "warning", "error"]
 
@@ -16,20 +16,20 @@ _ORDER = {"error": 0, "warning": 1, "info": 2}
 
 @dataclass(frozen=True, kw_only=True)
 class Finding(Immutable):
-    """One remark about data, a response, a model or a check.
+    """A warning or note about data, a response, a model or a check.
 
     Parameters
     ----------
     kind
         A snake_case word that scripts may rely on, one of :data:`KINDS`.
     severity
-        ``info`` explains, ``warning`` limits the trust, ``error`` says that there is no answer.
+        ``info`` explains, ``warning`` limits the trust in a number, ``error`` means that there is no answer.
     where
-        What the remark is about: a channel, a topic, a response ``y/u``, a parameter.
+        What the finding is about: a channel, a topic, a response ``y/u``, a parameter.
     message
-        One sentence for a person.
+        One or two short sentences for a person.
     numbers
-        The same for a program; the unit is in the name.
+        The numbers of the message for a program; the unit is in the name.
     """
 
     kind: str
@@ -46,7 +46,7 @@ class Finding(Immutable):
 
 
 class Findings(tuple[Finding, ...]):
-    """Findings as a tuple that shows itself: one a line, and as a table in a notebook.
+    """A tuple of findings, printed one a line and as a table in a notebook.
 
     Examples
     --------
@@ -65,7 +65,7 @@ class Findings(tuple[Finding, ...]):
 
     @property
     def _head(self) -> str:
-        return f"{len(self)} finding{'s' * (len(self) != 1)}"
+        return counted(len(self), "finding")
 
     @property
     def _rows(self) -> list[tuple[str, str, str, str]]:
@@ -73,7 +73,7 @@ class Findings(tuple[Finding, ...]):
 
 
 def remark(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
-    """A finding that explains.
+    """A finding of severity ``info``.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def remark(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
 
 
 def warn(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
-    """A finding that limits the trust in a number.
+    """A finding of severity ``warning``.
 
     Examples
     --------
@@ -95,7 +95,7 @@ def warn(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
 
 
 def refusal(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
-    """A finding that says why there is no answer.
+    """A finding of severity ``error``.
 
     Examples
     --------
@@ -129,11 +129,11 @@ class Worded(Protocol):
 
     @property
     def message(self) -> str:
-        """Its words."""
+        """Its message."""
 
 
 def without_repeated(findings: Sequence[Remark]) -> list[Remark]:
-    """Findings without those whose words are part of another one: a reason, where what follows from it names it.
+    """Findings without those whose message is part of the message of another finding.
 
     Examples
     --------
@@ -151,16 +151,16 @@ def without_repeated(findings: Sequence[Remark]) -> list[Remark]:
 
 
 class Kind(NamedTuple):
-    """What findings of a kind have in common.
+    """Catalogue entry of a kind of finding.
 
     Parameters
     ----------
     severity
-        The usual one.
+        The usual severity.
     heading
-        A few words for a person.
+        At most six words for a person.
     meaning
-        What such a finding says.
+        One plain sentence.
     """
 
     severity: Severity
@@ -170,441 +170,473 @@ class Kind(NamedTuple):
 
 KINDS: Mapping[str, Kind] = {
     "acausal_output": Kind(
-        "warning", "Acausal output", "An output that moves before its input, as behind a zero-phase filter."
+        "warning", "Output ahead of its input", "The output moves before its input, as after a zero-phase filter."
     ),
     "air_not_logged": Kind(
-        "info", "Wind and noise not logged", "A log shows neither wind nor noise; a plan has those of its vehicle."
+        "info",
+        "Wind and noise not logged",
+        "The log shows neither wind nor sensor noise, so the plan uses typical values of its vehicle.",
     ),
-    "air_of_log": Kind("info", "Wind and noise of a log", "A plan is made for the wind and the noise of a log."),
+    "air_of_log": Kind(
+        "info", "Wind and noise from a log", "The plan uses the wind and sensor noise measured in a log."
+    ),
     "airborne": Kind(
         "info",
-        "Reaches beyond the flight",
-        "A maneuver reaches beyond the flight; as a warning, a part of it lay on the ground and was cut.",
+        "Maneuver reaches beyond the flight",
+        "A maneuver extends beyond the time in the air; a warning means that the part on the ground was cut.",
     ),
     "amplitude_dependent": Kind(
         "warning",
         "Depends on amplitude",
-        "Maneuvers with different swings of the inputs say different values; the interval reaches that of small ones.",
+        "Small and large maneuvers give different values; the interval was widened to cover small ones.",
     ),
-    "assumed_axis": Kind("info", "An axis was assumed", "What no result says of an axis of a flight was assumed."),
+    "assumed_axis": Kind(
+        "info", "Axis assumed", "No result describes this axis of the vehicle, so typical values were assumed."
+    ),
     "assumed_curve": Kind(
-        "warning", "Assumed curve", "The curve of thrust over motor output was assumed, not identified."
+        "warning", "Thrust curve assumed", "The curve of thrust over motor output was assumed, not identified."
     ),
     "angle_shared": Kind(
-        "info", "One angle gain of two axes", "Roll and pitch have one angle gain: which value both fly, and why."
+        "info",
+        "Roll and pitch share a gain",
+        "Roll and pitch share one angle gain; this names the value used for both and the reason.",
     ),
-    "assumed_geometry": Kind(
-        "info", "The order of the motors was assumed", "The order or the places of the motors were assumed."
-    ),
+    "assumed_geometry": Kind("info", "Motor layout assumed", "The order or the positions of the motors were assumed."),
     "battery_sag": Kind(
         "info",
-        "The battery sagged",
-        "The battery lost voltage over the flight, which changes what a motor output does.",
+        "Battery voltage fell",
+        "The battery lost voltage during the flight, which changes the thrust at a given motor output.",
     ),
     "band_below_crossover": Kind(
-        "warning", "Not seen where the loop acts", "A plant was seen only up to about the crossover of its loop."
+        "warning", "Data end near the crossover", "The plant was measured only up to about the crossover of its loop."
     ),
     "band_beside_excitation": Kind(
         "warning",
-        "The band leaves most of the excitation out",
-        "A band that was given drops most of what was excited: perhaps Hz were meant and rad/s taken.",
+        "Band misses the excitation",
+        "The given band leaves out most of the excitation; perhaps it was meant in Hz and read as rad/s.",
     ),
     "beyond_limits": Kind(
-        "warning", "Beyond limits", "With the amplitudes given by hand a plan passes its limits in simulation."
+        "warning",
+        "Plan exceeds its limits",
+        "With the given amplitudes the simulated flight exceeds the limits of the plan.",
     ),
     "biased_by_noise": Kind(
-        "warning", "Biased by noise", "A value of equation error that noise moves by more than one standard deviation."
+        "warning",
+        "Biased by noise",
+        "Sensor noise shifts a value from equation error by more than one standard deviation.",
     ),
     "biased_parameter": Kind(
         "warning",
         "Biased parameter",
-        "A parameter that a planned flight will miss by more than two standard deviations.",
+        "A planned flight is expected to miss this parameter by more than two standard deviations.",
     ),
     "bootstrap_disagrees": Kind(
         "warning",
         "Bootstrap disagrees",
-        "The spread of refits to noise drawn anew is not what the bounds say: 25 % wider or narrower, or moved by "
-        "half a deviation, and no chance.",
+        "The bootstrap contradicts the stated error: its spread differs by more than 25 % or its mean is off "
+        "by half a standard deviation.",
     ),
     "bootstrap_incomplete": Kind(
-        "warning", "Bootstrap incomplete", "More than 5 % of the refits of a bootstrap had no answer."
+        "warning", "Bootstrap incomplete", "More than 5 % of the bootstrap runs failed, so the spread is too small."
     ),
     "both_ways_disagree": Kind(
         "warning",
-        "Both ways disagree",
-        "The two regressions of torque and acceleration disagree, also without their bias.",
+        "Regressions disagree",
+        "Regression of acceleration on torque and of torque on acceleration disagree even after correction for noise.",
     ),
     "check_undecided": Kind(
         "warning",
         "Not enough data to check gains",
-        "A flight with proposed gains does not show its loop well enough to compare it with the prediction.",
+        "The flight with the proposed gains does not show the loop well enough to compare it with the prediction.",
     ),
     "clock_disorder": Kind(
         "warning",
-        "Stamps out of order",
-        "Stamps repeat, step back, lie outside of the log or rise by less than any clock counts.",
+        "Time stamps out of order",
+        "Time stamps repeat, go backward, lie outside the log or are too close together.",
     ),
     "clock_skew": Kind(
         "info",
-        "Times of two channels",
-        "How far two channels lie apart in time; a warning names the --shift that takes it out.",
+        "Time offset between channels",
+        "Two channels are offset in time; a warning names the --shift that corrects it.",
     ),
     "controller_unchecked": Kind(
-        "info",
-        "A controller that was not checked",
-        "The log does not show whether its gains made the commands, and why.",
+        "info", "Controller not checked", "The log does not show whether the logged gains were the ones flown."
     ),
     "controller_unexplained": Kind(
         "warning",
-        "Other gains made these commands",
-        "The gains in a log do not make the commands of an axis of set-point and rate.",
+        "Gains do not match the commands",
+        "The logged gains do not reproduce the logged commands of an axis.",
     ),
     "closed_loop_bias": Kind(
         "warning",
-        "Feedback in this response",
-        "Feedback pulls the response toward the inverse of the controller: how far direct and joint estimate lie "
-        "apart, or that no instrument is logged.",
+        "Feedback biases this response",
+        "Feedback pulls the response toward the inverse of the controller: direct and joint estimates "
+        "differ, or no instrument is logged.",
     ),
     "colored_residuals": Kind(
         "info",
-        "Residuals that remember",
-        "Residuals that are correlated in time, and how much wider that makes the errors than white noise would.",
+        "Residuals correlated in time",
+        "Residuals are correlated in time, so the errors are larger than for white noise.",
     ),
     "correlated_inputs": Kind(
         "warning",
         "Inputs moved together",
-        "Other inputs moved along with the excitation, or inputs cannot be separated.",
+        "Other inputs moved along with the excitation, so their effects are hard or impossible to separate.",
     ),
-    "corrupt_log": Kind("warning", "The log is damaged", "A part of the file is damaged and was left out."),
+    "corrupt_log": Kind("warning", "Log file damaged", "A part of the log file is damaged and was left out."),
     "decimated": Kind(
         "info",
-        "Logged without a filter in front",
-        "The log keeps every n-th sample without a filter in front, so that faster motion is folded into it.",
+        "Logged without an anti-alias filter",
+        "The log keeps every n-th sample unfiltered, so faster motion is aliased into it.",
     ),
     "delay_of_yaw": Kind(
-        "info", "Yaw has a delay of its own", "Motors and yaw lie apart in time by another delay than roll and pitch."
+        "info", "Yaw has its own delay", "The delay from motors to yaw differs from that of roll and pitch."
     ),
-    "delay_or_lag": Kind("info", "Delay or lag", "A delay that a model of another order would take for a lag."),
-    "delays_disagree": Kind("warning", "Delays disagree", "Estimates of one delay lie apart."),
+    "delay_or_lag": Kind(
+        "info", "Delay or lag", "A model of another order splits the same total into a different delay and lag."
+    ),
+    "delays_disagree": Kind("warning", "Delay estimates disagree", "Two estimates of the same delay differ."),
     "differentiated": Kind(
         "warning",
-        "Derivatives in place of sensors",
-        "Rates or specific force are derivatives of angles or height, which raises noise; the numbers say by how much.",
+        "Derivatives instead of sensors",
+        "Rates or accelerations were derived from angles or height, which raises their noise.",
     ),
-    "different_outputs": Kind("warning", "Different outputs", "Models of different outputs, which do not compare."),
+    "different_outputs": Kind(
+        "warning", "Different outputs", "The models have different outputs, so their scores do not compare."
+    ),
     "disturbed_verification": Kind(
-        "warning", "A flight that cannot judge the model", "An unseen flight that was too disturbed to judge the model."
+        "warning", "Too gusty to judge the model", "An unseen flight was too disturbed to judge the model."
     ),
-    "dropped_parameter": Kind("info", "A parameter was dropped", "A parameter that the data do not show was dropped."),
+    "dropped_parameter": Kind("info", "Parameter dropped", "The data do not show this parameter, so it was dropped."),
     "export_compromise": Kind(
-        "warning", "Held otherwise", "What stands in an export for a number that the target cannot hold as it is."
+        "warning",
+        "Approximated in the export",
+        "The export approximates a value that its target cannot represent exactly.",
     ),
     "error_not_checked": Kind(
         "info",
-        "An error that was not measured",
-        "The log does not show an error that others show; its usual size widens the intervals.",
+        "Error not measured",
+        "This log does not show an error that other logs show, so its usual size widens the intervals.",
     ),
-    "feedforward": Kind("info", "Feed-forward", "A loop was seen together with its feed-forward."),
+    "feedforward": Kind("info", "Loop includes feed-forward", "The loop was measured together with its feed-forward."),
     "filter_not_judged": Kind(
         "warning",
-        "A filter reaches an axis that was not judged",
-        "A filter that is to be flown stands in the loop of an axis that could not be judged, and why.",
+        "Filter affects an unjudged axis",
+        "A new filter acts on an axis for which there are not enough data.",
     ),
     "filter_refused": Kind(
         "error",
-        "A filter breaks another loop",
-        "With a filter that is to be flown, an axis that keeps its gains would break a limit.",
+        "Filter breaks another loop",
+        "With the new filter, an axis that keeps its gains would violate a limit.",
     ),
     "firmware_contradicted": Kind(
         "warning",
         "Another firmware flew",
-        "The version that a log names is wrong, by its commands or by what it holds; another controller was taken.",
+        "The logged firmware version contradicts the data, so the controller of another version was used.",
     ),
     "fitted_in_pieces": Kind("info", "Fitted in pieces", "Records were cut into pieces because the model is unstable."),
     "flat_bandwidth": Kind(
-        "info", "A bandwidth that says little", "A response lies flat near −3 dB, so that its bandwidth says little."
+        "info", "Bandwidth of little meaning", "The response is flat near −3 dB, so its bandwidth means little."
     ),
     "flown_in_pieces": Kind(
-        "info", "Flown in pieces", "A simulation begins anew after some seconds, since errors would add up beyond use."
+        "info",
+        "Simulated in pieces",
+        "The simulation restarts every few seconds because its errors would grow too large.",
     ),
-    "gains_differ": Kind(
-        "warning", "Logs of different gains", "Logs that are tuned together were flown with different gains."
-    ),
-    "gap": Kind("warning", "A gap in the data", "Samples are missing."),
+    "gains_differ": Kind("warning", "Logs of different gains", "Logs tuned together were flown with different gains."),
+    "gap": Kind("warning", "Gap in the data", "Samples are missing."),
     "held_out": Kind(
         "info",
-        "Judged on a held-out maneuver",
-        "Nothing was left unseen: a second model without one maneuver was judged on that.",
+        "Judged on an unused maneuver",
+        "All maneuvers were fitted, so a second model without one of them was judged on that maneuver.",
     ),
-    "implausible_physics": Kind("info", "Implausible physics", "A value that is rare among vehicles that fly."),
+    "implausible_physics": Kind("info", "Implausible value", "The value is rare among vehicles that fly."),
     "frozen_sensor": Kind(
         "warning",
-        "A sensor stands still amid motion",
-        "A measured channel repeats one value for half a second or longer while the vehicle moves; those samples were "
-        "left out.",
+        "Sensor frozen",
+        "A sensor repeats one value for half a second or longer while the vehicle moves; those samples were left out.",
     ),
-    "impossible_physics": Kind(
-        "warning", "A value that physics does not allow", "A value that physics does not allow."
-    ),
+    "impossible_physics": Kind("warning", "Physically impossible value", "No vehicle can have this value."),
     "impossible_value": Kind(
         "warning",
-        "Values that cannot be",
-        "Samples that no sensor or controller gives, or that jump and are back at once, were left out.",
+        "Impossible samples",
+        "Samples that no sensor can deliver, or that jump and return at once, were left out.",
     ),
     "insensitive_parameter": Kind(
-        "warning", "The data hardly feel this parameter", "The data hardly depend on this parameter."
+        "warning", "The data barely constrain this parameter", "Changing this parameter barely changes the fit."
     ),
     "interpolated_channel": Kind(
-        "warning", "Interpolated channel", "A channel was logged so slowly that lines between its samples were taken."
+        "warning", "Interpolated channel", "A channel was logged so slowly that its samples had to be interpolated."
     ),
     "inverse_controller": Kind(
         "warning",
-        "This looks like the inverse of the controller",
+        "Controller measured, not the vehicle",
         "The response is the inverse of the controller, not the vehicle.",
     ),
-    "kinematic_consistency": Kind("info", "Sensors against each other", "How well sensors agree with each other."),
-    "kinematic_inconsistency": Kind("warning", "Sensors contradict each other", "Sensors contradict each other."),
+    "kinematic_consistency": Kind("info", "Sensor consistency", "The sensors agree with each other to this extent."),
+    "kinematic_inconsistency": Kind(
+        "warning", "Sensors contradict each other", "Two sensors disagree about the same motion."
+    ),
     "kinematics_unchecked": Kind(
-        "info", "Sensors that could not be checked", "Sensors that could not be held against each other."
+        "info", "Sensors not checked", "The log does not allow a comparison of these sensors."
     ),
     "known_filter": Kind(
-        "info", "A known filter", "The filters that a channel has passed, as far as the log says, and their delay."
+        "info", "Known filter", "A channel passed these filters, with this delay, according to the log."
     ),
     "beyond_speeds": Kind(
-        "warning", "Beyond the speeds", "A flight goes beyond the speeds of a stitched model, where the last one holds."
+        "warning",
+        "Beyond the identified speeds",
+        "The flight leaves the speeds of a stitched model, so the model of the nearest speed was used.",
     ),
     "dropped_at_speed": Kind(
-        "info", "Not seen at a speed", "A parameter of a stitched model was dropped at some speeds and is zero there."
+        "info",
+        "Dropped at some speeds",
+        "A parameter of a stitched model was dropped at some speeds and is zero there.",
     ),
     "lost_through_speeds": Kind(
-        "warning", "Fell over", "A stitched model does not stay in the air under the controllers of a flight."
+        "warning", "Model lost control", "A stitched model does not stay in the air under the controllers of a flight."
     ),
     "joined_models": Kind(
-        "info", "Models joined", "Longitudinal and lateral models stand side by side, with a covariance of two blocks."
+        "info",
+        "Models joined",
+        "Longitudinal and lateral models were joined, and their errors are treated as independent.",
     ),
     "joined_records": Kind(
         "warning",
         "Records joined",
-        "Logs that hold some channels each were joined, and an input moved that one of them does not tell apart.",
+        "Logs with different channels were joined, and an input moved that one of them cannot separate.",
     ),
     "lag_plus_delay": Kind(
-        "info", "Lag and delay together", "The sum of motor lag and delay, which is known better than either."
+        "info", "Motor lag plus delay", "The sum of motor lag and delay is more certain than either of them."
     ),
-    "legacy_units": Kind("info", "Units of an older firmware", "Units of an older firmware were converted."),
+    "legacy_units": Kind("info", "Older firmware units", "Values in the units of an older firmware were converted."),
     "logs_disagree": Kind(
         "warning",
         "Logs disagree",
-        "Each log alone says another value, by more than their errors; the interval holds the scatter.",
+        "The logs give different values, by more than their errors; the interval was widened to cover them.",
     ),
     "low_coherence": Kind(
-        "warning", "Low coherence", "A response, or a part of the band, is not coherent enough to be used."
+        "warning", "Low coherence", "The response, or a part of its band, is not coherent enough to be used."
     ),
     "methods_disagree": Kind(
         "warning",
         "Two methods disagree",
-        "Values that differ from those of the frequency domain by more than three standard deviations.",
+        "The value differs from that of the frequency domain by more than three standard deviations.",
     ),
-    "missing_channel": Kind(
-        "warning", "A channel is missing", "A channel that is needed, or would help, is not in the log."
-    ),
-    "motor_imbalance": Kind(
-        "warning", "Motors out of balance", "In hover one motor works harder than the others, and what that means."
-    ),
+    "missing_channel": Kind("warning", "Channel missing", "The log lacks a channel that is required or would help."),
+    "motor_imbalance": Kind("warning", "Motors out of balance", "One motor works harder than the others in hover."),
     "motor_out_of_step": Kind(
-        "warning", "A motor out of step", "A motor slowed down while its output rose: it may have lost its step."
+        "warning",
+        "Motor lost synchronization",
+        "A motor slowed down while its output rose, so it may have lost synchronization.",
     ),
     "motor_reconstruction": Kind(
         "info",
         "Motors computed from commands",
-        "Motor outputs were computed from faster commands, and whether they agree with those logged.",
+        "Motor outputs were computed from commands logged at a higher rate and compared with the logged outputs.",
     ),
-    "never_airborne": Kind("error", "The vehicle never flew", "The vehicle never flew in this log."),
+    "never_airborne": Kind("error", "The vehicle never flew", "The log shows no flight."),
     "not_as_foretold": Kind(
-        "warning", "Not what was foretold", "A loop with proposed gains does not fly as the proposal said."
+        "warning", "Gains miss the prediction", "The loop with the proposed gains does not behave as predicted."
     ),
     "oscillation": Kind(
         "warning",
-        "An axis oscillates",
-        "A loop swings by itself, mostly with a motor at its limit: its gains are too high for the vehicle.",
+        "Axis oscillates",
+        "The loop oscillates by itself, often with a motor at its limit, because its gains are too high.",
     ),
-    "other_gains": Kind("warning", "Other gains flew", "A log that is to show proposed gains was flown with others."),
+    "other_gains": Kind(
+        "warning", "Other gains flew", "The log meant to check the proposed gains was flown with other gains."
+    ),
     "spin_up": Kind(
         "info",
-        "Rotors that speed up turn the vehicle",
-        "Yaw follows what rotors gain of their speed, besides their torque.",
+        "Rotor acceleration turns the vehicle",
+        "Yaw responds to the acceleration of the rotors in addition to their torque.",
     ),
     "thrust_stays": Kind(
-        "info", "Thrust stays as it is", "What straightens the curve of thrust stays as it was flown, for a reason."
+        "info", "Thrust curve unchanged", "The linearization of thrust keeps its setting, for the reason given."
     ),
-    "not_tuned": Kind("warning", "Gains stay", "The gains of an axis stay as they were flown, for a reason."),
+    "not_tuned": Kind("warning", "Gains unchanged", "The gains of an axis keep their values, for the reason given."),
     "no_controller": Kind(
-        "info", "Not flown in closed loop", "Why nothing was flown in closed loop: no controller is known."
+        "info",
+        "No closed-loop simulation",
+        "The flight was not simulated in closed loop because no controller is known.",
     ),
     "margin_beyond_band": Kind(
         "warning",
-        "A margin lies beyond the band",
-        "The end of the band bounds a margin or the peak of the sensitivity, which lie beyond it.",
+        "Margin beyond the measured band",
+        "A margin or the sensitivity peak lies beyond the measured band, so only a bound is known.",
     ),
     "moving_gains": Kind(
         "info",
-        "Gains that move in flight",
-        "The controller lowers or raises gains of its own in flight, so that the margins are those of one state of it.",
+        "Gains change in flight",
+        "The controller changes its own gains in flight, so the margins are valid for one of its states.",
     ),
-    "no_delay": Kind("warning", "No delay", "No delay can be seen."),
-    "no_excitation": Kind("warning", "No excitation found", "Nothing excites this axis, or nothing above a frequency."),
+    "no_delay": Kind("warning", "No delay found", "The data show no delay."),
+    "no_excitation": Kind(
+        "warning", "No excitation found", "Nothing excites this axis, or nothing above the given frequency."
+    ),
     "noisy_acceleration": Kind(
-        "info", "Noisy acceleration", "How far noise parts the two plain regressions of torque and acceleration."
+        "info",
+        "Noisy acceleration",
+        "Noise separates the two plain regressions of torque and acceleration by this much.",
     ),
     "noisy_regressors": Kind(
-        "warning", "Noisy regressors", "Noise on the right side of an equation pulls values toward zero."
+        "warning", "Noisy regressors", "Noise in the measured states pulls the estimates toward zero."
     ),
-    "not_compared": Kind("info", "No second opinion", "Results without a common ground to compare on."),
-    "not_converged": Kind("warning", "The fit did not converge", "The solver ended before it found a minimum."),
-    "not_identifiable": Kind(
-        "warning", "Parameters that cannot be told apart", "Parameters that the data cannot tell apart."
-    ),
+    "not_compared": Kind("info", "No second opinion", "The results have nothing in common to compare."),
+    "not_converged": Kind("warning", "The fit did not converge", "The solver stopped before it found a minimum."),
+    "not_identifiable": Kind("warning", "Parameters cannot be separated", "The data do not separate these parameters."),
     "not_in_measured_equations": Kind(
-        "warning", "Not in measured equations", "Parameters that no measured equation holds."
+        "warning", "Parameter not estimated", "These parameters appear in no equation whose states were all measured."
     ),
-    "not_verified": Kind("warning", "Not verified", "A log, or a part of it, could not verify the model, and why."),
-    "not_written": Kind("warning", "Not written", "A file was not written, and why."),
-    "off_axis_input": Kind("info", "Another axis moved too", "Another axis was moved too."),
+    "not_verified": Kind("warning", "Not verified", "All or part of a log could not be used to verify the model."),
+    "not_written": Kind("warning", "File not written", "A file was not written, for the reason given."),
+    "off_axis_input": Kind("info", "Another axis moved too", "Another axis moved during the excitation."),
     "open_loop_diverges": Kind(
         "info",
-        "An unstable airframe, not a bad model",
-        "An unstable airframe leaves any open-loop prediction: no blame to the model.",
+        "Unstable airframe, model not at fault",
+        "Any open-loop prediction of an unstable airframe diverges, so the model is not to blame.",
     ),
-    "order_too_high": Kind("warning", "More order than the data show", "More states than the data show."),
+    "order_too_high": Kind("warning", "Model order too high", "The model has more states than the data show."),
     "other_controller": Kind(
         "info",
         "Another controller flew",
-        "Why nothing was tuned or flown in closed loop: other gains made the commands.",
+        "Other gains made the commands, so nothing was tuned or simulated in closed loop.",
     ),
-    "other_log": Kind(
-        "warning", "Model of another log", "A model is used beside a log on which it was not identified."
-    ),
+    "other_log": Kind("warning", "Model of another log", "The model was identified on other logs than this one."),
     "other_minimum": Kind(
         "warning",
-        "Other minimum",
-        "Another minimum: its cost is at most 10 % higher, its parameters lie more than 3 σ and a tenth away.",
+        "Second minimum found",
+        "A second minimum costs at most 10 % more, with parameters more than 3 σ and 10 % away.",
     ),
     "other_source": Kind(
         "warning",
-        "Channels from different sources",
-        "One channel comes from different places in the logs, and may be filtered in one of them.",
+        "Channel from different sources",
+        "A channel comes from different sources in the logs, and one of them may be filtered.",
     ),
     "other_vehicle": Kind(
-        "warning", "No multirotor", "The log says that it is of a plane, a VTOL, a rover or another vehicle."
+        "warning", "Not a multirotor", "The log comes from a plane, a VTOL, a rover or another vehicle type."
     ),
     "plan_firmware": Kind(
         "warning",
-        "The firmware and the plan",
-        "Whether the firmware of a log flies the ArduPilot files of a plan; a remark where it does or was not checked.",
+        "Firmware and plan",
+        "This compares the firmware of the log with the one that the ArduPilot files of the plan require.",
     ),
     "plan_differs": Kind(
         "warning",
-        "Flown otherwise than planned",
-        "A test input was flown with another band, length or size than planned, or on an axis that the plan has not.",
+        "Flown differently than planned",
+        "A test input was flown with another band, length or amplitude than planned, or on an unplanned axis.",
     ),
     "plan_not_flown": Kind(
-        "warning", "Planned and not flown", "Test inputs of the plan that the log lacks; a remark where it lacks all."
+        "warning", "Planned, not flown", "The log lacks some test inputs of the plan; a remark means that it lacks all."
     ),
     "parameters_changed": Kind(
         "warning",
-        "Parameters changed",
-        "Gains, filters or the curve of thrust changed within the log, and it does not say which value flew when.",
+        "Parameters changed in flight",
+        "Gains, filters or the thrust curve changed within the log, so the values flown are ambiguous.",
     ),
-    "outputs_left_out": Kind("info", "Outputs that were not fitted", "Outputs of the model that were not fitted."),
+    "outputs_left_out": Kind("info", "Outputs not fitted", "Some outputs of the model were not fitted."),
     "parameter_at_bound": Kind(
         "warning",
-        "A parameter stands at its bound",
-        "A parameter ended on a bound of its range, so that its value says no more than that.",
+        "Parameter at its bound",
+        "The parameter ended at a bound of its range, so its value is only a limit.",
     ),
     "payload_step": Kind(
         "warning",
-        "Thrust over mass differs between logs",
-        "Logs of one fit carry different masses for the same thrust: payload, rotors or battery changed.",
+        "Payload differs between logs",
+        "Logs of one fit differ in mass at the same thrust: payload, rotors or battery changed.",
     ),
-    "poor_fit": Kind("warning", "The model misses the measurement", "The model misses what was measured."),
+    "poor_fit": Kind(
+        "warning", "Model misses the measurement", "The model does not reproduce the data it was fitted to."
+    ),
     "poor_verification": Kind(
-        "warning", "The model misses the unseen flight", "The model misses what was flown unseen."
+        "warning", "Model misses the unseen flight", "The model does not predict a flight that it has not seen."
     ),
-    "rate_too_low": Kind("warning", "Logged too slowly", "A channel was logged too slowly, and the setting to change."),
-    "receive_time": Kind("info", "Stamps of the receiver", "Stamps are those of the receiver, not of the vehicle."),
-    "reconstructed": Kind(
-        "info", "A channel was computed", "A channel that is not logged was made of others, which it names."
+    "rate_too_low": Kind(
+        "warning", "Logged too slowly", "A channel was logged too slowly; the message names the setting to change."
     ),
-    "record_too_short": Kind("warning", "The record is short", "The record is too short for what was asked."),
+    "receive_time": Kind(
+        "info", "Receiver time stamps", "The time stamps come from the receiver, not from the vehicle."
+    ),
+    "reconstructed": Kind("info", "Channel computed", "A channel that is not logged was computed from other channels."),
+    "record_too_short": Kind("warning", "Record too short", "The record is too short for the requested analysis."),
     "room_not_checked": Kind(
-        "info", "Limits of the motors", "Whether a motor was at a limit was not checked before gains were proposed."
+        "info", "Motor limits not checked", "Gains were proposed without a check of the motor limits."
     ),
-    "rotor_layout": Kind("info", "Where the rotors are", "Where the rotors stand, as far as the log says."),
-    "saturation": Kind("warning", "Saturation", "Motors or commands were at their limits."),
+    "rotor_layout": Kind("info", "Rotor positions", "These are the positions of the rotors according to the log."),
+    "saturation": Kind("warning", "Saturation", "Motors or commands reached their limits."),
     "seen_data": Kind(
         "warning",
-        "Data that the model has seen",
-        "A log or stretch that the model was identified on, which is no test of it.",
+        "Data used for the fit",
+        "The model was fitted to some of this log, so this is no test of the model.",
     ),
     "segment_trimmed": Kind(
-        "warning", "A segment was cut", "A part of a segment lies outside of the log or in a gap, and was cut."
+        "warning", "Segment cut", "A part of the segment lies outside the log or in a gap, and was cut."
     ),
-    "sensor_clipping": Kind("warning", "A sensor clipped", "A sensor stood at the end of its range."),
-    "sensor_corrected": Kind(
-        "info", "Sensor corrected", "An error of a sensor, told by the kinematics, was taken out."
-    ),
+    "sensor_clipping": Kind("warning", "Sensor clipped", "A sensor reached the end of its range."),
+    "sensor_corrected": Kind("info", "Sensor corrected", "A sensor error found from the kinematics was corrected."),
     "sensor_not_corrected": Kind(
-        "info", "Sensor not corrected", "Errors of sensors that the flight does not excite enough to tell them."
+        "info", "Sensor not corrected", "The flight does not excite these sensor errors enough to estimate them."
     ),
-    "several_flights": Kind("info", "Several flights in one log", "The log holds several flights."),
-    "several_vehicles": Kind("warning", "Several vehicles in one log", "The log holds several vehicles."),
+    "several_flights": Kind("info", "Several flights in one log", "The log contains several flights."),
+    "several_vehicles": Kind("warning", "Several vehicles in one log", "The log contains several vehicles."),
     "shaped_setpoint": Kind(
         "warning",
-        "The autopilot smooths the set-point",
+        "Autopilot smooths the set-point",
         "ArduPilot's input shaping turns the attitude set-point of a plan into another test input.",
     ),
-    "singular_mixer": Kind("warning", "Singular mixer", "The mixer of these rotors cannot move all axes."),
+    "singular_mixer": Kind(
+        "warning", "Mixer cannot control all axes", "With this mixer the rotors cannot control all axes."
+    ),
     "speed_damping_biased": Kind(
-        "warning", "Speed damping is biased", "Speed damping was taken from one response, and is biased."
+        "warning", "Speed damping biased", "Speed damping was estimated from one response, which biases it."
     ),
     "speed_modes_left_out": Kind(
         "warning",
         "Fitted above the speed modes",
-        "A rate model does not hold where the speed of the vehicle turns it; it was fitted above.",
+        "A rate model is not valid where the vehicle's speed affects rotation, so it was fitted above those "
+        "frequencies.",
     ),
     "structure_error": Kind(
-        "warning", "The structure does not hold", "A response is missed by far more than its errors or the others are."
+        "warning",
+        "Model structure does not fit",
+        "The model misses a response by far more than its errors or the other responses.",
     ),
-    "sweep_ended_early": Kind("warning", "A sweep ended early", "A sweep ended before it reached its last frequency."),
-    "thrust_limit": Kind("info", "Thrust limit", "Thrust over weight stays on a plateau."),
+    "sweep_ended_early": Kind("warning", "Sweep ended early", "A sweep ended before its last frequency."),
+    "thrust_limit": Kind("info", "Thrust limit", "Thrust over weight levels off."),
     "plant_of_choice": Kind(
         "info",
-        "Which plant gains are made for",
-        "The plant of an axis is that of choices of its own, or of one of several results.",
+        "Which plant the gains use",
+        "The plant of an axis comes from its own settings or from one of several results.",
     ),
     "thrust_range": Kind(
         "info",
-        "Thrust in the gains",
-        "Gains keep their limits over the throttle that was flown, by the curve of thrust that came beside the plant.",
+        "Gains cover the thrust range",
+        "The gains meet their limits over the whole throttle flown, according to the thrust curve of the plant.",
     ),
     "several_trims": Kind(
-        "warning", "Several trims", "Maneuvers at several speeds were taken for one, about their mean speed."
+        "warning",
+        "Several flight speeds mixed",
+        "Maneuvers at several speeds were fitted together, around their mean speed.",
     ),
-    "trim": Kind("info", "Not a hover", "The trim of the flight is no hover."),
+    "trim": Kind("info", "Not a hover", "The average flight condition was not a hover."),
     "uncertain_parameter": Kind(
-        "warning", "An uncertain parameter", "A parameter that trades against others: its Cramér–Rao bound is large."
+        "warning", "Uncertain parameter", "The parameter trades off against others, so its Cramér–Rao bound is large."
     ),
-    "unknown_column": Kind("info", "A column that is not known", "A column that is not known was left out."),
-    "unknown_filter": Kind("warning", "A filter that is not known", "A filter of the autopilot that is not known."),
-    "unknown_topic": Kind("info", "A topic that is not known", "A topic that is not known was left out."),
-    "tuning_bound": Kind("info", "What bounds gains", "What bounds proposed gains, or why the flown ones stay."),
-    "unused_choice": Kind("warning", "Unused choice", "A choice that nothing used."),
+    "unknown_column": Kind("info", "Unknown column", "An unknown column was left out."),
+    "unknown_filter": Kind("warning", "Unknown filter", "A filter of the autopilot is unknown."),
+    "unknown_topic": Kind("info", "Unknown topic", "An unknown topic was left out."),
+    "tuning_bound": Kind(
+        "info",
+        "What limits the gains",
+        "This requirement limits the proposed gains, or is the reason to keep the current ones.",
+    ),
+    "unused_choice": Kind("warning", "Unused option", "An option had no effect."),
     "vibration_filtered": Kind(
-        "info", "Vibration was filtered out", "Vibration was filtered out of measured and predicted outputs alike."
+        "info", "Vibration filtered out", "Vibration was filtered out of measured and predicted outputs alike."
     ),
     "voltage_exponent": Kind(
-        "info",
-        "Thrust over voltage",
-        "The power by which thrust follows the voltage of the battery, beside the square that the model takes.",
+        "info", "Thrust over voltage", "Thrust follows the battery voltage by this power; the model assumes the square."
     ),
 }
 """Every kind of finding, by the word that scripts rely on."""

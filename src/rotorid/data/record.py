@@ -20,7 +20,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from rotorid._faces import attached
 from rotorid.data.base import Immutable, optional, read_only
-from rotorid.data.display import html_table, lines_of
+from rotorid.data.display import counted, html_table, lines_of
 from rotorid.data.findings import Finding, Findings
 from rotorid.errors import UsageError
 from rotorid.typing import AnyArray, Axis, FloatArray
@@ -158,7 +158,7 @@ class Maneuvers(tuple[Maneuver, ...]):
 
     @property
     def _head(self) -> str:
-        return f"{len(self)} maneuver{'s' * (len(self) != 1)}"
+        return counted(len(self), "maneuver")
 
     @property
     def _rows(self) -> list[tuple[str, ...]]:
@@ -507,9 +507,9 @@ class FlightRecord(Immutable):
     @property
     def _head(self) -> str:
         count, firmware = len(self.channel_names), f", {self.source.firmware}" if self.source.firmware else ""
-        remarks = f", {len(self.findings)} findings" if self.findings else ""
+        remarks = f", {counted(len(self.findings), 'finding')}" if self.findings else ""
         return (
-            f"FlightRecord {self.source.name} ({self.source.format}{firmware}): {count} channel{'s' * (count != 1)}, "
+            f"FlightRecord {self.source.name} ({self.source.format}{firmware}): {counted(count, 'channel')}, "
             f"{self.start_s:.6g} to {self.stop_s:.6g} s{remarks}"
         )
 
@@ -631,7 +631,7 @@ class TimeHistory(Immutable):
         count, samples = self.values.shape
         stop_s = self.start_s + max(samples - 1, 0) / self.sample_rate_hz
         return (
-            f"TimeHistory of {count} channel{'s' * (count != 1)}: {samples} samples at {self.sample_rate_hz:.6g} Hz, "
+            f"TimeHistory of {counted(count, 'channel')}: {samples} samples at {self.sample_rate_hz:.6g} Hz, "
             f"{self.start_s:.6g} to {stop_s:.6g} s"
         )
 
