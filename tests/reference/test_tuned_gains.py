@@ -168,7 +168,7 @@ def test_the_path_stands_on_the_terminal_on_the_page_and_in_the_document(
     assert first.gains["ATC_ANG_RLL_P"] == document.axes["roll"].gains["ATC_ANG_RLL_P"].proposed
     assert goal.attitude_ratio.value < first.attitude_ratio.value
     assert document.robustness.startswith("M_s up to 1.7, recommended")
-    _print(document, tmp_path, [])
+    _print(document, tmp_path, given=[])
     shown = capsys.readouterr().out
     assert "path of roll" in shown
     assert "2, goal" in shown

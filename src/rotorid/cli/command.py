@@ -31,7 +31,7 @@ def carry_out(
     write: Callable[[Path, Any], None],
     refused: Callable[[InsufficientDataError, Sequence[FlightRecord]], Any],
     document: Callable[[Any], Any],
-    show: Callable[[Any, Path], None],
+    show: Callable[..., None],
     mapping: Path | None = None,
     paper: ForPaper | None = None,
     publication: Callable[[Any], Publication] | None = None,
@@ -55,7 +55,7 @@ def carry_out(
     document
         Makes the document of a result, which ``--json`` prints.
     show
-        Prints it for a person.
+        Prints it for a person: ``show(document, folder, verbose=...)``.
     mapping
         File that names the channels of other sources.
     paper, publication
@@ -94,7 +94,7 @@ def carry_out(
     if output.json:
         sys.stdout.write(to_json(document(result)))
     elif not output.quiet:
-        show(document(result), made.folder)
+        show(document(result), made.folder, verbose=output.verbose)
 
 
 def illustrate(folder: Path, publication: Publication, paper: ForPaper) -> None:

@@ -59,7 +59,7 @@ def _named(result: Path) -> Path:
     return Path(f"{folder.resolve().name}.json")
 
 
-def _print(document: CompareDocument, folder: Path) -> None:
+def _print(document: CompareDocument, folder: Path, *, verbose: bool = False) -> None:
     """A comparison for a person: models, maneuvers, shared parameters, findings, where the files are."""
     from rich.table import Table
 
@@ -115,6 +115,6 @@ def _print(document: CompareDocument, folder: Path) -> None:
         console.print(parameters)
     for sentence in comparison_summary(document):
         console.print(sentence, markup=False)
-    print_findings(document.findings)
+    print_findings(document.findings, verbose=verbose)
     console.print(f"report: {folder / PAGE}", soft_wrap=True, markup=False)
     console.print(f"file: {folder / JSON}", soft_wrap=True, markup=False)

@@ -21,11 +21,12 @@ import sys
 import threading
 import time
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rotorid.data.display import visible
 from rotorid.data.findings import without_repeated
@@ -33,10 +34,13 @@ from rotorid.io.formats import PACKED
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
+    from rich.table import Table
 
     from rotorid.data.findings import Finding
     from rotorid.documents.base import FindingDocument
     from rotorid.errors import RotoridError
+
+Item = TypeVar("Item")
 
 INKS = {"green": "green", "yellow": "yellow", "red": "bold red", "gray": "dim"}
 """How a terminal shows the color of a verdict."""
@@ -128,6 +132,7 @@ log_progress = _PROGRESS.info
 _PIPE_WIDTH = 240
 _NAME = "rotorid:"
 _BAR_SIGNS = 24
+_SEVERITIES = ("error", "warning", "info")
 _STYLES = {"warning": "bold yellow", "error": "bold red"}
 
 
@@ -178,22 +183,119 @@ def print_refusal(
         say(f"rotorid: the results in {results.parent} are those of an earlier run")
 
 
-def print_findings(findings: Sequence[Finding | FindingDocument], given: Sequence[Path] = ()) -> None:
-    """Warnings and errors to standard output, what several places have in common once; remarks stand in the files.
+MOST_LINES = 40
+"""Lines that a normal run of a command prints at most; ``-v`` prints everything."""
 
-    A command within a message names the files as they were given.
+MOST_ROWS = 12
+MOST_FINDINGS = 4
+
+
+def fold(items: Sequence[Item], *, verbose: bool, most: int = MOST_ROWS) -> Sequence[Item]:
+    """The first few items, or all with ``-v``; a single item too many stays, as the line that counts it is no shorter.
+
+    Examples
+    --------
+    >>> fold("abcde", verbose=False, most=3), fold("abcde", verbose=True, most=3), fold("abcd", verbose=False, most=3)
+    ('abc', 'abcde', 'abcd')
+    """
+    return items if verbose or len(items) <= most + 1 else items[:most]
+
+
+def more_words(count: int, item: str, page: str = "report.html") -> str:
+    """How many items were left out, and where they are.
+
+    Examples
+    --------
+    >>> more_words(12, "note"), more_words(2, "topic", page="")
+    ('12 more notes: -v shows all, or open report.html', '2 more topics: -v shows all')
+    """
+    return f"{count} more {item}{'s' * (count != 1)}: -v shows all{f', or open {page}' if page else ''}"
+
+
+def print_table(
+    table: Table,
+    rows: Sequence[Sequence[RenderableType]],
+    *,
+    verbose: bool,
+    item: str = "row",
+    most: int = MOST_ROWS,
+    page: str = "report.html",
+) -> None:
+    """Print a table with its first few rows, or all with ``-v``, and count the others.
+
+    Parameters
+    ----------
+    table
+        Its columns; the rows are added here.
+    item
+        What a row is, for the line that counts the others: ``parameter``, ``maneuver``.
+    page
+        Where all rows are; empty for nowhere.
+    """
+    shown = fold(rows, verbose=verbose, most=most)
+    for row in shown:
+        table.add_row(*row)
+    output_console().print(table)
+    _print_more(len(rows) - len(shown), item, page)
+
+
+def print_lines(
+    lines: Sequence[str], *, verbose: bool, item: str = "line", most: int = MOST_ROWS, page: str = "report.html"
+) -> None:
+    """Print the first few lines, or all with ``-v``, and count the others."""
+    console, shown = output_console(), fold(lines, verbose=verbose, most=most)
+    for line in shown:
+        # Names come from the log: brackets in them are no markup.
+        console.print(line, markup=False, soft_wrap=True)
+    _print_more(len(lines) - len(shown), item, page)
+
+
+def _print_more(count: int, item: str, page: str) -> None:
+    if count:
+        output_console().print(more_words(count, item, page), style="dim", markup=False, soft_wrap=True)
+
+
+def print_findings(
+    findings: Sequence[Finding | FindingDocument],
+    given: Sequence[Path] = (),
+    *,
+    verbose: bool = False,
+    most: int = MOST_FINDINGS,
+    page: str = "report.html",
+) -> None:
+    """Print the worst few findings, each once with its count, and how many more there are; with ``-v`` all.
+
+    Parameters
+    ----------
+    given
+        Files of the command line: a command within a message names them as they were given.
+    verbose
+        Print all, remarks too.
+    most
+        How many to print without ``-v``: the first of each kind before the second of any.
+    page
+        Where all findings are; empty for nowhere.
     """
     console = output_console()
-    shown = without_repeated([f for f in findings if f.severity != "info"])
-    distinct = dict.fromkeys((f.severity, f.kind, f.message) for f in shown)
-    for severity, kind, message in distinct:
+    wanted = [finding for finding in findings if verbose or finding.severity != "info"]
+    counted = Counter((finding.severity, finding.kind, finding.message) for finding in without_repeated(wanted))
+    kinds: Counter[str] = Counter()
+    order = {}
+    for key in counted:
+        kinds[key[1]] += 1
+        order[key] = _SEVERITIES.index(key[0]), kinds[key[1]]
+    distinct = sorted(counted, key=order.__getitem__)
+    shown = fold(distinct, verbose=verbose, most=most)
+    for severity, kind, message in shown:
+        times = counted[severity, kind, message]
         console.print(severity, style=_STYLES.get(severity, "bold"), end="")
-        console.print(f" {kind}: ", end="")
+        console.print(f" {kind}{f' ({times} times)' if times > 1 else ''}: ", end="")
         words, found, command = message.partition(_COMMAND)
         for file in given if found else ():
             command = as_given(f"{_COMMAND}{command}", file).removeprefix(_COMMAND)
         # A command that is broken into lines cannot be copied.
         console.print(f"{words}{found}{command}", markup=False, soft_wrap=bool(found))
+    _print_more(len(distinct) - len(shown), "note", page)
 
 
 class _Status(logging.Handler):
@@ -257,14 +359,41 @@ def _line(text: str, share: float | None) -> RenderableType:
     return line
 
 
+_PULSE_S = 10.0
+"""A pipe sees a line of progress after each such time."""
+
+
+@contextmanager
+def _lines_of_progress() -> Iterator[Callable[[str, float | None], None]]:
+    """What takes the state of the work, which is printed every 10 s, also while a single step takes longer."""
+    started_s, ended, state = time.monotonic(), threading.Event(), ["working"]
+
+    def update(text: str, share: float | None) -> None:
+        state[0] = text if share is None else f"{text} ({100.0 * share:.0f} % done)"
+
+    def pulse() -> None:
+        while not ended.wait(_PULSE_S):
+            say(f"{_NAME} {_duration(time.monotonic() - started_s)}: {state[0]}")
+
+    thread = threading.Thread(target=pulse, daemon=True)
+    thread.start()
+    try:
+        yield update
+    finally:
+        ended.set()
+        thread.join()
+
+
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """A line on a terminal that says what is being done; nothing in a pipe."""
+    """A line on a terminal that says what is being done; in a pipe a line every 10 s of long work."""
     console = error_console()
     logger = _PROGRESS
     with contextlib.ExitStack() as stack:
-        if quiet or not console.is_terminal:
+        if quiet:
             handler = _Status(lambda _text, _share: None)
+        elif not console.is_terminal:
+            handler = _Status(stack.enter_context(_lines_of_progress()))
         else:
             status = stack.enter_context(console.status("reading"))
             handler = _Status(lambda text, share: status.update(_line(text, share)))

@@ -69,7 +69,7 @@ def delay_command(
         raise typer.Exit(1)
 
 
-def _print(document: DelayDocument, folder: Path) -> None:
+def _print(document: DelayDocument, folder: Path, *, verbose: bool = False) -> None:
     """Delays for a person: one of each pair, what other ways would have said, findings, where the file is."""
     from rich.table import Table
 
@@ -86,7 +86,7 @@ def _print(document: DelayDocument, folder: Path) -> None:
         if pair.others:
             others = ", ".join(f"{1e3 * other.delay_s:.1f} ms {_WAYS[other.method]}" for other in pair.others)
             console.print(f"{name}, for comparison only: {others}", soft_wrap=True, markup=False, highlight=False)
-    print_findings(document.findings)
+    print_findings(document.findings, verbose=verbose)
     console.print(f"result: {folder / FILE}", soft_wrap=True, markup=False)
 
 

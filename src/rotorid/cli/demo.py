@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from rotorid.flying.demo import Demonstration
 
 
+_MOST_PARAMETERS = 24
+
+
 def demo_command(
     *,
     seed: Seed = 0,
@@ -63,13 +66,13 @@ def demo_command(
         )
         sys.stdout.write(f"[{documents}]\n")
     elif not output.quiet:
-        _print(demo, made.folder)
+        _print(demo, made.folder, verbose=output.verbose)
 
 
-def _print(demo: Demonstration, folder: Path) -> None:
+def _print(demo: Demonstration, folder: Path, *, verbose: bool) -> None:
     from rich.table import Table
 
-    from rotorid.cli.console import output_console
+    from rotorid.cli.console import output_console, print_table
     from rotorid.flying.demo import LOG_NAME
 
     console = output_console()
@@ -77,22 +80,25 @@ def _print(demo: Demonstration, folder: Path) -> None:
     distances = demo.distances()
     for name in ("model", "parameter", "identified", "± std", "truth", "unit", "off by"):
         table.add_column(name, justify="left" if name in ("model", "parameter", "unit") else "right")
+    rows = []
     for result in demo.identifications:
         for name, parameter in result.parameters.items():
             truth = demo.truth.get(name)
             if parameter.status == "dropped" and not truth:
                 continue
             value, std = error_columns(parameter.value, parameter.std, digits=5)
-            table.add_row(
-                result.name,
-                name,
-                "dropped" if parameter.status == "dropped" else value,
-                std,
-                "" if truth is None else significant(truth, digits=5),
-                parameter.unit,
-                f"{distances[name]:+.1f} σ" if name in distances else "",
+            rows.append(
+                (
+                    result.name,
+                    name,
+                    "dropped" if parameter.status == "dropped" else value,
+                    std,
+                    "" if truth is None else significant(truth, digits=5),
+                    parameter.unit,
+                    f"{distances[name]:+.1f} σ" if name in distances else "",
+                )
             )
-    console.print(table)
+    print_table(table, rows, verbose=verbose, item="parameter", most=_MOST_PARAMETERS)
     hold = sum(abs(distance) <= TWO_SIDED_95 for distance in distances.values())
     console.print(
         f"± is one standard deviation; {hold} of {len(distances)} intervals of 95 % hold the truth. That is the exact\n"

@@ -99,7 +99,7 @@ def design_command(
     if output.json:
         sys.stdout.write(to_json(document))
     elif not output.quiet:
-        _print(document, choices, vehicle, made.folder)
+        _print(document, choices, vehicle, made.folder, verbose=output.verbose)
 
 
 def _require_one_band(of_log: AutopilotSettings, plan: dict[str, Any]) -> None:
@@ -175,19 +175,21 @@ def _simulation(choices: DesignSettings, vehicle: Sequence[str], folder: Path, p
     return shlex.join(words)
 
 
-def _print(document: DesignDocument, choices: DesignSettings, vehicle: Sequence[str], folder: Path) -> None:
+def _print(
+    document: DesignDocument, choices: DesignSettings, vehicle: Sequence[str], folder: Path, *, verbose: bool
+) -> None:
     from rotorid.cli.console import output_console
 
     console = output_console()
     for plan in document.plans:
         _print_plan(plan)
         for prediction in plan.predictions:
-            _print_prediction(prediction)
+            _print_prediction(prediction, verbose=verbose)
         for found in plan.shortest:
             console.print(f"{found.model}: {found.words}", markup=False, soft_wrap=True)
     if document.best:
         console.print("tells most: " + ", ".join(f"{name} {kind}" for name, kind in document.best.items()))
-    print_findings(document.findings)
+    print_findings(document.findings, verbose=verbose)
     place = folder / document.plans[0].folder
     console.print(f"plan: {place / 'plan.json'}", soft_wrap=True, markup=False)
     console.print(f"card: {place / 'flight-card.html'}", soft_wrap=True, markup=False)
@@ -230,7 +232,7 @@ def _print_plan(plan: PlanSummaryDocument) -> None:
     )
 
 
-def _print_prediction(prediction: PredictionDocument) -> None:
+def _print_prediction(prediction: PredictionDocument, *, verbose: bool) -> None:
     from rich.table import Table
 
     from rotorid.cli.console import output_console
@@ -266,4 +268,4 @@ def _print_prediction(prediction: PredictionDocument) -> None:
                 f"{100.0 * (response.random_error or 0.0):.1f} %",
                 markup=False,
             )
-    print_findings(prediction.findings)
+    print_findings(prediction.findings, verbose=verbose)

@@ -57,7 +57,7 @@ def export_command(
     if output.json:
         sys.stdout.write(text)
     elif not output.quiet:
-        _print(document, made.folder)
+        _print(document, made.folder, verbose=output.verbose)
 
 
 def _settings(given: dict[str, Any]) -> ExportSettings:
@@ -156,7 +156,7 @@ def _write(folder: Path, files: Mapping[str, str | bytes]) -> None:
 _FIDELITY_WORDS = {"exact": "exact", "approximated": "approximated", "not": "[dim]not held[/dim]"}
 
 
-def _print(document: ExportDocument, folder: Path) -> None:
+def _print(document: ExportDocument, folder: Path, *, verbose: bool = False) -> None:
     """The round trip, what was given and taken from defaults, what was left out, how to start."""
     from rich.table import Table
 
@@ -187,6 +187,6 @@ def _print(document: ExportDocument, folder: Path) -> None:
         plain(f"left out: {sentence}")
     if document.draws is not None:
         plain(f"drawn: {document.draws.count} vehicles in draws; {document.draws.redrawn} draws were none")
-    print_findings(document.findings)
+    print_findings(document.findings, verbose=verbose)
     plain(f"\nstart:\n{document.start}")
     plain(f"files: {folder}")

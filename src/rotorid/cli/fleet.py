@@ -34,7 +34,7 @@ def fleet_command(
     ],
     *,
     settings: FleetSettings,
-    output: Annotated[Output, Only("out", "json", "quiet")],
+    output: Annotated[Output, Only("out", "json", "quiet", "verbose")],
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Read many logs once, identify each, and say what is normal, what differs and what changed."""

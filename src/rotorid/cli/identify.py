@@ -123,13 +123,13 @@ def _identify_several(
             raise none_stands(several, records)
         return found[0]
 
-    def show(document: ResultsDocument, folder: Path) -> None:
+    def show(document: ResultsDocument, folder: Path, *, verbose: bool) -> None:
         shared = _shared(document.results)
         for result in document.results:
-            _print_model(result, shared)
+            _print_model(result, shared, verbose=verbose)
         if shared:
             output_console().print("of several models", markup=False)
-            print_findings(shared)
+            print_findings(shared, verbose=verbose)
         _print_end(document.results, folder)
 
     title = f"{', '.join(asked.models)} from {', '.join(log.name for log in logs)}"
@@ -185,9 +185,9 @@ def _require_units(models: Iterable[str | LinearStructure | NonlinearStructure],
     require_units(settings.fix, units, option="--fix")
 
 
-def print_result(document: ResultDocument, folder: Path) -> None:
+def print_result(document: ResultDocument, folder: Path, *, verbose: bool = False) -> None:
     """Parameters, cost, checks, findings, where the files are."""
-    _print_model(document)
+    _print_model(document, verbose=verbose)
     _print_end([document], folder)
 
 
@@ -209,11 +209,11 @@ def _shared(documents: Sequence[ResultDocument]) -> list[FindingDocument]:
     return [finding for key, finding in every.items() if sum(key in findings for findings in each) > 1]
 
 
-def _print_model(document: ResultDocument, elsewhere: Sequence[FindingDocument] = ()) -> None:
+def _print_model(document: ResultDocument, elsewhere: Sequence[FindingDocument] = (), *, verbose: bool) -> None:
     console = output_console()
     if not document.parameters:
         console.print(f"{document.model}: refused", markup=False)
-        print_findings([finding for finding in document.findings if finding.severity == "error"])
+        print_findings([finding for finding in document.findings if finding.severity == "error"], verbose=verbose)
         return
     console.print(_table(document))
     if (found := document.verdict) is not None:
@@ -225,7 +225,8 @@ def _print_model(document: ResultDocument, elsewhere: Sequence[FindingDocument] 
     for combination in document.identifiability:
         console.print(combination.words, markup=False)
     printed = {(finding.kind, finding.message) for finding in elsewhere}
-    print_findings([finding for finding in document.findings if (finding.kind, finding.message) not in printed])
+    own = [finding for finding in document.findings if (finding.kind, finding.message) not in printed]
+    print_findings(own, verbose=verbose)
 
 
 def _table(document: ResultDocument) -> Table:

@@ -50,7 +50,7 @@ def inspect_command(
         Path | None,
         Option("--out", "Folder for inspect.json and report.html. [default: nothing is written]"),
     ] = None,
-    output: Annotated[Output, Only("json", "quiet", "force")],
+    output: Annotated[Output, Only("json", "quiet", "verbose", "force")],
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Say what is in logs and what they can support: channels, rates, gaps, excitations."""

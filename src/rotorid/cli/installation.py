@@ -75,7 +75,7 @@ class Check:
     remedy: str = ""
 
 
-def examine(*, self_test: bool = True, json: bool = False) -> bool:
+def examine(*, self_test: bool = True, json: bool = False, verbose: bool = False) -> bool:
     """Look at everything, say it on standard output, and tell whether nothing is broken.
 
     Parameters
@@ -84,13 +84,15 @@ def examine(*, self_test: bool = True, json: bool = False) -> bool:
         Whether a flight is made and identified.
     json
         Whether to print JSON instead of lines.
+    verbose
+        Whether to print every check, instead of those that need attention and a line for the others of a group.
     """
     checks: list[Check] = []
     for look in (_python, _core, _extras, _machine, _cache, _settings, _sandbox, *((_self_test,) if self_test else ())):
         found = _without_fail(look)
         checks += found
         if not json:
-            _print(found)
+            _print(found if verbose else _gathered(found))
     healthy = all(check.state != "broken" for check in checks)
     if json:
         document = {"schema": SCHEMA, "sound": healthy, "checks": [asdict(check) for check in checks]}
@@ -116,6 +118,25 @@ _REINSTALL = "pip install --force-reinstall rotorid"
 
 def _sentence(error: BaseException) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+
+
+def _gathered(checks: list[Check]) -> list[Check]:
+    """What needs attention, and one line for all other checks of a group."""
+    fine: dict[str, list[Check]] = {}
+    for check in checks:
+        if check.state == "ok":
+            fine.setdefault(check.group, []).append(check)
+    lines = [
+        same[0] if len(same) == 1 else Check(group=group, name=f"{len(same)} checks", state="ok", said=_names(same))
+        for group, same in fine.items()
+    ]
+    return [*lines, *(check for check in checks if check.state != "ok")]
+
+
+def _names(checks: list[Check]) -> str:
+    """The checks of one group in a line, with what was found where that is short."""
+    long = {"extra", "sandbox"}
+    return ", ".join(check.name if check.group in long else f"{check.name} {check.said}" for check in checks)
 
 
 def _print(checks: list[Check]) -> None:

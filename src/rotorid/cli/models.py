@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from rotorid.cli.options import Json, complete_from
+from rotorid.cli.options import Json, Verbose, complete_from
 from rotorid.settings.models import models_known
 from rotorid.settings.option import Option
 from rotorid.settings.parsing import NAMES
@@ -60,6 +60,7 @@ def models_command(
         Option("--outputs", "Of a model without its own.", text=NAMES, metavar="CHANNEL,..."),
     ] = (),
     json: Json = False,
+    verbose: Verbose = False,
 ) -> None:
     """List the models of the library, or print one to begin a model of your own with."""
     from rotorid.models.families import FAMILIES
@@ -69,7 +70,7 @@ def models_command(
             models = [model.as_json() for family in FAMILIES for model in _listed(family)]
             _write({"schema": SCHEMA, "models": models})
         else:
-            _print_list()
+            _print_list(verbose=verbose)
         return
     text, about, structure = _text(name, inputs, outputs)
     if json:
@@ -114,27 +115,31 @@ def _text(
     return f"# {about}\n\n{to_toml(structure, structure.parameters, {})}", about, structure
 
 
-def _print_list() -> None:
+def _print_list(*, verbose: bool) -> None:
     from rich.table import Table
 
     from rotorid.cli.console import output_console
     from rotorid.models.families import FAMILIES
 
     table = Table(box=None, pad_edge=False)
-    for column in ("model", "inputs -> outputs"):
-        table.add_column(column, overflow="fold")
+    table.add_column("model", no_wrap=True)
+    if verbose:
+        table.add_column("inputs -> outputs", overflow="fold")
     table.add_column("parameters", justify="right")
-    table.add_column("what it is", overflow="fold")
+    table.add_column("what it is", overflow="fold" if verbose else "ellipsis", no_wrap=not verbose)
     together = [_Listed(family.name, family.together) for family in FAMILIES if family.together]
     for model in [*(model for family in FAMILIES if not family.together for model in _listed(family)), *together]:
         structure = model.structure
         channels = "" if structure is None else f"{' '.join(structure.inputs)} -> {' '.join(structure.outputs)}"
         if structure is not None and len(channels) > _WIDEST:
             channels = f"{len(structure.inputs)} inputs -> {len(structure.outputs)} outputs"
-        table.add_row(model.name, channels, "" if structure is None else str(len(structure.parameters)), model.about)
+        number = "" if structure is None else str(len(structure.parameters))
+        table.add_row(model.name, *([channels] if verbose else []), number, model.about)
     console = output_console()
     console.print(table)
-    console.print("rotorid models NAME prints a model as TOML text, the beginning of one of your own.", soft_wrap=True)
+    if not verbose:
+        console.print("-v shows inputs and outputs", style="dim")
+    console.print("rotorid models NAME prints a model as TOML, to start your own from.", soft_wrap=True)
 
 
 def _write(document: dict[str, object]) -> None:

@@ -88,6 +88,8 @@ AgainstPlan: TypeAlias = Annotated[
     ),
 ]
 Json: TypeAlias = Annotated[bool, Option("--json", "Print the answer as JSON and nothing else.")]
+VERBOSE_HELP = "Print everything. [default: at most 40 lines]"
+Verbose: TypeAlias = Annotated[bool, Option("--verbose", VERBOSE_HELP, also="-v")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +98,8 @@ class Output:
 
     Parameters
     ----------
+    verbose
+        Print every row and every finding, instead of the first few.
     force
         Overwrite what is not rotorid's.
     """
@@ -104,7 +108,8 @@ class Output:
         None
     )
     json: Annotated[bool, Option("--json", "Print the result as JSON and nothing else.", "Results")] = False
-    quiet: Annotated[bool, Option("--quiet", "Say nothing but errors.", "Results")] = False
+    quiet: Annotated[bool, Option("--quiet", "Print errors only.", "Results")] = False
+    verbose: Annotated[bool, Option("--verbose", VERBOSE_HELP, "Results", also="-v")] = False
     force: Annotated[bool, Option("--force", "Overwrite files at --out that are not rotorid's.", "Results")] = False
 
 

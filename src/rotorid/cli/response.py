@@ -75,7 +75,7 @@ def response_command(
     )
 
 
-def _print(document: ResponseDocument, folder: Path) -> None:
+def _print(document: ResponseDocument, folder: Path, *, verbose: bool = False) -> None:
     """Responses for a person: what can be used, margins, findings, where the files are."""
     from rich.table import Table
 
@@ -109,7 +109,7 @@ def _print(document: ResponseDocument, folder: Path) -> None:
         _print_loop(axis, loop)
     if document.loops:
         console.print("± is one standard deviation; review and tune print 95 % intervals.", style="dim", markup=False)
-    print_findings(document.findings)
+    print_findings(document.findings, verbose=verbose)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
 

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from rotorid.cli.console import say
+from rotorid.cli.options import Verbose
 from rotorid.cli.preferences import results_folder
 from rotorid.settings.option import Option
 
@@ -19,7 +20,8 @@ def run_command(
     project: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Project file that rotorid lab saved.")],
     *,
     out: Annotated[Path | None, Option("--out", "Folder for the steps. [default: rotorid-out/NAME]")] = None,
-    quiet: Annotated[bool, Option("--quiet", "Say nothing but errors.")] = False,
+    quiet: Annotated[bool, Option("--quiet", "Print errors only.")] = False,
+    verbose: Verbose = False,
 ) -> None:
     """Carry out the steps of a project file; each goes into a folder step-N."""
     from rotorid.errors import UsageError
@@ -37,8 +39,8 @@ def run_command(
         words = [*arguments(step, logs, results), "--out", str(folder)]
         if not quiet:
             say(f"step {number}: {shlex.join(['rotorid', *words])}")
-        command = [sys.executable, "-m", "rotorid", *words, *(["--quiet"] if quiet else [])]
-        code = subprocess.run(command, check=False).returncode
+        flags = [*(["--quiet"] if quiet else []), *(["--verbose"] if verbose else [])]
+        code = subprocess.run([sys.executable, "-m", "rotorid", *words, *flags], check=False).returncode
         results.append(str(folder) if code == 0 else "")
         worst = max(worst, abs(code))
     if worst:

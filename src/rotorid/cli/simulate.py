@@ -161,7 +161,7 @@ def _fly_vehicle(
     if output.json:
         sys.stdout.write(to_json(document))
     elif not output.quiet:
-        _print(document, made.folder)
+        _print(document, made.folder, verbose=output.verbose)
 
 
 def _models(results: list[str]) -> list[IdentifiedModel]:
@@ -253,7 +253,7 @@ def _simulate_plan(
     )
 
 
-def _print_simulated(document: FlownDocument, folder: Path) -> None:
+def _print_simulated(document: FlownDocument, folder: Path, *, verbose: bool = False) -> None:
     """How each output was followed, findings, where the files are."""
     from rich.table import Table
 
@@ -270,7 +270,7 @@ def _print_simulated(document: FlownDocument, folder: Path) -> None:
         if not item.scores:
             table.add_row(*flight, "", "", "")
     console.print(table)
-    print_findings(document.findings)
+    print_findings(document.findings, verbose=verbose)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
     console.print(f"signals: {folder / 'flown.npz'}", soft_wrap=True, markup=False)
 
@@ -300,7 +300,7 @@ def _plan(given: str | None, flight: SimulateSettings) -> FlightPlan | None:
     return plan_for(craft, choices).plan
 
 
-def _print(document: SimulationDocument, folder: Path) -> None:
+def _print(document: SimulationDocument, folder: Path, *, verbose: bool = False) -> None:
     """What flew, what it reached, where the logs are."""
     from rich.table import Table
 
@@ -337,6 +337,6 @@ def _print(document: SimulationDocument, folder: Path) -> None:
             f"{100.0 * reached.saturated:.1f}",
         )
     console.print(table)
-    print_findings(document.findings)
+    print_findings(document.findings, verbose=verbose)
     console.print(f"log:   {folder / document.logs[0].file}", soft_wrap=True, markup=False)
     console.print(f"truth: {folder / 'simulation.json'}", soft_wrap=True, markup=False)

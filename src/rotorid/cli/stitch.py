@@ -59,7 +59,7 @@ def stitch_command(
     )
 
 
-def _print(document: StitchedDocument, folder: Path) -> None:
+def _print(document: StitchedDocument, folder: Path, *, verbose: bool = False) -> None:
     """Parameters over speed, scores of flights, findings, where the files are."""
     from rich.table import Table
 
@@ -86,6 +86,6 @@ def _print(document: StitchedDocument, folder: Path) -> None:
         console.print(table)
     for sentence in stitched_summary(document):
         console.print(sentence, markup=False)
-    print_findings(document.findings)
+    print_findings(document.findings, verbose=verbose)
     console.print(f"report: {folder / PAGE}", soft_wrap=True, markup=False)
     console.print(f"file: {folder / JSON}", soft_wrap=True, markup=False)

@@ -86,7 +86,7 @@ def _model(model: str) -> str | IdentifiedModel:
     return load(model)
 
 
-def _print(document: TrackDocument, folder: Path) -> None:
+def _print(document: TrackDocument, folder: Path, *, verbose: bool = False) -> None:
     from rotorid.report.track import sentences
 
     console = output_console()
@@ -96,5 +96,5 @@ def _print(document: TrackDocument, folder: Path) -> None:
         console.print(
             f"gain at the end over the reference: {with_error(document.gain.value, document.gain.std)}", markup=False
         )
-    print_findings(document.findings)
+    print_findings(document.findings, verbose=verbose)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)

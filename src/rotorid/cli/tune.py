@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -68,7 +69,7 @@ def tune_command(
         write=lambda folder, proposal: _write(folder, proposal, given),
         refused=lambda error, records: refused_tune_document(refused_tuning(error, records, settings)),
         document=tune_document,
-        show=lambda document, folder: _print(document, folder, given),
+        show=partial(_print, given=given),
     )
 
 
@@ -121,7 +122,7 @@ def _write(folder: Path, proposal: TuningProposal, given: Sequence[Path]) -> Non
     write_tuning(folder, proposal, title=f"Gains from {', '.join(path.name for path in given)}")
 
 
-def _print(document: TuneDocument, folder: Path, given: Sequence[Path]) -> None:
+def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbose: bool = False) -> None:
     """Gains flown and proposed, margins, the path to the goal, findings, where the files are."""
     from rich.table import Table
 
@@ -151,13 +152,13 @@ def _print(document: TuneDocument, folder: Path, given: Sequence[Path]) -> None:
         console.print(limit, highlight=False, markup=False)
     for message in dict.fromkeys(finding.message for finding in document.findings if finding.kind in _FURTHER_DATA):
         console.print(f"note: {message}", highlight=False, markup=False)
-    print_findings(document.findings, given)
+    print_findings(document.findings, given, verbose=verbose)
     for name in (*document.files, *document.rollback_files):
         console.print(f"file: {folder / name}", soft_wrap=True, markup=False)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
 
-def _print_check(document: TuneCheckDocument, folder: Path) -> None:
+def _print_check(document: TuneCheckDocument, folder: Path, *, verbose: bool = False) -> None:
     """Figures foretold and measured, what came of it, and what to do next."""
     from rich.table import Table
 
@@ -175,7 +176,7 @@ def _print_check(document: TuneCheckDocument, folder: Path) -> None:
             table.add_row(words, *measured, "" if result == "as foretold" else result)
         console.print(table)
         console.print(f"{checked.sentence} {checked.advice}", highlight=False, markup=False)
-    print_findings(document.findings)
+    print_findings(document.findings, verbose=verbose)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
 

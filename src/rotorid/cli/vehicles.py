@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from rotorid.cli.console import say
-from rotorid.cli.options import Json, complete_from
+from rotorid.cli.options import Json, Verbose, complete_from
 from rotorid.flying.settings import LIKE_HELP, VehicleFileSettings, vehicle_names
 from rotorid.settings.option import Option, options_given
 
@@ -35,6 +35,7 @@ def vehicles_command(
     *,
     file: VehicleFileSettings,
     json: Json = False,
+    verbose: Verbose = False,
 ) -> None:
     """List the vehicles of the library, or print one, or one from results, as a file."""
     from rotorid.errors import UsageError
@@ -49,7 +50,7 @@ def vehicles_command(
     elif wrong := options_given(file):
         raise UsageError(f"{', '.join(wrong.values())} came alone", needed="a vehicle, or results with --from")
     else:
-        _list(json=json)
+        _list(json=json, verbose=verbose)
 
 
 def _print_file(words: list[str], file: VehicleFileSettings) -> None:
@@ -75,7 +76,7 @@ def print_vehicle_remarks(named: NamedVehicle) -> None:
             say(f"{finding.kind}: {finding.message}")
 
 
-def _list(*, json: bool) -> None:
+def _list(*, json: bool, verbose: bool) -> None:
     from rich.table import Table
 
     from rotorid.cli.console import output_console
@@ -89,13 +90,17 @@ def _list(*, json: bool) -> None:
         sys.stdout.write(json_text.dumps({"schema": SCHEMA, "vehicles": listed}, indent=2) + "\n")
         return
     table = Table(box=None, pad_edge=False)
-    for column in ("vehicle", "what it is", "source"):
-        table.add_column(column, overflow="fold")
+    table.add_column("vehicle", no_wrap=True)
     for column in ("mass in kg", "loop in Hz"):
         table.add_column(column, justify="right")
+    table.add_column("what it is", overflow="fold" if verbose else "ellipsis", no_wrap=not verbose)
+    if verbose:
+        table.add_column("source", overflow="fold")
     for entry in VEHICLES.values():
         craft = None if entry.make is None else aircraft(entry.name)
         mass = "" if craft is None else f"{craft.vehicle.mass_kg:g}"
         rate = "" if craft is None else f"{craft.autopilot.rate_hz:g}"
-        table.add_row(entry.name, entry.summary, entry.source, mass, rate)
+        table.add_row(entry.name, mass, rate, entry.summary, *([entry.source] if verbose else []))
     output_console().print(table)
+    if not verbose:
+        output_console().print("-v shows where the numbers are from", style="dim")

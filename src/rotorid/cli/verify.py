@@ -62,7 +62,7 @@ def _write(folder: Path, verified: Verified, *, title: str) -> None:
     write_together(folder, {FILE: verify_document(verified), REPORT: render_verification(verified, title=title)})
 
 
-def _print(document: VerifyDocument, folder: Path) -> None:
+def _print(document: VerifyDocument, folder: Path, *, verbose: bool = False) -> None:
     """A judgment for a person: scores of each maneuver, costs of each response, findings, where the file is."""
     from rich.table import Table
 
@@ -106,7 +106,7 @@ def _print(document: VerifyDocument, folder: Path) -> None:
                 markup=False,
                 highlight=False,
             )
-    print_findings(document.findings)
+    print_findings(document.findings, verbose=verbose)
     console.print(f"report: {folder / REPORT}", soft_wrap=True, markup=False)
     console.print(f"file: {folder / FILE}", soft_wrap=True, markup=False)
 

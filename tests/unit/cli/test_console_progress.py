@@ -1,9 +1,10 @@
-"""What a person sees of long work, and that a pipe sees nothing of it."""
+"""What a person sees of long work, and a pipe every 10 s."""
 
 from __future__ import annotations
 
 import io
 import logging
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -80,9 +81,35 @@ def test_counted_work_is_a_bar_on_a_terminal(clock: list[float]) -> None:
 
 
 @pytest.mark.parametrize("quiet", [True, False])
-def test_a_pipe_sees_nothing(quiet: bool, capfd: pytest.CaptureFixture[str]) -> None:
-    with progress(quiet=quiet) as tell:
-        tell("fitting")
+def test_a_pipe_sees_nothing_of_short_work(quiet: bool, capfd: pytest.CaptureFixture[str]) -> None:
+    with progress(quiet=quiet) as report:
+        report("fitting")
         count(1, 2)
     assert capfd.readouterr() == ("", "")
     assert not PIPELINE.handlers
+
+
+def test_a_pipe_sees_how_far_long_work_is(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], clock: list[float]
+) -> None:
+    monkeypatch.setattr(console, "_PULSE_S", 0.01)
+    seen = ""
+    with progress(quiet=False):
+        count(0, 4)
+        clock[0] += 12.0
+        count(1, 4)
+        for _ in range(1000):
+            threading.Event().wait(0.01)
+            seen += capfd.readouterr().err
+            if "runs: 1 of 4" in seen:
+                break
+    assert "rotorid: 12 s: runs: 1 of 4, about 36 s left (25 % done)\n" in seen
+    assert not PIPELINE.handlers
+
+
+def test_quiet_sees_nothing_of_long_work(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(console, "_PULSE_S", 0.001)
+    with progress(quiet=True):
+        count(1, 4)
+        threading.Event().wait(0.05)
+    assert capfd.readouterr() == ("", "")

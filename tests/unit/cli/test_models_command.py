@@ -23,7 +23,7 @@ NAMES = (*RATE_AXES, *model_names())
 
 
 def test_every_name_that_the_model_option_takes_is_listed_with_what_it_is() -> None:
-    ran = rotorid("models")
+    ran = rotorid("models", "-v")
     assert (ran.code, ran.err) == (0, "")
     lines = {line.split()[0]: line for line in ran.out.splitlines() if line.strip()}
     for name in NAMES:
