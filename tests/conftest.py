@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import lzma
 import os
 from collections.abc import Callable
@@ -13,6 +14,17 @@ import pytest
 os.environ["ROTORID_SETTINGS"] = ""
 
 HERE = Path(__file__).resolve().parent
+
+LONG_S = 10.0
+"""Files whose tests take longer begin first, so that no worker waits at the end for a long one."""
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the files with the longest tests first, by the table of durations."""
+    known = json.loads((HERE / "durations.json").read_text(encoding="utf-8"))
+    took_s = {HERE.parent / name: seconds for name, seconds in known.items() if seconds > LONG_S}
+    items.sort(key=lambda item: -took_s.get(item.path, 0.0))
 
 
 @pytest.fixture(scope="session")

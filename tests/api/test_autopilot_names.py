@@ -104,18 +104,16 @@ def places(text: str) -> Iterator[str]:
         if isinstance(target, ast.Name) and is_name(node.value, frozenset())
     }
 
-    def walk(node: ast.AST, where: str) -> Iterator[str]:
+    rest: list[tuple[ast.AST, str]] = [(tree, "module")]
+    while rest:
+        node, where = rest.pop()
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             where = node.name if where == "module" else f"{where}.{node.name}"
         count = asked(node, constants)
         yield from [where] * count
-        for child in ast.iter_child_nodes(node):
-            # What a comparison names is counted with it.
-            if count and not isinstance(node, ast.Dict) and isinstance(child, ast.Tuple | ast.List | ast.Set):
-                continue
-            yield from walk(child, where)
-
-    return walk(tree, "module")
+        # What a comparison names is counted with it.
+        counted = (ast.Tuple, ast.List, ast.Set) if count and not isinstance(node, ast.Dict) else ()
+        rest += [(child, where) for child in ast.iter_child_nodes(node) if not isinstance(child, counted)]
 
 
 def found() -> Counter[str]:

@@ -64,9 +64,7 @@ def _constants() -> frozenset[tuple[str, str]]:
     found = frozenset((families.__name__, name) for name, one in vars(families).items() if isinstance(one, Family))
     while True:
         more = found | {
-            (_module(path), name)
-            for path, tree in _trees().items()
-            for name in _assigned(tree, _visible(path, tree, found))
+            (_module(path), name) for path, tree in _trees().items() for name in _assigned(tree, _visible(path, found))
         }
         if more == found:
             return found
@@ -95,26 +93,33 @@ def _names(node: ast.AST, constants: frozenset[str]) -> bool:
     return any(_names(part, constants) for part in ast.iter_child_nodes(node))
 
 
-def _visible(path: Path, tree: ast.Module, constants: frozenset[tuple[str, str]]) -> frozenset[str]:
+@cache
+def _imported(path: Path) -> tuple[tuple[str, str, str], ...]:
+    """Module, name and name in the file of everything that a file imports by name."""
+    return tuple(
+        (node.module or "", alias.name, alias.asname or alias.name)
+        for node in ast.walk(_trees()[path])
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    )
+
+
+def _visible(path: Path, constants: frozenset[tuple[str, str]]) -> frozenset[str]:
     """Constants that name models, as a file calls them."""
     own = {name for module, name in constants if module == _module(path)}
-    imported = {
-        one.asname or one.name
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom)
-        for one in node.names
-        if (node.module, one.name) in constants
-    }
+    imported = {shown for module, name, shown in _imported(path) if (module, name) in constants}
     return frozenset(own | imported | _LISTS)
 
 
 def comparisons(node: ast.AST, constants: frozenset[str]) -> Iterator[ast.AST]:
     """The outermost comparisons with the name of a family or a model."""
-    if _compares(node, constants):
-        yield node
-        return
-    for child in ast.iter_child_nodes(node):
-        yield from comparisons(child, constants)
+    rest = [node]
+    while rest:
+        node = rest.pop()
+        if _compares(node, constants):
+            yield node
+        else:
+            rest.extend(ast.iter_child_nodes(node))
 
 
 def _compares(node: ast.AST, constants: frozenset[str]) -> bool:
@@ -135,7 +140,7 @@ def counted() -> dict[str, tuple[str, ...]]:
     found = {
         path.relative_to(SOURCE).as_posix(): tuple(
             f"{getattr(one, 'lineno', 0)}: {ast.unparse(one)}"
-            for one in comparisons(tree, _visible(path, tree, _constants()))
+            for one in comparisons(tree, _visible(path, _constants()))
         )
         for path, tree in _trees().items()
     }

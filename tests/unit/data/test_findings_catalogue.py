@@ -1,4 +1,4 @@
-"""The catalogue of findings is written for pilots: short headings and meanings in plain words, each kind with its own."""
+"""The catalogue of findings is written for pilots: short headings and meanings in plain words."""
 
 from __future__ import annotations
 
