@@ -111,7 +111,9 @@ def test_sliders_show_what_python_says(chromium: str, tmp_path: Path) -> None:
     for told, factor in (("before", 1.0), ("after", seen["p"] / gains.P)):
         held = Gains(P=gains.P * factor, I=gains.I, D=gains.D, A=gains.A)
         figures = loop_figures(one.omega_rad_s, (nominal * one.parts.rate(held))[None])
-        assert number(seen[told]["crossover"]) == pytest.approx(float(figures.crossover_rad_s[0]), rel=0.02)
+        assert number(seen[told]["crossover"]) == pytest.approx(
+            float(figures.crossover_rad_s[0]) / (2.0 * np.pi), rel=0.02
+        )
         assert number(seen[told]["phase"]) == pytest.approx(float(np.degrees(figures.phase_margin_rad[0])), abs=1.0)
         assert number(seen[told]["peak"]) == pytest.approx(float(figures.sensitivity_peak[0]), rel=0.02)
         assert number(seen[told]["noise"]) / 100.0 == pytest.approx(

@@ -49,12 +49,12 @@ def probed(chromium: str, folder: Path, identified: Shown, action: str) -> dict[
 @pytest.mark.parametrize(
     ("action", "units"),
     [
-        ("", "rad/s dB"),
-        pytest.param("find('Hz').click();", "Hz dB", marks=pytest.mark.slow),
-        pytest.param("find('linear').click();", "rad/s linear", marks=pytest.mark.slow),
-        ("find('Hz').click(); find('linear').click();", "Hz linear"),
+        ("", "Hz dB"),
+        pytest.param("find('rad/s').click();", "rad/s dB", marks=pytest.mark.slow),
+        pytest.param("find('linear').click();", "Hz linear", marks=pytest.mark.slow),
+        ("find('rad/s').click(); find('linear').click();", "rad/s linear"),
         pytest.param(
-            "find('Hz').click(); find('linear').click(); find('rad/s').click(); find('dB').click();",
+            "find('linear').click(); find('rad/s').click(); find('dB').click();",
             "rad/s dB",
             marks=pytest.mark.slow,
         ),
@@ -96,6 +96,51 @@ def test_the_switches_are_seen_and_reached_by_keyboard(chromium: str, tmp_path: 
     assert shown["visible"]
     assert set(shown["reachable"]) == {0}
     assert shown["title"] == "Frequency [Hz]"
+
+
+WRITTEN = """
+<p id='sentence'>Usable from 0.901 to 44 rad/s, crossover at 14.67 ± 0.26 rad/s, 113 ± 2 rad/s², a bias of 0.02 rad/s,
+7.00 rad/s (6.70 to 7.30 rad/s); <code>--band 3:38 rad/s</code>.</p>
+<div class='scroll'><table id='columns'>
+<thead><tr><th>Response</th><th>Usable<br>[rad/s]</th><th>Points</th></tr></thead>
+<tbody><tr><td>p</td><td>0.901 to 44 <span class='words'>6.70 to 7.30</span></td><td>44</td></tr></tbody></table></div>
+<div class='scroll'><table id='rows'><thead><tr><th>Number</th><th>Roll</th><th>Pitch</th></tr></thead><tbody>
+<tr><td>crossover [rad/s]</td><td>14.7 <span class='words'>14.2 to 15.2</span></td><td>–</td></tr>
+<tr><td>phase margin [°]</td><td>65.0</td><td>60.0</td></tr></tbody></table></div>
+<div class='scroll'><table id='units'><thead><tr><th>Number</th><th>Value</th><th>Unit</th></tr></thead><tbody>
+<tr><td>Crossover</td><td>(1.467 ± 0.026)·10⁻³</td><td>rad/s</td></tr>
+<tr><td><code>h_per_I_zz</code></td><td>14.67</td><td>rad/s</td></tr></tbody></table></div>
+"""
+READ = """
+() => {
+  const words = (id) => document.getElementById(id).textContent.replace(/\\s+/g, " ").trim();
+  const read = () => Object.fromEntries(["sentence", "columns", "rows", "units"].map((id) => [id, words(id)]));
+  const before = read();
+  const heads = Array.from(document.querySelectorAll("#rows td, #columns td"), (cell) => cell.dataset.head ?? "");
+  document.querySelector("button[value='rad/s']").click();
+  return { before, heads, after: read(), said: document.documentElement.dataset.frequency };
+}
+"""
+
+
+def test_texts_and_tables_are_in_the_unit_of_the_pictures(chromium: str, tmp_path: Path) -> None:
+    html = render_sections([identification()], title="t").replace("</main>", f"{WRITTEN}</main>", 1)
+    read, console = asked(chromium, html, tmp_path, READ)
+    assert console == []
+    assert read["said"] == "Hz"
+    before = read["before"]
+    assert before["sentence"] == (
+        "Usable from 0.143 to 7.0 Hz, crossover at 2.335 ± 0.041 Hz, 113 ± 2 rad/s², a bias of 0.02 rad/s, "
+        "1.114 Hz (1.066 to 1.162 Hz); --band 3:38 rad/s."
+    )
+    assert "[Hz]Points p0.143 to 7.0 1.066 to 1.16244" in before["columns"]
+    assert "crossover [Hz]2.34 2.26 to 2.42– phase margin [°]65.060.0" in before["rows"]
+    assert "Crossover(0.2335 ± 0.0041)·10⁻³Hz h_per_I_zz14.67rad/s" in before["units"]
+    assert "Usable [Hz]" in read["heads"]
+    after = read["after"]
+    assert "0.901 to 44 rad/s, crossover at 14.67 ± 0.26 rad/s" in after["sentence"]
+    assert "[rad/s]Points p0.901 to 44 6.70 to 7.3044" in after["columns"]
+    assert "(1.467 ± 0.026)·10⁻³rad/s" in after["units"]
 
 
 def test_without_scripts_no_dead_switch_is_shown() -> None:

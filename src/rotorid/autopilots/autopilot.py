@@ -222,6 +222,8 @@ class Autopilot:
         For its next log.
     log_format
         In which simulated flights are written as it would log them.
+    frequency
+        Unit in which its pilots think of frequencies.
     vehicle
         Of the library, that it flies.
     gain
@@ -265,6 +267,7 @@ class Autopilot:
     telemetry: Log = field(default_factory=lambda: Log(telemetry=True))
     advice: Advice = field(default_factory=Advice)
     log_format: LogFormat = "csv"
+    frequency: Literal["Hz", "rad/s"] = "rad/s"
     vehicle: str = "px4_quad"
     gain: str = ""
     takes_gains: bool = False

@@ -84,6 +84,18 @@ def named(text: str) -> Autopilot:
     )
 
 
+def by_file(name: str) -> Autopilot:
+    """The autopilot whose own logs have names like this; unknown of tables and of telemetry.
+
+    Examples
+    --------
+    >>> by_file("roll.ulg").name, by_file("00000012.BIN").name, by_file("rig.csv").name
+    ('PX4', 'ArduPilot', '')
+    """
+    suffix = name.rpartition(".")[2].lower()
+    return next((each for each in AUTOPILOTS if each.log_format == suffix != UNKNOWN.log_format), UNKNOWN)
+
+
 def by_gains(parameters: Mapping[str, float]) -> Autopilot:
     """The autopilot whose gains are among some parameters.
 

@@ -3,7 +3,7 @@ r"""What a person prefers: a file of a few lines that changes how results look a
 ``~/.config/rotorid.toml`` (``%APPDATA%\rotorid.toml`` on Windows; ``ROTORID_SETTINGS`` names another place, or none if
 it is empty)::
 
-    frequency = "Hz"         # or "rad/s": what pages and the lab show first
+    frequency = "Hz"         # or "rad/s": unit of frequency on pages and in the lab
     angles = "deg"           # or "rad": in what the lab shows angles and rates of a log
     magnitude = "linear"     # or "dB"
     theme = "dark"           # or "light"; without it as the system asks
@@ -40,7 +40,8 @@ class Preferences:
     Parameters
     ----------
     frequency, magnitude
-        Units that pages and the lab show first.
+        Units that pages and the lab show first. Without a frequency pages are in Hz where an autopilot that counts in
+        Hz flew (PX4, ArduPilot, Betaflight), else in rad/s.
     angles
         Unit of angles and rates in the tracks and spectra of the lab; pages show them in degrees anyway.
     theme

@@ -326,7 +326,7 @@ _LEAST_REACH = 0.1
 
 
 def s_plane(
-    poles: ComplexArray, *, std: ComplexArray | None = None, words: Sequence[str] = (), unit: str = "rad/s"
+    poles: ComplexArray, *, std: ComplexArray | None = None, words: Sequence[str] = (), unit: str = "1/s"
 ) -> Figure:
     r"""Poles as crosses, each in an ellipse of two standard deviations, over lines of equal damping.
 

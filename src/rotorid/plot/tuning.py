@@ -128,10 +128,12 @@ MOST_PEAK_DB = 5.0
 """Guidelines for disturbance rejection of helicopters of full scale, of the design standard's later additions."""
 
 
-def rejection(axis: str, found: Mapping[str, tuple[Band, Band]], *, scale: float | None) -> Figure:
-    """Bandwidth of the rejection of disturbances over its peak, with the guideline for helicopters as a line.
+def rejection(
+    axis: str, found: Mapping[str, tuple[Band, Band]], *, scale: float | None, frequency: Frequency = "rad/s"
+) -> Figure:
+    """Peak of the sensitivity over the disturbance-rejection bandwidth, with the guideline for helicopters as a line.
 
-    Frequencies of a vehicle that is N times smaller go with the root of N (Froude).
+    Frequencies of a vehicle that is N times smaller are larger by the root of N (Froude).
 
     Parameters
     ----------
@@ -141,9 +143,13 @@ def rejection(axis: str, found: Mapping[str, tuple[Band, Band]], *, scale: float
         ``flown`` and ``proposed`` to bandwidth in rad/s and peak in dB, each with its interval.
     scale
         N; without it no guideline is drawn.
+    frequency
+        Unit of the picture.
     """
+    view = View(frequency=frequency)
     traces: list[Trace] = []
-    for name, (bandwidth, peak) in found.items():
+    for name, (bandwidth_rad_s, peak) in found.items():
+        bandwidth = view.across(np.asarray(bandwidth_rad_s, dtype=np.float64))
         x, y = float(bandwidth[1]), float(peak[1])
         traces.append(
             {
@@ -152,22 +158,23 @@ def rejection(axis: str, found: Mapping[str, tuple[Band, Band]], *, scale: float
                 "name": name,
                 "x": [x],
                 "y": [y],
-                "error_x": _error(bandwidth),
+                "error_x": _error((bandwidth[0], bandwidth[1], bandwidth[2])),
                 "error_y": _error(peak),
                 "marker": {"color": _COLORS[name], "size": 9, "symbol": "circle" if name == "flown" else "diamond"},
-                "hovertemplate": "%{x:.3~g} rad/s<br>%{y:.3~g} dB",
+                "hovertemplate": f"%{{x:.3~g}} {frequency}<br>%{{y:.3~g}} dB",
                 "showlegend": True,
             }
         )
     if scale is not None:
-        least = LEAST_REJECTION_RAD_S[axis] * float(np.sqrt(scale))
-        widest = max([least, *(float(bandwidth[2]) for bandwidth, _ in found.values())])
+        least_rad_s = LEAST_REJECTION_RAD_S[axis] * float(np.sqrt(scale))
+        widest_rad_s = max([least_rad_s, *(float(bandwidth[2]) for bandwidth, _ in found.values())])
+        least, widest = view.across(np.array([least_rad_s, 1.3 * widest_rad_s])).tolist()
         traces.append(
             {
                 "type": "scatter",
                 "mode": "lines",
                 "name": "guideline: right of and below",
-                "x": [least, least, 1.3 * widest],
+                "x": [least, least, widest],
                 "y": [0.0, MOST_PEAK_DB, MOST_PEAK_DB],
                 "line": {"dash": "dot", "width": 1.5},
                 "hoverinfo": "skip",
@@ -175,7 +182,7 @@ def rejection(axis: str, found: Mapping[str, tuple[Band, Band]], *, scale: float
             }
         )
     panel = Panel(label="Peak of the sensitivity [dB]", traces=traces, height_px=_HEIGHT_PX)
-    return stacked([panel], x_axis={"title": {"text": "Disturbance rejection bandwidth [rad/s]"}})
+    return stacked([panel], x_axis={"title": {"text": f"Disturbance-rejection bandwidth [{frequency}]"}})
 
 
 def _error(band: Band) -> dict[str, object]:

@@ -232,6 +232,7 @@ def render_documents(document: CompareDocument, flown: Sequence[ComparedManeuver
     dots, overlays = _dots(document), _overlays(flown)
     return render(
         "compare.html",
+        logs=document.provenance.inputs,
         title=title,
         document=document,
         sentences=comparison_summary(document),

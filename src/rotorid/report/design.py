@@ -711,6 +711,7 @@ def render_design(
     dots = comparison_picture(side_by_side, key="comparison") if side_by_side is not None else None
     return render(
         "design.html",
+        logs=[choices.aircraft.autopilot.kind],
         title=title,
         sentences=design_summary(designed, choices),
         compared=side_by_side,

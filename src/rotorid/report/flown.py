@@ -49,6 +49,7 @@ def render_flown(flown: FlownModel, *, title: str) -> str:
     flights = [_flight(stretch, number) for number, stretch in enumerate(flown.stretches)]
     return render(
         "flown.html",
+        logs=document.provenance.inputs,
         title=title,
         document=document,
         sentences=flown_sentences(document),

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, get_args
 from urllib.parse import quote
 
 from rotorid import __version__
+from rotorid.autopilots.registry import by_file, named
 from rotorid.data.display import capital
 from rotorid.data.quantity import superscript
 from rotorid.plot.curves import Frequency, Magnitude
@@ -129,12 +130,39 @@ class Appearance(NamedTuple):
 
 appearance: ContextVar[Appearance] = ContextVar("appearance", default=Appearance())  # noqa: B039 - it is a tuple
 
+
+def frequency_of(logs: Iterable[str]) -> Frequency:
+    """The unit of frequency of a page: what the reader prefers, else that of the autopilots of its logs.
+
+    Parameters
+    ----------
+    logs
+        Names of log files, of autopilots or of firmware. Pilots of PX4, ArduPilot and Betaflight think in Hz; tables
+        of engineers are in rad/s, and so is a page without a log of an autopilot.
+
+    Examples
+    --------
+    >>> frequency_of(["roll.ulg"]), frequency_of(["ArduCopter V4.6.2"]), frequency_of(["rig.csv"]), frequency_of([])
+    ('Hz', 'Hz', 'rad/s', 'rad/s')
+    """
+    preferred = appearance.get().frequency
+    if preferred is not None:
+        return "Hz" if preferred == "Hz" else "rad/s"
+    return "Hz" if any("Hz" in (named(log).frequency, by_file(log).frequency) for log in logs) else "rad/s"
+
+
 # Characters that could end a script element or start a comment; inside JSON strings they may be written as escapes.
 _ESCAPES = {character: f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
 
 
 def render(
-    name: str, *, pictures: Iterable[Picture], further_script: str = "", further: Any = None, **values: Any
+    name: str,
+    *,
+    pictures: Iterable[Picture],
+    logs: Iterable[str] = (),
+    further_script: str = "",
+    further: Any = None,
+    **values: Any,
 ) -> str:
     """A page from a template that extends ``base.html``.
 
@@ -145,6 +173,10 @@ def render(
     ----------
     pictures
         All pictures that the page places.
+    logs
+        Names of log files, or of autopilots, that the page is about: they decide the unit of frequency
+        (:func:`frequency_of`). All texts and tables are written in rad/s, with the unit behind the number or in the
+        heading; where the page is read in Hz, its script shows them so.
     further_script, further
         Name of a script of this page alone, and what it reads: JSON in an element of the name ``loops``.
     values
@@ -166,7 +198,7 @@ def render(
     page = environment.get_template(name).render(
         **values,
         version=__version__,
-        root=appearance.get().attributes(),
+        root=appearance.get()._replace(frequency=frequency_of(logs)).attributes(),
         policy=policy(library, script, *([own] if own else [])),
         style=Markup(asset("style.css")),
         library=Markup(library),

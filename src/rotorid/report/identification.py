@@ -787,5 +787,6 @@ def render_sections(shown: Sequence[Shown], *, title: str, truth: Mapping[str, f
         title=title,
         sections=sections,
         has_truth=bool(truth),
+        logs=[name for model in shown for name in model.document.provenance.inputs],
         pictures=[picture for each in sections for picture in each.pictures],
     )

@@ -78,6 +78,7 @@ def render_inspection(record: FlightRecord, inspection: Inspection) -> str:
     )
     return render(
         "inspection.html",
+        logs=[inspection.name, inspection.format],
         log=inspection,
         topics=[list(rows) for _, rows in groupby(inspection.channels, key=lambda channel: channel.topic)],
         remarks=finding_rows(inspection.findings),

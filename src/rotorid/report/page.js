@@ -94,10 +94,14 @@ const rotorid = (() => {
     return fitted({ ...layout, ...small, annotations, legend, margin, width, height, autosize: false }, width, PAPER.font);
   };
 
+  // What a picture was drawn with: one that was drawn like this already is not drawn again.
+  const drawnWith = new WeakMap();
+  const now = () => [isDark(), printing, units.frequency, units.magnitude, window.innerWidth].join();
   const draw = (places) =>
     Promise.all(
       places.map((place) => {
         const key = place.dataset.picture;
+        drawnWith.set(place, now());
         const { data, layout } = structuredClone(seen(key));
         const sized = layout.height ? (printing ? onPaper : onScreen)(place, layout) : layout;
         return Plotly.react(place, data, { ...sized, template: template() }, config(key));
@@ -129,14 +133,27 @@ const rotorid = (() => {
   const choose = ({ currentTarget: button }) => {
     units[button.dataset.unit] = button.value;
     press();
+    rewrite();
     redraw(all().filter((place) => pictures[place.dataset.picture]?.views));
   };
   for (const button of switches) button.addEventListener("click", choose);
   for (const group of document.querySelectorAll(".choices")) group.hidden = false;
   for (const details of document.querySelectorAll("details:has([data-picture])")) {
-    details.addEventListener("toggle", () => redraw(all(details)));
+    details.addEventListener("toggle", () => redraw(all(details).filter((place) => drawnWith.get(place) !== now())));
   }
   press();
+
+  // A link into a fold opens it.
+  const reveal = (id) => {
+    for (let fold = document.getElementById(id)?.closest("details"); fold; fold = fold.parentElement.closest("details")) {
+      fold.open = true;
+    }
+  };
+  document.addEventListener("click", ({ target }) => {
+    const link = target.closest?.('a[href^="#"]');
+    if (link) reveal(decodeURIComponent(link.hash.slice(1)));
+  });
+  if (location.hash) reveal(decodeURIComponent(location.hash.slice(1)));
 
   // What a reader sees of an element in one line; of a cell the words below its number apart.
   const isWords = (node) => node.classList?.contains("words");
@@ -185,6 +202,74 @@ const rotorid = (() => {
       });
     }
   }
+  // One unit of frequency on a page. Texts and tables come in rad/s; in Hz each number is shown over 2π, with one more
+  // decimal. A text is converted where a number stands in front of the unit, a column or a row where the unit is in its
+  // heading, and a row whose own cell holds the unit. Code and what is marked `data-exact` stay: no frequencies.
+  const PLACES = "body *:not(script, style, noscript, code, pre, button, .picture, [data-exact])";
+  const A_NUMBER = String.raw`[−-]?\d+(?:\.\d+)?`;
+  const WITH_UNIT = new RegExp(
+    String.raw`((?:${A_NUMBER} (?:±|to|and|or) |${A_NUMBER}–)*${A_NUMBER}(?: \(${A_NUMBER} to ${A_NUMBER}\))?) rad/s(?![²\w^·*/])`, "g");
+  const NOT_FREQUENCIES = /(?:bias|noise|drift|speed|rate) of (?:some |about )?$/i;
+  const RADIANS = /\[rad\/s\]/g;
+  const decimals = (number) => number.split(".")[1]?.length ?? 0;
+  const over = (number, places) => (number.replace("−", "-") / (2 * Math.PI)).toFixed(places).replace("-", "−");
+  const alone = (number) => {
+    const digits = number.replace(/^[−-]?0*\.?0*|\./g, "").length;
+    const value = Math.abs(number.replace("−", "-")) / (2 * Math.PI);
+    const wanted = Math.max(2, digits) - 1 - Math.floor(Math.log10(value || 1));
+    return over(number, Math.max(0, Math.abs(number.replace("−", "-")) < 1 || digits < 2 ? wanted : decimals(number) + 1));
+  };
+  const inHertz = (words) => {
+    const deviation = new RegExp(`(${A_NUMBER}) ± (${A_NUMBER})`).exec(words)?.[2];
+    const places = deviation && Math.max(decimals(deviation) + 1, deviation.length < 2 ? 1 : 0);
+    return words.replace(/(?<![·\d.])[−-]?\d+(?:\.\d+)?(?![\d⁻])/g, (number) => (deviation ? over(number, places) : alone(number)));
+  };
+  const isUnit = (node) => node.textContent.trim() === "rad/s";
+  const leaves = (element) => {
+    const walker = document.createTreeWalker(element, NodeFilter.SHOW_TEXT, (node) =>
+      (node.parentElement.matches(PLACES) && !node.parentElement.closest("code, pre, button, .picture, [data-exact]")
+        ? NodeFilter.FILTER_ACCEPT : NodeFilter.FILTER_REJECT));
+    const found = [];
+    while (walker.nextNode()) if (/\S/.test(walker.currentNode.data)) found.push(walker.currentNode);
+    return found;
+  };
+  const rewritten = new Map();
+  const toHertz = (node, words) => { if (words !== node.data) rewritten.set(node, [node.data, words]); };
+  const ofCells = (cells) => { for (const node of cells.flatMap(leaves)) if (!/Hz/.test(node.data)) toHertz(node, inHertz(node.data)); };
+  const findFrequencies = () => {
+    for (const table of document.querySelectorAll("table")) {
+      const heads = headsOf(table);
+      for (const line of gridOf(table)) {
+        const [first, ...others] = line;
+        const unit = line.findLast(isUnit);
+        if (RADIANS.test(first?.textContent)) ofCells(others);
+        else if (unit && !line.some((cell) => cell.querySelector("code"))) {
+          ofCells(others.filter((cell) => cell !== unit));
+          for (const node of leaves(unit)) toHertz(node, node.data.replace("rad/s", "Hz"));
+        } else ofCells(line.filter((_, column) => /\[rad\/s\]/.test(heads[column] ?? "")));
+        RADIANS.lastIndex = 0;
+      }
+    }
+    for (const node of leaves(document.body)) {
+      if (rewritten.has(node)) continue;
+      const unit = node.data.replace(RADIANS, "[Hz]");
+      toHertz(node, unit.replace(WITH_UNIT, (whole, numbers, at, text) =>
+        (NOT_FREQUENCIES.test(text.slice(0, at)) ? whole : `${inHertz(numbers)} Hz`)));
+    }
+  };
+  const rewrite = () => {
+    const hertz = units.frequency === "Hz";
+    if (hertz && !rewritten.size) findFrequencies();
+    for (const [node, words] of rewritten) node.data = words[Number(hertz)];
+    const [from, to] = hertz ? ["[rad/s]", "[Hz]"] : ["[Hz]", "[rad/s]"];
+    for (const cell of document.querySelectorAll("[data-radians]")) cell.dataset.head = cell.dataset.head.replace(from, to);
+  };
+  // The same of a number in rad/s that a script of a page writes: text with its unit.
+  const frequency = (omega, digits = 3) =>
+    (units.frequency === "Hz" ? `${Number(hertz(omega).toPrecision(digits))} Hz` : `${Number(omega.toPrecision(digits))} rad/s`);
+  for (const cell of document.querySelectorAll("[data-head*='[rad/s]']")) cell.dataset.radians = "";
+  rewrite();
+
   // What scrolls sideways can be reached by keyboard.
   for (const place of document.querySelectorAll(".scroll, pre, nav")) {
     if (place.scrollWidth > place.clientWidth) place.tabIndex = 0;
@@ -258,14 +343,15 @@ const rotorid = (() => {
     cancelAnimationFrame(waiting);
     waiting = requestAnimationFrame(() => redraw());
   });
-  // Where a result comes from is told on paper too.
-  const opened = Array.from(document.querySelectorAll("details.printed:not([open])"));
+  // Paper has no folds: everything is open, but for what explains how to read a page.
+  let opened = [];
   const turn = (paper) => {
     printing = paper;
+    if (paper) opened = Array.from(document.querySelectorAll("details:not([open], .reading, .by-hand)"));
     for (const details of opened) details.open = paper;
     return redraw();
   };
   window.addEventListener("beforeprint", () => turn(true));
   window.addEventListener("afterprint", () => turn(false));
-  return { pictures, redraw, template };
+  return { pictures, redraw, template, frequency };
 })();

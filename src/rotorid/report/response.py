@@ -352,6 +352,7 @@ def render_responses(result: Responses, *, title: str) -> str:
     drawn = _drawn(result)
     return render(
         "response.html",
+        logs=result.provenance.inputs,
         title=title,
         document=result,
         sentences=response_summary(result),

@@ -117,6 +117,7 @@ def render_reviews(reviews: Sequence[Review]) -> str:
     title = reviews[0].name if len(reviews) == 1 else f"{len(reviews)} flights side by side"
     page = render(
         "review.html",
+        logs=[review.vehicle.autopilot for review in reviews],
         title=title,
         sections=sections,
         compared=compared,

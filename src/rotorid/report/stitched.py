@@ -138,6 +138,7 @@ def render_stitched(found: Stitched, document: StitchedDocument, *, title: str) 
     ]
     return render(
         "stitched.html",
+        logs=document.provenance.inputs,
         title=title,
         document=document,
         sentences=stitched_summary(document),

@@ -31,6 +31,7 @@ def render_track(found: FlightTracking) -> str:
     )
     return render(
         "track.html",
+        logs=document.provenance.inputs,
         pictures=[picture],
         title=f"{found.model} through {found.log}",
         sentences=sentences(document),

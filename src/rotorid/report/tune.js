@@ -178,7 +178,7 @@
         peak(figures(axis, times(plain(plant), found.whole))),
       ));
       const say = (name, text) => { place.querySelector(`[data-told="${name}"]`).textContent = text; };
-      say("crossover", `${told(rate.crossover)} rad/s`);
+      say("crossover", rotorid.frequency(rate.crossover));
       say("phase", `${told(rate.phase)}°`);
       say("gain", `${told(rate.gain)} dB`);
       say("peak", `${shown(peak(rate))}, with the angle loop ${shown(peak(whole))}`);

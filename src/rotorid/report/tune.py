@@ -29,7 +29,7 @@ from rotorid.models.autopilots.gains import parameters_of
 from rotorid.plot.tuning import by_hand, rejection, responses, steps
 from rotorid.proposing.check import CheckedAxis, CheckedTuning
 from rotorid.proposing.proposal import AxisTuning, TuningProposal
-from rotorid.report.frame import Picture, in_all_units, render
+from rotorid.report.frame import Picture, in_all_units, over_frequency, render
 from rotorid.report.parts import finding_rows
 from rotorid.tuning.loops import quantities
 from rotorid.typing import ComplexArray, FloatArray
@@ -125,6 +125,7 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
     axes = [_axis(axis, document.axes[axis], tuning, proposal.scale) for axis, tuning in proposal.axes.items()]
     return render(
         "tune.html",
+        logs=[document.autopilot, *document.provenance.inputs],
         title=title,
         document=document,
         sentences=tune_sentences(document),
@@ -204,6 +205,7 @@ def render_check(found: CheckedTuning, *, title: str) -> str:
     ]
     return render(
         "tune_check.html",
+        logs=document.provenance.inputs,
         title=title,
         document=document,
         cards=cards,
@@ -447,10 +449,10 @@ def _pictures(axis: str, tuning: AxisTuning, scale: float | None) -> Sequence[Pi
         further = further[1:]
     if edges:
         further.append(
-            Picture(
+            over_frequency(
+                partial(rejection, axis, edges, scale=scale),
                 key=f"{axis}-rejection",
                 description=f"Bandwidth and peak of the rejection of disturbances in {axis}{guided}",
-                figure=rejection(axis, edges, scale=scale),
             )
         )
     return [

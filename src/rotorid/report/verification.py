@@ -276,6 +276,7 @@ def render_checks(document: VerifyDocument, found: Verifications, *, title: str)
     checks, sweeps = _sections(found)
     return render(
         "verification.html",
+        logs=document.provenance.inputs,
         title=title,
         document=document,
         sentences=verification_summary(document),

@@ -136,6 +136,7 @@ ARDUPILOT = Autopilot(
         flying=_flying,
     ),
     log_format="bin",
+    frequency="Hz",
     vehicle="ardupilot_quad",
     gain="ATC_RAT_RLL_P",
     takes_gains=True,

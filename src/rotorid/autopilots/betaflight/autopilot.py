@@ -89,6 +89,7 @@ BETAFLIGHT = Autopilot(
         flying=sweep_by_stick,
     ),
     log_format="bbl",
+    frequency="Hz",
     vehicle="betaflight_quad",
     gain="rollPID_P",
     thrust_parameter=_thrust,

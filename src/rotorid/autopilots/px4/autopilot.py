@@ -93,6 +93,7 @@ PX4 = Autopilot(
         flying=sweep_by_stick,
     ),
     log_format="ulg",
+    frequency="Hz",
     vehicle="px4_quad",
     gain="MC_ROLLRATE_P",
     takes_gains=True,
