@@ -1,4 +1,4 @@
-"""The checklist of the five papers: every line has a command, every command exists, and they run."""
+"""The page of the five papers: every line has a run, every command exists, and all of them run."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import re
 import shlex
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,26 +21,25 @@ from rotorid.search import search
 from rotorid.vehicles.catalog import VEHICLES
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "papers.md"
-MISSING = "**not yet**"
-PYTHON = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^```(console|python)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"`([^`\n]+)`")
 GENERAL = re.compile(r"transfer:\d+/\d+|black_box:(?:\d+|auto)(?:\+delay)?")
 FILES = (".csv", ".html", ".json", ".npz", ".pdf", ".tex", ".toml", ".ulg")
-NUMBERS = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
 @dataclass(frozen=True)
 class Row:
-    """A line of a table: what a paper has, how it is done here, and where the result stands."""
+    """A line of a table: what a paper has, the run that does it, and where the result is."""
 
     paper: str
     what: str
-    how: str
+    run: str
     where: str
 
     @property
     def command(self) -> str:
-        return self.how.strip("`") if self.how.startswith("`") else ""
+        """The command of the run: in full, or that which writes the folder; else an expression of Python."""
+        return self.run if self.run.startswith("rotorid ") else written().get(self.run, self.run)
 
 
 def sections() -> list[tuple[str, str]]:
@@ -52,33 +52,47 @@ def rows() -> list[Row]:
     for title, part in sections():
         for line in part.splitlines():
             cells = [cell.strip() for cell in line.strip("|").split(" | ")]
-            if line.startswith("| ") and len(cells) == 3 and cells[1] != "command":
-                found.append(Row(title, *cells))
+            if line.startswith("| ") and len(cells) == 3 and cells[1] != "run":
+                what, run, where = cells
+                found.append(Row(title, what, run.strip("`"), where))
     return found
 
 
-def flights(part: str) -> list[str]:
-    """Commands that fly what a section is tried on."""
-    return [line.removeprefix("$ ") for line in part.splitlines() if line.startswith("$ rotorid ")]
+def steps(part: str) -> list[str]:
+    """Commands and blocks of Python of a section, in their order."""
+    found = []
+    for language, text in BLOCK.findall(part):
+        lines = [line.removeprefix("$ ") for line in text.splitlines() if line.startswith("$ rotorid ")]
+        found += [text] if language == "python" else lines
+    return found
 
 
 def commands() -> list[str]:
-    """Every command of the page once, in an order in which they can run."""
-    found = []
-    for title, part in sections():
-        found += flights(part) + [row.command for row in rows() if row.paper == title]
+    """Every command of the page once."""
+    found = [step for _, part in sections() for step in steps(part)] + [row.run for row in rows()]
     return [command for command in dict.fromkeys(found) if command.startswith("rotorid ")]
 
 
-def python_lines() -> list[Row]:
-    return [row for row in rows() if row.command and not row.command.startswith("rotorid ")]
+def folder_of(command: str) -> str:
+    words = shlex.split(command)
+    return words[words.index("--out") + 1] if "--out" in words else ""
 
 
-def test_no_line_is_without_a_command_but_those_that_are_counted() -> None:
-    missing = [row.what for row in rows() if not row.command]
-    assert [row.how for row in rows() if not row.command] == [MISSING] * len(missing)
-    said = re.findall(r"(\d+) lines, (\w+) of them without a command", PAGE.read_text(encoding="utf-8"))
-    assert said == [(str(len(rows())), NUMBERS[len(missing)] if len(missing) < len(NUMBERS) else str(len(missing)))]
+@cache
+def written() -> dict[str, str]:
+    """Folders and the commands that write them."""
+    return {folder_of(command): command for _, part in sections() for command in steps(part) if folder_of(command)}
+
+
+def is_python(row: Row) -> bool:
+    return "(" in row.run
+
+
+def test_every_line_names_a_run_of_its_section() -> None:
+    for title, part in sections():
+        own = {folder_of(step) for step in steps(part) if step.startswith("rotorid ")}
+        runs = [row.run for row in rows() if row.paper == title and not is_python(row)]
+        assert [run for run in runs if not run.startswith("rotorid ") and run not in own] == []
 
 
 @pytest.mark.parametrize("command", commands())
@@ -94,7 +108,7 @@ def test_a_command_has_the_options_and_names_it_is_given(
     for name in _listed(given.get("search")):
         search(name)
     for name in _listed(given.get("vehicle")):
-        assert name in VEHICLES or "/" in name or name in outs(), name
+        assert name in VEHICLES or "/" in name or name in written(), name
 
 
 def _listed(value: Any) -> list[str]:
@@ -107,14 +121,9 @@ def is_a_model(name: str) -> bool:
     return name in known or name.startswith("response.") or GENERAL.fullmatch(name) is not None
 
 
-def outs() -> set[str]:
-    """Folders that commands of the page write."""
-    return {words[words.index("--out") + 1] for words in map(shlex.split, commands()) if "--out" in words}
-
-
 def test_a_folder_is_written_by_one_command() -> None:
-    written = [words[words.index("--out") + 1] for words in map(shlex.split, commands()) if "--out" in words]
-    assert sorted(written) == sorted(set(written))
+    folders = [folder_of(command) for command in commands() if folder_of(command)]
+    assert sorted(folders) == sorted(set(folders))
 
 
 def run(command: str) -> None:
@@ -122,44 +131,44 @@ def run(command: str) -> None:
     assert ran.exit_code == 0, f"{command}: {ran.output}"
 
 
-def holds(document: Any, path: str) -> bool:
+def has_field(document: Any, path: str) -> bool:
     """Whether a document has, somewhere, a field that is reached by these names."""
     if isinstance(document, list):
-        return any(holds(one, path) for one in document)
+        return any(has_field(one, path) for one in document)
     if not isinstance(document, dict):
         return False
     first, _, rest = path.partition(".")
-    if first in document and (not rest or document[first] is None or holds(document[first], rest)):
+    if first in document and (not rest or document[first] is None or has_field(document[first], rest)):
         return True
-    return any(holds(value, path) for value in document.values())
+    return any(has_field(value, path) for value in document.values())
 
 
 def misses(row: Row) -> list[str]:
     """What a line names that its command has not left in the folder it wrote."""
-    words = shlex.split(row.command)
-    if "--out" not in words:
+    folder = Path(folder_of(row.command)) if row.command.startswith("rotorid ") else Path()
+    if folder == Path():
         return []
-    folder = Path(words[words.index("--out") + 1])
     documents = [json.loads(file.read_text(encoding="utf-8")) for file in folder.rglob("*.json")]
     missed = []
     for place in CODE.findall(row.where):
         if place.startswith(("rotorid", "--")) or place in KINDS:
             continue
         is_file = "/" in place or place.endswith(FILES)
-        there = (folder / place).exists() if is_file else any(holds(one, place) for one in documents)
+        there = (folder / place).exists() if is_file else any(has_field(one, place) for one in documents)
         missed += [] if there else [f"{row.what}: {place}"]
     return missed
 
 
 def of_paper(title: str) -> tuple[list[str], list[Row]]:
-    """Commands of a section in their order, each once, and its lines that have one."""
-    lines = [row for row in rows() if row.paper == title and row.command.startswith("rotorid ")]
-    part = dict(sections())[title]
-    return list(dict.fromkeys([*flights(part), *(row.command for row in lines)])), lines
+    """Steps of a section, short commands of its lines, and these lines."""
+    lines = [row for row in rows() if row.paper == title]
+    short = [row.run for row in lines if row.run.startswith("rotorid ")]
+    return list(dict.fromkeys([*steps(dict(sections())[title]), *short])), lines
 
 
 def is_quick(command: str) -> bool:
-    return not any(word in command for word in ("--figures", "design", "--bootstrap", "kmeans:5", "--composition"))
+    slow = ("--figures", "design", "--bootstrap", "kmeans:5", "--composition")
+    return command.startswith("rotorid ") and not any(word in command for word in slow)
 
 
 @pytest.mark.slow
@@ -177,25 +186,20 @@ def test_every_command_runs_and_writes_what_its_lines_name(
     title: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    part, (chosen, lines) = dict(sections())[title], of_paper(title)
-    flown = flights(part)
-    for command in flown:
-        run(command)
+    chosen, lines = of_paper(title)
     given: dict[str, Any] = {}
-    # Blocks take what was flown, and may write what later lines take.
-    for block in PYTHON.findall(part):
-        exec(block, given)
-    for command in chosen:
-        if command not in flown:
-            run(command)
+    for step in chosen:
+        if step.startswith("rotorid "):
+            run(step)
+        else:
+            exec(step, given)
     assert [missed for row in lines for missed in misses(row)] == []
-    for row in python_lines():
-        if row.paper == title:
-            assert eval(row.command, given) is not None, row.what
+    for row in filter(is_python, lines):
+        assert eval(row.run, given) is not None, row.what
 
 
 def test_every_table_has_its_lines() -> None:
     assert [title.partition(":")[0] for title, _ in sections()] == [f"Paper {number}" for number in range(1, 6)]
     for title, part in sections():
-        assert len([row for row in rows() if row.paper == title]) > 25
-        assert "Different on purpose:" in part
+        assert len([row for row in rows() if row.paper == title]) > 20
+        assert "| different on purpose |" in part
