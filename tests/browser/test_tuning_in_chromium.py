@@ -20,16 +20,16 @@ PROBE = (
     f"async () => {{{SETTLED}"
     + """
   const place = document.querySelector("[data-axis]");
-  await openAll([place]);
-  const told = () => Object.fromEntries(
-    Array.from(place.querySelectorAll("[data-told]"), (one) => [one.dataset.told, one.textContent]));
-  const before = told();
+  await openAll([place.closest("details.axis"), place]);
+  const figures = () => Object.fromEntries(
+    Array.from(place.querySelectorAll("[data-figure]"), (cell) => [cell.dataset.figure, cell.textContent]));
+  const before = figures();
   const slider = place.querySelector("input[name=P]");
   slider.value = 1.5 * Number(slider.value);
   const pValue = Number(slider.value);
   slider.dispatchEvent(new Event("input"));
   await settled();
-  const after = told();
+  const after = figures();
   const steps = place.querySelector("[data-picture]").data.map((line) => Array.from(line.y));
   const integral = place.querySelector("input[name=I]");
   place.querySelector("input[name=P]").value = place.querySelector("input[name=P]").min;
@@ -37,7 +37,7 @@ PROBE = (
   integral.value = integral.max;
   integral.dispatchEvent(new Event("input"));
   await settled();
-  const swinging = told();
+  const swinging = figures();
   const inputs = Array.from(place.querySelectorAll("input"));
   const chosen = Object.fromEntries(inputs.map((input) => [input.name, Number(input.value)]));
   return { before, after, steps, p: pValue, swinging, chosen };

@@ -139,7 +139,7 @@ def test_the_second_flight_is_what_was_foretold(tmp_path: Path) -> None:
     assert written["schema"] == "rotorid.tune_check/1"
     assert written["as_foretold"] is True
     assert len(written["axes"]["roll"]["figures"]) == 6
-    assert "foretold" in (tmp_path / "check" / "report.html").read_text()
+    assert "predicted" in (tmp_path / "check" / "report.html").read_text()
 
 
 FLEET = [

@@ -1,7 +1,8 @@
-"""``rotorid tune``: from a flight or its models to gains that hold, and to the files that bring them."""
+"""``rotorid tune``: new gains from a flight or its models, with files to load and to go back."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,7 @@ import typer
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder, output_console, print_findings
 from rotorid.cli.options import ForPaper, Map, Only, Output
+from rotorid.data.display import capital
 from rotorid.data.quantities import QUANTITIES
 from rotorid.errors import UsageError
 from rotorid.proposing.settings import TuneSettings
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from rotorid.results.model import IdentifiedModel
 
 _FURTHER_DATA = ("room_not_checked", "plant_of_choice", "thrust_range")
-"""Kinds of remarks that say what a log, a result or a fit of motors adds to the gains, or what is missing of it."""
+"""Kinds of notes on data that would change the gains: a log, a result, or a fit of the motors."""
 
 
 def tune_command(
@@ -34,8 +36,7 @@ def tune_command(
         list[Path],
         typer.Argument(
             metavar="RESULT|LOG...",
-            help="Results of identify --model rate.*, and logs whose parameters say which gains flew; logs alone are "
-            "identified.",
+            help="Logs, or results of identify --model rate.*, or both. Logs must contain the gains that were flown.",
         ),
     ],
     *,
@@ -43,14 +44,17 @@ def tune_command(
     check: Annotated[
         Path | None,
         Option(
-            "--check", "Folder that tune wrote: whether these logs fly as it foretold.", "Judging", metavar="PROPOSAL"
+            "--check",
+            "Compare these logs with the prediction in this folder of an earlier tune.",
+            "Judging",
+            metavar="PROPOSAL",
         ),
     ] = None,
     map: Map = None,
     output: Output,
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
-    """Propose gains that hold for every likely plant, and write files for the autopilot with a way back."""
+    """Propose better gains from a flight, with files to load into the autopilot and to go back."""
     from rotorid.documents.tune import TUNE, refused_tune_document, tune_document
     from rotorid.proposing.proposal import refused_tuning, tune
 
@@ -82,14 +86,14 @@ def _check(
     output: Output,
     paper: ForPaper,
 ) -> None:
-    """Compare a flight with what was foretold of it."""
+    """Compare a flight with its prediction."""
     from rotorid.documents.tune_check import CHECK, load_foretold, refused_check_document, tune_check_document
     from rotorid.proposing.check import check_tuning
     from rotorid.proposing.proposal import refused_tuning
     from rotorid.report.files import write_tuning_check
 
     if not logs:
-        raise UsageError("--check came without a log", needed="logs of the flight with the proposed gains")
+        raise UsageError("--check without a log", remedy="add the log of the flight with the new gains")
     foretold = load_foretold(proposal)
     carry_out(
         logs,
@@ -100,7 +104,7 @@ def _check(
         file=CHECK,
         compute=lambda records: check_tuning(foretold, records, models, settings=settings),
         write=lambda folder, found: write_tuning_check(
-            folder, found, title=f"{', '.join(path.name for path in logs)} beside {proposal.name}"
+            folder, found, title=f"{', '.join(path.name for path in logs)} compared with {proposal.name}"
         ),
         refused=lambda error, records: refused_check_document(refused_tuning(error, records, settings)),
         document=tune_check_document,
@@ -123,71 +127,111 @@ def _write(folder: Path, proposal: TuningProposal, given: Sequence[Path]) -> Non
 
 
 def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbose: bool = False) -> None:
-    """Gains flown and proposed, margins, the path to the goal, findings, where the files are."""
+    """New gains and what they bring, margins with a scale, and how to load, check and go back."""
     from rich.table import Table
 
-    from rotorid.documents.tune import LIMIT_IS_KEPT, path_sentence
+    from rotorid.report.tune_words import axis_sentence, following, limiting, loading, margin_lines, next_flight
+
+    console = output_console()
+
+    def line(text: str, *, wrap: bool = True) -> None:
+        console.print(text, highlight=False, markup=False, soft_wrap=not wrap)
+
+    for axis, tuning in document.axes.items():
+        line(axis_sentence(axis, tuning))
+        if limits := limiting(tuning):
+            line(f"  {capital(limits)}")
+    table = Table(box=None, pad_edge=False)
+    for name in ("axis", "margin", "today", "new gains", "fine"):
+        table.add_column(name, justify="right" if name in ("today", "new gains") else "left")
+    for margin in margin_lines(document):
+        table.add_row(margin.axis, margin.name, margin.today, margin.new, margin.fine)
+    console.print()
+    console.print(table)
+    console.print()
+    if verbose:
+        _print_details(document)
+    kinds = _FURTHER_DATA if verbose else ()
+    for message in dict.fromkeys(finding.message for finding in document.findings if finding.kind in kinds):
+        line(f"note: {message}")
+    print_findings(document.findings, given, verbose=verbose)
+    if flight := next_flight(document):
+        line(f"next: {flight} Then check that flight:")
+        line(f"  rotorid tune NEW_LOG --check {shlex.quote(str(folder))}", wrap=False)
+    if further := following(document):
+        line(f"  {further}")
+    if document.files:
+        line(f"load: {loading(document.autopilot)}")
+    for name in document.files:
+        line(f"  {folder / name}", wrap=False)
+    line("go back:")
+    for name in document.rollback_files:
+        line(f"  {folder / name}", wrap=False)
+    line(f"report: {folder / 'report.html'}", wrap=False)
+
+
+def _print_details(document: TuneDocument) -> None:
+    """All parameters of each axis, the flights to the best gains, and the limits."""
+    from rich.table import Table
+
+    from rotorid.report.tune_words import LIMIT_IS_KEPT, end_of, path_sentence
 
     console = output_console()
     for axis, tuning in document.axes.items():
         table = Table(title=axis, title_justify="left", box=None, pad_edge=False)
-        for name in ("parameter", "flown", "proposed"):
+        for name in ("parameter", "today", "new"):
             table.add_column(name, justify="left" if name == "parameter" else "right")
         for name, gain in tuning.gains.items():
-            text = "stays" if gain.flown == gain.proposed else f"{gain.proposed:.4g}"
+            text = "unchanged" if gain.flown == gain.proposed else f"{gain.proposed:.4g}"
             table.add_row(name, f"{gain.flown:.4g}", text)
         console.print(table)
-        for line in _lines(tuning):
-            console.print(line, highlight=False, markup=False)
+        if where := end_of(tuning):
+            console.print(f"D changes in flight; these margins are for {where}.", highlight=False, markup=False)
         if tuning.path:
             console.print(_path_table(axis, tuning))
-            console.print(path_sentence(tuning), highlight=False, markup=False)
+            console.print(path_sentence(tuning.path), highlight=False, markup=False)
     if (thrust := document.thrust) is not None and thrust.flown != thrust.proposed:
-        line = (
-            f"{thrust.parameter}: {thrust.flown:g} -> {thrust.proposed:g} would straighten thrust, by a file of its own"
-        )
+        line = f"{thrust.parameter}: {thrust.flown:g} → {thrust.proposed:g} would linearize thrust (file thrust)"
         console.print(line, highlight=False, markup=False)
     if document.robustness:
-        limit = f"limit: {document.robustness}; {LIMIT_IS_KEPT}"
-        console.print(limit, highlight=False, markup=False)
-    for message in dict.fromkeys(finding.message for finding in document.findings if finding.kind in _FURTHER_DATA):
-        console.print(f"note: {message}", highlight=False, markup=False)
-    print_findings(document.findings, given, verbose=verbose)
-    for name in (*document.files, *document.rollback_files):
-        console.print(f"file: {folder / name}", soft_wrap=True, markup=False)
-    console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
+        console.print(f"limit: {document.robustness}; {LIMIT_IS_KEPT}", highlight=False, markup=False)
 
 
 def _print_check(document: TuneCheckDocument, folder: Path, *, verbose: bool = False) -> None:
-    """Figures foretold and measured, what came of it, and what to do next."""
+    """Whether the flight is as predicted, what to do next, and the margins, predicted and measured."""
     from rich.table import Table
 
     from rotorid.documents.tune_check import METHODS, compared_words
+    from rotorid.report.tune_words import LOOP_WORDS
 
     console = output_console()
     for axis, checked in document.axes.items():
-        table = Table(title=axis, title_justify="left", box=None, pad_edge=False)
-        for name in ("figure", "foretold", "measured", "by", ""):
-            table.add_column(name, justify="right" if name in ("foretold", "measured") else "left")
+        console.print(f"{capital(axis)}: {checked.sentence} {checked.advice}", highlight=False, markup=False)
+    console.print()
+    table = Table(box=None, pad_edge=False)
+    for name in ("axis", "margin", "predicted", "measured", *(("measured by",) if verbose else ()), "result"):
+        table.add_column(name, justify="right" if name in ("predicted", "measured") else "left")
+    for axis, checked in document.axes.items():
         for row in checked.figures:
-            words = f"{_head(row.name)}, {'rate loop' if row.loop == 'rate' else 'with the angle loop'}"
-            figure, result = QUANTITIES[row.name], compared_words(row)
-            measured = (figure.with_ends(row.foretold), figure.with_ends(row.measured), METHODS[row.method])
-            table.add_row(words, *measured, "" if result == "as foretold" else result)
-        console.print(table)
-        console.print(f"{checked.sentence} {checked.advice}", highlight=False, markup=False)
-    print_findings(document.findings, verbose=verbose)
+            figure = QUANTITIES[row.name]
+            words = f"{_head(row.name)}, {LOOP_WORDS[row.loop]}"
+            numbers = (figure.with_ends(row.foretold), figure.with_ends(row.measured))
+            table.add_row(axis, words, *numbers, *((METHODS[row.method],) if verbose else ()), compared_words(row))
+    console.print(table)
+    # The verdict of an axis is a finding too, with the same words.
+    verdicts = {f"{capital(axis)}: {checked.sentence} {checked.advice}" for axis, checked in document.axes.items()}
+    print_findings([finding for finding in document.findings if finding.message not in verdicts], verbose=verbose)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
 
 def _path_table(axis: str, tuning: AxisTuneDocument) -> Table:
-    """Gains and foretold margins of each flight to the goal."""
+    """Gains and predicted margins of each flight to the best gains."""
     from rich.table import Table
 
-    from rotorid.documents.tune import step_name
+    from rotorid.report.tune_words import step_name
 
     names = list(tuning.path[0].gains)
-    table = Table(title=f"path of {axis}", title_justify="left", box=None, pad_edge=False)
+    table = Table(title=f"flights to the best gains of {axis}", title_justify="left", box=None, pad_edge=False)
     table.add_column("flight")
     for name in (*names, *map(_head, _PATH), "attitude error"):
         table.add_column(name, justify="right")
@@ -202,34 +246,8 @@ def _path_table(axis: str, tuning: AxisTuneDocument) -> Table:
 
 
 _PATH = ("sensitivity_peak", "crossover_rad_s", "phase_margin_deg")
-_COMPARED = ("sensitivity_peak", "phase_margin_deg", "crossover_rad_s")
 
 
 def _head(name: str) -> str:
     row = QUANTITIES[name]
     return f"{row.before} in {row.unit}" if row.unit else row.before
-
-
-def _lines(tuning: AxisTuneDocument) -> list[str]:
-    """Why gains stay or what binds them, and margins of both loops before and after."""
-    from rotorid.documents.tune import end_of
-
-    lines = [f"{'bound' if tuning.changed else 'stays'}: {'; '.join(tuning.reasons)}"] if tuning.reasons else []
-    where = end_of(tuning)
-    for loop, before, after in (
-        (f"rate loop{where and ', '}{where}", tuning.flown, tuning.proposed),
-        ("with the angle loop", tuning.flown_whole, tuning.proposed_whole),
-    ):
-        texts = [
-            f"{_head(name)} {QUANTITIES[name].with_ends(before[name]) if name in before else 'unknown'}"
-            + (f" -> {QUANTITIES[name].with_ends(after[name])}" if tuning.changed else "")
-            for name in _COMPARED
-            if name in after
-        ]
-        lines.append(f"{loop}: {', '.join(texts)}")
-    if tuning.changed:
-        lines.append(
-            f"attitude error under a disturbance: {100.0 * tuning.attitude_ratio.value:.0f} % of what it was; noise of "
-            f"the command: {100.0 * tuning.noise_ratio:.0f} % of what it was"
-        )
-    return lines

@@ -1,8 +1,7 @@
-"""``tune.json``, schema ``rotorid.tune/1``: gains proposed for a vehicle, and what they will do."""
+"""``tune.json``, schema ``rotorid.tune/1``: gains proposed for a vehicle, and their predicted effect."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
@@ -21,19 +20,16 @@ from rotorid.typing import Axis
 
 TUNE, SIGNALS = "tune.json", "tune.npz"
 
-LIMIT_IS_KEPT = "95 of 100 likely plants keep it, so intervals may end a little above it"
-"""Why the upper end of a 95 % interval may lie above a limit that the gains keep."""
-
 
 class GainDocument(Document):
-    """A parameter of the firmware as it was flown and as it is proposed; one that stays has both alike."""
+    """A parameter of the firmware, flown and proposed; both are equal where it does not change."""
 
     flown: float
     proposed: float
 
 
 class FilterPriceDocument(Document):
-    """A filter of a loop: degrees of phase at the crossover that it takes, and noise of the command without it."""
+    """A filter of a loop: its phase lag at the crossover in degrees, and the command's noise without it, relative."""
 
     name: str
     phase_deg: float
@@ -41,7 +37,7 @@ class FilterPriceDocument(Document):
 
 
 class ThrustDocument(Document):
-    """What straightens the curve of thrust; ranges are gains of the loops over that in hover, as the throttle moves."""
+    """The parameter that linearizes thrust; ranges are the loop gain relative to hover over the flown throttle."""
 
     parameter: str
     flown: float
@@ -54,10 +50,10 @@ class ThrustDocument(Document):
 
 
 class PathStepDocument(Document):
-    """Gains of one of several flights: the first is what is proposed, the last, the ``goal``, keeps the limits alone.
+    """Gains of one of several flights: the first has the proposed gains, the last, the ``goal``, the best ones.
 
-    Margins are foretold with the plant of today. ``attitude_ratio`` is the deviation under a moment over that with the
-    flown gains, ``noise_ratio`` that of the command, ``sweep_to_rad_s`` the upper end of a sweep that shows the loop.
+    Margins are predicted with the plant of today. ``attitude_ratio`` is the attitude error under a disturbance relative
+    to the flown gains, ``noise_ratio`` the command's noise, ``sweep_to_rad_s`` the upper end of the sweep to fly.
     """
 
     flight: int
@@ -73,12 +69,12 @@ class PathStepDocument(Document):
 class AxisTuneDocument(Document):
     """An axis: margins of the rate loop alone and of the whole loop, flown and proposed, and its parameters.
 
-    What the flight does not show of the flown loops is absent, as in ``review``.
-    ``flown_attitude`` and ``proposed_attitude`` say how the attitude follows its set-point, ``attitude_ratio`` is its
-    deviation under a moment, proposed over flown; ``noise_ratio`` that of the command by noise of the rate, which is
-    ``noise_flown`` of the command's range where the log shows it. ``filters`` has the phase that each filter of the
-    loop takes at its crossover, ``ends`` margins of the proposed rate loop where D moves in flight. ``path`` leads over
-    several flights to the gains that keep the limits of the loop alone; it is empty where one flight reaches them.
+    Flown margins that the flight does not show are absent, as in ``review``.
+    ``flown_attitude`` and ``proposed_attitude`` describe how the attitude follows its set-point, ``attitude_ratio`` is
+    its error under a disturbance, proposed over flown; ``noise_ratio`` the command's noise, proposed over flown, which
+    is ``noise_flown`` of the command's range where the log shows it. ``filters`` has the phase lag of each filter at
+    the crossover, ``ends`` margins of the proposed rate loop where D changes in flight. ``path`` lists the flights to
+    the best gains within the limits; it is empty where one flight reaches them.
     """
 
     changed: bool
@@ -101,7 +97,7 @@ class AxisTuneDocument(Document):
 
 
 class TuneDocument(Document):
-    """``tune.json``: a proposal, its files, and those that lead back; ``robustness`` is the limit in words."""
+    """``tune.json``: a proposal, its files, and the files to go back; ``robustness`` is the limit in words."""
 
     schema_name: Annotated[Literal["rotorid.tune/1"], Field(alias="schema")] = "rotorid.tune/1"
     autopilot: str = ""
@@ -118,7 +114,7 @@ class TuneDocument(Document):
 
 
 def tune_document(proposal: TuningProposal) -> TuneDocument:
-    """A proposal as ``tune.json`` holds it."""
+    """A proposal as written to ``tune.json``."""
     return TuneDocument(
         autopilot=proposal.autopilot,
         firmware=proposal.firmware,
@@ -135,7 +131,7 @@ def tune_document(proposal: TuningProposal) -> TuneDocument:
 
 
 def refused_tune_document(refused: Refused) -> TuneDocument:
-    """The document of flights from which no gains can be proposed: its findings say why."""
+    """The document of flights that support no gains; its findings give the reasons."""
     return TuneDocument(
         findings=[FindingDocument.model_validate(finding) for finding in refused.findings],
         provenance=ProvenanceDocument.model_validate(refused.provenance),
@@ -188,35 +184,6 @@ def _step(step: PathStep, flown: Judged, sweep_to_rad_s: float) -> PathStepDocum
         attitude_ratio=QuantityDocument.model_validate(over_draws(scores.attitude_rms / flown.attitude_rms, "1")),
         noise_ratio=scores.noise / flown.noise,
         sweep_to_rad_s=sweep_to_rad_s,
-    )
-
-
-def end_of(tuning: AxisTuneDocument) -> str:
-    """Where in its range the D of the numbers of an axis is; empty for a D that does not move in flight."""
-    known = tuning.proposed.get("crossover_rad_s")
-    each = {name: end.get("crossover_rad_s") for name, end in tuning.ends.items()}
-    same = [name for name, end in each.items() if known and end and math.isclose(end.value, known.value)]
-    return same[0] if len(same) == 1 else ""
-
-
-def step_name(step: PathStepDocument) -> str:
-    """What people call a flight of the path."""
-    return f"{step.flight}, proposed" if step.flight == 1 else f"{step.flight}, goal" if step.goal else f"{step.flight}"
-
-
-_WORTH_A_FACTOR = 1.0 / 1.5
-"""A deviation over another one, up to which it is said as a factor, and beyond in percent."""
-
-
-def path_sentence(tuning: AxisTuneDocument) -> str:
-    """How the path of an axis is flown."""
-    first, *_, goal = tuning.path
-    left = goal.attitude_ratio.value / first.attitude_ratio.value
-    less = f"{1.0 / left:.2g} times" if left <= _WORTH_A_FACTOR else f"{100.0 * (1.0 - left):.0f} %"
-    return (
-        "P, D and A (angle) at most double in one flight. Fly the proposed gains with a sweep up to "
-        f"{goal.sweep_to_rad_s:.0f} rad/s, check that flight, and tune again. With the goal a disturbance tilts the "
-        f"vehicle {less} less than with the proposed gains."
     )
 
 

@@ -1,4 +1,4 @@
-"""``check.json``, schema ``rotorid.tune_check/1``: a flight with proposed gains beside what was foretold of it."""
+"""``check.json``, schema ``rotorid.tune_check/1``: a flight with new gains compared with its prediction."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _WANTED = f"a {TUNE} that rotorid tune wrote, or its folder"
 
 
 class ComparedFigureDocument(Document):
-    """A figure of a loop, ``rate`` or ``whole``: foretold, measured, and whether the second is what the first said.
+    """A figure of a loop, ``rate`` or ``whole``, predicted and measured, and whether they agree (``inside``).
 
-    ``method`` is how it was measured; a figure that is not ``decided`` is known too badly to say anything.
+    ``method`` is how it was measured; a figure that is not ``decided`` is too uncertain for a verdict.
     """
 
     loop: Literal["rate", "whole"]
@@ -44,14 +44,14 @@ METHODS = {"model": "plant and gains", "injection": "test signal"}
 
 
 def compared_words(row: ComparedFigureDocument) -> str:
-    """Whether a figure is what was foretold, in a word or two."""
-    return ("as foretold" if row.inside else "outside") if row.decided else "not enough data"
+    """Whether a figure is as predicted, in a few words."""
+    return ("as predicted" if row.inside else "outside") if row.decided else "not enough data"
 
 
 class CheckedAxisDocument(Document):
-    """An axis: which gains its log has, figures foretold and measured, the verdict, and what to do next.
+    """An axis: which gains its log has, figures predicted and measured, the verdict, and what to do next.
 
-    ``contradicted`` where the test signal at the mixer shows another loop than the identified plant does.
+    ``contradicted`` is true where the test signal at the mixer disagrees with the identified plant.
     """
 
     gains: Literal["proposed", "flown", "other"]
@@ -63,7 +63,7 @@ class CheckedAxisDocument(Document):
 
 
 class TuneCheckDocument(Document):
-    """``check.json``: what came of a proposal."""
+    """``check.json``: how a flight compares with its prediction."""
 
     schema_name: Annotated[Literal["rotorid.tune_check/1"], Field(alias="schema")] = "rotorid.tune_check/1"
     as_foretold: bool = False
@@ -73,7 +73,7 @@ class TuneCheckDocument(Document):
 
 
 def tune_check_document(found: CheckedTuning) -> TuneCheckDocument:
-    """What came of a proposal, as ``check.json`` holds it."""
+    """The comparison as written to ``check.json``."""
     return TuneCheckDocument(
         as_foretold=found.as_foretold,
         axes={axis: _axis(checked) for axis, checked in found.axes.items()},
@@ -83,7 +83,7 @@ def tune_check_document(found: CheckedTuning) -> TuneCheckDocument:
 
 
 def refused_check_document(refused: Refused) -> TuneCheckDocument:
-    """The document of flights that say nothing of the proposal: its findings say why."""
+    """The document of flights that cannot be compared; its findings give the reasons."""
     return TuneCheckDocument(
         findings=[FindingDocument.model_validate(finding) for finding in refused.findings],
         provenance=ProvenanceDocument.model_validate(refused.provenance),
@@ -104,7 +104,7 @@ def _axis(checked: CheckedAxis) -> CheckedAxisDocument:
 
 
 def load_foretold(path: str | Path) -> dict[Axis, Foretold]:
-    """What a proposal said of every axis.
+    """The prediction of a proposal, by axis.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def load_foretold(path: str | Path) -> dict[Axis, Foretold]:
     Raises
     ------
     UsageError
-        The path leads to no proposal.
+        The path contains no proposal.
     """
     file = Path(path) / TUNE if Path(path).is_dir() else Path(path)
     text = documents.read_text(file, needed=_WANTED, most_bytes=documents.MOST_JSON_BYTES)
@@ -122,11 +122,11 @@ def load_foretold(path: str | Path) -> dict[Axis, Foretold]:
         table = documents.parse_json(text)
         schema = table.get("schema") if isinstance(table, dict) else None
         if schema != "rotorid.tune/1":
-            came = f"has the schema {schema}" if isinstance(schema, str) else "names no schema"
+            came = f"has the schema {schema}" if isinstance(schema, str) else "has no schema"
             raise UsageError(f"{file} {came}", needed=_WANTED)
         document = checked(TuneDocument, table)
     except documents.DocumentError as error:
-        raise UsageError(f"{file} is no proposal: {error}", needed=_WANTED) from error
+        raise UsageError(f"{file} is not a proposal: {error}", needed=_WANTED) from error
     signals_file = file.parent / SIGNALS
     arrays = read_arrays(signals_file) if signals_file.is_file() else {}
     expected = {axis: _foretold(axis, tuning, arrays) for axis, tuning in document.axes.items()}

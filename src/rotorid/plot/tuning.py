@@ -11,7 +11,7 @@ from rotorid.plot.curves import Frequency, Magnitude, Style, View, band, decibel
 from rotorid.plot.figure import MEASURED, MODEL, Figure, Panel, Trace, stacked, translucent
 from rotorid.typing import FloatArray
 
-_COLORS = {"flown": MEASURED, "proposed": MODEL, "chosen": MODEL, "measured": MEASURED, "foretold": MODEL}
+_COLORS = {"flown": MEASURED, "proposed": MODEL, "chosen": MODEL, "measured": MEASURED, "predicted": MODEL}
 _DASHES = dict.fromkeys(("flown", "measured"), "solid")
 _OPACITY = 0.2
 _HEIGHT_PX = 260.0

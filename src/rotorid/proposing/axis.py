@@ -1,4 +1,4 @@
-"""One axis before anything is proposed: the controller that flew, its plant, and the filters that are to be flown."""
+"""One axis before anything is proposed: the flown controller, its plant, and the filters to fly."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from rotorid.typing import Axis, ComplexArray, FloatArray
 _OF_FIRMWARE = ("firmware_contradicted", "controller_unexplained")
 
 _NAMED = 6
-"""Gains that are listed where logs differ."""
+"""Number of gains that are listed where logs differ."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,13 +47,13 @@ class KnownAxis(Immutable):
     flown
         The controller that flew.
     plant
-        With draws of what is not known.
+        With draws of its uncertainty.
     omega_rad_s
         Frequencies of the parts, shape ``(f,)``.
     then
-        The log as if other filters had been flown; ``None`` where they stay.
+        The log with other filters among its parameters; ``None`` where they do not change.
     controller, parts
-        The controller and what its gains do, with the filters that are to be flown.
+        The controller and the transfer functions of its gains, with the filters to fly.
     """
 
     flown: LoggedLoop
@@ -74,23 +74,23 @@ class KnownAxis(Immutable):
         return self.plant.drawn(self.omega_rad_s)
 
     def needed_rad_s(self, wishes: Wishes) -> float:
-        """Upper end of the sweep on which gains can be proposed and checked, see :func:`needed_rad_s`."""
+        """Upper end of the sweep that gains need, see :func:`needed_rad_s`."""
         return needed_rad_s(self.flown.axis, self.plant, self.flown.controller, self.parts, wishes)
 
 
 def needed_rad_s(
     axis: Axis, plant: UncertainPlant, controller: AxisController, parts: ControllerParts, wishes: Wishes
 ) -> float:
-    """Upper end in whole rad/s of the sweep on which gains of an axis can be proposed and checked.
+    """Upper end in whole rad/s of the sweep that is needed to propose and check gains of an axis.
 
     Parameters
     ----------
     axis, plant
-        Of which the most likely plant counts.
+        Only the most likely plant counts.
     controller
         As flown.
     parts
-        What its gains do, with the filters that are to be flown.
+        Transfer functions of its gains, with the filters to fly.
     """
     ends = tuple(at_ends(controller, parts).values())
     return float(np.ceil(needed_band(axis, plant.response, parts.controller, parts, wishes=wishes, ends=ends)[1]))
@@ -102,12 +102,12 @@ def log_of(axis: Axis, logs: Sequence[FlightRecord]) -> FlightRecord | None:
 
 
 def logs_of(axis: Axis, logs: Sequence[FlightRecord]) -> list[FlightRecord]:
-    """The logs that hold command and rate of an axis."""
+    """The logs with command and rate of an axis."""
     return [record for record in logs if {f"{axis}_command", RATE_OF[axis]} <= set(record.channel_names)]
 
 
 def differing_gains(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[Finding]:
-    """A warning for each log that was flown with other gains than the log that is taken for the one that flew.
+    """A warning for each log that was flown with other gains than the log whose gains are tuned.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def differing_gains(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[
         here = gains_of(taken, (axis,))
         for record in others:
             changed = {
-                name: f"{name} {then:g} for {now:g}"
+                name: f"{name} {then:g} instead of {now:g}"
                 for name, (now, then) in different_gains(here, gains_of(record, (axis,))).items()
             }
             if changed:
@@ -133,8 +133,9 @@ def differing_gains(axes: Iterable[Axis], logs: Sequence[FlightRecord]) -> list[
         listed = ", ".join(changed[name] for name in sorted(changed)[:_NAMED])
         more = f" and {len(changed) - _NAMED} more" if len(changed) > _NAMED else ""
         message = (
-            f"{name} was flown with other gains than {taken_name}: {listed}{more}. Those of {taken_name} are taken for "
-            "flown; name the log first whose gains are to be changed."
+            f"{name} was flown with other gains than {taken_name}: {listed}{more}. The gains of {taken_name} are "
+            "tuned; to "
+            "tune others, give their log first."
         )
         found.append(warn("gains_differ", name, message, parameters=len(changed)))
     return found
@@ -150,7 +151,7 @@ def known_axis(
     seed: int,
     findings: list[Finding],
 ) -> KnownAxis:
-    """An axis with the loop that flew, where it can be judged.
+    """An axis with its flown loop, where it is known well enough.
 
     Parameters
     ----------
@@ -159,11 +160,11 @@ def known_axis(
     given, logs
         As for :func:`rotorid.proposing.proposal.tune`.
     filters
-        Those that are to be flown.
+        Filters to fly.
     draws, seed
         Of the plant.
     findings
-        What is remarked on is added here at once: it stays where the axis is refused later.
+        Findings are added here at once, so that they stay if the axis is refused later.
 
     Raises
     ------
@@ -183,7 +184,7 @@ def known_axis(
     flown = flown_axis(axis, model, record)
     findings += require_controller_match(flown) if record is not None else _unchecked(model)
     then = with_filters(flown.record, filters) if filters else None
-    # A result that was given may hold choices of its user; logs alone show what every verb measures of them.
+    # A given result may contain choices of its user; logs alone give what every command measures from them.
     swept = None if model in given else identified_plant(axis, logs_of(axis, logs))
     plant = plant_of(model, axis, draws=draws, seed=seed, passed=flown.passed, measured=swept)
     omega = frequency_grid(flown.controller.controller)
@@ -203,10 +204,10 @@ def known_axis(
 
 
 def _unchecked(model: IdentifiedModel) -> list[Finding]:
-    """What a result alone does not show of its flight, and what it says of the firmware."""
+    """What was not checked without the log, and remarks on the firmware."""
     message = (
-        f"{model.name} came without its log: whether a motor reached a limit, and whether the gains made the commands, "
-        "was not checked. Give the log beside the result."
+        f"{model.name} was given without its log, so motor limits and the logged gains were not checked. Give the log "
+        "with the result."
     )
     findings = [finding for finding in model.findings if finding.kind in _OF_FIRMWARE]
     return [*findings, remark("room_not_checked", model.name, message)]

@@ -1,4 +1,4 @@
-"""The band of a sweep on which ``tune`` can propose gains, for the plan of the flight that it needs."""
+"""The sweep that ``tune`` needs, for the plan of its flight."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _LOGGED = 0.5
 """Share of half of the log's rate up to which a sweep is of use."""
 
 _SENT_RAD_S = 2.0 * np.pi * 10.0
-"""Set-points are sent a hundred times a second, ten for a period of the highest frequency."""
+"""Set-points are sent at 100 Hz: ten per period of the highest frequency."""
 
 
 def designed_for_tune(
@@ -44,29 +44,28 @@ def designed_for_tune(
 ) -> DesignSettings:
     """Choices of a design whose sweeps have the band that ``tune`` needs from the gains of a log or a result.
 
-    Each axis is swept over its own; axes at the same time over the widest. Gains, noise and wind are those of the log.
-    The band is what ``tune`` asks for on the plant of that log or result; where it shows no plant, on that of the
-    vehicle.
+    Each axis is swept over its own band; axes flown together over the widest. Gains, noise and wind are those of the
+    log. The band is what ``tune`` needs for the plant of that log or result, or, without one, for the vehicle.
 
     Parameters
     ----------
     choices
-        What is to be designed; its band is replaced.
+        The design; its band is replaced.
     record, models
         The log, or results of one vehicle, whose gains flew.
 
     Raises
     ------
     UsageError
-        The vehicle is reached by its set-points alone, its autopilot is another one, or no axis is tuned.
+        The vehicle takes set-points only, its autopilot is another one, or no axis is tuned.
     InsufficientDataError
-        Neither log nor results hold the gains of an axis.
+        Neither log nor results contain the gains of an axis.
     """
     axes = [axis for axis in choices.plan.axes if axis in TUNED_AXES]
     if choices.entry.interface is not None or not axes:
         raise UsageError(
-            f"--for-tune with {choices.entry.name} and {', '.join(choices.plan.axes)}",
-            needed="a vehicle with gains, and roll, pitch or yaw",
+            f"--for-tune does not fit {choices.entry.name} with {', '.join(choices.plan.axes)}",
+            needed="a vehicle with known gains, and roll, pitch or yaw",
         )
     choices = flown_as(choices, record) if record is not None else _with_gains_of(choices, models)
     logs = () if record is None else (record,)
@@ -74,7 +73,7 @@ def designed_for_tune(
     if missing := [axis for axis in axes if axis not in controllers]:
         raise InsufficientDataError(
             f"the gains of {' and '.join(missing)} are not known",
-            needed="a log with the parameters of its autopilot, or a result that holds them",
+            needed="a log with the autopilot's parameters, or a result from such a log",
         )
     craft = choices.aircraft
     loop = aircraft_loop(craft, filtered=True)
@@ -94,7 +93,7 @@ def designed_for_tune(
         bands[axis] = (LOWEST_RAD_S, float(min(np.ceil(highest), np.floor(most))))
         if highest > bands[axis][1]:
             short.append(
-                _too_low(axis, highest, bands[axis][1], "set-points" if sent and most == _SENT_RAD_S else "the log")
+                _too_low(axis, highest, bands[axis][1], "set-points" if sent and most == _SENT_RAD_S else "logs")
             )
     # Axes that are flown at the same time share the widest.
     widest = (LOWEST_RAD_S, max(high for _, high in bands.values()))
@@ -103,12 +102,13 @@ def designed_for_tune(
 
 
 def _too_low(axis: Axis, needed_rad_s: float, most_rad_s: float, by: str) -> Finding:
-    """That a sweep ends below what ``tune`` needs, by set-points or a log that are too slow."""
+    """A warning that slow set-points or a slow log end a sweep below what ``tune`` needs."""
     return warn(
         "band_below_crossover",
         axis,
-        f"tune needs a sweep of {axis} up to {needed_rad_s:.0f} rad/s, and {by} of this autopilot can reach "
-        f"{most_rad_s:.0f} rad/s: beyond that, its margins will be the model's.",
+        f"tune needs a sweep of {axis} up to {needed_rad_s / (2.0 * np.pi):.0f} Hz, but {by} of this autopilot reach "
+        "only "
+        f"{most_rad_s / (2.0 * np.pi):.0f} Hz; above that, margins will rely on the model.",
         needed_rad_s=needed_rad_s,
         planned_to_rad_s=most_rad_s,
     )
@@ -117,14 +117,14 @@ def _too_low(axis: Axis, needed_rad_s: float, most_rad_s: float, by: str) -> Fin
 def _with_gains_of(choices: DesignSettings, models: Sequence[IdentifiedModel]) -> DesignSettings:
     known = next((model.controller for model in models if model.controller is not None), None)
     if known is None:
-        raise InsufficientDataError("the result holds no gains", needed="a log with the parameters of its autopilot")
+        raise InsufficientDataError("the result contains no gains", remedy="give the log in its place")
     firmware = known.firmware or choices.firmware
     gains = controllers_of_result(known).parameters
     return replace(choices, gains=gains, gains_source="the result", firmware=firmware)
 
 
 def _measured_rad_s(axis: Axis, models: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> float | None:
-    """Upper end of the band by the plant that ``tune`` takes from the same data; ``None`` where they show none."""
+    """Upper end of the band for the plant that ``tune`` takes from the same data; ``None`` without one."""
     try:
         known = known_axis(axis, models, logs, filters={}, draws=TuneSettings().draws, seed=0, findings=[])
     except InsufficientDataError:
@@ -133,26 +133,26 @@ def _measured_rad_s(axis: Axis, models: Sequence[IdentifiedModel], logs: Sequenc
 
 
 def _no_gains(axis: Axis, found: AxisProposal) -> Finding:
-    """That a band is one of the flown gains, since none are foreseen."""
+    """A warning that the band is that of the flown gains, because no others are expected."""
     words = "; ".join(found.reasons)
     return warn(
         "tuning_bound",
         axis,
-        f"No gains of {axis} are foreseen ({words}). Its sweep has the band of the flown gains, "
-        "which may end below that of gains that tune will find.",
+        f"No better gains of {axis} are expected ({words}). The sweep covers the flown gains, and may end too low for "
+        "the gains that tune finds.",
         flown_crossover_rad_s=crossover_rad_s(found.flown),
     )
 
 
 def _foreseen(axis: Axis, controller: AxisController, craft: Aircraft, loop: LoopModel) -> tuple[AxisProposal, float]:
-    """Gains foreseen for an axis with the vehicle of the plan as plant, and the upper end of the band for them."""
+    """Gains expected for an axis with the planned vehicle as plant, and the upper end of their band."""
     row, column = loop.outputs.index(RATE_OF[axis]), loop.inputs.index(f"{axis}_command")
 
     def plant(omega_rad_s: FloatArray) -> ComplexArray:
         return np.asarray(loop.plant.response(omega_rad_s)[row, column])
 
     omega = frequency_grid(controller.controller)
-    # The plant is seen behind the filters that the controller has in front of it.
+    # The plant is measured behind the filters of the controller.
     filters = rate_filters(craft, omega)[row]
     parts = ControllerParts(controller=controller.controller, omega_rad_s=omega, filters=filters, logged=filters)
     ends = tuple(at_ends(controller, parts).values())

@@ -1,11 +1,11 @@
-"""After the flight with new gains: are the loops what was foretold, and what to do next.
+"""After the flight with new gains: are the loops as predicted, and what to do next.
 
-The second flight is identified as the first was, and its flown loops are compared with those that were foretold. A
-figure is inside where its value lies in the foretold interval, widened by what the second flight itself does not know.
+The second flight is identified like the first, and its loops are compared with the prediction. A figure is inside where
+its value lies in the predicted interval, widened by the uncertainty of the second flight.
 
 An identified plant may be wrong in both flights in the same way, and then it agrees with itself. Where a test signal
-was added at the mixer, the whole loop is measured with it, without any model, and that counts. And two wide intervals
-always overlap: a figure that either flight does not know well decides nothing.
+was added at the mixer, the whole loop is measured with it, without any model, and that measurement counts. Two wide
+intervals always overlap, so an uncertain figure decides nothing.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from rotorid.data.base import Immutable
+from rotorid.data.display import capital
 from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
@@ -34,22 +35,22 @@ from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 COMPARED = ("crossover_rad_s", "phase_margin_deg", "sensitivity_peak")
-"""Figures that are foretold; a gain margin lies outside the band in half of the flights and is not."""
+"""Figures that are compared; a gain margin lies outside the measured band in half of the flights and is not."""
 
 WIDEST: Mapping[str, float] = {"crossover_rad_s": 0.1, "sensitivity_peak": 0.12}
-"""Half the interval of a figure over its value, foretold or measured, above which it decides nothing: a loop whose
-crossover or peak is off by more flies otherwise. Good flights know a crossover to 4 % and a peak to 3 %."""
+"""Half the interval of a figure over its value, above which it decides nothing: a loop that is off by more flies
+differently. Good flights give a crossover to 4 % and a peak to 3 %."""
 
 WIDEST_PHASE_DEG = 6.0
-"""The same of a phase margin; good flights know it to 2.5 degrees."""
+"""The same for a phase margin; good flights give it to 2.5 degrees."""
 
 _MOST_DEVIATIONS = 3.0
-"""Standard deviations between two estimates of a figure beyond which one is wrong; three figures are looked at."""
+"""Standard deviations between two estimates of a figure beyond which one is wrong; three figures are compared."""
 
 _PEAK_SLACK = 1.03
-"""Largest sensitivity peak over the one that was asked for, up to which a loop counts as robust."""
+"""Sensitivity peak relative to the requested limit, up to which a loop counts as robust."""
 
-_LOOP = {"rate": "the rate loop", "whole": "the loop with the angle loop"}
+_LOOP = {"rate": "rate loop", "whole": "with angle loop"}
 _SAME = 5e-3
 """Relative difference up to which gains are the same: a ground station rounds them, and no figure would show it."""
 
@@ -61,7 +62,7 @@ _MODEL, _INJECTION = "model", "injection"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Foretold(Immutable):
-    """What a proposal said of one axis.
+    """The prediction of a proposal for one axis.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ class Foretold(Immutable):
     omega_rad_s, loops
         Frequencies, and the whole loop on all draws, ``(draws, f)``; ``None`` where a document alone is at hand.
     robustness
-        Largest sensitivity peak that was asked for.
+        Requested largest sensitivity peak.
     """
 
     flown: Mapping[str, float]
@@ -89,7 +90,7 @@ class Foretold(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class ComparedFigure(Immutable):
-    """One figure of a loop, foretold and measured.
+    """One figure of a loop, predicted and measured.
 
     Parameters
     ----------
@@ -100,11 +101,11 @@ class ComparedFigure(Immutable):
     foretold, measured
         With their intervals.
     inside
-        Whether the second flight is what was foretold, as far as both intervals go.
+        Whether the second flight is as predicted, within both intervals.
     method
         ``injection``, measured with the test signal at the mixer, or ``model``: the identified plant times the gains.
     decided
-        Whether it says anything: it is outside, or both intervals are narrow enough to exclude another loop.
+        Whether it counts: it is outside, or both intervals are narrow enough to exclude another loop.
     """
 
     loop: str
@@ -125,17 +126,17 @@ class CheckedAxis(Immutable):
     gains
         Which gains are in the second log: ``proposed``, ``flown`` (those of the first) or ``other``.
     foretold
-        What the proposal said.
+        The prediction.
     figures
-        Foretold and measured.
+        Predicted and measured.
     tuning
-        The second flight, as ``tune`` sees it: its loops, and what it would change now.
+        The second flight, tuned: its loops, and what would change now.
     contradicted
         Whether the test signal at the mixer shows another loop than the identified plant does.
     verdict
         ``as_foretold``, ``inside_limits``, ``worse``, ``cannot_tell`` or ``other_gains``.
     sentence, advice
-        What came of it, and what to do next.
+        The result, and what to do next.
     """
 
     gains: str
@@ -150,7 +151,7 @@ class CheckedAxis(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CheckedTuning(Immutable):
-    """What came of a proposal.
+    """A flight compared with a proposal.
 
     Parameters
     ----------
@@ -200,21 +201,21 @@ def check_tuning(
     Raises
     ------
     InsufficientDataError
-        No axis of the proposal can be told from the second flight.
+        The second flight supports no axis of the proposal.
     UsageError
-        The proposal holds no axis.
+        The proposal contains no axis.
     """
     if not foretold:
-        raise UsageError("a proposal without any axis came", needed="a tune.json in which gains were looked at")
+        raise UsageError("the proposal contains no axis", needed="a tune.json with gains of at least one axis")
     chosen = replace(settings or TuneSettings(), **options)
     asked = max(item.robustness for item in foretold.values())
-    axes_told = tuple(axis for axis in chosen.axes if axis in foretold)
-    chosen = replace(chosen, axes=axes_told, filters={}, robustness=asked)
+    axes_compared = tuple(axis for axis in chosen.axes if axis in foretold)
+    chosen = replace(chosen, axes=axes_compared, filters={}, robustness=asked)
     found = tune(models, records, settings=chosen)
     logs = as_records(records)
     axes = {axis: _checked(axis, foretold[axis], tuning, _injected(axis, logs)) for axis, tuning in found.axes.items()}
     if not axes:
-        raise InsufficientDataError("no axis of the proposal was flown", needed="a sweep of an axis of the proposal")
+        raise InsufficientDataError("no axis of the proposal was flown", needed="a sweep on roll, pitch or yaw")
     findings = [_finding(axis, checked) for axis, checked in axes.items()]
     return CheckedTuning(
         axes=axes,
@@ -316,7 +317,7 @@ def _contradict(quantity: Quantity, other: Quantity) -> bool:
 
 
 def _verdict(figures: Sequence[ComparedFigure], robustness: float, *, unstable: bool) -> str:
-    """What the figures that decide something say together."""
+    """The verdict of all figures that count."""
     decided = [figure for figure in figures if figure.decided]
     missed = [figure for figure in decided if not figure.inside]
     peaks = [figure for figure in decided if figure.name == "sensitivity_peak"]
@@ -351,67 +352,75 @@ def _which(before: Foretold, logged: Mapping[str, float]) -> str:
 def _words(
     axis: Axis, verdict: str, gains: str, figures: Sequence[ComparedFigure], now: AxisTuning, *, contradicted: bool
 ) -> tuple[str, str]:
-    """What came of it and what to do next, in sentences."""
+    """The result and what to do next, in sentences."""
     peak = next((figure for figure in figures if (figure.loop, figure.name) == ("whole", "sensitivity_peak")), None)
-    peak_words = f" Its peak sensitivity M_s is {peak.measured.value:.2f}." if peak is not None and peak.decided else ""
+    peak_words = (
+        f" Measured peak sensitivity M_s: {peak.measured.value:.2f}." if peak is not None and peak.decided else ""
+    )
     other = (
-        f" The test signal at the mixer contradicts the identified plant of {axis}, which may be wrong in both flights."
+        " The test signal at the mixer contradicts the identified plant, which may be wrong in both flights."
         if contradicted
         else ""
     )
-    sweep = f"Fly a sweep of {axis} up to {max(now.needed_rad_s, now.plant.band_rad_s[1]):.0f} rad/s"
+    sweep = f"Fly a sweep of {axis} up to {_hz(max(now.needed_rad_s, now.plant.band_rad_s[1]))}"
     if verdict == "other_gains":
         old = gains == "flown"
-        which = "the old gains" if old else "neither the proposed nor the old gains"
-        todo = "Load the proposed file, and fly again" if old else "Tune from this log, or load the proposed file"
-        return f"This log was flown with {which} of {axis}, so nothing can be checked.{peak_words}", f"{todo}."
+        which = "the old gains" if old else "neither the new nor the old gains"
+        todo = "Load the new gains and fly again" if old else "Tune from this log, or load the new gains and fly again"
+        return f"This log was flown with {which}, so nothing can be checked.{peak_words}", f"{todo}."
     names = _named([figure for figure in figures if figure.decided and not figure.inside])
     if verdict == "cannot_tell":
         missed = f" These differ from the prediction: {names}." if names else ""
         return (
-            f"Not enough data to check {axis}: the {_undecided(figures)} is too uncertain.{missed}{other}",
-            f"{sweep} and check again: with these gains if the vehicle flies calmly, else with the rollback file.",
+            f"Not enough data: the {_undecided(figures)} is too uncertain.{missed}{other}",
+            f"{sweep} and check again. Use these gains for it only if the vehicle flies calmly, else the rollback "
+            "file.",
         )
     if verdict == "as_foretold":
         return (
-            f"The {axis} loop is as predicted.{peak_words}{other}",
+            f"The loop is as predicted.{peak_words}{other}",
             f"Keep these gains. {_further(axis, sweep, now)}",
         )
     if verdict == "worse":
         why = f" ({names})" if names else ""
         return (
-            f"The {axis} loop is less robust than it should be, and not as predicted{why}.{peak_words}{other}",
-            "Go back to the old gains with the rollback file, and fly a longer sweep before the next proposal.",
+            f"The loop is less robust than predicted{why}.{peak_words}{other}",
+            "Load the rollback file, and fly a longer sweep before you tune again.",
         )
     following = (
-        f"{sweep} before the next proposal."
+        f"{sweep} before you tune again."
         if contradicted
-        else f"Use this log for the next proposal. {_further(axis, sweep, now)}"
+        else f"Use this log to tune again. {_further(axis, sweep, now)}"
     )
     return (
-        f"The {axis} loop is robust, but not as predicted ({names}).{peak_words}{other}",
+        f"The loop is robust, but not as predicted ({names}).{peak_words}{other}",
         f"These gains can stay. {following}",
     )
 
 
 def _named(figures: Sequence[ComparedFigure]) -> str:
-    return ", ".join(f"{QUANTITIES[figure.name].words} of {_LOOP[figure.loop]}" for figure in figures)
+    return ", ".join(f"{QUANTITIES[figure.name].words} ({_LOOP[figure.loop]})" for figure in figures)
 
 
 def _undecided(figures: Sequence[ComparedFigure]) -> str:
-    """Figures of the whole loop that decide nothing, or are not there."""
+    """Figures of the whole loop that are missing or too uncertain."""
     decided = {figure.name for figure in figures if figure.loop == "whole" and figure.decided}
     return " or the ".join(QUANTITIES[name].words for name in COMPARED if name not in decided)
 
 
+def _hz(omega_rad_s: float) -> str:
+    """A frequency as pilots set it."""
+    return f"{omega_rad_s / (2.0 * math.pi):.0f} Hz"
+
+
 def _further(axis: Axis, sweep: str, now: AxisTuning) -> str:
-    """What more can be gained, as far as the plant was seen."""
+    """What more can be gained."""
     if now.changed:
-        return "A further step is open: rotorid tune on this log proposes it."
+        return "To improve further, run rotorid tune on this log."
     if not _band_reaches_peak(now):
-        end = f"{now.plant.band_rad_s[1]:.0f} rad/s"
-        return f"The plant was measured only up to {end}, so a further step is not known. {sweep}."
-    return f"No better gains of {axis} were found inside the limits."
+        end = _hz(now.plant.band_rad_s[1])
+        return f"The flight was measured only up to {end}, too low for better gains. {sweep}."
+    return f"No better gains for {axis} exist within the limits."
 
 
 def _finding(axis: Axis, checked: CheckedAxis) -> Finding | None:
@@ -419,4 +428,4 @@ def _finding(axis: Axis, checked: CheckedAxis) -> Finding | None:
         return None
     kinds = {"other_gains": "other_gains", "cannot_tell": "check_undecided"}
     kind = kinds.get(checked.verdict, "not_as_foretold")
-    return warn(kind, axis, f"{checked.sentence} {checked.advice}")
+    return warn(kind, axis, f"{capital(axis)}: {checked.sentence} {checked.advice}")

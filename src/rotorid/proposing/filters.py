@@ -1,7 +1,7 @@
-"""Filters of a loop as a choice: what each costs in phase and spares in noise, and a log as if others were on.
+"""Filters of a loop: phase lag and noise of each, and a log with other filters.
 
-A filter in front of the controller or inside of it may be another one in the next flight; what the log knows of the
-plant does not change by that. So the parameters of the log are changed, and the controller is read from them again.
+The next flight may use another filter in front of the controller or inside it; the plant does not change. So the
+parameters of the log are changed, and the controller is read from them again.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ _OF_LOOP = ("IMU_DGYRO_CUTOFF", "MC_DTERM_CUTOFF", "MC_YAW_TQ_CUTOFF", "ATC_RAT_
 _ARDUPILOT_FILTERS = ("_FLTT", "_FLTE", "_FLTD", "_NTF", "_NEF")
 
 _CUTOFFS: Mapping[str, str] = {
-    "derivative_cutoff_hz": "low-pass of D",
-    "error_cutoff_hz": "low-pass of the error",
-    "target_cutoff_hz": "low-pass of the set-point",
-    "command_cutoff_hz": "low-pass of the command",
-    "proportional_cutoff_hz": "low-pass of P",
+    "derivative_cutoff_hz": "D low-pass",
+    "error_cutoff_hz": "error low-pass",
+    "target_cutoff_hz": "set-point low-pass",
+    "command_cutoff_hz": "command low-pass",
+    "proportional_cutoff_hz": "P low-pass",
 }
 _ROWS: Mapping[str, str] = {
     "derivative_filters": "of D",
@@ -52,16 +52,16 @@ _ROWS: Mapping[str, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class FilterPrice(Immutable):
-    """What one filter does to a loop.
+    """The effect of one filter on a loop.
 
     Parameters
     ----------
     name
-        What it is and where it stands.
+        Its kind and place.
     phase_deg
         Phase that the whole loop gains at its crossover without it, in degrees.
     noise_ratio
-        Noise of the command without it, over that with it.
+        Noise of the command without it, relative to with it.
     """
 
     name: str
@@ -70,7 +70,7 @@ class FilterPrice(Immutable):
 
 
 def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRecord:
-    """A log whose parameters name other filters.
+    """A log with other filters among its parameters.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRec
     Raises
     ------
     UsageError
-        The log has no such parameter, it is no filter's, or its filter cannot be judged.
+        The log has no such parameter, it is not a filter's, or its effect is not modeled.
     """
     known = [name for name in record.parameters if _is_filter(name)]
     changed: dict[str, float] = {}
@@ -90,17 +90,15 @@ def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRec
         if place not in known:
             near = get_close_matches(name, [command_line_name(name) for name in known], n=3)
             raise UsageError(
-                f"--set {name} came",
-                needed=f"a filter among the parameters of {record.source.name}",
-                remedy=f"perhaps {', '.join(near)}" if near else "gains are proposed, and not set",
+                f"{record.source.name} has no filter parameter {name!r}",
+                remedy=f"did you mean {near[0]}?" if near else "--set takes filters; gains are proposed by tune",
             )
         if not (np.isfinite(value) and value >= 0.0):
-            raise UsageError(f"--set {name}={value:g} came", needed="a finite number from zero up")
+            raise UsageError(f"--set {name}={value:g} is out of range", needed="a finite number, 0 or more")
         if place in MOVING_GYRO and (value > 0.0 or record.parameters[place] > 0.0):
             raise UsageError(
-                f"--set {name} came",
-                needed="a filter that stands still",
-                remedy="a low-pass of the gyro that follows the throttle is not modeled",
+                f"{name} follows the throttle, which is not modeled",
+                needed="a filter with a fixed frequency",
             )
         if is_type(place):
             _require_type(name, value, version_of(record.source.firmware))
@@ -111,7 +109,7 @@ def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRec
 def _require_type(name: str, value: float, version: Version | None) -> None:
     words = types_of(version or NAMED_BY_NUMBER)
     if value not in range(len(words)):
-        raise UsageError(f"--set {name}={value:g} came", needed=f"one of {', '.join(words)}")
+        raise UsageError(f"--set {name}={value:g} is not a filter type", needed=f"one of {', '.join(words)}")
 
 
 def numbered(text: str) -> str:
@@ -131,14 +129,14 @@ def numbered(text: str) -> str:
 def changed_filters(
     record: FlightRecord, values: Mapping[str, float], *, gyro: bool = False
 ) -> dict[str, tuple[float, float]]:
-    """Filters that are to be another, by the firmware's name: as flown, and as they are to be.
+    """Filters that change, by the firmware's name: flown and new value.
 
     Parameters
     ----------
     values
         As for :func:`with_filters`.
     gyro
-        Those of the gyro alone, which stand in the loops of all axes.
+        Only those of the gyro, which are in the loops of all axes.
     """
     return {
         command_line_name(place): (float(record.parameters[place]), float(value))
@@ -158,7 +156,7 @@ def _is_filter(name: str) -> bool:
 def prices(
     record: FlightRecord | None, controller: AxisController, parts: ControllerParts, plant: ComplexArray, gains: Gains
 ) -> tuple[FilterPrice, ...]:
-    """What every filter of a loop costs at its crossover, the dearest first.
+    """Phase lag of every filter of a loop at its crossover, the largest first.
 
     Parameters
     ----------
@@ -167,7 +165,7 @@ def prices(
     plant
         Response of the plant on the frequencies of the parts, shape ``(f,)``.
     gains
-        At which the loop is looked at.
+        The gains of the loop.
     """
     loop, rate = plant * parts.whole(gains), plant * parts.rate(gains)
     above = np.flatnonzero(np.abs(rate) > 1.0)

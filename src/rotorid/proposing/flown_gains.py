@@ -1,6 +1,6 @@
-"""What flew: the controller of an axis by the parameters of the log, whether it made the commands, and with what room.
+"""The flown controller of an axis by the parameters of the log, whether it made the commands, and motor limits.
 
-Gains are judged by the controller that a log names, where it made the logged commands
+Gains are judged with the controller of the log, if it made the logged commands
 (:func:`rotorid.flights.controller_check.check_controller`).
 """
 
@@ -31,18 +31,18 @@ from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.typing import Axis, FloatArray
 
 _MOST_SATURATED = 0.02
-"""Share of the time in which roll, pitch and yaw commands keep a motor at a limit above which nothing is proposed: the
+"""Share of the time with a motor at a limit due to roll, pitch and yaw commands, above which nothing is proposed: the
 plant is that of a limit cycle."""
 
 _NOISE_OVER_BAND = 1.5
 
 _FEWEST_NOISE_POINTS = 8
-"""With fewer frequencies nothing is said of noise."""
+"""Least number of frequencies for an estimate of noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoggedLoop:
-    """The controller of an axis, and where its rate stands in the log.
+    """The controller of an axis, and the place of its rate in the log.
 
     Parameters
     ----------
@@ -51,14 +51,14 @@ class LoggedLoop:
     controller
         As flown.
     record
-        Its log; of a result alone a record without samples, with the parameters that the result keeps.
+        Its log; for a result alone a record without samples, with the parameters of the result.
     source
-        Where the rate of the plant stands in the log.
+        Place of the plant's rate in the log.
     density
         Rad/s and one-sided density of the command over the flight, shape ``(2, n)``; ``None`` where it was logged too
         slowly.
     known
-        The controllers of all axes, with what made them.
+        The controllers of all axes, with their source.
     """
 
     axis: Axis
@@ -70,13 +70,13 @@ class LoggedLoop:
 
     @property
     def passed(self) -> tuple[KnownFilter, ...]:
-        """Filters that the rate of the plant has passed; none where ``identify`` took them out."""
+        """Filters on the rate of the plant; none where ``identify`` removed them."""
         return () if self.source.endswith(UNFILTERED) else known_filters(self.record, self.source)
 
     def parts(
         self, omega_rad_s: FloatArray, *, then: FlightRecord | None = None, noise: FloatArray | None = None
     ) -> ControllerParts:
-        """What the gains do, with the filters as flown or as another record's parameters have them.
+        """Transfer functions of the gains, with the flown filters or those of another record's parameters.
 
         Parameters
         ----------
@@ -105,15 +105,16 @@ class LoggedLoop:
         """The controller by the parameters of another record."""
         found = self.known.with_parameters(record.parameters).axis(self.axis)
         if found is None:
-            raise UsageError(f"the parameters make no controller of {self.axis}", needed="filters that can be flown")
+            raise UsageError(
+                f"the parameters give no {self.axis} controller", needed="filters that the autopilot can fly"
+            )
         return found
 
     def rate_noise(self, omega_rad_s: FloatArray, band_rad_s: tuple[float, float]) -> FloatArray | None:
-        """Density of the noise of the logged rate, from the command beyond the motion; ``None`` where it is not seen.
+        """Density of the noise of the logged rate, from the command above the motion; ``None`` if not measured.
 
-        The command is logged behind all filters of its controller, so what it has beyond the band is what they let
-        through: the density of the command over the squared gain of the controller. Below that the noise is taken to
-        go on as it begins there.
+        The command is logged behind all filters of its controller, so the noise is the density of the command above
+        the band over the squared gain of the controller. Below the band the noise is assumed constant.
         """
         if self.density is None:
             return None
@@ -134,12 +135,12 @@ class LoggedLoop:
 
 
 def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) -> LoggedLoop:
-    """The controller that flew an axis, by the parameters of the log or by what the result says of them.
+    """The flown controller of an axis, by the parameters of the log or of the result.
 
     Raises
     ------
     InsufficientDataError
-        Neither says which gains flew, or how the rate was filtered.
+        Neither contains the flown gains, or how the rate was filtered.
     """
     command, source = f"{axis}_command", model.provenance.sources.get(RATE_OF[axis], "")
     known = model.controller
@@ -154,20 +155,19 @@ def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) 
         raise _no_gains(axis, flown)
     if record is None and known is not None and not known.settings:
         raise InsufficientDataError(
-            f"the result of {axis} does not hold the filters of its gyro: an older version made it",
-            needed="a result of this version",
-            remedy="identify anew, or give the log beside the result",
+            f"the result of {axis} is from an older version and does not contain the gyro filters",
+            remedy="identify again, or give the log with the result",
         )
     return LoggedLoop(axis=axis, controller=found, known=flown, record=own, source=source, density=density)
 
 
 def record_of(model: IdentifiedModel) -> FlightRecord:
-    """A record without samples that holds what a result keeps of the parameters of its log.
+    """A record without samples, with the parameters of a result.
 
     Parameters
     ----------
     model
-        A result that knows its controller.
+        A result with its controller.
     """
     known = model.controller
     assert known is not None
@@ -180,19 +180,19 @@ def record_of(model: IdentifiedModel) -> FlightRecord:
 
 
 def settings_records(given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> Sequence[FlightRecord]:
-    """Logs, or records without samples of the results that keep their parameters where no log came."""
+    """Logs, or, without any, records without samples for the results with parameters."""
     return logs or [record_of(model) for model in given if model.controller is not None and model.controller.settings]
 
 
 def flown_controllers(
     axes: Iterable[Axis], given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]
 ) -> dict[Axis, AxisController]:
-    """Controllers of axes that need no plant, by the parameters of the first log or result that holds them.
+    """Controllers of axes, by the parameters of the first log or result that contains them.
 
     Parameters
     ----------
     axes
-        Which; those whose gains nothing holds are left out.
+        Those without known gains are left out.
     given, logs
         As for :func:`rotorid.proposing.proposal.tune`.
     """
@@ -210,7 +210,7 @@ def require_gains(axis: Axis, record: FlightRecord) -> None:
     Raises
     ------
     InsufficientDataError
-        Its parameters hold no controller of the axis.
+        Its parameters contain no controller of the axis.
     """
     flown = controllers_of(record)
     if flown.axis(axis) is None:
@@ -223,7 +223,6 @@ def _no_gains(axis: Axis, flown: LogControllers | None) -> InsufficientDataError
         why, remedy = flown.unknown_gains(axis)
     return InsufficientDataError(
         _clause(why),
-        needed="a log with the parameters of its autopilot",
         remedy=_clause(remedy),
         findings=[refusal("no_controller", axis, f"{why}.")],
     )
@@ -236,14 +235,14 @@ def _clause(sentence: str) -> str:
 
 
 def require_room(record: FlightRecord, model: IdentifiedModel | None = None) -> list[Finding]:
-    """Refuse a flight that oscillates or whose motors were at their limits; a remark where these are not known.
+    """Refuse a flight that oscillates or whose motors were at their limits; a remark where that is not known.
 
-    Its plant is that of a limit cycle, and gains from it would be those of its limits.
+    Its plant would be that of a limit cycle.
 
     Parameters
     ----------
     model
-        Its plant: limits count where it was measured. ``None`` for the flight as a whole.
+        Its plant: limits count where it was measured. ``None`` for the whole flight.
 
     Raises
     ------
@@ -256,14 +255,14 @@ def require_room(record: FlightRecord, model: IdentifiedModel | None = None) -> 
     if own:
         limits = limits.during(tuple((maneuver.start_s, maneuver.stop_s) for maneuver in own))
     if limits.unknown:
-        message = f"{record.source.name} {limits.unknown}: whether a motor was at a limit was not checked."
+        message = f"Motor limits were not checked: {record.source.name} {limits.unknown}."
         return [remark("room_not_checked", record.source.name, message)]
-    # In a chop all motors are at their lower end, and in a punch at the upper one: gains make neither.
+    # Throttle alone brings all motors to a limit, which gains do not cause.
     if limits.of(limits.by_loop) > _MOST_SATURATED:
         part = "the analyzed maneuvers" if own else "the flight"
         raise InsufficientDataError(
             f"a motor was at a limit for {beyond(100.0 * limits.share, 100.0 * _MOST_SATURATED)} % of {part}",
-            needed=f"at most {100.0 * _MOST_SATURATED:.0f} % by roll, pitch and yaw commands",
+            needed=f"less than {100.0 * _MOST_SATURATED:.0f} % from roll, pitch and yaw commands",
             remedy="lower the gains first",
             findings=[limits.finding(refusal, part, "Lower the gains first.")],
         )
@@ -271,7 +270,7 @@ def require_room(record: FlightRecord, model: IdentifiedModel | None = None) -> 
 
 
 def require_calm(record: FlightRecord) -> None:
-    """Refuse a flight in which an axis oscillates; one that never flew, or cannot be checked, passes.
+    """Refuse a flight in which an axis oscillates; a log that cannot be checked passes.
 
     Raises
     ------
@@ -285,8 +284,7 @@ def require_calm(record: FlightRecord) -> None:
     if found:
         raise InsufficientDataError(
             describe(found),
-            needed="a flight in which nothing oscillates, since the log shows the limits of the loop otherwise",
-            remedy="lower the gains of the axis first",
+            remedy="lower the gains of that axis and fly again",
             findings=[
                 refusal(
                     "oscillation",
@@ -300,18 +298,18 @@ def require_calm(record: FlightRecord) -> None:
 
 
 def require_controller_match(flown: LoggedLoop) -> list[Finding]:
-    """Refuse a controller that did not make the logged command; a remark where that was not checked.
+    """Refuse a controller that did not make the logged command; remarks where that was not checked.
 
     Raises
     ------
     InsufficientDataError
-        Other gains flew than those of the parameters.
+        Other gains were flown than those of the parameters.
     """
     check = check_controller(flown.record, flown.axis)
     if check.verdict == "not made":
         raise InsufficientDataError(
             _clause(check.why),
-            needed="a flight whose controller is the one in its parameters",
+            needed="a flight with the gains of its parameters",
             remedy=_clause(check.remedy),
             findings=[refusal("other_controller", flown.axis, f"{check.why}.", **check.numbers)],
         )
@@ -319,5 +317,5 @@ def require_controller_match(flown: LoggedLoop) -> list[Finding]:
 
 
 def at_ends(controller: AxisController, parts: ControllerParts) -> dict[str, ControllerParts]:
-    """Parts where a D moves in flight, by the name of each end."""
+    """Parts at the ends of a D that changes in flight, by the name of each end."""
     return {name: replace(parts, controller=end) for name, end in controller.ends.items()}

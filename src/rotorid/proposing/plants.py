@@ -1,4 +1,4 @@
-"""Plants of the axes, with draws of what is not known of them, out of identified models and their measurements."""
+"""Plants of the axes with draws of their uncertainty, from identified models and their measurements."""
 
 from __future__ import annotations
 
@@ -24,41 +24,44 @@ from rotorid.tuning.plant import UncertainPlant, uncertain_plant
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 _NO_PLANT = {"starts", "search", "evaluations", "bootstrap"}
-"""Choices of a search and of intervals, by which no plant becomes another one."""
+"""Choices of a search and of intervals, which do not change the plant."""
 
 _WIDEST = 0.15
 _WITHOUT_SPEED_RAD_S = (3.0, 300.0)
+_HZ = 2.0 * np.pi
 
 
 def rate_model(axis: Axis, given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> IdentifiedModel:
-    """The rate model of an axis: one that came, else one of the logs."""
+    """The rate model of an axis: a given one, or identified from the logs."""
     name = rate_model_of(axis)
     own = next((model for model in given if model.name == name), None)
     if own is not None:
         return own
     if not logs:
-        raise InsufficientDataError(f"no result of {name} came", needed=f"one of rotorid identify --model {name}")
+        raise InsufficientDataError(f"no model of {name} was given", remedy=f"run rotorid identify LOG --model {name}")
     candidates = [record for record in logs if {f"{axis}_command", RATE_OF[axis]} <= set(record.channel_names)]
     if not candidates:
-        raise unsupported(logs, name) or InsufficientDataError(f"no log holds what {name} needs")
+        raise unsupported(logs, name) or InsufficientDataError(
+            f"no log contains {axis}_command and {RATE_OF[axis]}, which {name} needs"
+        )
     try:
         return identify(candidates, name)
     except InsufficientDataError as error:
-        # Below some rad/s the speed of the vehicle acts, which a rate model lacks; no margin lies there.
+        # At low frequencies the vehicle's speed acts, which a rate model lacks; no margin is there.
         if not any(finding.kind == "poor_fit" for finding in error.findings):
             raise
         return identify(candidates, name, band_rad_s=_WITHOUT_SPEED_RAD_S)
 
 
 def plant_remarks(axis: Axis, given: Sequence[IdentifiedModel], model: IdentifiedModel) -> list[Finding]:
-    """Why gains of an axis may differ from those of its logs alone: other choices of ``identify``, or other results.
+    """Reasons why gains may differ from those of the logs alone: choices of ``identify``, or other results.
 
     Parameters
     ----------
     axis, given
         As for :func:`rate_model`.
     model
-        What it answered.
+        Its answer.
     """
     remarks = []
     usual = IdentifySettings().as_json()
@@ -69,12 +72,12 @@ def plant_remarks(axis: Axis, given: Sequence[IdentifiedModel], model: Identifie
     ]
     if changed:
         chosen_here = (
-            f"{model.name} does not fit over its usual band, where identify and review refuse it: it was identified "
-            f"over {' to '.join(f'{end:g}' for end in _WITHOUT_SPEED_RAD_S)} rad/s, where its margins lie."
+            f"{model.name} does not fit over its usual band, so it was identified over "
+            f"{' to '.join(f'{end:g}' for end in _WITHOUT_SPEED_RAD_S)} rad/s, the range of its margins."
         )
         message = (
-            f"{model.name} was identified with {', '.join(changed)}: with the usual choices the gains of {axis} may be "
-            "others."
+            f"{model.name} was identified with {', '.join(changed)}; with default settings the gains of {axis} may "
+            "differ."
             if any(item is model for item in given)
             else chosen_here
         )
@@ -82,15 +85,15 @@ def plant_remarks(axis: Axis, given: Sequence[IdentifiedModel], model: Identifie
     unused = [item for item in given if item.name == model.name and item is not model]
     if unused:
         message = (
-            f"{counted(len(unused) + 1, 'result')} of {model.name} came, and the first was used, of "
-            f"{', '.join(model.provenance.inputs)}. Give the logs alone to use all flights."
+            f"{counted(len(unused) + 1, 'result')} of {model.name} were given; the first was used "
+            f"({', '.join(model.provenance.inputs)}). To use all flights, give the logs alone."
         )
         remarks.append(remark("plant_of_choice", axis, message))
     return remarks
 
 
 def _in_words(value: Setting) -> str:
-    """A choice in one short piece of text."""
+    """A choice as text."""
     values = value if isinstance(value, list) else [value]
     return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
 
@@ -104,11 +107,11 @@ def plant_of(
     passed: Sequence[KnownFilter] = (),
     measured: MeasuredPlant | None = None,
 ) -> UncertainPlant:
-    r"""The plant with draws: as measured, and beyond the band a lag that explains it.
+    r"""The plant with draws: measured inside the band, a fitted lag beyond.
 
-    A result that holds no measured response has the response of its model. That has one delay for all that lies between
-    command and logged rate. Filters that are known, :math:`F`, with the delay :math:`\tau_F` at low frequency, are more
-    than that beyond the band:
+    A result without a measured response has the response of its model, whose single delay stands for everything between
+    command and logged rate. Known filters :math:`F`, with the delay :math:`\tau_F` at low frequency, are added beyond
+    the band:
 
     .. math:: P = P_{model} F e^{j \omega \tau_F}
 
@@ -117,11 +120,11 @@ def plant_of(
     model, axis
         A rate model of the axis.
     draws, seed
-        How many, and of which seed.
+        Number of draws, and their seed.
     passed
-        Filters that the logged rate has passed, and the response of the model with it.
+        Filters on the logged rate, and so on the response of the model.
     measured
-        The plant as logs show it; what the result holds of it when not given.
+        The plant measured from logs; by default that of the result.
     """
     measured = measured or plant_of_result(axis, model, filters=passed)
     if measured is not None:
@@ -138,31 +141,33 @@ def plant_of(
         return np.asarray(structure.response(values, omega)[row, column] * beyond_delay)
 
     if model.band_rad_s is None:
-        raise InsufficientDataError(f"{model.name} was not fitted to responses", needed="--method frequency")
+        raise InsufficientDataError(
+            f"{model.name} was not fitted to frequency responses", remedy="identify it with --method frequency"
+        )
     return uncertain_plant(response, None, band_rad_s=model.band_rad_s, draws=draws, seed=seed)
 
 
 def require_known(axis: Axis, plant: UncertainPlant, crossover_rad_s: float) -> None:
-    """Refuse a plant whose gain is not known where its loop acts, or at the end of its band below that.
+    """Refuse a plant whose gain is too uncertain at the crossover of its loop, or at the nearest end of its band.
 
     Raises
     ------
     InsufficientDataError
-        It is known to no better than 15 % there, or the loop acts beyond all that is said of the plant.
+        The gain is more uncertain than 15 %, or the crossover is beyond the range of the plant.
     """
     low, high = plant.band_rad_s
     if crossover_rad_s > plant.reach_rad_s:
         raise InsufficientDataError(
-            f"the plant of {axis} is known up to {plant.reach_rad_s:.0f} rad/s only, and its loop crosses one near "
-            f"{crossover_rad_s:.0f} rad/s",
-            needed="a flight that shows the plant there",
-            remedy=f"fly a sweep of {axis} up to {BAND_OVER_CROSSOVER * crossover_rad_s:.0f} rad/s",
+            f"{axis} was measured up to {plant.reach_rad_s / _HZ:.1f} Hz only, below the crossover of its loop "
+            f"({crossover_rad_s / _HZ:.1f} Hz)",
+            needed="a faster sweep",
+            remedy=f"fly a sweep of {axis} up to {BAND_OVER_CROSSOVER * crossover_rad_s / _HZ:.0f} Hz",
         )
     at = np.array([float(np.clip(crossover_rad_s, low, high))])
     spread = float(np.std(np.log(np.abs(plant.drawn(at)))))
     if spread > _WIDEST:
         raise InsufficientDataError(
-            f"the plant of {axis} is known to {100.0 * spread:.0f} % only at {at[0]:.0f} rad/s",
-            needed=f"{100.0 * _WIDEST:.0f} %",
+            f"the response of {axis} is uncertain by {100.0 * spread:.0f} % at {at[0] / _HZ:.1f} Hz",
+            needed=f"{100.0 * _WIDEST:.0f} % or less",
             remedy=f"fly a longer sweep of {axis}",
         )

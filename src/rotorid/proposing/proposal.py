@@ -1,9 +1,9 @@
-"""From an identified plant to gains: the loops as flown, a proposal that holds for every likely plant, what it will do.
+"""From an identified plant to gains: the loops as flown, a proposal that is safe for every likely plant, its effect.
 
-Rate models of roll, pitch and yaw come as results of ``identify`` or are identified from the logs. The controller is
-that of the log, with its exact filters and steps. Before anything is proposed it is checked that this controller made
-the logged commands, that the motors had room, and that the plant is known where the gains act. Where one of these fails
-the flown gains stay, and the reason and the flight that would help are said. Nothing is sent to a vehicle.
+Rate models of roll, pitch and yaw are given as results of ``identify`` or identified from the logs. The controller is
+that of the log, with its exact filters and steps. Checks come first: this controller made the logged commands, the
+motors had room, and the plant is known where the gains act. Where a check fails, the flown gains stay, with the reason
+and the flight that would help. Nothing is sent to a vehicle.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 
 from rotorid.autopilots.registry import writer_of
 from rotorid.data.base import Immutable
-from rotorid.data.display import html_table, lines_of
+from rotorid.data.display import capital, html_table, lines_of
 from rotorid.data.findings import Finding, Findings, refusal, remark, warn, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.data.trust import ROBUSTNESS
@@ -49,7 +49,7 @@ from rotorid.typing import Axis, ComplexArray, FloatArray
 _PROGRESS = logging.getLogger("rotorid.progress")
 
 FULL_SCALE_M = 16.4
-"""Diameter of the rotor of a helicopter for which guidelines were made."""
+"""Rotor diameter of the helicopter for which the guidelines were made."""
 
 _NEARLY = 1.15
 _SAME_GAIN = 1e-3
@@ -67,9 +67,9 @@ class PathStep(Immutable):
     goal
         Whether no further step follows.
     judged
-        The gains, and what they do on every draw of today's plant.
+        The gains, and their effect on every draw of today's plant.
     parameters
-        The same by the firmware's names.
+        The same, by the firmware's names.
     """
 
     flight: int
@@ -83,38 +83,38 @@ class PathStep(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisTuning(Immutable):
-    """An axis: its controller, its plant, the flown gains and the proposed ones, and what both do.
+    """An axis: its controller, its plant, flown and proposed gains, and their effect.
 
     Parameters
     ----------
     controller
-        As the log tells it.
+        As the log has it.
     plant
-        With draws of what is not known.
+        With draws of its uncertainty.
     omega_rad_s
         Frequencies of the responses below.
     proposal
         Flown and proposed gains, judged on all draws.
     parameters
-        Firmware's name of each gain to its flown and its proposed value; kept ones are alike.
+        Firmware's name of each gain to its flown and proposed value, which are equal where it does not change.
     loops
         ``flown``, ``proposed``, ``flown_whole``, ``proposed_whole``: broken loops over the draws, ``(draws, f)``.
     responses
-        ``attitude`` over its set-point and ``disturbance``, the attitude by a moment in commands, each followed by
+        ``attitude`` over its set-point and ``disturbance``, the attitude over a moment in commands, each followed by
         ``_flown`` or ``_proposed``, over the draws, ``(draws, f)``.
     step_s, steps
-        Seconds, and the attitude's answer to a step of its set-point under both gains, ``(draws, n)`` each.
+        Seconds, and the step response of the attitude with both gains, ``(draws, n)`` each.
     parts
-        What each gain does, with the filters of the proposal.
+        Transfer functions of each gain, with the filters of the proposal.
     path
-        The flights to the gains that keep the limits of the loop alone, the proposed ones first and the goal last;
-        empty where one flight reaches them.
+        The flights to the best gains within the limits, the proposed gains first and the goal last; empty where one
+        flight reaches them.
     prices
-        What every filter of the proposed loop costs.
+        Phase lag and noise of every filter of the proposed loop.
     ends
-        Where D moves in flight: what the proposed gains do at each end.
+        Effect of the proposed gains at each end of a D that changes in flight.
     noise_seen
-        Whether the log shows the noise of the rate, so that noises are those of the command and no mere ratios.
+        Whether the log shows the noise of the rate, so that noise is in units of the command and not only a ratio.
     """
 
     controller: AxisController
@@ -146,7 +146,7 @@ class AxisTuning(Immutable):
 
     @cached_property
     def needed_rad_s(self) -> float:
-        """Upper end of the sweep on which the gains of the goal can be proposed and checked."""
+        """Upper end of the sweep that the best gains need."""
         return needed_rad_s(self.proposal.axis, self.plant, self.controller, self.parts, self.wishes)
 
     @property
@@ -157,26 +157,26 @@ class AxisTuning(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TuningProposal(Immutable):
-    """What to change of the gains of a vehicle, and what that will do.
+    """New gains of a vehicle, and their effect.
 
     Parameters
     ----------
     autopilot, firmware
         As the log names them.
     axes
-        Those that were looked at and have a model and a controller.
+        Those with a model and a controller.
     thrust
-        What straightens the curve of thrust, where a fit of ``physical.motors`` came.
+        What linearizes thrust, with a fit of ``physical.motors``.
     scale
-        Full scale over the size of the vehicle, where it is known.
+        Scale factor to a full-size helicopter, where it is known.
     robustness
-        Largest sensitivity peak that was asked for.
+        Requested largest sensitivity peak.
     files, rollback_files
         Name of each file to its text: proposed gains, and the flown ones.
     findings
-        Why axes or gains stay as they are, the worst first.
+        Why axes or gains do not change, the worst first.
     provenance
-        Where the models came from.
+        Source of the models.
     """
 
     autopilot: str
@@ -202,7 +202,7 @@ class TuningProposal(Immutable):
 
     @property
     def _head(self) -> str:
-        return f"gains of {self.autopilot}: {'to change' if self.changed else 'they stay'}"
+        return f"{'new' if self.changed else 'no new'} gains for {self.autopilot}"
 
     @property
     def _rows(self) -> list[tuple[str, str, str, str]]:
@@ -231,10 +231,10 @@ def tune(
     Parameters
     ----------
     models
-        Rate models of the axes, as ``identify`` answers them; those that are missing are identified from the logs. One
-        of ``physical.motors`` tells the curve of thrust.
+        Rate models of the axes, from ``identify``; missing ones are identified from the logs. A model
+        ``physical.motors`` adds the thrust curve.
     records
-        Logs, whose parameters say which controller flew.
+        Logs, whose parameters give the flown controller.
     settings
         Choices; everything has a default.
     **options
@@ -243,9 +243,9 @@ def tune(
     Raises
     ------
     InsufficientDataError
-        No axis has a model and a controller; findings say why.
+        No axis has a model and a controller; findings give the reasons.
     UsageError
-        An option is wrong, or nothing came.
+        An option is wrong, or nothing was given.
 
     Examples
     --------
@@ -258,7 +258,7 @@ def tune(
     logs = as_records(records)
     given = (models,) if isinstance(models, IdentifiedModel) else tuple(models)
     if not given and not logs:
-        raise UsageError("nothing came to tune", needed="results of identify, logs, or both")
+        raise UsageError("nothing to tune", remedy="give logs, results of identify, or both")
     findings = [finding for record in logs for finding in (*record.findings, *controller_findings(record))]
     findings += [*require_one_autopilot(given, logs), *differing_gains(chosen.axes, logs)]
     settings_from = settings_records(given, logs)
@@ -274,18 +274,19 @@ def tune(
             known[axis] = known_axis(axis, given, logs, filters=chosen.filters, findings=findings, **look)
         except InsufficientDataError as error:
             refused[axis] = error
-            # Options of identify, which tune does not have, are no remedy here.
-            parts = (error.came, error.expectation, "" if "--" in error.remedy else error.remedy)
-            why = "; ".join(part.rstrip(".") for part in parts if part)
+            # tune does not have the options of identify.
+            todo = error.expectation if "--" in error.remedy or not error.remedy else error.remedy
+            why = "; ".join(part.rstrip(".") for part in (error.came, todo) if part)
+            head = "Not enough data to tune" if error.needed else "No new gains for"
             findings += [finding for finding in error.findings if finding not in findings]
-            findings.append(warn("not_tuned", axis, f"The gains of {axis} stay: {why}."))
+            findings.append(warn("not_tuned", axis, f"{head} {axis}: {why}."))
             _PROGRESS.info(f"{axis}: {error}")
     if not known:
         raise InsufficientDataError(
-            "no axis can be tuned",
-            needed="a rate model of an axis, the gains that flew, and motors with room to both sides",
-            remedy="the findings say what each axis lacks",
-            findings=worst_first(findings) or [refusal("not_tuned", "all axes", "No axis can be tuned.")],
+            "no axis can be tuned from this data",
+            remedy="see below what each axis needs",
+            findings=worst_first(findings)
+            or [refusal("not_tuned", "all axes", "No axis can be tuned from this data.")],
         )
     axes, shared = _axes(known, chosen, thrust)
     axes = {
@@ -334,13 +335,13 @@ def _axes(
     angle = _angle(known[sharing[0]])
     assert angle is not None
     why = (
-        f"it stays, since {sharing[0]} alone was looked at"
+        f"It is not changed because only {sharing[0]} was tuned"
         if alone is not None
-        else f"{' and '.join(sharing)} alone would have "
-        f"{' and '.join(f'{gain / angle.per_si:.0f}' for gain in proposed.values())}, both fly "
+        else f"{' and '.join(sharing)} would need "
+        f"{' and '.join(f'{gain / angle.per_si:.0f}' for gain in proposed.values())}; both get "
         f"{axes[sharing[0]].proposal.proposed.gains.A / angle.per_si:.0f}"
     )
-    return axes, [remark("angle_shared", angle.name, f"{angle.name} is one gain of roll and pitch: {why}.")]
+    return axes, [remark("angle_shared", angle.name, f"Roll and pitch share {angle.name}. {capital(why)}.")]
 
 
 def _angle(known: KnownAxis) -> Parameter | None:
@@ -355,7 +356,7 @@ def _axis(
     *,
     angle_1_s: float | None = None,
 ) -> AxisTuning:
-    """One axis, from its loop as flown to what the proposed gains will do, with an angle gain that may be given."""
+    """One axis, from its flown loop to the effect of the proposed gains, with an angle gain that may be given."""
     flown, plant, then, controller, parts = known.flown, known.plant, known.then, known.controller, known.parts
     omega, drawn = known.omega_rad_s, known.drawn()
     ends = at_ends(controller, parts)
@@ -428,7 +429,7 @@ def _scores(known: KnownAxis, parts: ControllerParts, gains: Gains) -> Judged:
 
 
 def wishes_of(controller: AxisController, settings: TuneSettings, thrust: ThrustLinearization | None = None) -> Wishes:
-    """What is asked of the gains, and which of them stay."""
+    """Limits of the gains, and which of them may not change."""
     known = parameters_of(controller)
     return Wishes(
         sensitivity_peak=settings.robustness,
@@ -441,13 +442,14 @@ def wishes_of(controller: AxisController, settings: TuneSettings, thrust: Thrust
 
 
 def _thrust_remarks(thrust: ThrustLinearization) -> list[Finding]:
-    """What the curve of thrust changes of the gains, which a plant alone does not know."""
+    """How the thrust curve changes the gains."""
     low, high = thrust.flown_range
     if high - low <= _SAME_GAIN:
         return []
     message = (
-        f"The curve of thrust of physical.motors makes the loops {low:.2f} to {high:.2f} times those of hover over the "
-        "throttle that was flown: the proposed gains keep their limits over all of it; without it they may be higher."
+        f"Over the flown throttle, the loop gain is {low:.2f} to {high:.2f} times that in hover (from "
+        "physical.motors). "
+        "The new gains keep their limits over this whole range."
     )
     return [remark("thrust_range", thrust.parameter, message, lowest=low, highest=high)]
 
@@ -457,31 +459,36 @@ def _with_end(gains: Gains, end: ControllerParts) -> Gains:
 
 
 def _remarks(axes: Mapping[Axis, AxisTuning], settings_from: Sequence[FlightRecord]) -> Iterator[Finding]:
-    """Why the gains stay, what binds, and what a flight with a wider sweep would measure."""
+    """Why gains do not change, what limits them, and which sweep would measure more."""
     short = [axis for axis, tuned in axes.items() if _ends_early(tuned)]
     command = sweep_for_tune(settings_from[0], short) if short and settings_from else ""
     plan = f", planned by: {command}" if command else "."
     for axis, tuned in axes.items():
         if tuned.proposal.reasons:
             words = "; ".join(tuned.proposal.reasons)
-            verb = "are bound" if tuned.proposal.changed else "stay"
-            yield remark("tuning_bound", axis, f"The gains of {axis} {verb}: {words}.")
+            what = "are limited" if tuned.proposal.changed else "do not change"
+            yield remark("tuning_bound", axis, f"The gains of {axis} {what}: {words}.")
         if axis in short:
             crossover, top = tuned.proposal.proposed.rate.usual_crossover_rad_s, tuned.plant.band_rad_s[1]
             message = (
-                f"The plant of {axis} was measured up to {top:.0f} rad/s, and its loop crosses over at "
-                f"{crossover:.0f}: what is predicted beyond is the model's. Fly a sweep up to "
-                f"{tuned.needed_rad_s:.0f} rad/s{plan}"
+                f"{capital(axis)} was measured up to {_hz(top)}, close to the crossover of the new loop "
+                f"({_hz(crossover)}), "
+                f"so the margins rely on the model. Fly a sweep up to {_hz(tuned.needed_rad_s)}{plan}"
             )
             numbers = {"crossover_rad_s": crossover, "needed_rad_s": tuned.needed_rad_s}
             yield warn("band_below_crossover", axis, message, **numbers)
 
 
+def _hz(omega_rad_s: float) -> str:
+    """A frequency as pilots set it."""
+    return f"{omega_rad_s / (2.0 * np.pi):.1f} Hz"
+
+
 def _ends_early(tuned: AxisTuning) -> bool:
-    """Whether the band that was measured ends below what the proposed gains need."""
+    """Whether the measured band ends below what the proposed gains need."""
     top = tuned.plant.band_rad_s[1]
     crosses = tuned.proposal.proposed.rate.usual_crossover_rad_s
-    # A sweep that was flown so far is trusted a little less far.
+    # A measured band ends a little below the end of its sweep.
     return crosses * BAND_OVER_CROSSOVER > top and tuned.needed_rad_s > _NEARLY * top
 
 
@@ -503,7 +510,7 @@ def _loops(drawn: ComplexArray, sets: _Sets) -> dict[str, ComplexArray]:
 
 
 def _responses(omega: FloatArray, drawn: ComplexArray, sets: _Sets) -> dict[str, ComplexArray]:
-    """The attitude over its set-point, and by a moment that is given as a command."""
+    """The attitude over its set-point, and over a moment given as a command."""
     found = {}
     for name, (parts, gains) in sets.items():
         closed = 1.0 / (1.0 + drawn * parts.whole(gains))
@@ -513,7 +520,7 @@ def _responses(omega: FloatArray, drawn: ComplexArray, sets: _Sets) -> dict[str,
 
 
 def _steps(flown: LoggedLoop, then: FlightRecord | None, plant: UncertainPlant, found: AxisProposal) -> dict[str, Any]:
-    """Answer of the attitude to a step of its set-point, by both gains, on all plants."""
+    """Step response of the attitude with both gains, on all plants."""
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(_STEP_SAMPLES, 1.0 / _STEP_RATE_HZ), dtype=np.float64)
     omega[0] = omega[1] * 1e-3
     drawn = plant.drawn(omega)
@@ -585,34 +592,33 @@ def _straightened(
     given: Sequence[IdentifiedModel],
     logs: Sequence[FlightRecord],
 ) -> dict[str, tuple[float, float]]:
-    """The parameter that straightens thrust, with gains that make the loops in hover what they were: flown and new.
+    """The parameter that linearizes thrust, with gains that keep the loops in hover: flown and new.
 
-    Thrust is under every axis, so that the gains of those that are not tuned go with it.
+    Thrust acts on every axis, so the gains of axes that are not tuned change too.
 
     Raises
     ------
     UsageError
-        One of them leaves its range, or is not known.
+        A gain leaves its range, or is not known.
     """
     controllers = {axis: tuning.controller for axis, tuning in axes.items()}
     controllers |= flown_controllers((axis for axis in TUNED_AXES if axis not in axes), given, logs)
     if unknown := [axis for axis in TUNED_AXES if axis not in controllers]:
         named = " and ".join(unknown)
-        raise UsageError(f"the gains of {named}, which it moves too, are not known", needed="a log that holds them")
+        raise UsageError(f"the gains of {named} would have to change too and are not known", needed="a log with them")
     values = {thrust.parameter: (thrust.flown, thrust.proposed)}
     for controller in controllers.values():
         try:
             new = scaled(controller, 1.0 / thrust.hover_gain)
         except UsageError as error:
-            came = error.came.removesuffix(" came")
-            why = f"the flown gains, made to {thrust.proposed:g}, leave their range: {came}"
+            why = f"with {thrust.proposed:g}, {error.came}"
             raise UsageError(why, needed=error.needed) from error
         values |= {name: (controller.gains[name], value) for name, value in new.items()}
     return values
 
 
 def refused_tuning(error: InsufficientDataError, records: Sequence[FlightRecord], settings: TuneSettings) -> Refused:
-    """What to say where no axis can be tuned."""
+    """The refusal where no axis can be tuned."""
     return Refused(
         name="tune",
         structure=None,

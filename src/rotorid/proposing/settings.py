@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 TUNED_AXES: "tuple[Axis, ...]" = ("roll", "pitch", "yaw")
 GAINS = ("P", "I", "D", "A")
-"""A is that of the angle."""
+"""A is the angle gain."""
 
 
 def parse_filters(texts: Sequence[str]) -> dict[str, float]:
-    """Read ``NAME=VALUE`` of filters once or more; a type of low-pass may come as its word."""
+    """Read ``NAME=VALUE`` of one or more filters; the type of a low-pass may be a word."""
     from rotorid.proposing.filters import numbered
 
     return parse_assignments([numbered(text) for text in texts], option="--set", units={})
@@ -45,22 +45,22 @@ class TuneSettings(Settings):
     Parameters
     ----------
     axes
-        Those to look at; all by default.
+        Axes to tune; all by default.
     robustness
-        Largest sensitivity peak M_s of the rate loop and of the whole one, on 95 of 100 likely plants.
+        Largest sensitivity peak M_s of the rate loop and of the whole loop, on 95 of 100 likely plants.
     noise
-        Noise of the command at most, as a factor on that of the flown gains.
+        Largest noise of the command, relative to the flown gains.
     keep
-        Gains that stay, of P, I, D and A.
+        Gains to leave unchanged, of P, I, D and A.
     only
-        Gains that may change, in place of ``keep``.
+        Gains that may change; a short form of ``keep``.
     filters
-        Filters that are to be flown, by the firmware's names, where they are not those of the log.
+        Filters to fly instead of those of the log, by the firmware's names.
     scale
-        How many times larger a helicopter of full scale is, for guidelines made for those; ``None`` where the fit of
-        ``physical.motors`` is to say, or none.
+        Scale factor to a full-size helicopter, for its guidelines; ``None`` to take it from ``physical.motors``, if
+        given.
     draws, seed
-        How many likely plants, and the seed of the draws. Of 50 the gains of equal plants differ by a step of the grid.
+        Number of likely plants, and the random seed. With 50, gains of equal plants differ by a step of the grid.
 
     Raises
     ------
@@ -89,54 +89,55 @@ class TuneSettings(Settings):
         float,
         Option(
             "--robustness",
-            "Largest sensitivity peak M_s of every loop: 1.4 soft, 1.7 recommended, 2 firm, 2.5 little reserve; "
-            "--check takes that of the proposal.",
+            "Largest peak sensitivity M_s: 1.4 soft, 1.7 recommended, 2 firm, 2.5 little reserve. --check uses that "
+            "of the "
+            "proposal.",
             "Gains",
         ),
     ] = ROBUSTNESS
     noise: Annotated[
-        float, Option("--noise", "Noise of the motors at most, as a factor on that of the flown gains.", "Gains")
+        float, Option("--noise", "Largest noise in the motor commands, relative to today's gains.", "Gains")
     ] = COMMAND_NOISE
     keep: Annotated[
         tuple[str, ...],
         Option(
-            "--keep", "Those that stay, of P, I, D and A (the angle).", "Gains", NAMES, metavar="GAIN,...", words=GAINS
+            "--keep", "Gains to leave unchanged: P, I, D, A (angle).", "Gains", NAMES, metavar="GAIN,...", words=GAINS
         ),
     ] = ()
     only: Annotated[
         tuple[str, ...],
-        Option("--only", "Those that may change; all others stay.", "Gains", NAMES, metavar="GAIN,...", words=GAINS),
+        Option("--only", "Gains that may change; all others stay.", "Gains", NAMES, metavar="GAIN,...", words=GAINS),
         Written("never"),
     ] = ()
     filters: Annotated[
         Mapping[str, float],
-        Option("--set", "A filter that is to be flown, by the firmware's name. Repeatable.", "Gains", FILTERS),
+        Option("--set", "Filter to fly, by the firmware's name. Repeatable.", "Gains", FILTERS),
     ] = field(default_factory=dict)
     scale: Annotated[
         float | None,
-        Option("--scale", "How many times larger a helicopter of full scale is, for its guidelines.", "Judging"),
+        Option("--scale", "Scale factor to a full-size helicopter.", "Judging"),
     ] = None
     draws: Annotated[int, Written()] = field(default_factory=_draws)
-    seed: Annotated[int, Option("--seed", "Of the draws of likely plants.")] = 0
+    seed: Annotated[int, Option("--seed", "Random seed.")] = 0
 
     def __post_init__(self) -> None:
         if self.keep and self.only:
-            raise UsageError("--keep and --only came together", needed="one of them")
+            raise UsageError("--keep and --only exclude each other", remedy="give one of them")
         if wrong := [name for name in (*self.keep, *self.only) if name not in GAINS]:
-            raise UsageError(f"the gain {wrong[0]} came", needed="of P, I, D and A")
-        # What may change is held as what stays, so that a choice is written in one way.
+            raise UsageError(f"unknown gain {wrong[0]!r}", remedy="use P, I, D or A (angle)")
+        # Stored as the gains that stay, so that a choice is written in one way.
         keep = tuple(name for name in GAINS if name not in self.only) if self.only else tuple(self.keep)
         self._set(axes=tuple(self.axes), keep=keep, only=(), filters=self.filters)
         require_seed(self.seed)
         if not 1.2 <= self.robustness <= 2.5:
-            raise UsageError(f"--robustness {self.robustness:g} came", needed="a largest M_s from 1.2 to 2.5")
+            raise UsageError(f"--robustness {self.robustness:g} is out of range", needed="M_s from 1.2 to 2.5")
         if not 0.1 <= self.noise <= 10.0:
-            raise UsageError(f"--noise {self.noise:g} came", needed="a factor from 0.1 to 10")
+            raise UsageError(f"--noise {self.noise:g} is out of range", needed="a factor from 0.1 to 10")
         if len(set(self.keep)) == len(GAINS):
-            raise UsageError("all gains stay", needed="at least one that may change")
+            raise UsageError("no gain may change", needed="at least one gain that is not kept")
         if wrong_axes := [axis for axis in self.axes if axis not in TUNED_AXES]:
-            raise UsageError(f"the axis {wrong_axes[0]} came", needed=", ".join(TUNED_AXES))
+            raise UsageError(f"unknown axis {wrong_axes[0]!r}", remedy="use roll, pitch or yaw")
         if self.scale is not None and not 1.0 <= self.scale <= 1000.0:
-            raise UsageError(f"--scale {self.scale:g} came", needed="full scale over the vehicle, from 1 to 1000")
+            raise UsageError(f"--scale {self.scale:g} is out of range", needed="a factor from 1 to 1000")
         if not 10 <= self.draws <= 1000:
-            raise UsageError(f"{self.draws} draws came", needed="10 to 1000")
+            raise UsageError(f"{self.draws} draws are out of range", needed="10 to 1000 draws")

@@ -1,7 +1,7 @@
-"""What axes share: filters of the gyro, which reach axes that are not tuned.
+"""Gyro filters, which all axes share, and their effect on axes that are not tuned.
 
-A filter that is to be flown stands in every loop behind it. Axes whose gains stay fly it with the gains they have, so
-their loops are judged with both; one that would break a limit by it is refused, and one that cannot be judged is named.
+A new filter is in every loop behind it. Axes whose gains do not change fly it with today's gains, so their loops are
+checked with both filters. An axis that would break a limit is refused; one that cannot be checked is named.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ def require_filters_hold(
     draws: int,
     seed: int,
 ) -> list[Finding]:
-    """Refuse filters by which an axis that keeps its gains would break a limit; name the axes that cannot be judged.
+    """Refuse filters that make an axis with unchanged gains break a limit; name the axes that cannot be checked.
 
     Parameters
     ----------
     staying
-        Axes that were looked at, and found no other gains.
+        Axes without new gains.
     others
-        All others that are not tuned, with why they were refused; ``None`` for those that nobody asked for.
+        Other axes that are not tuned, with the reason; ``None`` for those that were not requested.
     given, logs, filters, draws, seed
         As for :func:`rotorid.proposing.axis.known_axis`.
 
     Raises
     ------
     InsufficientDataError
-        An axis breaks a limit with the filters and its flown gains, and did not, or less so, without them.
+        An axis newly breaks a limit with the filters and its flown gains.
     """
     named = ", ".join(f"{name} = {value:g}" for name, value in filters.items())
     reasons, known = [], dict(staying)
@@ -60,10 +60,7 @@ def require_filters_hold(
                 raise error
             known[axis] = known_axis(axis, given, logs, filters=filters, draws=draws, seed=seed, findings=[])
         except InsufficientDataError as why:
-            message = (
-                f"{named} stands in the loop of {axis} too, and whether its flown gains hold with it was not judged: "
-                f"{why.came}."
-            )
+            message = f"{named} also acts on {axis}, where its effect could not be checked: {why.came}."
             reasons.append(warn("filter_not_judged", axis, message))
     broken = [
         finding
@@ -73,7 +70,6 @@ def require_filters_hold(
     if broken:
         raise InsufficientDataError(
             broken[0].message.rstrip("."),
-            needed="a filter with which every axis that keeps its gains holds its limits",
             remedy="tune that axis too, or choose another filter",
             findings=broken,
         )
@@ -81,7 +77,7 @@ def require_filters_hold(
 
 
 def _reached(axis: Axis, record: FlightRecord | None, filters: Mapping[str, float]) -> bool:
-    """Whether filters stand in the loop of an axis."""
+    """Whether filters are in the loop of an axis."""
     if record is None:
         return False
     then = with_filters(record, filters)
@@ -92,7 +88,7 @@ def _reached(axis: Axis, record: FlightRecord | None, filters: Mapping[str, floa
 
 
 def _broken(axis: Axis, known_axis: KnownAxis, named: str, wishes: Wishes) -> Finding | None:
-    """Which limit an axis would break with its flown gains."""
+    """The finding that an axis would break a limit with its flown gains; ``None`` where it does not."""
     drawn = known_axis.drawn()
     before, after = (
         judged(parts, drawn, known_axis.gains, from_rad_s=known_axis.plant.known_from_rad_s)
@@ -103,7 +99,7 @@ def _broken(axis: Axis, known_axis: KnownAxis, named: str, wishes: Wishes) -> Fi
         return None
     peaks = [float(np.median(np.maximum(x.rate.sensitivity_peak, x.whole.sensitivity_peak))) for x in (before, after)]
     message = (
-        f"With {named} the flown gains of {axis} do not keep {limit}: its largest sensitivity peak goes from "
-        f"{peaks[0]:.2f} to {peaks[1]:.2f}."
+        f"With {named} and the flown gains of {axis}, {limit}: its largest M_s changes from {peaks[0]:.2f} to "
+        f"{peaks[1]:.2f}."
     )
     return refusal("filter_refused", axis, message, sensitivity_peak=peaks[1])

@@ -1,12 +1,12 @@
-r"""Which parameter of the autopilot straightens the curve of thrust, so that gains hold over the whole throttle.
+r"""The parameter of the autopilot that linearizes thrust, so that gains act equally over the whole throttle.
 
-An autopilot asks a motor for a share :math:`d` of its thrust and makes an output :math:`s` of it by a curve with one
-parameter. With the thrust :math:`T(s)` of ``physical.motors`` the gain of every loop goes as
+An autopilot turns a demand :math:`d`, a share of full thrust, into an output :math:`s` by a curve with one parameter.
+With the thrust :math:`T(s)` of ``physical.motors`` the gain of every loop is proportional to
 
 .. math:: g = \frac{dT}{ds} \frac{ds}{dd}
 
-and the parameter is best that lets it change least over the outputs that were flown. It changes the gain in hover too,
-so the gains of the rates are divided by that: the vehicle flies as before in hover, and alike elsewhere.
+and the best parameter makes it change least over the flown outputs. It changes the gain in hover too, so the rate gains
+are divided by that change: in hover the vehicle flies as before.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ _WIDEST = 0.2
 """Half the interval of a parameter, over its range, above which nothing is proposed."""
 
 _WORTH = 0.9
-"""A proposal has to leave less than this of the change of gain over the throttle."""
+"""Largest remaining share of the change of gain over the throttle for a proposal."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ThrustLinearization(Immutable):
-    """What straightens the curve of thrust.
+    """The parameter that linearizes thrust.
 
     Parameters
     ----------
     parameter
-        Of the firmware.
+        Its name in the firmware.
     flown, proposed
-        Its values; alike where the flown one stays.
+        Its values; equal where it does not change.
     best
-        The value that the fit asks for, with its interval.
+        The best value by the fit, with its interval.
     flown_range, proposed_range
-        Least and largest gain of the loops over the outputs that were flown, over that in hover.
+        Least and largest gain of the loops over the flown outputs, relative to hover.
     hover_gain
-        Gain in hover with the proposed value over that as flown: by this the gains of the rates are divided.
+        Gain in hover with the proposed value relative to the flown one: the rate gains are divided by it.
     hover_demand, flown_hover_demand
         Demand of thrust in hover with the proposed value, and with the flown one.
     findings
@@ -76,8 +76,8 @@ class ThrustLinearization(Immutable):
         return self.proposed != self.flown
 
     def kept(self, why: str) -> ThrustLinearization:
-        """The same, with the flown value proposed, since gains cannot be made to another."""
-        message = f"{self.parameter} stays: {why}."
+        """The same with the flown value, where the gains cannot be adapted to another one."""
+        message = f"{self.parameter} is not changed: {why}."
         return replace(
             self,
             proposed=self.flown,
@@ -91,7 +91,7 @@ class ThrustLinearization(Immutable):
 def linearization(
     models: Sequence[IdentifiedModel], record: FlightRecord | None, *, autopilot: str, seed: int = 0
 ) -> ThrustLinearization | None:
-    """The parameter that straightens thrust, by a fit of ``physical.motors``; ``None`` without one.
+    """The parameter that linearizes thrust, by a fit of ``physical.motors``; ``None`` without one.
 
     Parameters
     ----------
@@ -192,25 +192,29 @@ def _stays(
     before: tuple[float, float],
     after: tuple[float, float],
 ) -> tuple[Finding, ...]:
-    """Why the parameter stays; nothing where it is to change."""
+    """Why the parameter does not change; empty where it does."""
     assert model.motors is not None
     if model.motors.curve_assumed:
         message = (
-            f"{kind.name} stays: the curve of thrust was assumed, since thrust was not moved. Fly steps of throttle."
+            f"{kind.name} is not changed: the throttle did not move, so the thrust curve was assumed. Fly "
+            "throttle steps."
         )
     elif "c_2" not in model.parameters or "c_1" not in model.parameters:
         message = (
-            f"{kind.name} stays: thrust was fitted as {model.motors.curve}. Fly steps of throttle, and identify with "
+            f"{kind.name} is not changed: thrust was fitted as {model.motors.curve}. Fly throttle steps and identify "
+            "with "
             "--curve polynomial."
         )
     elif best.upper - best.lower > 2.0 * _WIDEST * kind.largest:
         message = (
-            f"{kind.name} stays: the fit asks for {with_ends(best.value, best.lower, best.upper)}. "
-            "Fly larger steps of throttle."
+            f"{kind.name} is not changed: its best value {with_ends(best.value, best.lower, best.upper)} is too "
+            "uncertain. "
+            "Fly larger throttle steps."
         )
     elif np.log(after[1] / after[0]) > _WORTH * np.log(before[1] / before[0]):
         message = (
-            f"{kind.name} stays: gains change by {before[0]:.2f} to {before[1]:.2f} over the throttle that was flown."
+            f"{kind.name} is not changed: thrust is nearly linear; over the flown throttle the loop gain is "
+            f"{before[0]:.2f} to {before[1]:.2f} times that in hover."
         )
     else:
         return ()

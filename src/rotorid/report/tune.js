@@ -1,5 +1,5 @@
 "use strict";
-// Gains by hand: sliders that move margins, step and noise from the loops in this page. Nothing is asked of any server.
+// Gains by hand: sliders recompute margins, step and noise from the loops in this page, without a server.
 (() => {
   const source = document.getElementById("loops");
   if (!source) return;
@@ -148,7 +148,7 @@
     });
   };
 
-  const told = (value, digits = 3) => (Number.isFinite(value) ? Number(value.toPrecision(digits)).toString() : "–");
+  const format = (value, digits = 3) => (Number.isFinite(value) ? Number(value.toPrecision(digits)).toString() : "–");
 
   const set = (place) => {
     const axis = axes[place.dataset.axis];
@@ -172,26 +172,26 @@
       const whole = figures(axis, times(plain(axis.plant), found.whole));
       // An unstable loop has no peak.
       const peak = (one) => (one.stable ? one.peak : Infinity);
-      const shown = (value) => (Number.isFinite(value) ? told(value) : "unstable");
+      const shown = (value) => (Number.isFinite(value) ? format(value) : "unstable");
       const peaks = axis.draws.map((plant) => Math.max(
         peak(figures(axis, times(plain(plant), found.rate))),
         peak(figures(axis, times(plain(plant), found.whole))),
       ));
-      const say = (name, text) => { place.querySelector(`[data-told="${name}"]`).textContent = text; };
-      say("crossover", rotorid.frequency(rate.crossover));
-      say("phase", `${told(rate.phase)}°`);
-      say("gain", `${told(rate.gain)} dB`);
-      say("peak", `${shown(peak(rate))}, with the angle loop ${shown(peak(whole))}`);
+      const setFigure = (name, text) => { place.querySelector(`[data-figure="${name}"]`).textContent = text; };
+      setFigure("crossover", rotorid.frequency(rate.crossover));
+      setFigure("phase", `${format(rate.phase)}°`);
+      setFigure("gain", `${format(rate.gain)} dB`);
+      setFigure("peak", `${shown(peak(rate))}, with the angle loop ${shown(peak(whole))}`);
       const worst = Math.max(...peaks);
-      say("worst", `${shown(worst)} on the worst of ${peaks.length} likely plants`);
-      place.querySelector('[data-told="worst"]').classList.toggle("poor", worst > axis.limit);
-      say("noise", `${told((100 * noise(axis, found.rate)) / quiet, 3)} % of what was flown`);
+      setFigure("worst", `${shown(worst)} on the worst of ${peaks.length} likely vehicles`);
+      place.querySelector('[data-figure="worst"]').classList.toggle("poor", worst > axis.limit);
+      setFigure("noise", `${format((100 * noise(axis, found.rate)) / quiet, 3)} % of today's`);
       for (const [name, input] of Object.entries(inputs)) {
-        place.querySelector(`output[data-of="${name}"]`).textContent = told(Number(input.value), 4);
+        place.querySelector(`output[data-of="${name}"]`).textContent = format(Number(input.value), 4);
       }
       place.querySelector("pre").textContent = NAMES.filter((name) => inputs[name])
-        .map((name) => `${axis.units[name].name} = ${told(Number(inputs[name].value), 4)}`)
-        .concat(inputs.cutoff ? [`D low-pass = ${told(cutoff, 4)} Hz`] : []).join("\n");
+        .map((name) => `${axis.units[name].name} = ${format(Number(inputs[name].value), 4)}`)
+        .concat(inputs.cutoff ? [`D low-pass = ${format(cutoff, 4)} Hz`] : []).join("\n");
       const drawn = place.querySelector("[data-picture]");
       const answers = { flown: before, chosen: step(axis, axis.plant, found) };
       for (const line of rotorid.pictures[drawn.dataset.picture].data) Object.assign(line, { x: TIMES, y: answers[line.name] });

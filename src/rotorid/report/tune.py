@@ -1,4 +1,4 @@
-"""The page of ``tune``: gains as flown and as proposed, margins with their intervals, and what the vehicle will do."""
+"""The page of ``tune``: new gains, their margins with intervals, and the predicted flight."""
 
 from __future__ import annotations
 
@@ -14,15 +14,7 @@ from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import MISSING, Quantity, with_ends
 from rotorid.data.trust import ROBUSTNESS
 from rotorid.documents.review import QuantityDocument
-from rotorid.documents.tune import (
-    LIMIT_IS_KEPT,
-    AxisTuneDocument,
-    FilterPriceDocument,
-    TuneDocument,
-    path_sentence,
-    step_name,
-    tune_document,
-)
+from rotorid.documents.tune import AxisTuneDocument, FilterPriceDocument, TuneDocument, tune_document
 from rotorid.documents.tune_check import METHODS, compared_words, tune_check_document
 from rotorid.loops.rate_loops import shown_quantities
 from rotorid.models.autopilots.gains import parameters_of
@@ -31,6 +23,18 @@ from rotorid.proposing.check import CheckedAxis, CheckedTuning
 from rotorid.proposing.proposal import AxisTuning, TuningProposal
 from rotorid.report.frame import Picture, in_all_units, over_frequency, render
 from rotorid.report.parts import finding_rows
+from rotorid.report.tune_words import (
+    LIMIT_IS_KEPT,
+    LOOP_WORDS,
+    following,
+    limiting,
+    loading,
+    margin_lines,
+    next_flight,
+    path_sentence,
+    step_name,
+    tune_sentences,
+)
 from rotorid.tuning.loops import quantities
 from rotorid.typing import ComplexArray, FloatArray
 
@@ -48,15 +52,12 @@ PATH_MARGINS = ("sensitivity_peak", "crossover_rad_s", "phase_margin_deg")
 _NOTHING = (MISSING, "")
 _SENSITIVITY = "Sensitivity to disturbances"
 _DRAWS_ON_PAGE = 12
-_WORTH_A_FACTOR = 1.5
-"""A change by more is said as a factor, a smaller one in percent."""
-
 _DIGITS = 6
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MarginRow:
-    """A margin of the rate loop and of the whole one, each flown and proposed: values with their intervals."""
+    """A margin of the rate loop and of the whole loop, each flown and proposed: values with their intervals."""
 
     name: str
     cells: tuple[tuple[str, str], ...]
@@ -86,7 +87,7 @@ class Slider:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PathRow:
-    """A flight on the way to the goal: its gains, its foretold margins, and the attitude error it leaves."""
+    """A flight on the way to the goal: its gains, its predicted margins, and the attitude error."""
 
     name: str
     gains: tuple[str, ...]
@@ -114,7 +115,7 @@ class TunedAxis:
 
 
 def render_tune(proposal: TuningProposal, *, title: str) -> str:
-    """The report as one HTML document, which holds everything it shows and asks the network for nothing.
+    """The report as one self-contained HTML document.
 
     Parameters
     ----------
@@ -129,6 +130,10 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
         title=title,
         document=document,
         sentences=tune_sentences(document),
+        margins=margin_lines(document),
+        next_flight=next_flight(document),
+        following=following(document),
+        loading=loading(document.autopilot),
         axes=axes,
         files=list(proposal.files.items()),
         rollback=list(proposal.rollback_files.items()),
@@ -144,7 +149,7 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ComparedRow:
-    """A figure foretold and measured, how it was measured, and in words whether both agree."""
+    """A figure predicted and measured, how it was measured, and whether both agree."""
 
     name: str
     foretold: tuple[str, str]
@@ -166,16 +171,16 @@ class CheckedCard:
 
 
 _VERDICTS: Mapping[str, tuple[str, str]] = {
-    "as_foretold": ("good", "as foretold"),
-    "inside_limits": ("warning", "not as foretold, inside its limits"),
-    "worse": ("poor", "worse than foretold"),
+    "as_foretold": ("good", "as predicted"),
+    "inside_limits": ("warning", "not as predicted, but within limits"),
+    "worse": ("poor", "worse than predicted"),
     "cannot_tell": ("warning", "not enough data"),
-    "other_gains": ("warning", "other gains flew"),
+    "other_gains": ("warning", "other gains were flown"),
 }
 
 
 def render_check(found: CheckedTuning, *, title: str) -> str:
-    """The page of a flight with proposed gains: what was foretold, what was measured, and what to do next.
+    """The page of a flight with new gains: predicted and measured margins, and what to do next.
 
     Parameters
     ----------
@@ -191,7 +196,7 @@ def render_check(found: CheckedTuning, *, title: str) -> str:
             advice=checked.advice,
             rows=tuple(
                 ComparedRow(
-                    name=f"{_named(row.name)}, {'rate loop' if row.loop == 'rate' else 'with the angle loop'}",
+                    name=f"{_named(row.name)}, {LOOP_WORDS[row.loop]}",
                     foretold=_cell(row.name, row.foretold),
                     measured=_cell(row.name, row.measured),
                     method=METHODS[row.method],
@@ -220,19 +225,19 @@ def _named(name: str) -> str:
 
 
 def _check_pictures(axis: str, checked: CheckedAxis) -> list[Picture]:
-    """Sensitivity as foretold and as flown, where the proposal's own signals are at hand."""
+    """Predicted and measured sensitivity, where the proposal's own signals are available."""
     expected, now = checked.foretold, checked.tuning
     if expected.loops is None or expected.omega_rad_s is None:
         return []
     measured = _band(np.abs(1.0 / (1.0 + now.loops["flown_whole"])))
     at = np.log(expected.omega_rad_s)
     rows = [np.interp(at, np.log(now.omega_rad_s), edge) for edge in measured]
-    both = {"foretold": _band(np.abs(1.0 / (1.0 + expected.loops))), "measured": (rows[0], rows[1], rows[2])}
+    both = {"predicted": _band(np.abs(1.0 / (1.0 + expected.loops))), "measured": (rows[0], rows[1], rows[2])}
     return [
         in_all_units(
             partial(responses, expected.omega_rad_s, both, label=_SENSITIVITY),
             key=f"{axis}-check",
-            description=f"Sensitivity of {axis} to disturbances, as foretold and as flown, with bands of 95 %",
+            description=f"Sensitivity of {axis} to disturbances, predicted and measured, with 95 % bands",
             converted=True,
         )
     ]
@@ -293,7 +298,7 @@ def _sliders(tuning: AxisTuning) -> tuple[Slider, ...]:
             high = min(max(most, step), parameter.high)
             found.append(_slider(name, parameter.name, min(parameter.low, min(values)), high, step, values[1]))
     if cutoff := tuning.parts.controller.derivative_cutoff_hz:
-        found.append(_slider("cutoff", "low-pass of D [Hz]", 5.0, max(150.0, 2.0 * cutoff), 1.0, cutoff))
+        found.append(_slider("cutoff", "D low-pass [Hz]", 5.0, max(150.0, 2.0 * cutoff), 1.0, cutoff))
     return tuple(found)
 
 
@@ -303,60 +308,28 @@ def _slider(name: str, label: str, low: float, high: float, step: float, value: 
 
 
 def _thrust(document: TuneDocument) -> str:
-    """What would straighten thrust, in a sentence; empty without a fit of the motors."""
+    """What would linearize thrust, in a sentence; empty without a fit of the motors."""
     thrust = document.thrust
     if thrust is None:
         return ""
     before, after = (f"{low:.2f} to {high:.2f}" for low, high in (thrust.flown_range, thrust.proposed_range))
+    now = f"Over the flown throttle, the loop gain is {before} times that in hover"
     if thrust.flown == thrust.proposed:
-        return (
-            f"{thrust.parameter} stays at {thrust.flown:g}: over the "
-            f"throttle that was flown gains go from {before} of that "
-            "in hover."
-        )
+        return f"{now}, so {thrust.parameter} stays at {thrust.flown:g}."
     return (
-        f"With {thrust.parameter} = {thrust.proposed:g} in place "
-        f"of {thrust.flown:g} gains would go from {after} of that in "
-        f"hover over the flown throttle, not from {before}. The file thrust sets it with the flown gains times "
-        f"{1.0 / thrust.hover_gain:.3f}, so that the vehicle hovers as before; the throttle of hover becomes "
-        f"{thrust.hover_demand:.2f}. Fly it by itself, and tune afterwards."
+        f"{now}. With {thrust.parameter} = {thrust.proposed:g} instead of {thrust.flown:g} it would be {after} times. "
+        f"The file thrust sets this value and multiplies the flown gains by {1.0 / thrust.hover_gain:.3f}, so that the "
+        f"vehicle hovers as before at a throttle of {thrust.hover_demand:.2f}. Fly it alone, then tune again."
     )
 
 
-def tune_sentences(document: TuneDocument) -> tuple[str, ...]:
-    """What is proposed, in sentences."""
-    sentences = []
-    for axis, tuning in document.axes.items():
-        if not tuning.changed:
-            why = f": {tuning.reasons[0]}" if tuning.reasons else ""
-            sentences.append(f"The gains of {axis} stay as they were flown{why}.")
-            continue
-        ratio, peak = tuning.attitude_ratio, tuning.proposed_whole.get("sensitivity_peak")
-        peak_sentence = f" Predicted peak sensitivity M_s: {_format_quantity(peak)}." if peak is not None else ""
-        sentences.append(
-            f"With the new gains, a disturbance tilts the vehicle in {axis} {_less(ratio)} today.{peak_sentence}"
-        )
-    return tuple(sentences)
-
-
-def _less(ratio: QuantityDocument) -> str:
-    """A deviation over that of today, for people."""
-    if ratio.value <= 1.0 / _WORTH_A_FACTOR:
-        return f"{1.0 / ratio.value:.2g} times less than"
-    if ratio.value >= _WORTH_A_FACTOR:
-        return f"{ratio.value:.2g} times as far as"
-    change = 100.0 * (ratio.value - 1.0)
-    return f"{abs(change):.0f} % {'less' if change < 0.0 else 'more'} than"
-
-
 def _axis(axis: str, document: AxisTuneDocument, tuning: AxisTuning, scale: float | None) -> TunedAxis:
-    stays = document.reasons[0] if document.reasons else ""
     loops = (document.flown, document.proposed, document.flown_whole, document.proposed_whole)
     whole = (document.flown_attitude, document.proposed_attitude)
     return TunedAxis(
         name=axis,
         changed=document.changed,
-        summary="; ".join(document.reasons) if document.changed else stays,
+        summary=limiting(document),
         gains=tuple(
             GainRow(
                 name=name,
@@ -388,14 +361,14 @@ def _axis(axis: str, document: AxisTuneDocument, tuning: AxisTuning, scale: floa
             for step in document.path
         ),
         path_gains=tuple(document.path[0].gains) if document.path else (),
-        path_sentence=path_sentence(document) if document.path else "",
+        path_sentence=path_sentence(document.path) if document.path else "",
         pictures=tuple(_pictures(axis, tuning, scale)),
         filters=tuple(document.filters),
         ends=tuple((name, _format_quantity(end.get("sensitivity_peak"))) for name, end in document.ends.items()),
         sliders=_sliders(tuning),
         by_hand=Picture(
             key=f"{axis}-by-hand",
-            description=f"Answer of {axis} to a step of its set-point, with the flown gains and those chosen here",
+            description=f"Step response of {axis} with the gains of today and those chosen here",
             figure=by_hand(axis),
         ),
     )
@@ -428,20 +401,20 @@ def _pictures(axis: str, tuning: AxisTuning, scale: float | None) -> Sequence[Pi
         for name, found in quick.items()
         if name in both and {"rejection_bandwidth_rad_s", "rejection_peak_db"} <= found.keys()
     }
-    guided = "" if scale is None else f", with the guideline for helicopters {scale:.0f} times larger"
+    guided = "" if scale is None else f", with the guideline for a helicopter {scale:.0f} times larger"
     sensitivities = {name: _band(np.abs(1.0 / (1.0 + tuning.loops[f"{name}_whole"]))) for name in both}
     drawn = partial(responses, tuning.omega_rad_s, seen_rad_s=tuning.plant.band_rad_s)
     further = [
         in_all_units(
             partial(drawn, bands["attitude"], label=f"{capital(axis)} over its set-point"),
             key=f"{axis}-attitude",
-            description=f"Size of the answer of {axis} to its set-point over frequency, flown and proposed gains",
+            description=f"Magnitude of {axis} over its set-point, flown and proposed gains",
             converted=True,
         ),
         in_all_units(
-            partial(drawn, bands["disturbance"], label=f"{capital(axis)} by a moment"),
+            partial(drawn, bands["disturbance"], label=f"{capital(axis)} over moment"),
             key=f"{axis}-disturbance",
-            description=f"Size of the answer of {axis} to a moment over frequency, flown and proposed gains",
+            description=f"Magnitude of {axis} under a disturbance moment, flown and proposed gains",
             converted=True,
         ),
     ]
@@ -452,19 +425,21 @@ def _pictures(axis: str, tuning: AxisTuning, scale: float | None) -> Sequence[Pi
             over_frequency(
                 partial(rejection, axis, edges, scale=scale),
                 key=f"{axis}-rejection",
-                description=f"Bandwidth and peak of the rejection of disturbances in {axis}{guided}",
+                description=f"Disturbance-rejection bandwidth and peak in {axis}{guided}",
             )
         )
     return [
         Picture(
             key=f"{axis}-step",
-            description=f"Answer of {axis} to a step of its set-point, flown and proposed gains, with bands of 95 %",
+            description=f"Step response of {axis} with flown and proposed gains, with 95 % bands",
             figure=steps(tuning.step_s, {name: _band(tuning.steps[name]) for name in both}, axis=axis),
         ),
         in_all_units(
             partial(drawn, sensitivities, label=_SENSITIVITY),
             key=f"{axis}-sensitivity",
-            description=f"Sensitivity of {axis} to disturbances over frequency, flown and proposed gains, with bands",
+            description=(
+                f"Sensitivity of {axis} to disturbances over frequency, flown and proposed gains, with 95 % bands"
+            ),
             converted=True,
         ),
         *further,

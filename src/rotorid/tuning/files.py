@@ -1,4 +1,4 @@
-"""Files by which gains reach a vehicle, and by which it goes back to the flown ones: text alone, nothing is sent.
+"""Files with gains for an autopilot, and files to go back to the flown ones: text only, nothing is sent.
 
 PX4 takes QGroundControl's ``.params`` and lines for its shell, ArduPilot the ``.param`` of Mission Planner and of
 MAVProxy, Betaflight lines of its command line.
@@ -43,7 +43,7 @@ def parameter_files(
     firmware
         As the log names it; Betaflight's settings have names by version.
     profile
-        Of Betaflight, counted from zero; without it the lines go to the profile that is selected, and say so.
+        Of Betaflight, counted from zero; without it the file is for the selected profile, as its comment notes.
 
     Raises
     ------
@@ -56,20 +56,22 @@ def parameter_files(
     ['rollback.param']
     """
     if wrong := [name for name, value in values.items() if not math.isfinite(value)]:
-        raise UsageError(f"{wrong[0]} = {values[wrong[0]]} came", needed="finite gains")
+        raise UsageError(f"{wrong[0]} = {values[wrong[0]]} is not finite", needed="finite gains")
     if autopilot == "PX4":
         return {f"{role}.params": _qgroundcontrol(values, role), f"{role}.txt": _shell(values)}
     if autopilot == "ArduPilot":
         return {f"{role}.param": _mission_planner(values, role)}
     if autopilot == "Betaflight":
         return {f"{role}.cli.txt": _betaflight(values, role, firmware, profile)}
-    raise UsageError(f"gains of {autopilot or 'no autopilot'} came", needed="PX4, ArduPilot, Betaflight")
+    raise UsageError(
+        f"no file of gains for {autopilot or 'an unknown autopilot'}", needed="PX4, ArduPilot or Betaflight"
+    )
 
 
 _WORDS: Mapping[Role, str] = {
     "proposed": "gains proposed by rotorid",
-    "thrust": "a straighter curve of thrust, with the flown gains made to it: fly it by itself",
-    "rollback": "values as they were flown, to go back to",
+    "thrust": "thrust linearization, with the flown gains adapted to it: fly it alone",
+    "rollback": "flown values, to go back",
 }
 
 
@@ -95,19 +97,21 @@ def _betaflight(values: Mapping[str, float], role: Role, firmware: str, profile:
     version = version_of(firmware)
     if version is None or not _OLDEST_NAMES <= version <= _NEWEST_NAMES:
         raise UsageError(
-            f"the firmware {firmware or 'of no name'} came",
-            needed="Betaflight 4.0 to 2025.12, whose settings are known",
+            f"the settings of {firmware or 'this Betaflight'} are not known",
+            needed="Betaflight 4.0 to 2025.12",
         )
     if broken := [name for name, value in values.items() if value != round(value)]:
-        raise UsageError(f"{broken[0]} = {values[broken[0]]:g} came", needed="whole numbers, as Betaflight has them")
-    # Sliders would work the gains out again when the settings are saved.
+        raise UsageError(
+            f"{broken[0]} = {values[broken[0]]:g} is not a whole number", needed="whole numbers for Betaflight"
+        )
+    # Sliders would recompute the gains when the settings are saved.
     sliders = ["set simplified_pids_mode = OFF"] if version >= (4, 3) else []
     if version >= (4, 3):
         sliders += [f"set simplified_{kind}_filter = OFF" for kind in ("dterm", "gyro") if _has(values, kind)]
-    selected = "# select the PID profile that was flown first, and the rate profile with it" if profile is None else ""
+    selected = "# first select the PID profile and rate profile that were flown" if profile is None else ""
     lines = [f"# {_WORDS[role]}", selected or f"# profile {profile}"]
     if role == "rollback" and sliders:
-        lines += ["# but for the sliders (simplified_...), which stay off: turned on, they work the gains out again"]
+        lines += ["# the sliders (simplified_...) stay off: if on, they would recompute the gains"]
     lines += ["batch start", *([] if profile is None else [f"profile {profile}"]), *sliders]
     lines += [f"set {name} = {_format_value(name, value, version)}" for name, value in values.items()]
     # An open batch with an error in it refuses to save, as it does in Betaflight's own files.
@@ -115,12 +119,13 @@ def _betaflight(values: Mapping[str, float], role: Role, firmware: str, profile:
 
 
 def _format_value(name: str, value: float, version: Version) -> str:
-    """A value as the command line takes it: types of low-passes are words."""
+    """A value for the command line, where types of low-passes are words."""
     if not is_type(name):
         return str(int(value))
     words = types_of(version)
     if not 0 <= value < len(words):
-        raise UsageError(f"{name} = {value:g} came", needed=", ".join(f"{k} ({word})" for k, word in enumerate(words)))
+        known = ", ".join(f"{k} ({word})" for k, word in enumerate(words))
+        raise UsageError(f"{name} = {value:g} is not a filter type", needed=f"one of {known}")
     return words[int(value)]
 
 

@@ -1,7 +1,7 @@
 """Gains by the names, ranges and steps of each firmware.
 
-A firmware keeps a gain as a number of 32 bits, Betaflight as an integer: a proposal is rounded to what the vehicle will
-hold, and judged as that. Which parameters hold it is a question to :mod:`rotorid.models.autopilots.gains`.
+A firmware stores a gain as a number of 32 bits, Betaflight as an integer: a proposal is rounded to what the vehicle
+stores, and judged so. The names are those of :mod:`rotorid.models.autopilots.gains`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _SAME = 1e-6
 
 
 def ranges_of(controller: AxisController) -> dict[str, tuple[float, float]]:
-    """Least and largest gain in SI that the firmware takes."""
+    """Least and largest gain in SI that the firmware accepts."""
     return {
         letter: (parameter.low * parameter.per_si, parameter.high * parameter.per_si)
         for letter, parameter in parameters_of(controller).items()
@@ -27,12 +27,12 @@ def ranges_of(controller: AxisController) -> dict[str, tuple[float, float]]:
 
 
 def rounded(controller: AxisController, gains: Gains) -> Gains:
-    """Gains as the firmware will hold them: numbers of 32 bits, or integers.
+    """Gains as the firmware stores them: numbers of 32 bits, or integers.
 
     Parameters
     ----------
     controller
-        Of the axis; what it has no parameter for stays as flown.
+        Of the axis; a gain without a parameter stays as flown.
     gains
         In SI.
     """
@@ -46,23 +46,23 @@ def rounded(controller: AxisController, gains: Gains) -> Gains:
 
 
 def _as_stored(parameter: Parameter, gain: float) -> float:
-    """The value of a parameter for a gain, as the firmware keeps it."""
+    """The value of a parameter for a gain, as the firmware stores it."""
     value = gain / parameter.per_si
     return float(round(value)) if parameter.integer else float(np.float32(f"{value:.4g}"))
 
 
 def _is_unchanged(parameter: Parameter, gain: float, flown: float) -> bool:
-    """Whether a gain is the flown one, which is then not rounded: nothing would have changed but its digits."""
+    """Whether a gain equals the flown one, which is then not rounded: only its digits would change."""
     return math.isclose(_as_stored(parameter, gain), _as_stored(parameter, flown), rel_tol=_SAME, abs_tol=_SAME)
 
 
 def written(controller: AxisController, gains: Gains) -> dict[str, float]:
-    """Values of the firmware's parameters for some gains, by name; one that stays has the digits of the log.
+    """Values of the firmware's parameters for some gains, by name; unchanged ones have the digits of the log.
 
     Raises
     ------
     UsageError
-        A value is not finite, or outside the firmware's range; one that stays as it was flown may be.
+        A changed value is not finite, or outside the firmware's range.
     """
     found = {}
     flown = Gains.of(controller.controller).as_dict()
@@ -74,7 +74,7 @@ def written(controller: AxisController, gains: Gains) -> dict[str, float]:
         value = _as_stored(parameter, gain) if math.isfinite(gain) else gain
         if not (math.isfinite(value) and parameter.low * (1.0 - _SAME) <= value <= parameter.high * (1.0 + _SAME)):
             raise UsageError(
-                f"{parameter.name} = {value:g} came",
+                f"{parameter.name} = {value:g} is out of range",
                 needed=f"a finite value from {parameter.low:g} to {parameter.high:g}",
             )
         found[parameter.name] = value
@@ -87,14 +87,14 @@ def scaled(controller: AxisController, factor: float) -> dict[str, float]:
     Parameters
     ----------
     controller
-        As the log tells it.
+        As the log has it.
     factor
-        On P, I, D and feed-forward, and both ends of a D that moves; the angle gain asks for a rate, and stays.
+        On P, I, D and feed-forward, and both ends of a D that changes in flight; not on the angle gain.
 
     Raises
     ------
     UsageError
-        A value leaves the firmware's range, which the flown one had kept.
+        A value leaves the firmware's range.
     """
     known = {parameter.name: parameter for parameter in ahead_of(controller)}
     known |= {parameter.name: parameter for letter, parameter in parameters_of(controller).items() if letter != "A"}
@@ -109,7 +109,8 @@ def scaled(controller: AxisController, factor: float) -> dict[str, float]:
         )
         if outside:
             raise UsageError(
-                f"{name} = {value:g} came", needed=f"a finite value from {parameter.low:g} to {parameter.high:g}"
+                f"{name} = {value:g} is out of range",
+                needed=f"a finite value from {parameter.low:g} to {parameter.high:g}",
             )
         found[name] = value
     return found

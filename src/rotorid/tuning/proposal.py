@@ -1,4 +1,4 @@
-r"""Gains that hold their limits for every likely plant, by a grid of shapes where each limit bounds P in closed form.
+r"""Gains within limits for every likely plant, by a grid of shapes where each limit bounds P in closed form.
 
 For a shape :math:`(a, d, A)` of I/P, D/P and the angle gain a loop is linear in :math:`k = P`, :math:`L = k L_0`, and
 
@@ -13,8 +13,8 @@ For a shape :math:`(a, d, A)` of I/P, D/P and the angle gain a loop is linear in
 Where I or D stays, its ratio to P moves with P, and L is no multiple of one loop any more: values of P are tried, each
 a shape of its own, and the same bounds accept or refuse it.
 
-Both loops count, the rate loop alone and the whole one. Of all shapes the one is proposed that holds an attitude best
-against a moment. The best on the most likely plant are looked at again on all draws; a bound counts by its quantile.
+Both loops count, the rate loop alone and the whole loop. The shape with the smallest attitude error under a disturbance
+is proposed. The best on the most likely plant are checked on all draws; a bound counts by its quantile.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ from rotorid.tuning.plant import UncertainPlant
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 QUANTILE = 0.05
-"""Of the draws, that may miss a limit."""
+"""Share of the draws that may miss a limit."""
 
 _AS_GOOD = 1.01
-"""Attitude under a moment over that of the best gains, up to which the simplest of them are proposed."""
+"""Attitude error relative to the best gains, up to which the simplest gains are proposed."""
 
 _KEPT_SHAPES = 60
 _ROOM = 1.3
@@ -56,27 +56,29 @@ _ANGLE_ROOM = 3.0
 _MOST_UP, _MOST_DOWN = 2.0, 0.4
 
 _GOAL_UP = 16.0
-"""How far the goal of several flights may lie from the flown gains: four doublings."""
+"""Largest factor between flown gains and the goal of several flights: four doublings."""
 
 _MOST = 0.5
-"""Of the draws, more have to say that flown gains break a limit where the plant was not seen."""
+"""Share of the draws on which flown gains must break a limit, where the plant was not measured."""
 
 _CALMER = 0.1
-"""Share of an integral with which it swings no loop any more."""
+"""Share of an integral that no longer makes a loop oscillate."""
 
 _QUIET = 0.01
-"""Of the range of a command: noise below it is no matter."""
+"""Noise of a command, over its range, that does not matter."""
 
 _WORTH = 0.97
-"""A proposal has to hold an attitude better than the flown gains by this, or to bring them inside the limits."""
+"""Attitude error relative to the flown gains below which a proposal is worth a flight, if those keep the limits."""
 
 _AT_CAP = 0.99
 """Share of a step from which it counts as reached: gains are rounded."""
 
 _ROBUSTNESS = ((1.45, "soft"), (1.75, "recommended"), (2.1, "firm"))
-_LITTLE_RESERVE = "little reserve, as after a firmware's AutoTune"
+_LITTLE_RESERVE = "little reserve, like a firmware's AutoTune"
 
-_SOFTER = "A falls further than usual, since P may not grow far enough in one flight"
+_SOFTER = "angle P is lowered further than usual, because P cannot grow enough in one flight"
+_NAMES = {"A": "angle P"}
+"""What a pilot calls a gain, where not by its letter."""
 _SHRINK, _STEPS_DOWN = 0.97, 12
 _PROPORTIONALS = 24
 """Values of P that are tried where I or D stays."""
@@ -84,10 +86,10 @@ _PROPORTIONALS = 24
 _EXACT = 1e-9
 
 _NEVER = 1e12
-"""Least factor on a loop that no factor brings inside its limits."""
+"""Least factor of a loop that stays outside its limits with any factor."""
 
 _ALIKE = 1.05
-"""Sensitivity peaks of one loop over each other up to which neither is the worse."""
+"""Ratio of two sensitivity peaks up to which neither is worse."""
 _RATE_SHAPES = np.geomspace(0.3, 12.0, 18)
 _YAW_SHAPES = np.geomspace(0.1, 5.0, 18)
 _DERIVATIVES = np.concatenate([[0.0], np.geomspace(0.003, 0.2, 13)])
@@ -95,12 +97,12 @@ _ANGLES = np.geomspace(0.8, 12.0, 8)
 _SOFT_ANGLES = np.array([0.3, 0.5])
 
 _SOFT_ANGLES_DOWN = (0.3, 0.2, 0.1)
-"""Of a yaw whose P may not grow far enough in one flight: a softer angle loop is slow, and no danger."""
+"""For a yaw whose P cannot grow enough in one flight: a softer angle loop is slow, but safe."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wishes(Immutable):
-    """What a loop has to hold.
+    """Limits of a loop, and how far its gains may change.
 
     Parameters
     ----------
@@ -111,9 +113,9 @@ class Wishes(Immutable):
     gain_margin
         Least gain margin of the rate loop.
     noise
-        Noise of the command at most, as a factor on that of the flown gains.
+        Largest noise of the command, relative to the flown gains.
     keep
-        Gains that stay: of ``P``, ``I``, ``D``, ``A``.
+        Gains that are not changed: of ``P``, ``I``, ``D``, ``A``.
     most_up
         How much P, D and A may grow in one flight.
     most_down
@@ -121,11 +123,11 @@ class Wishes(Immutable):
     angle_down
         How far A may fall in one flight, likewise.
     gain_range
-        Least and largest gain of the plant over that in hover, as the curve of thrust makes it over the throttle.
+        Least and largest gain of the plant relative to hover, over the flown throttle.
     ranges
         Lowest and highest value of a gain that the firmware takes, by its name.
     angle_1_s
-        The angle gain that is to be flown, where another axis has the same one; ``None`` where it is free.
+        The angle gain to fly, where another axis shares it; ``None`` where it is free.
     """
 
     sensitivity_peak: float = ROBUSTNESS
@@ -145,7 +147,7 @@ class Wishes(Immutable):
 
 
 def robustness_in_words(sensitivity_peak: float) -> str:
-    r"""What a largest sensitivity peak leaves to a loop, for people.
+    r"""The reserve of a loop with a largest sensitivity peak, for people.
 
     .. math:: \text{gain margin} \ge \frac{M}{M - 1}, \qquad \text{phase margin} \ge 2 \arcsin \frac{1}{2 M}
 
@@ -157,20 +159,20 @@ def robustness_in_words(sensitivity_peak: float) -> str:
     Examples
     --------
     >>> robustness_in_words(1.7)
-    'M_s up to 1.7, recommended: the loop stays stable if its gain grows 2.4 times or if it loses 34° of phase'
+    'M_s up to 1.7 (recommended): stable if the gain grows 2.4 times or the phase drops 34°'
     """
     kind = next((words for most, words in _ROBUSTNESS if sensitivity_peak <= most), _LITTLE_RESERVE)
     gain = sensitivity_peak / (sensitivity_peak - 1.0)
     phase = np.degrees(2.0 * np.arcsin(0.5 / sensitivity_peak))
     return (
-        f"M_s up to {sensitivity_peak:g}, {kind}: the loop stays stable if its gain grows {gain:.1f} times or if it "
-        f"loses {phase:.0f}° of phase"
+        f"M_s up to {sensitivity_peak:g} ({kind}): stable if the gain grows {gain:.1f} times or the phase drops "
+        f"{phase:.0f}°"
     )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Judged(Immutable):
-    """Gains, and what they do on every draw.
+    """Gains, and their effect on every draw.
 
     Parameters
     ----------
@@ -197,7 +199,7 @@ class Judged(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisProposal(Immutable):
-    """Gains proposed for an axis, beside the flown ones.
+    """Gains proposed for an axis, with the flown gains.
 
     Parameters
     ----------
@@ -210,9 +212,9 @@ class AxisProposal(Immutable):
     better
         Root mean square of the attitude under a moment, proposed over flown: its median.
     reasons
-        Why the flown gains stay, or what bounds the proposal.
+        Why the flown gains stay, or what limits the proposal.
     keeps_limits
-        Whether any gains that were tried keep the limits; the flown ones are proposed where none do.
+        Whether any tried gains keep the limits; otherwise the flown gains are proposed.
     """
 
     axis: Axis
@@ -239,7 +241,7 @@ def propose(
     ends: Sequence[ControllerParts] = (),
     wishes: Wishes | None = None,
 ) -> AxisProposal:
-    """Gains for an axis that hold their limits on the plants that are likely.
+    """Gains for an axis that keep their limits on all likely plants.
 
     Parameters
     ----------
@@ -250,11 +252,11 @@ def propose(
     controller
         As flown.
     parts
-        What its gains do, with the filters that are to be flown; without it no filter is taken to stand anywhere.
+        Transfer functions of its gains, with the filters to fly; without it, no filters.
     flown_parts
         The same with the filters as they were flown, where others are to be.
     ends
-        The same where D moves in flight, with a D of their own: what is proposed has to hold there too.
+        The same at the ends of a D that changes in flight: the limits apply there too.
     wishes
         Limits.
 
@@ -291,7 +293,7 @@ def propose(
     if best is None:
         if hot := _broken_limit(flown, plant, wishes):
             lower = "I" if _swings_slowly(flown, flown_parts or parts, plants) else "P and D"
-            reasons.append(f"the flown gains do not keep {hot}: lower {lower} by hand, and fly the sweep again")
+            reasons.append(f"today {hot}: lower {lower} by hand and fly the sweep again")
         return AxisProposal(
             axis=axis,
             controller=controller,
@@ -305,12 +307,12 @@ def propose(
     broken = _broken_limit(flown, plant, wishes)
     same = flown_parts is None and wishes.angle_1_s in (None, flown.gains.A)
     if better > _WORTH and not broken and same:
-        reasons.append("no gains inside the limits hold the attitude clearly better than the flown ones")
+        reasons.append("no gains within the limits are clearly better")
         return AxisProposal(
             axis=axis, controller=controller, flown=flown, proposed=flown, better=1.0, reasons=tuple(reasons)
         )
     if broken:
-        reasons.append(f"the flown gains do not keep {broken}")
+        reasons.append(f"today {broken}")
     reasons += _bound_by(best.gains, flown.gains, wishes)
     return AxisProposal(
         axis=axis, controller=controller, flown=flown, proposed=best, better=better, reasons=tuple(reasons)
@@ -327,7 +329,7 @@ def steps_beyond(
     ends: Sequence[ControllerParts] = (),
     wishes: Wishes,
 ) -> tuple[Judged, ...]:
-    """What flights after the proposed one may bring, by the plant of today; the last is the goal.
+    """Gains of the flights after the proposed one, predicted with the plant of today; the last is the goal.
 
     A gain may double in one flight, so that a proposal often ends at that and not at the limits of the loop. The goal
     keeps these limits and no others. Between both the gains of the second flight are looked for as those of the first
@@ -360,7 +362,7 @@ def steps_beyond(
 
 
 def flights_between(gains: Gains, other: Gains, wishes: Wishes) -> int:
-    """How many flights lie between two sets of gains, each at most a step from the one before."""
+    """Number of flights from one set of gains to another, each at most one step."""
     count = 0
     for name, before, after in _changing(gains, other):
         if after > before:
@@ -372,7 +374,7 @@ def flights_between(gains: Gains, other: Gains, wishes: Wishes) -> int:
 
 
 def _changing(gains: Gains, other: Gains) -> list[tuple[str, float, float]]:
-    """Gains that a flight may change by a step only, in both sets."""
+    """Gains that one flight may change by one step only, in both sets."""
     both = [(name, getattr(gains, name), getattr(other, name)) for name in ("P", "D", "A")]
     return [(name, before, after) for name, before, after in both if before > 0.0 and after > 0.0]
 
@@ -382,7 +384,7 @@ def _within_a_step(gains: Gains, flown: Gains, wishes: Wishes) -> bool:
 
 
 def _capped(gains: Gains, flown: Gains, wishes: Wishes) -> bool:
-    """Whether a step ends what one flight changes."""
+    """Whether the limit of one flight stopped a gain."""
     for name, before, after in _changing(flown, gains):
         down = {"P": wishes.most_down, "A": wishes.angle_down}.get(name, 0.0)
         if after >= _AT_CAP * wishes.most_up * before or after <= down * before / _AT_CAP:
@@ -391,19 +393,19 @@ def _capped(gains: Gains, flown: Gains, wishes: Wishes) -> bool:
 
 
 def _over(scores: Judged, other: Judged) -> float:
-    """Attitude under a moment with one set of gains over that with another: the median over the draws."""
+    """Attitude error of one set of gains relative to another: the median over the draws."""
     return float(np.median(scores.attitude_rms / other.attitude_rms))
 
 
 def _swings_slowly(flown: Judged, parts: ControllerParts, plants: _Plants) -> bool:
-    """Whether a loop is unstable since its integral is too strong for P and A: with less of it, it is not."""
+    """Whether too much integral makes a loop unstable: with less, it is stable."""
     calmer = judged(parts, plants.drawn, replace(flown.gains, I=_CALMER * flown.gains.I), from_rad_s=plants.from_rad_s)
     before, after = (float(np.mean(scores.rate.stable * scores.whole.stable)) for scores in (flown, calmer))
     return before < _MOST < after
 
 
 def judged(parts: ControllerParts, plants: ComplexArray, gains: Gains, *, from_rad_s: float = 0.0) -> Judged:
-    """What gains do on all plants, shape ``(draws, f)``; stability counts from a frequency on, as in loop_figures."""
+    """Effect of gains on all plants, shape ``(draws, f)``; stability counts from a frequency on, as in loop_figures."""
     omega = parts.omega_rad_s
     rate, whole = plants * parts.rate(gains), plants * parts.whole(gains)
     return Judged(
@@ -433,7 +435,7 @@ def _searched(
     reasons: list[str],
     ends: Sequence[ControllerParts],
 ) -> Judged | None:
-    """The best gains of the grid that hold on the draws; ``None``, with the reason, where none do."""
+    """The best gains of the grid that keep the limits on the draws; ``None``, with the reason, where none do."""
     ranked: list[tuple[float, _Shape]] = []
     nominal, drawn, start = plants.nominal, plants.drawn, first_counted(parts.omega_rad_s, plants.from_rad_s)
     for shape in _shapes(axis, flown.gains, wishes):
@@ -505,7 +507,7 @@ def _shapes(axis: Axis, flown: Gains, wishes: Wishes) -> list[_Shape]:
 
 
 def _kept(flown: Gains, wishes: Wishes) -> dict[str, float]:
-    """Gains that stay, and their values; an angle gain that is given is one of them."""
+    """Gains that are not changed, and their values; a given angle gain is among them."""
     found = {
         name: value
         for name, value in flown.as_dict().items()
@@ -563,7 +565,7 @@ def _gain(
     flown: Judged,
     wishes: Wishes,
 ) -> float | None:
-    """The largest P of a shape that holds on the plants; ``None`` where none does."""
+    """The largest P of a shape that keeps the limits on the plants; ``None`` where none does."""
     a, d, A, given = shape
     kept = _kept(flown.gains, wishes)
     unit = Gains(P=1.0, I=a, D=d, A=A)
@@ -641,7 +643,7 @@ def _inside(
     reasons: list[str],
     ends: Sequence[ControllerParts],
 ) -> Judged | None:
-    """Gains that hold with everything exact, feed-forward included: a little smaller where they have to be."""
+    """Gains that keep the limits with everything exact, feed-forward included: a little smaller if necessary."""
     for _ in range(_STEPS_DOWN):
         found = judged(parts, plants.drawn, gains, from_rad_s=plants.from_rad_s)
         moved = [
@@ -652,12 +654,12 @@ def _inside(
         if not broken:
             return found
         gains = _step_down(gains, flown.gains, wishes)
-    reasons.append(f"the gains that were tried do not keep {broken} on the likely plants")
+    reasons.append(f"{broken} with every set of gains that was tried")
     return None
 
 
 def _step_down(gains: Gains, flown: Gains, wishes: Wishes) -> Gains:
-    """All gains that may change a step down, as far as they may go."""
+    """All changeable gains one step lower, within their ranges."""
     found, kept = {}, _kept(flown, wishes)
     for name, value in gains.as_dict().items():
         least = min(value, _limits(name, getattr(flown, name), wishes)[0])
@@ -666,17 +668,17 @@ def _step_down(gains: Gains, flown: Gains, wishes: Wishes) -> Gains:
 
 
 def _broken_limit(flown: Judged, plant: UncertainPlant, wishes: Wishes) -> str:
-    """Which limit the flown gains do not keep.
+    """The limit that the flown gains break, in words; empty where they keep all.
 
-    Where the plant was not seen at their crossover, its draws are wide there: then half have to say so, or every
-    loop that was measured badly would be slowed down.
+    Where the plant was not measured at their crossover, its draws are wide: then half of them must break the limit, or
+    every badly measured loop would be slowed down.
     """
     within_band = flown.rate.usual_crossover_rad_s <= plant.band_rad_s[1]
     return _broken(flown, wishes, share=2.0 * QUANTILE if within_band else _MOST)
 
 
 def newly_broken_limit(flown: Judged, then: Judged, plant: UncertainPlant, wishes: Wishes) -> str:
-    """Which limit the same gains break with other filters; empty where they keep all, or where it is not their doing.
+    """The limit that the same gains newly break with other filters, in words; empty where there is none.
 
     Parameters
     ----------
@@ -698,36 +700,38 @@ def _worst_peak(scores: Judged) -> float:
 
 
 def _broken(scores: Judged, wishes: Wishes, *, share: float = 2.0 * QUANTILE) -> str:
-    """Which limit gains break on more than a share of the plants; empty where none."""
+    """The limit that gains break on more than a share of the plants, in words; empty where none."""
     worst = {
-        "stability": np.maximum(1.0 - scores.rate.stable, 1.0 - scores.whole.stable) > 0.0,
-        f"a peak sensitivity M_s of at most {wishes.sensitivity_peak:g} of the rate loop": scores.rate.sensitivity_peak
+        "the loop may be unstable": np.maximum(1.0 - scores.rate.stable, 1.0 - scores.whole.stable) > 0.0,
+        f"M_s of the rate loop exceeds {wishes.sensitivity_peak:g}": scores.rate.sensitivity_peak
         > wishes.sensitivity_peak,
-        (
-            f"a peak sensitivity M_s of at most {wishes.sensitivity_peak:g} of the whole loop"
-        ): scores.whole.sensitivity_peak > wishes.sensitivity_peak,
-        f"a phase margin of at least {np.degrees(wishes.phase_margin_rad):.0f} degrees": scores.rate.phase_margin_rad
+        (f"M_s with the angle loop exceeds {wishes.sensitivity_peak:g}"): scores.whole.sensitivity_peak
+        > wishes.sensitivity_peak,
+        f"the phase margin is below {np.degrees(wishes.phase_margin_rad):.0f}°": scores.rate.phase_margin_rad
         < wishes.phase_margin_rad,
     }
     return next((name for name, found in worst.items() if float(np.mean(found)) > share), "")
 
 
 def _bound_by(gains: Gains, flown: Gains, wishes: Wishes) -> Sequence[str]:
-    """Which caps of one flight bind, and which gains they keep out of the range of their firmware."""
+    """The caps of one flight that limit the gains, in words."""
     found = _kept_outside(flown, wishes)
     for name in ("P", "D", "A"):
         before, now = getattr(flown, name), getattr(gains, name)
         if before > 0.0 and now >= _AT_CAP * wishes.most_up * before:
-            found.append(f"{name} at {wishes.most_up:g} times the flown value, the most of one flight")
+            found.append(f"{_NAMES.get(name, name)} grows {wishes.most_up:g} times, the most for one flight")
     return found
 
 
 def _kept_outside(flown: Gains, wishes: Wishes) -> list[str]:
-    """Gains that stay since one flight cannot bring them into the range of their firmware."""
+    """Gains that one flight cannot bring into the range of the firmware, in words."""
     found = []
     for name, value in flown.as_dict().items():
         if name not in wishes.keep and _out_of_reach(name, value, wishes):
             least, most = wishes.ranges[name]
             words = f"{least:.4g} to {most:.4g}"
-            found.append(f"{name} stays at {value:.4g}, too far from the {words} of its firmware for one flight")
+            found.append(
+                f"{_NAMES.get(name, name)} stays at {value:.4g}: too far from the firmware's range ({words}) for one "
+                "flight"
+            )
     return found

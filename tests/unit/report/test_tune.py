@@ -1,4 +1,4 @@
-"""What is said of the way to the goal."""
+"""Words about new gains and the flights to the best ones."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from rotorid.documents.tune import path_sentence
-from rotorid.report.tune import _less
+from rotorid.report.tune_words import _less, path_sentence
 
 
 def step(ratio: float) -> SimpleNamespace:
@@ -16,14 +15,14 @@ def step(ratio: float) -> SimpleNamespace:
 
 
 @pytest.mark.parametrize(("goal", "words"), [(0.25, "2 times less"), (0.48, "4 % less"), (0.35, "30 % less")])
-def test_a_small_gain_is_said_in_percent_and_never_as_one_time(goal: float, words: str) -> None:
-    way: Any = SimpleNamespace(path=[step(0.5), step(goal)])
-    assert path_sentence(way).endswith(f"tilts the vehicle {words} than with the proposed gains.")
+def test_a_small_gain_is_given_in_percent_and_never_as_one_time(goal: float, words: str) -> None:
+    way: Any = [step(0.5), step(goal)]
+    assert path_sentence(way).endswith(f"tilts the vehicle {words} than with the gains proposed now.")
 
 
 @pytest.mark.parametrize(
     ("ratio", "words"),
-    [(0.25, "4 times less than"), (0.9, "10 % less than"), (1.2, "20 % more than"), (5.3, "5.3 times as far as")],
+    [(0.25, "4 times less than"), (0.9, "10 % less than"), (1.2, "20 % more than"), (5.3, "5.3 times more than")],
 )
 def test_a_disturbance_that_tilts_much_more_is_a_factor(ratio: float, words: str) -> None:
     assert _less(SimpleNamespace(value=ratio)) == words  # type: ignore[arg-type]

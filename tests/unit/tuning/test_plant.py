@@ -41,9 +41,9 @@ def test_a_plant_is_followed_as_far_as_its_model_explains_it() -> None:
 def test_gains_are_not_proposed_beyond_the_reach_of_a_plant() -> None:
     plant = uncertain_plant(lambda omega: 20.0 / (1j * omega), None, band_rad_s=(1.0, 20.0), draws=10)
     require_known("roll", plant, 119.0)
-    with pytest.raises(InsufficientDataError, match=r"known up to 120 rad/s only") as refused:
+    with pytest.raises(InsufficientDataError, match=r"measured up to 19.1 Hz only") as refused:
         require_known("roll", plant, 121.0)
-    assert refused.value.remedy == "fly a sweep of roll up to 182 rad/s"
+    assert refused.value.remedy == "fly a sweep of roll up to 29 Hz"
 
 
 def test_a_flown_loop_has_no_number_beyond_the_reach_of_its_plant() -> None:

@@ -6,6 +6,7 @@ Ranges are those of the firmwares' own parameter descriptions.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
@@ -126,8 +127,25 @@ _NAMES: Mapping[str, _Names] = MappingProxyType(
     }
 )
 
+_LETTERS = re.compile(
+    r"(?:MC_(?:ROLL|PITCH|YAW)RATE_|ATC_RAT_(?:RLL|PIT|YAW)_)(?P<rate>[PID])|(?P<low>[pid])_(?:roll|pitch|yaw)"
+    r"|MC_(?:ROLL|PITCH|YAW)_P|ATC_ANG_(?:RLL|PIT|YAW)_P|angle_p_gain|angle_level_strength"
+)
+
 _LEAST_LEFT = 0.05
 """What TPA has to leave of a gain for it to be proposed."""
+
+
+def letter_of(name: str) -> str:
+    """``P``, ``I``, ``D`` or ``A`` (angle) of the gain that a firmware's parameter holds; empty for any other one.
+
+    Examples
+    --------
+    >>> letter_of("MC_ROLLRATE_P"), letter_of("d_pitch"), letter_of("ATC_ANG_YAW_P"), letter_of("IMU_GYRO_CUTOFF")
+    ('P', 'D', 'A', '')
+    """
+    found = _LETTERS.fullmatch(name)
+    return "" if found is None else (found["rate"] or found["low"] or "A").upper()
 
 
 def parameters_of(controller: AxisController) -> dict[str, Parameter]:

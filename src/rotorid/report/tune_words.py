@@ -1,0 +1,213 @@
+"""What ``tune`` says to people: new gains and what they bring, margins with a scale, what stays, how to load files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rotorid.data.display import capital
+from rotorid.data.quantities import QUANTITIES
+from rotorid.data.quantity import MISSING, significant, with_unit
+from rotorid.documents.review import QuantityDocument
+from rotorid.documents.tune import AxisTuneDocument, PathStepDocument, TuneDocument
+from rotorid.models.autopilots.gains import letter_of
+from rotorid.tuning.proposal import Wishes
+from rotorid.typing import Axis
+
+LIMIT_IS_KEPT = "95 % of the likely vehicles stay within it, so an interval may end slightly above"
+"""Why the upper end of a 95 % interval may lie above a limit that the gains keep."""
+
+_WORTH_A_FACTOR = 1.5
+"""A change by more is given as a factor, a smaller one in percent."""
+
+_QUIETER, _LOUDER = 0.95, 1.05
+"""Noise of the command over that of today, between which it counts as the same."""
+
+LOOP_WORDS = {"rate": "rate loop", "whole": "with angle loop"}
+"""What each loop is called in tables."""
+
+_MARGINS = (
+    ("rate", "sensitivity_peak"),
+    ("whole", "sensitivity_peak"),
+    ("rate", "phase_margin_deg"),
+    ("rate", "gain_margin_db"),
+)
+
+_LOADERS = {
+    "PX4": "In QGroundControl: Vehicle Setup > Parameters > Tools > Load from file. Or paste the .txt file into the "
+    "MAVLink console.",
+    "ArduPilot": "In Mission Planner: Config > Full Parameter List > Load from file. In MAVProxy: param load FILE.",
+    "Betaflight": "In the Betaflight Configurator: open the CLI tab and paste the file.",
+}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MarginLine:
+    """A margin today and with the new gains, and the range that is fine."""
+
+    axis: str
+    name: str
+    today: str
+    new: str
+    fine: str
+
+
+def tune_sentences(document: TuneDocument) -> tuple[str, ...]:
+    """The answer: for each axis the new gains and what they bring, or why there are none."""
+    return tuple(
+        [axis_sentence(axis, tuning) for axis, tuning in document.axes.items()] + list(not_tuned(document).values())
+    )
+
+
+def axis_sentence(axis: Axis, tuning: AxisTuneDocument) -> str:
+    """New gains of an axis and what gets better; or that today's gains stay, and why."""
+    if not tuning.changed:
+        why = f": {'; '.join(tuning.reasons)}" if tuning.reasons else ""
+        return f"{capital(axis)}: keep today's gains{why}."
+    motion = "turns" if axis == "yaw" else "tilts"
+    return (
+        f"{capital(axis)}: {changed_gains(tuning)}. With the new gains, a disturbance {motion} the vehicle "
+        f"{_less(tuning.attitude_ratio)} today{_noise(tuning.noise_ratio)}."
+    )
+
+
+def changed_gains(tuning: AxisTuneDocument) -> str:
+    """Gains and filters that change: ``P 0.15 → 0.3, angle P 4 → 5.5``."""
+    return ", ".join(
+        f"{_short(name)} {gain.flown:.4g} → {gain.proposed:.4g}"
+        for name, gain in tuning.gains.items()
+        if gain.flown != gain.proposed
+    )
+
+
+def _short(name: str) -> str:
+    """What a pilot calls a gain; a filter has the firmware's name."""
+    letter = letter_of(name)
+    return "angle P" if letter == "A" else letter or name
+
+
+def _less(ratio: QuantityDocument) -> str:
+    """A deviation over that of today, for people."""
+    if ratio.value <= 1.0 / _WORTH_A_FACTOR:
+        return f"{1.0 / ratio.value:.2g} times less than"
+    if ratio.value >= _WORTH_A_FACTOR:
+        return f"{ratio.value:.2g} times more than"
+    change = 100.0 * (ratio.value - 1.0)
+    return f"{abs(change):.0f} % {'less' if change < 0.0 else 'more'} than"
+
+
+def _noise(ratio: float) -> str:
+    """What happens to the noise of the motor commands."""
+    if _QUIETER <= ratio <= _LOUDER:
+        return ""
+    return f"; noise in the motor commands {'grows' if ratio > 1.0 else 'falls'} to {100.0 * ratio:.0f} % of today's"
+
+
+def not_tuned(document: TuneDocument) -> dict[str, str]:
+    """Why an axis has no new gains and what to do, by axis."""
+    return {finding.where: finding.message for finding in document.findings if finding.kind == "not_tuned"}
+
+
+def limiting(tuning: AxisTuneDocument) -> str:
+    """What limits the new gains of an axis, in a sentence; empty where nothing does."""
+    return f"{'; '.join(tuning.reasons)}." if tuning.changed and tuning.reasons else ""
+
+
+def margin_lines(document: TuneDocument) -> tuple[MarginLine, ...]:
+    """The margins that a pilot looks at first, with the scale of the house."""
+    found = []
+    for axis, tuning in document.axes.items():
+        today = {"rate": tuning.flown, "whole": tuning.flown_whole}
+        new = {"rate": tuning.proposed, "whole": tuning.proposed_whole}
+        for loop, name in _MARGINS:
+            if name not in new[loop]:
+                continue
+            where = f", {LOOP_WORDS[loop]}" if name == "sensitivity_peak" else ""
+            found.append(
+                MarginLine(
+                    axis=axis,
+                    name=f"{QUANTITIES[name].before}{where}",
+                    today=margin_text(name, today[loop].get(name)),
+                    new=margin_text(name, new[loop][name]) if tuning.changed else "unchanged",
+                    fine=fine_text(name),
+                )
+            )
+    return tuple(found)
+
+
+def margin_text(name: str, quantity: QuantityDocument | None) -> str:
+    """A margin with unit and interval; a dash where the flight does not show it."""
+    if quantity is None:
+        return MISSING
+    figure = QUANTITIES[name]
+    number, interval = figure.cells(quantity)
+    return f"{with_unit(number, figure.unit)} ({interval})" if interval else with_unit(number, figure.unit)
+
+
+def fine_text(name: str) -> str:
+    """The range of a margin that is fine; empty without one."""
+    figure = QUANTITIES[name]
+    if not math.isnan(figure.limit):
+        return f"{'above' if math.isnan(figure.good_below) else 'below'} {figure.limit_text()}"
+    if name == "gain_margin_db":
+        return f"{significant(20.0 * math.log10(Wishes().gain_margin), digits=1)} dB or more"
+    return ""
+
+
+def next_flight(document: TuneDocument) -> str:
+    """How the new gains are flown, in a sentence; empty where there are none."""
+    if not document.changed:
+        return ""
+    highest = _sweep_to_hz(document)
+    sweep = f" with a sweep up to {highest:.0f} Hz" if highest else ""
+    return f"Fly the new gains gently{sweep} and keep the old gains at hand."
+
+
+def following(document: TuneDocument) -> str:
+    """Whether a further flight brings better gains, in a sentence; empty where it does not."""
+    return (
+        "The best gains are more than one flight away, so tune again from that log." if _sweep_to_hz(document) else ""
+    )
+
+
+def _sweep_to_hz(document: TuneDocument) -> float:
+    """Upper end of the sweep that the best gains need; zero where one flight reaches them."""
+    highest = max((tuning.path[-1].sweep_to_rad_s for tuning in document.axes.values() if tuning.path), default=0.0)
+    return highest / (2.0 * math.pi)
+
+
+def loading(autopilot: str) -> str:
+    """How a file of parameters reaches the autopilot."""
+    return _LOADERS.get(autopilot, "Load the file with your ground station.")
+
+
+def unchanged_names(tuning: AxisTuneDocument) -> str:
+    """Gains and filters of a loop that are not changed."""
+    return ", ".join(name for name, gain in tuning.gains.items() if gain.flown == gain.proposed)
+
+
+def end_of(tuning: AxisTuneDocument) -> str:
+    """Where in its range the D of the numbers of an axis is; empty for a D that does not change in flight."""
+    known = tuning.proposed.get("crossover_rad_s")
+    each = {name: end.get("crossover_rad_s") for name, end in tuning.ends.items()}
+    same = [name for name, end in each.items() if known and end and math.isclose(end.value, known.value)]
+    return same[0] if len(same) == 1 else ""
+
+
+def step_name(step: PathStepDocument) -> str:
+    """What people call a flight of the path."""
+    return f"{step.flight}, proposed" if step.flight == 1 else f"{step.flight}, goal" if step.goal else f"{step.flight}"
+
+
+def path_sentence(path: Sequence[PathStepDocument]) -> str:
+    """How several flights lead to the best gains."""
+    first, *_, goal = path
+    left = goal.attitude_ratio.value / first.attitude_ratio.value
+    less = f"{1.0 / left:.2g} times" if left <= 1.0 / _WORTH_A_FACTOR else f"{100.0 * (1.0 - left):.0f} %"
+    return (
+        "P, D and angle P at most double in one flight. Fly the new gains with a sweep up to "
+        f"{goal.sweep_to_rad_s / (2.0 * math.pi):.0f} Hz ({goal.sweep_to_rad_s:.0f} rad/s), check that flight, and "
+        "tune "
+        f"again. With the final gains, a disturbance tilts the vehicle {less} less than with the gains proposed now."
+    )
