@@ -1,8 +1,8 @@
-"""The documentation as a site: gather the pages, write what follows from the program, let Sphinx make HTML of it.
+"""Build the documentation as a site: gather the pages, generate the reference, run Sphinx.
 
-``make docs``, or ``python docs/site/build.py OUT``. Nothing is fetched, and a warning is an error. What is generated: a
-page for each command from its options, the list of schemas, and the public names of each
-package with their docstrings.
+``make docs``, or ``python docs/site/build.py OUT``. The build needs no network, and a warning is an error. It generates
+a page for each command from its options, the list of schemas, and the public names of each package with their
+docstrings.
 """
 
 from __future__ import annotations
@@ -49,9 +49,12 @@ FACES = (
     ),
     *("rotorid.vehicles", "rotorid.verification"),
 )
-"""Packages whose public names are shown."""
+"""Packages whose public names the reference lists."""
 
 _OUTSIDE = re.compile(r"\[([^\]]+)\]\(((?:\.\./)+(?:src|tests|benchmarks|LICENSE)[^)]*)\)")
+_PAGES = re.compile(r"\]\((?:\.\./)*(?:docs/)?site/pages/")
+"""A link from another folder to a page that the site has at its top."""
+
 _TOP = ("CHANGELOG.md", "SECURITY.md", "CONTRIBUTING.md")
 _TREE = "```{{toctree}}\n:hidden:\n:caption: {caption}\n\n{entries}\n```\n"
 
@@ -61,7 +64,9 @@ def gather(source: Path) -> None:
     skipped = shutil.ignore_patterns("site", "*.1")
     shutil.copytree(DOCS, source, ignore=skipped)
     for page in (HERE / "pages").glob("*.md"):
-        shutil.copy(page, source / page.name)
+        # In the project they are two folders deeper.
+        text = page.read_text(encoding="utf-8").replace("](../../", "](")
+        (source / page.name).write_text(text, encoding="utf-8")
     shutil.copy(HERE / "conf.py", source / "conf.py")
     shutil.copytree(HERE / "static", source / "static")
     for name in _TOP:
@@ -69,12 +74,12 @@ def gather(source: Path) -> None:
         (source / name).write_text(text, encoding="utf-8")
     for page in source.rglob("*.md"):
         text = page.read_text(encoding="utf-8")
-        # Files of the project that are no part of the site are named, and not linked.
+        # Files of the project outside of the site are named without a link.
         text = _OUTSIDE.sub(lambda found: f"{found[1]} (`{found[2].replace('../', '')}`)", text)
         up = "../" * (len(page.relative_to(source).parts) - 1)
         text = re.sub(r"\]\((?:\.\./)*(CHANGELOG|SECURITY|CONTRIBUTING)\.md", rf"]({up}\1.md", text)
         text = re.sub(r"\]\((?:\.\./)+README\.md[^)]*\)", f"]({up}index.md)", text)
-        page.write_text(text, encoding="utf-8")
+        page.write_text(_PAGES.sub(f"]({up}", text), encoding="utf-8")
     commands(source / "commands")
     schemas(source / "schemas.md", source / "schemas")
     names(source / "api")
@@ -106,7 +111,7 @@ def _usage(command: Any) -> Iterator[str]:
 
 
 def _panels(command: Any) -> dict[str, list[Any]]:
-    """What a command takes, in the groups of its help."""
+    """Options and arguments of a command, in the groups of its help."""
     panels: dict[str, list[Any]] = {}
     for one in command.params:
         if not getattr(one, "hidden", False):
@@ -116,7 +121,7 @@ def _panels(command: Any) -> dict[str, list[Any]]:
 
 
 def _option(one: Any) -> Iterator[str]:
-    """A term and what it means: long words and long sentences each have the whole width, on a phone too."""
+    """An option and its help as a definition, which uses the whole width on a phone too."""
     if one.param_type_name == "argument":
         written = f"`{(one.metavar or one.name).upper()}`"
     else:
@@ -132,12 +137,12 @@ def _cell(text: str) -> str:
 
 
 def _first(documented: str | None) -> str:
-    """The first paragraph, which says what something is."""
+    """The first paragraph of a docstring."""
     return (documented or "").split("\n\n")[0]
 
 
 def schemas(page: Path, folder: Path) -> None:
-    """Every document with what it says of itself, and its schema as a file."""
+    """Every document with its description, and its schema as a file."""
     rows = []
     for name, kind in SCHEMAS.items():
         rows.append(f"| {{download}}`{name} <schemas/{name}.json>` | {_cell(_first(kind.__doc__))} |")
@@ -170,33 +175,28 @@ def names(folder: Path) -> None:
         (folder / f"{face}.md").write_text("\n".join(lines), encoding="utf-8")
     listed = [f"| [`{face}`]({face}.md) | {_cell(_first(importlib.import_module(face).__doc__))} |" for face in FACES]
     tree = _TREE.format(caption="Packages", entries="\n".join(FACES))
-    head = "# Python names\n\n| package | what it holds |\n|---|---|\n"
+    head = "# Python names\n\n| package | content |\n|---|---|\n"
     (folder / "index.md").write_text(head + "\n".join(listed) + f"\n\n{tree}", encoding="utf-8")
 
 
 PARTS = {
-    "First steps": ("pilot", "developer", "control-engineer", "researcher", "operator", "coming-from", "glossary"),
-    "Questions to a flight": (
-        *("what-it-does", "review", "review-loops", "review-noise-motors"),
-        *("tune", "track", "fleet", "lab"),
-    ),
-    "Models": (
-        "method",
-        "models",
-        "motors",
-        "time-domain",
-        "searches",
-        "controllers",
-        "forward-flight",
-        "accuracy",
-        "peers",
-    ),
-    "Flights": ("design", "test-inputs", "simulation", "vehicles", "export", "export-gallery"),
+    "Start here": ("pilot", "developer", "control-engineer", "operator", "researcher", "coming-from"),
     "Tutorials": ("notebooks/first-steps", "notebooks/betaflight-gains", "tutorials/README"),
-    "Reference": ("commands/index", "api/index", "python", "results", "schemas", "mapping", "preferences", "papers"),
-    "The project": ("architecture", "adding", "security", "tuning-study", "CHANGELOG", "SECURITY", "CONTRIBUTING"),
+    "How-to guides": (
+        *("what-it-does", "review", "review-loops", "review-noise-motors", "design", "test-inputs", "tune"),
+        *("track", "fleet", "lab", "simulation", "vehicles", "export", "export-gallery", "forward-flight"),
+        *("mapping", "python", "preferences", "adding"),
+    ),
+    "Explanation": (
+        *("method", "motors", "time-domain", "searches", "controllers", "accuracy", "limits", "tuning-study"),
+        *("peers", "papers", "security", "architecture"),
+    ),
+    "Reference": (
+        *("commands/index", "api/index", "models", "results", "schemas", "glossary"),
+        *("CHANGELOG", "SECURITY", "CONTRIBUTING"),
+    ),
 }
-"""Captions of the menu and their pages."""
+"""The menu by purpose: captions and their pages."""
 
 
 def index(source: Path) -> str:
@@ -223,7 +223,7 @@ def build(out: Path) -> int:
     code = subprocess.call([*command, str(source), str(out / "html")])
     for page in (out / "html").rglob("*.html"):
         text = page.read_text(encoding="utf-8")
-        # What the theme leaves out for those who use a keyboard or a screen reader.
+        # The theme lacks these for keyboards and screen readers.
         text = text.replace('class="caption" role="heading"', 'class="caption" role="heading" aria-level="2"')
         text = text.replace('<div class="table-wrapper', '<div tabindex="0" class="table-wrapper')
         page.write_text(re.sub(r"<pre>(?=<span)", '<pre tabindex="0">', text), encoding="utf-8")
@@ -231,7 +231,7 @@ def build(out: Path) -> int:
 
 
 def main() -> int:
-    """Build, and say where the site is and how long it took."""
+    """Build the site, and print its place and the time it took."""
     out = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "build" / "site").resolve()
     began_s = time.monotonic()
     code = build(out)

@@ -18,6 +18,9 @@ SHORT = re.compile(r"`(?!rotorid\.|model\.|response\.)(?:[a-z_]\w*\.){2,}([A-Za-
 """A name of three parts and more that does not begin with the package, nor with a value such as ``model``."""
 
 PATH = re.compile(r"(?:src/rotorid|tests|benchmarks|docs)/[\w./-]+\w")
+LINK = re.compile(r"\]\((?!https?:|mailto:)([^)#\s]*)(?:#([^)\s]+))?\)")
+"""A link to a file or to a heading of one."""
+
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 ALONE = {"rotorid.errors", "rotorid.frames", "rotorid.typing", "rotorid.units"}
 """Modules that are their own face."""
@@ -35,6 +38,9 @@ DEFINED = {
     if isinstance(node, (ast.FunctionDef, ast.ClassDef))
 }
 """Functions and classes of all modules."""
+
+GENERATED = ("commands/", "api/", "schemas.md")
+"""Links to pages that only the site has."""
 
 EXAMPLES = re.compile(r"docs/(?:my|your)|[/_](?:NAME|PACKAGE|MODULE|PAGE)\b")
 """Paths that stand for any."""
@@ -112,6 +118,26 @@ def test_every_path_exists(page: Path) -> None:
     assert not sorted(
         path for path in named if not EXAMPLES.search(path) and not any((root / path).exists() for root in there)
     )
+
+
+def headings(page: Path) -> set[str]:
+    """Anchors of the headings of a page, as GitHub and the site make them."""
+    text = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+    titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.strip().lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_link_leads_somewhere(page: Path) -> None:
+    text = re.sub(r"^```.*?^```|`[^`\n]*`", "", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+    # The site puts pages of these folders into the folder of its first page.
+    folders = [ROOT / "docs", ROOT / "docs/site/pages"] if name_of(page) == "docs/site/index.md" else [page.parent]
+    missing = []
+    for target, anchor in LINK.findall(text):
+        file = next((folder / target for folder in folders if (folder / target).exists()), None) if target else page
+        if file is None or (anchor and anchor not in headings(file)):
+            missing.append(f"{target}#{anchor}" if anchor else target)
+    assert not [link for link in missing if not link.startswith(GENERATED)]
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if BLOCK.search(page.read_text("utf-8"))], ids=name_of)

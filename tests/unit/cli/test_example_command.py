@@ -69,9 +69,9 @@ def test_the_racing_quadrotor_is_seen_beyond_its_crossover(tmp_path: Path) -> No
 
 
 def _first_page() -> list[list[str]]:
-    """Every command of the README's first block, as it stands there."""
-    (block,) = re.findall(r"```sh\n(rotorid example .*?)```", README.read_text("utf-8"), re.DOTALL)
-    commands = [shlex.split(line) for line in block.splitlines()]
+    """Every command of the README's blocks for a shell, in order."""
+    blocks = re.findall(r"```sh\n(rotorid .*?)```", README.read_text("utf-8"), re.DOTALL)
+    commands = [shlex.split(line) for block in blocks for line in block.splitlines()]
     assert [words[1] for words in commands] == ["example", "review", "identify", "tune", "export"]
     return commands
 
@@ -98,7 +98,7 @@ def test_the_first_page_can_be_copied(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_a_new_user_has_gains_after_at_most_eight_commands(tmp_path: Path) -> None:
     """From a machine without anything, by the commands of the first page: the time is printed, and not judged."""
     checkout = README.parent
-    assert "`pip install .`" in README.read_text("utf-8")
+    (extras,) = re.findall(r"`pip install '\.(\[[\w,]+\])'`", README.read_text("utf-8"))
     venv, program = tmp_path / "venv", tmp_path / "venv" / ("Scripts" if os.name == "nt" else "bin")
     # As a person does it: nothing of this environment is seen, and packages come from the index that pip knows.
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "ROTORID"))}
@@ -106,7 +106,7 @@ def test_a_new_user_has_gains_after_at_most_eight_commands(tmp_path: Path) -> No
     start = time.monotonic()
     installing = [
         [sys.executable, "-m", "venv", str(venv)],
-        [str(program / "pip"), "install", "--quiet", str(checkout)],
+        [str(program / "pip"), "install", "--quiet", f"{checkout}{extras}"],
     ]
     for words in installing:
         ran = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=900)
