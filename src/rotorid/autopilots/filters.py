@@ -206,7 +206,7 @@ def notch(center_hz: float, quality: float, rate_hz: float, *, floor: float = 0.
     """
     _require_in_band(center_hz, rate_hz)
     if not quality > 0.0:
-        raise UsageError(f"a notch of quality {quality:g} came", needed="a positive quality")
+        raise UsageError(f"got a notch of quality {quality:g}", needed="a positive quality")
     angle = 2.0 * math.pi * center_hz / rate_hz
     damping, cosine = math.sin(angle) / (2.0 * quality), math.cos(angle)
     return KnownFilter(
@@ -275,7 +275,7 @@ def integral_mean(span_s: float, rate_hz: float) -> KnownFilter:
 def _taps(span_s: float, rate_hz: float, of_count: Callable[[int], FloatArray]) -> FloatArray:
     samples = span_s * rate_hz
     if not 1.0 - _WHOLE <= samples <= _MOST_SAMPLES:
-        raise UsageError(f"a mean over {samples:.3g} samples came", needed=f"a span of 1 to {_MOST_SAMPLES} samples")
+        raise UsageError(f"got a mean over {samples:.3g} samples", needed=f"a span of 1 to {_MOST_SAMPLES} samples")
     count = math.floor(samples + _WHOLE)
     share = samples - count
     shorter = of_count(count)
@@ -294,6 +294,6 @@ def _require_in_band(frequency_hz: float, rate_hz: float) -> None:
     low_hz, high_hz = _SLOWEST * rate_hz, 0.5 * rate_hz
     if not low_hz < frequency_hz < high_hz:
         raise UsageError(
-            f"a filter at {frequency_hz:.4g} Hz came",
+            f"got a filter at {frequency_hz:.4g} Hz",
             needed=f"between {low_hz:.4g} and {high_hz:.4g} Hz, half of its rate",
         )

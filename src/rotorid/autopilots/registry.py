@@ -22,7 +22,7 @@ UNKNOWN = Autopilot(name="", key="", telemetry=ARDUPILOT.telemetry)
 """Answers "not known" to everything."""
 
 _TELEMETRY = "MAVLink"
-_USE_THE_CARD = "read the log on the autopilot's SD card: telemetry is a slow copy of it"
+_USE_THE_CARD = "read the log on the autopilot's SD card: telemetry is only a slow copy"
 
 
 def autopilot_of(record: FlightRecord) -> Autopilot:

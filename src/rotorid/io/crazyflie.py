@@ -91,7 +91,7 @@ MEANINGS: Mapping[str, Meaning] = {
 _NEEDED = {
     "p": "the body rates: gyro.x, gyro.y, gyro.z",
     "az": "the specific force: acc.x, acc.y, acc.z",
-    "thrust_command": "what the motors were told: motor.m1 to motor.m4",
+    "thrust_command": "motor commands (motor.m1 to motor.m4)",
 }
 
 
@@ -215,7 +215,7 @@ def _missing(topics: tuple[Topic, ...]) -> Iterator[Finding]:
             yield warn(
                 "missing_channel",
                 name,
-                f"The log does not hold {meaning}. Name them in config.txt on the card before the next flight.",
+                f"The log does not contain {meaning}. Name them in config.txt on the card before the next flight.",
             )
 
 

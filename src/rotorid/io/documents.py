@@ -76,7 +76,7 @@ def parse_toml(text: str, *, any_integer: bool = False) -> dict[str, Any]:
     Raises
     ------
     DocumentError
-        It is no TOML, or goes beyond the limits.
+        It is not valid TOML, or goes beyond the limits.
 
     Examples
     --------
@@ -167,7 +167,7 @@ def read_text(path: Path, *, needed: str, most_bytes: int = MOST_TOML_BYTES) -> 
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}", needed=needed) from error
     except UnicodeDecodeError as error:
-        raise UsageError(f"{path} cannot be read: it is no UTF-8 text", needed=needed) from error
+        raise UsageError(f"{path} cannot be read: it is not UTF-8 text", needed=needed) from error
     # Ends of lines as a text file has them on any system.
     return text.replace("\r\n", "\n")
 
@@ -250,7 +250,7 @@ def _check_letters(text: str) -> None:
     try:
         json.loads(text).encode("utf-8")
     except UnicodeEncodeError as error:
-        raise DocumentError("a text holds half of a letter, which is none") from error
+        raise DocumentError("a text contains half a character") from error
 
 
 def _no_number(text: str) -> float:

@@ -186,7 +186,7 @@ def _damaged(name: str, compression: str, reason: str) -> LogError:
     return LogError(
         f"{name} cannot be unpacked as {compression}: {reason}",
         needed="an undamaged archive of one flight log",
-        remedy="copy it again from where it came, or unpack it yourself and give the log",
+        remedy="copy it again, or unpack it and give the log",
     )
 
 

@@ -346,8 +346,8 @@ def _refuse_foreign(folder: Path, target: Target, taken: Sequence[str]) -> None:
             f"{target.asked} is a file", needed="a folder for the results", remedy="choose another, or give --force"
         )
     raise UsageError(
-        f"{target.asked} holds {shown}, which this command did not write or which changed since",
-        needed="a folder that is new or holds a result of the same command",
+        f"{target.asked} contains {shown}, which this command did not write or which changed since",
+        needed="a new folder, or one with a result of the same command",
         remedy="choose another with --out, or overwrite with --force",
     )
 

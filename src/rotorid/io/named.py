@@ -40,7 +40,7 @@ def _behind(path: Path, archives: bool) -> Iterator[Path]:
     )
     if not found:
         raise UsageError(
-            f"{path} holds no flight log", needed=f"files that end in {', '.join(sorted(ENDINGS))}, packed or not"
+            f"{path} contains no flight log", needed=f"files that end in {', '.join(sorted(ENDINGS))}, packed or not"
         )
     yield from found
 

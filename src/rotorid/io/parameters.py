@@ -128,7 +128,7 @@ def parameters_changed(
     return warn(
         "parameters_changed",
         "parameters",
-        f"{why}: {', '.join(listed[:_NAMED])}{more}. Taken for the whole log are {taken}, and no loop is computed of "
+        f"{why}: {', '.join(listed[:_NAMED])}{more}. The whole log uses {taken}, and no loop is computed for "
         "them; log each set of gains by itself.",
         parameters=len(listed),
     )

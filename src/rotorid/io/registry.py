@@ -132,7 +132,7 @@ def _below(folder: Path, file: str) -> Path:
     place = folder / file
     if not place.resolve().is_relative_to(folder.resolve()):
         raise UsageError(
-            f"{file}, which the mapping names, leads out of the folder of the log",
+            f"{file}, which the mapping names, is outside the folder of the log",
             needed="a file below that folder",
             remedy="copy the file next to the log",
         )
@@ -258,6 +258,6 @@ def write_log(path: str | os.PathLike[str], flight: SimulatedFlight, *, format: 
         There is no such format, a signal holds something that is no number, or the place cannot be written.
     """
     if format not in WRITERS:
-        raise UsageError(f"the format {format!r} of a log came", needed=f"one of {', '.join(WRITERS)}")
+        raise UsageError(f"unknown log format {format!r}", needed=f"one of {', '.join(WRITERS)}")
     writer = WRITERS[format]
     getattr(import_module(writer.module), writer.name)(Path(path), flight, start_s=writer.start_s)

@@ -33,7 +33,7 @@ def _answer(job: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     try:
         found = extract_here(job["parser"], Path(job["path"]), job["options"])
         if any(array.dtype.hasobject for array in found.arrays.values()):
-            raise TypeError("an array holds objects, which would have to be pickled")
+            raise TypeError("an array contains Python objects, which are not read")
         np.savez(folder / "arrays.npz", **{f"a{index}": array for index, array in enumerate(found.arrays.values())})  # type: ignore[arg-type]
     except LogError as error:
         return {"refused": {"came": error.came, "needed": error.needed, "remedy": error.remedy}}

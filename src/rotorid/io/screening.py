@@ -108,7 +108,7 @@ def screened(record: FlightRecord) -> FlightRecord:
         findings += remarks
     if not any(topic.time_s.size and topic.channels for topic in topics):
         raise LogError(
-            f"{record.source.name} holds no flight: no sample of any channel that is known",
+            f"{record.source.name} contains no flight: no samples of any known channel",
             needed="a log that was written while the vehicle was on",
             remedy="check that the logger was on in flight, or copy the log again from the vehicle",
         )
@@ -180,7 +180,7 @@ def _pauses(topics: Sequence[Topic]) -> list[Finding]:
             "log",
             f"Nothing was logged for {stop_s - start_s:.1f} s after {start_s:.1f} s"
             + (f", and {len(silent) - 1} times more for over {_OUTSIDE_S:g} s" if len(silent) > 1 else "")
-            + "; what lies before and behind is taken apart.",
+            + "; the parts before and after are analyzed separately.",
             gaps=len(silent),
             longest_s=stop_s - start_s,
         )
@@ -558,7 +558,7 @@ def _fault_findings(topic: Topic, fault: _Faults) -> Iterator[Finding]:
         yield warn(
             "frozen_sensor",
             name,
-            f"{where} stands still for {still} of {fault.bad.size} samples amid motion, first at "
+            f"{where} is frozen for {still} of {fault.bad.size} samples while the vehicle moved, first at "
             f"{topic.time_s[first]:.3f} s; they were left out.",
             samples=still,
             first_s=float(topic.time_s[first]),

@@ -47,7 +47,7 @@ def modal_parts(A: FloatArray, B: FloatArray, C: FloatArray) -> list[Part]:
     Raises
     ------
     ModelError
-        One pole stands in two sections: they cannot be split.
+        One pole is in two sections: they cannot be split.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def _check_distinct(poles: ComplexArray, groups: Sequence[Sequence[int]]) -> Non
             if distances.min() < _SAME_POLE * size:
                 pole = poles[list(group)][int(np.argmin(distances.min(axis=1)))]
                 raise ModelError(
-                    f"the pole {pole:.6g} stands in two sections",
+                    f"the pole {pole:.6g} is in two sections",
                     needed="different poles in different sections",
                     remedy="move one of them a little, or take a lower order",
                 )
@@ -166,7 +166,7 @@ def black_box(
     Raises
     ------
     ModelError
-        The order is impossible, an output is unknown, or a name cannot stand in an equation.
+        The order is impossible, an output is unknown, or a name is not allowed in an equation.
 
     Examples
     --------
@@ -177,7 +177,7 @@ def black_box(
     scales = tuple(references) or (outputs[0],) * len(sections)
     if len(scales) != len(sections):
         raise ModelError(
-            f"{len(scales)} reference outputs came for {len(sections)} sections", needed="one for each section"
+            f"got {len(scales)} reference outputs for {len(sections)} sections", needed="one for each section"
         )
     for output in scales:
         if output not in outputs:
@@ -209,7 +209,7 @@ def black_box_pairs(
     Raises
     ------
     ModelError
-        The order is impossible, a channel stands in two pairs, or a name cannot stand in an equation.
+        The order is impossible, a channel is in two pairs, or a name is not allowed in an equation.
 
     References
     ----------
@@ -223,7 +223,7 @@ def black_box_pairs(
     """
     for kind, names in (("input", [u for u, _ in pairs]), ("output", [y for _, y in pairs])):
         if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ModelError(f"the {kind} {twice[0]} stands in two pairs", needed="every channel in one pair")
+            raise ModelError(f"the {kind} {twice[0]} is in two pairs", needed="every channel in one pair")
     sections = _sections(order)
     blocks = [_Block.of(sections, (u,), (y,), (y,) * len(sections), tail=f"_{y}") for u, y in pairs]
     delays_of = {u: f"tau_{y}" for u, y in pairs} if delays else {}
@@ -264,7 +264,7 @@ def from_state_space(A: FloatArray, B: FloatArray, C: FloatArray, structure: Lin
     order, (y, u) = len(structure.states), (len(structure.outputs), len(structure.inputs))
     if A.shape != (order, order) or B.shape != (order, u) or C.shape != (y, order):
         raise ModelError(
-            f"matrices of shapes {A.shape}, {B.shape} and {C.shape} came for {structure.name}",
+            f"got matrices of shapes {A.shape}, {B.shape} and {C.shape} for {structure.name}",
             needed=f"shapes {(order, order)}, {(order, u)} and {(y, order)}",
         )
     block = _Block.of(_sections(order), structure.inputs, structure.outputs, _scales(structure), tail="")

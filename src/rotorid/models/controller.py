@@ -121,8 +121,8 @@ class RateController(Immutable):
         numbers = (*gains, *ahead, self.angle_1_s, *cutoffs, self.delay_s, self.step_s, self.derivative_step_s)
         if not all(math.isfinite(number) and number >= 0.0 for number in numbers) or not any(gains):
             raise UsageError(
-                f"gains {gains}, an angle gain {self.angle_1_s:g}, cutoffs {cutoffs} Hz, a delay of "
-                f"{self.delay_s:g} s and a step of {self.step_s:g} s came",
+                f"got gains {gains}, an angle gain {self.angle_1_s:g}, cutoffs {cutoffs} Hz, a delay of "
+                f"{self.delay_s:g} s and a step of {self.step_s:g} s",
                 needed="finite numbers from zero up, and a gain that is not zero",
             )
 

@@ -104,7 +104,7 @@ RELATIONS: tuple[Relation, ...] = (
     Relation(name="J_r_per_I_zz", unit="1", text="N_spin/(8*pi*k_n)", words="that inertia over the vehicle's in yaw"),
     Relation(name="spin_up_lead", unit="s", text="N_spin/N_yaw", words="lead of yaw by the spin-up of the rotors"),
     Relation(name="M_motor_omega", unit="1/s", text="-1/T_motor", words="pole of the motor"),
-    Relation(name="M_motor_delta", unit="rad/s^2", text="2*pi*k_n/T_motor", words="gain of the motor in front of it"),
+    Relation(name="M_motor_delta", unit="rad/s^2", text="2*pi*k_n/T_motor", words="gain of the motor before it"),
     Relation(
         name="N_omega", unit="1/s", text="-N_spin/(k_omega_delta*T_motor)", words="yaw by the speed of the motors"
     ),
@@ -167,19 +167,17 @@ def require_useful(parameters: Collection[str], known: Mapping[str, tuple[float,
     """
     for name, (value, std) in known.items():
         if name in parameters:
-            raise ModelError(
-                f"{name} came as known and is a parameter of {model}", needed=f"--fix {name}={value:g}, which holds it"
-            )
+            raise ModelError(f"{name} is a parameter of {model}, not known data", needed=f"--fix {name}={value:g}")
         if name not in KNOWN_UNITS:
             raise no_such("known quantity", name, KNOWN_UNITS)
         if not math.isfinite(value) or value == 0.0 or (value < 0.0 and name not in ("z", "dc_T_dJ")):
-            raise ModelError(f"{name} = {value:g} came as known", needed="a positive number")
+            raise ModelError(f"the known {name} = {value:g} is not possible", needed="a positive number")
         if not 0.0 <= std < math.inf:
             raise ModelError(f"the standard deviation of {name} is {std:g}", needed="zero or more")
     useful = _useful(parameters)
     if lost := [name for name in known if name not in useful]:
         raise ModelError(
-            f"{lost[0]} came as known, and nothing of {model} follows with it",
+            f"{lost[0]} is known, but nothing of {model} follows from it",
             needed=f"one of {', '.join(sorted(useful))}" if useful else "a model with N_yaw, Z_thrust, X_u or the like",
             remedy="leave it out, or hold a parameter with --fix",
         )

@@ -37,7 +37,7 @@ class Symbols(NamedTuple):
         """
         if not is_symbol(name):
             raise ModelError(
-                f"{name!r} cannot stand in an equation",
+                f"{name!r} is not allowed in an equation",
                 needed="a name of letters, digits and underscores that is no function",
             )
         if (*self.inputs, *self.states, *self.coefficients).count(name) > 1:
@@ -169,7 +169,7 @@ def output_rows(text: str, symbols: Symbols) -> OutputRows:
     else:
         name = right = text.strip()
         if name not in symbols.states:
-            raise _with_remedy(no_such("state", name, symbols.states), "or say what it is: 'name = ...'")
+            raise _with_remedy(no_such("state", name, symbols.states), "or define it: 'name = ...'")
     if not is_symbol(name):
         raise ModelError(f"the output {text!r} has no name", needed="a name in front of the first =")
     what = f"the output {text!r}"
@@ -190,7 +190,7 @@ def check_once(rows: Sequence[DynamicRows], states: Sequence[str]) -> None:
     ]
     for slot in determined:
         if determined.count(slot) > 1:
-            raise ModelError(f"two equations say what {states[slot]}' is", needed="one equation for each state")
+            raise ModelError(f"two equations define {states[slot]}' is", needed="one equation for each state")
 
 
 def check_equations(rows: Sequence[DynamicRows], states: Sequence[str]) -> None:
@@ -204,11 +204,11 @@ def check_equations(rows: Sequence[DynamicRows], states: Sequence[str]) -> None:
     check_once(rows, states)
     if len(rows) == len(states):
         return
-    came = f"{len(rows)} equations came for {len(states)} states"
+    came = f"got {len(rows)} equations for {len(states)} states"
     if len(rows) < len(states):
         used_slots = {slot for row in rows for slot, entry in enumerate(row.M) if not entry.is_zero}
         lost = [f"{state}'" for slot, state in enumerate(states) if slot not in used_slots]
-        came += f"; none says what {' and '.join(lost)} is" if lost else ""
+        came += f"; none defines {' and '.join(lost)} is" if lost else ""
     raise ModelError(came, needed="one equation for each state")
 
 
@@ -275,9 +275,9 @@ def _linear(text: str, symbols: Symbols, *, allowed: Sequence[str], what: str) -
     _check_names(expression.names, symbols, what)
     rest, factors = expression.linear_in(symbols.moving)
     if wrong := sorted(factors.keys() - set(allowed)):
-        raise ModelError(f"{wrong[0]} stands in {what}", needed=f"only {', '.join(allowed)} there, each times a factor")
+        raise ModelError(f"{wrong[0]} is not allowed in {what}", needed=f"{', '.join(allowed)}, each times a factor")
     if not rest.is_zero:
-        raise ModelError(f"{rest} stands alone in {what}", needed="terms with a state or an input each")
+        raise ModelError(f"{rest} is alone in {what}", needed="terms with a state or an input each")
     return factors
 
 
@@ -285,7 +285,7 @@ def _check_names(names: Set[str], symbols: Symbols, what: str) -> None:
     known = (*symbols.states, *symbols.derivatives, *symbols.inputs, *symbols.coefficients)
     for name in sorted(names - set(known)):
         if name.endswith("'") and name[:-1] in known:
-            raise ModelError(f"{name} stands in {what}", needed="derivatives of states only, not of inputs")
+            raise ModelError(f"{name} is not allowed in {what}", needed="derivatives of states only, not of inputs")
         unknown = no_such("symbol", name, known)
         raise ModelError(f"{name} in {what} is not known", needed=unknown.needed, remedy=unknown.remedy)
 

@@ -545,7 +545,7 @@ class _Reading:
         if not token.text.rstrip("'").isidentifier():
             raise self.error("a name of letters, digits and underscores; powers are written x**2", token)
         if token.text.endswith("'") and not self.derivatives:
-            raise self.error("a name without a prime; derivatives stand in equations only", token)
+            raise self.error("a name without a prime; derivatives belong in equations only", token)
         if self.token.text == "(":
             raise self.error(f"one of the functions {', '.join(FUNCTIONS)}, or an operator after the name", token)
         return Expression.symbol(token.text)
@@ -563,4 +563,4 @@ class _Reading:
         at = token or self.token
         shown = self.text if len(self.text) <= _SHOWN else f"{self.text[:_SHOWN]}…"
         came = at.text if at.kind == "end" else repr(at.text[:_SHOWN])
-        return ModelError(f"the expression {shown!r} cannot be read: {came} came at column {at.column}", needed=needed)
+        return ModelError(f"the expression {shown!r} cannot be read: {came} at column {at.column}", needed=needed)

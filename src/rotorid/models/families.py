@@ -423,7 +423,7 @@ def named_model(
     family = family_of(name)
     if family.make is None:
         raise ModelError(
-            f"{name} came, which is no linear structure",
+            f"{name} is not a linear structure",
             needed="a linear structure",
             remedy=f"rotorid identify LOG --model {name}, in Python rotorid.identifying.identify_motors",
         )
@@ -446,7 +446,7 @@ def linear(structure: Structure) -> LinearStructure:
     """
     if isinstance(structure, NonlinearStructure):
         raise UsageError(
-            f"{structure.name} came, which is nonlinear",
+            f"{structure.name} is nonlinear",
             needed="a linear structure",
             remedy="rotorid identify takes it by --model",
         )
@@ -470,14 +470,14 @@ def without_channels() -> str:
 
 def _require_channels(name: str, channels: Channels) -> None:
     if not channels.inputs or not channels.outputs:
-        raise UsageError(f"{name} came without channels", needed="--inputs and --outputs with their names")
+        raise UsageError(f"{name} needs channels", needed="--inputs and --outputs with their names")
 
 
 def _paired(name: str, channels: Channels) -> tuple[tuple[str, str], ...]:
     inputs, outputs = channels.inputs, channels.outputs
     if len(inputs) != len(outputs):
         raise UsageError(
-            f"{len(inputs)} inputs and {len(outputs)} outputs came for {name}", needed="an output for each input"
+            f"got {len(inputs)} inputs and {len(outputs)} outputs for {name}", needed="an output for each input"
         )
     return tuple(zip(inputs, outputs, strict=True))
 
@@ -496,9 +496,9 @@ def _no_pair(name: str, outputs: Sequence[str], logged: Sequence[str]) -> Rotori
     needed = "a channel and its set-point, such as phi and phi_setpoint"
     remedy = "name them with --inputs and --outputs, or in the log with --map"
     if not logged:
-        return UsageError(f"{name} came without channels", needed=needed, remedy=remedy)
+        return UsageError(f"{name} needs channels", needed=needed, remedy=remedy)
     which = f" of {', '.join(outputs)}" if outputs else ""
-    message = f"No logged channel{which} has a set-point beside it."
+    message = f"No logged channel{which} has a set-point."
     finding = refusal("missing_channel", name, message)
     return InsufficientDataError(message, needed=needed, remedy=remedy, findings=[finding])
 

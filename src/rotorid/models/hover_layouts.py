@@ -102,7 +102,7 @@ def physical_hover(layout: RotorLayout, mixer: FloatArray | None = None) -> Line
     xi, eta = layout.positions[:, 0] / arm, layout.positions[:, 1] / arm
     by = plain_mixer(layout) if mixer is None else np.asarray(mixer, dtype=np.float64)
     if by.shape != (layout.rotors, 4):
-        raise ModelError(f"a mixer of shape {by.shape} came", needed=f"shape {(layout.rotors, 4)}")
+        raise ModelError(f"got a mixer of shape {by.shape}", needed=f"shape {(layout.rotors, 4)}")
     count = layout.rotors
     drag, inflow, thrust = "c_H*rho*n_h*D**3", "dc_T_dJ*rho*n_h*D**3", "k_n*c_T*rho*n_h*D**4"
     over_q, over_p = _inclinations(xi), _inclinations(eta)

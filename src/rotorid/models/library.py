@@ -415,7 +415,7 @@ def _gain_unit(u: str, y: str) -> str:
 def _check(pairs: Sequence[tuple[str, str]]) -> None:
     names = [name for pair in pairs for name in pair]
     if not pairs:
-        raise ModelError("no pair of set-point and response came", needed="one and more, such as phi_setpoint and phi")
+        raise ModelError("got no pair of set-point and response", needed="one and more, such as phi_setpoint and phi")
     if twice := [name for name in names if names.count(name) > 1]:
         raise ModelError(f"{twice[0]} stands twice in the pairs", needed="an input of its own for every response")
 
@@ -454,7 +454,7 @@ def transfer_function(
     Raises
     ------
     ModelError
-        The orders are impossible, or a name cannot stand in an equation.
+        The orders are impossible, or a name is not allowed in an equation.
 
     Examples
     --------

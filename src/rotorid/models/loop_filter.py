@@ -58,11 +58,11 @@ class LoopFilter:
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(FilterKind):
-            raise UsageError(f"a filter of the kind {self.kind!r} came", needed=", ".join(get_args(FilterKind)))
+            raise UsageError(f"unknown filter kind {self.kind!r}", needed=", ".join(get_args(FilterKind)))
         if not (0.0 < self.frequency_hz < math.inf and 0.0 <= self.floor < math.inf):
-            raise UsageError(f"{self.kind} at {self.frequency_hz:g} Hz came", needed="a positive, finite frequency")
+            raise UsageError(f"got {self.kind} at {self.frequency_hz:g} Hz", needed="a positive, finite frequency")
         if self.kind == "notch" and not 0.0 < self.quality < math.inf:
-            raise UsageError(f"a notch of quality {self.quality:g} came", needed="a positive quality")
+            raise UsageError(f"got a notch of quality {self.quality:g}", needed="a positive quality")
 
     def sampled(self, rate_hz: float) -> KnownFilter | None:
         """The digital filter of a program, or ``None`` where the program leaves it out.

@@ -232,16 +232,16 @@ def _require(fixed: Mapping[str, float], curve: Curve) -> None:
                 remedy=f"did you mean {near[0]}?" if near else "",
             )
         if name in _POSITIVE and not value > 0.0:
-            raise ModelError(f"{name} = {value:g} came as known", needed="a positive number")
+            raise ModelError(f"the known {name} = {value:g} is not possible", needed="a positive number")
         if name.startswith("c_") and name not in CURVE_TERMS[curve]:
-            raise ModelError(f"{name} came, which a {curve} curve does not have", remedy="choose another curve")
+            raise ModelError(f"a {curve} curve has no {name}", remedy="choose another curve")
     if any(name in fixed for name in CURVE_TERMS[curve]) and not _lifts(fixed, curve):
         raise ModelError(
-            "the thrust that came as known does not lift anything",
+            "the known thrust lifts nothing",
             needed="coefficients that add up to a positive thrust",
         )
     if {"kappa", "I_zz"} <= set(fixed):
-        raise ModelError("both kappa and I_zz came as known", needed="one of them, which gives the other")
+        raise ModelError("both kappa and I_zz are given as known", needed="one of them, which gives the other")
 
 
 def _lifts(fixed: Mapping[str, float], curve: Curve) -> bool:

@@ -102,7 +102,7 @@ class NonlinearStructure(Immutable):
         )
         for kind, names, label, expressions in pairs:
             if len(names) != len(expressions):
-                raise ModelError(f"{self.name}: {len(expressions)} {label} came for {len(names)} {kind}")
+                raise ModelError(f"{self.name} has {len(expressions)} {label} for {len(names)} {kind}")
             if len(set(names)) < len(names):
                 raise ModelError(f"{self.name}: the {kind} are {', '.join(names)}", needed="every name once")
         if not self.states or not self.outputs:
@@ -140,7 +140,7 @@ class NonlinearStructure(Immutable):
         used = frozenset().union(*(e.names for e in (*self.equations, *self.output_equations, *self.input_delays)))
         reached = self.parameters.only(name for name in self.parameters.names if name in used).names
         if lost := [p.name for p in self.parameters if p.name not in reached and p.status != "dropped"]:
-            raise ModelError(f"{self.name}: {', '.join(sorted(lost))} stands in no equation", remedy="remove it")
+            raise ModelError(f"{self.name}: {', '.join(sorted(lost))} is in no equation", remedy="remove it")
 
     def with_constants(self, constants: Mapping[str, float]) -> NonlinearStructure:
         """The same structure with other values of some constants.
@@ -450,10 +450,10 @@ def explicit(rows: Iterable[tuple[str, Expression]], states: Sequence[str]) -> d
     solved: dict[str, Expression] = {}
     for derivative, expression in rows:
         if derivative in solved:
-            raise ModelError(f"two equations say what {derivative} is", needed="one equation for each state")
+            raise ModelError(f"two equations define {derivative} is", needed="one equation for each state")
         solved[derivative] = expression
     if lost := [f"{state}'" for state in states if f"{state}'" not in solved]:
-        raise ModelError(f"no equation says what {' and '.join(lost)} is", needed="one equation for each state")
+        raise ModelError(f"no equation defines {' and '.join(lost)} is", needed="one equation for each state")
     done: dict[str, Expression] = {}
 
     def resolve(derivative: str, path: tuple[str, ...]) -> Expression:
@@ -483,7 +483,7 @@ def output(text: str, symbols: Symbols, rates: Mapping[str, Expression]) -> tupl
         name = text.strip()
         if name not in symbols.states:
             error = no_such("state", name, symbols.states)
-            remedy = f"{error.remedy} or say what it is: 'name = ...'".strip()
+            remedy = f"{error.remedy} or define it: 'name = ...'".strip()
             raise ModelError(error.came, needed=error.needed, remedy=remedy)
         return name, Expression.symbol(name)
     name, right = (part.strip() for part in text.split("=", 1))
@@ -498,7 +498,7 @@ def _check_names(expression: Expression, symbols: Symbols, text: str) -> None:
     known = (*symbols.states, *symbols.derivatives, *symbols.inputs, *symbols.coefficients)
     for name in sorted(expression.names - set(known)):
         if name.endswith("'") and name[:-1] in known:
-            raise ModelError(f"{name} stands in {text!r}", needed="derivatives of states only")
+            raise ModelError(f"{name} is not allowed in {text!r}", needed="derivatives of states only")
         unknown = no_such("symbol", name, known)
         raise ModelError(f"{name} in {text!r} is not known", needed=unknown.needed, remedy=unknown.remedy)
 

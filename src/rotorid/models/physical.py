@@ -562,15 +562,15 @@ def _checked(
     _require_names(known, tuple(PHYSICAL_UNITS), "physical parameter")
     _require_names(spread, tuple(known), "known quantity")
     if wrong := [name for name in _POSITIVE if name in known and not 0.0 < known[name] < np.inf]:
-        raise ModelError(f"{wrong[0]} = {known[wrong[0]]:g} came as known", needed="a positive number")
+        raise ModelError(f"the known {wrong[0]} = {known[wrong[0]]:g} is not possible", needed="a positive number")
     if wrong := [name for name, value in spread.items() if not 0.0 <= value < np.inf]:
         raise ModelError(f"the standard deviation of {wrong[0]} is {spread[wrong[0]]:g}", needed="zero or more")
     if not set(PHYSICAL_UNITS) - {name for name in known if not spread.get(name)}:
-        raise ModelError("every physical parameter came as known", needed="one at least to estimate")
+        raise ModelError("every physical parameter is given as known", needed="one at least to estimate")
     matrix = np.asarray(covariance, dtype=np.float64)
     if matrix.shape != (len(derivatives), len(derivatives)):
         raise ModelError(
-            f"a covariance of shape {matrix.shape} came for {len(derivatives)} derivatives",
+            f"got a covariance of shape {matrix.shape} for {len(derivatives)} derivatives",
             needed=f"shape {(len(derivatives), len(derivatives))}",
         )
     try:
@@ -578,7 +578,7 @@ def _checked(
     except np.linalg.LinAlgError:
         raise ModelError(
             "the covariance of the derivatives is not positive definite",
-            remedy="leave out derivatives that were held or tied in the fit",
+            remedy="leave out derivatives that were fixed or tied in the fit",
         ) from None
 
 

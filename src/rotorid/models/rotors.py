@@ -111,7 +111,7 @@ class RotorLayout(Immutable):
         length = np.linalg.norm(axes, axis=1)
         if not (np.isfinite(positions).all() and np.isin(spins, (-1.0, 1.0)).all() and (length > _SMALLEST).all()):
             raise ModelError(
-                f"the layout {self.name} holds a position that is no number, a spin that is not +1 or -1, or an axis "
+                f"the layout {self.name} has a position that is not a number, a spin that is not +1 or -1, or an axis "
                 "without a direction",
                 needed="finite positions, spins of +1 (ccw) or -1 (cw), axes that are not zero",
             )
@@ -191,7 +191,7 @@ class RotorLayout(Immutable):
         """
         if not 0.0 < arm_m < np.inf or self.arm < _SMALLEST:
             raise ModelError(
-                f"an arm of {arm_m:g} m came for the layout {self.name}, whose arm is {self.arm:g}",
+                f"an arm of {arm_m:g} m contradicts the layout {self.name}, whose arm is {self.arm:g}",
                 needed="a positive length and rotors away from the axis of yaw",
             )
         return replace(self, positions=self.positions * (arm_m / self.arm), arm_known=True)
@@ -306,7 +306,7 @@ def layout_from_toml(text: str, *, where: str) -> RotorLayout:
     rotors = table.get("rotor")
     if unknown or not isinstance(rotors, list) or not all(isinstance(rotor, dict) for rotor in rotors) or not rotors:
         available = ", ".join(unknown) or "no tables [[rotor]]"
-        raise ModelError(f"{where} holds {available}", needed=_NEEDED)
+        raise ModelError(f"{where} has {available}", needed=_NEEDED)
     rows = [_rotor(rotor, f"{where}, rotor {number}") for number, rotor in enumerate(rotors, start=1)]
     return RotorLayout(
         name=_name_of(table, where),
@@ -328,7 +328,7 @@ def _name_of(table: Mapping[str, Any], where: str) -> str:
 def _rotor(rotor: Mapping[str, Any], where: str) -> tuple[FloatArray, float, FloatArray]:
     unknown = sorted(set(rotor) - {"position_m", "spin", "axis"})
     if unknown:
-        raise ModelError(f"{where} holds {', '.join(unknown)}", needed=_NEEDED)
+        raise ModelError(f"{where} has {', '.join(unknown)}", needed=_NEEDED)
     if not isinstance(rotor.get("spin"), str) or rotor["spin"] not in SPINS:
         raise ModelError(f"{where} has the spin {rotor.get('spin')!r}", needed='"ccw" or "cw", seen from above')
     return (
@@ -437,7 +437,7 @@ def check_mixer(matrix: FloatArray) -> list[Finding]:
     """
     mixer = np.asarray(matrix, dtype=np.float64)
     if mixer.ndim != 2 or len(mixer) != len(MOMENTS):
-        raise ModelError(f"a mixer of shape {mixer.shape} came", needed="shape (4, motors): thrust, roll, pitch, yaw")
+        raise ModelError(f"got a mixer of shape {mixer.shape}", needed="shape (4, motors): thrust, roll, pitch, yaw")
     length = np.linalg.norm(mixer, axis=1)
     scaled = mixer / np.where(length > 0.0, length, 1.0)[:, None]
     rank = int(np.sum(np.linalg.svd(scaled, compute_uv=False) > _SINGULAR))

@@ -276,13 +276,13 @@ class LinearStructure(Immutable):
         if unknown := sorted(named - known):
             nearest = no_such("parameter", unknown[0], (*self.parameters.names, *self.constants))
             raise ModelError(
-                f"{self.name} names {', '.join(unknown)}, which is no parameter of it",
+                f"{self.name} names {', '.join(unknown)}, which is not one of its parameters",
                 needed=nearest.needed,
                 remedy=nearest.remedy or "correct the name or declare the parameter",
             )
         reached = self.parameters.only(used).names
         if lost := [p.name for p in self.parameters if p.name not in reached and p.status != "dropped"]:
-            raise ModelError(f"{self.name}: {', '.join(sorted(lost))} stands in no matrix", remedy="remove it")
+            raise ModelError(f"{self.name}: {', '.join(sorted(lost))} is in no matrix", remedy="remove it")
 
     @property
     def _shapes(self) -> dict[str, tuple[int, int]]:

@@ -86,7 +86,7 @@ class PolynomialCurve(Immutable):
     def __post_init__(self) -> None:
         coefficients = tuple(map(float, self.coefficients))
         if len(coefficients) < 2 or not np.isfinite(coefficients).all():
-            raise ModelError(f"the coefficients {coefficients} came", needed="two finite ones or more, constant first")
+            raise ModelError(f"got the coefficients {coefficients}", needed="two finite ones or more, constant first")
         self._set(coefficients=coefficients)
 
     @property
@@ -194,7 +194,7 @@ class ExpoCurve(Immutable):
     def __post_init__(self) -> None:
         if not (-1.0 <= self.expo <= 1.0 and self.low < self.high and np.isfinite(self.largest)):
             raise ModelError(
-                f"an expo of {self.expo:g} and a range of {self.low:g} to {self.high:g} came",
+                f"got an expo of {self.expo:g} and a range of {self.low:g} to {self.high:g}",
                 needed="an expo from -1 to 1, and a range that rises",
             )
 

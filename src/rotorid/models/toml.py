@@ -199,7 +199,7 @@ def nonlinear_from_toml(text: str, *, where: str = "the model") -> NonlinearStru
 def to_toml(structure: LinearStructure, parameters: ParameterSet, std: Mapping[str, float]) -> str:
     """A structure with values, as text that :func:`from_toml` reads back.
 
-    It is written as equations; as matrices where a name cannot stand in an equation.
+    It is written as equations; as matrices where a name is not allowed in an equation.
 
     Parameters
     ----------
@@ -473,7 +473,7 @@ class _Matrices(_Linear):
 
     def row(self, name: str, i: int, value: Any, width: int) -> Row:
         if not isinstance(value, list):
-            came = f"{name} holds something else than rows of entries"
+            came = f"{name} contains something other than rows of entries"
             raise self.source.error((name, i), came, needed="rows of entries in square brackets")
         if len(value) != width:
             came = f"row {i + 1} of matrix {name} has {len(value)} entries"

@@ -243,7 +243,7 @@ class Source:
     def expression(self, value: Any, path: Path) -> Expression:
         """A number or an expression."""
         if not isinstance(value, (str, int, float)):
-            came = f"{_name(path)} holds something else than entries"
+            came = f"{_name(path)} contains something other than entries"
             raise self.error(path, came, needed="numbers or texts like '-L_p'")
         with self.about(*path):
             return Expression.parse(value)

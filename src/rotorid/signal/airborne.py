@@ -181,11 +181,11 @@ def _found(
     intervals = _logged(record, intervals)
     if not intervals:
         shortest_s = _SHORTEST_EARLY_S if by_flags and record.status.early else _SHORTEST_FLIGHT_S
-        message = f"{record.source.name} holds no flight of {shortest_s:g} s and more, {evidence_words(seen_in)}."
+        message = f"{record.source.name} has no flight of {shortest_s:g} s and more, {evidence_words(seen_in)}."
         raise InsufficientDataError(
             message,
             needed="a vehicle in the air",
-            remedy="choose another log, or fit a part of it with rotorid identify --segment AXIS:START:STOP",
+            remedy="choose another log, or fit one part with rotorid identify --segment AXIS:START:STOP",
             findings=[refusal("never_airborne", seen_in, message)],
         )
     found = Airborne(intervals=intervals, seen_in=seen_in, findings=(), by_thrust=by_thrust, by_flags=by_flags)
@@ -265,7 +265,7 @@ def _flying(record: FlightRecord) -> tuple[FloatArray, BoolArray, BoolArray | No
     sensors = _together(record, _SENSORS)
     if sensors is None:
         raise InsufficientDataError(
-            f"{record.source.name} holds neither thrust nor accelerometer nor gyro",
+            f"{record.source.name} has neither thrust nor accelerometer nor gyro",
             needed="thrust_command, motor_1 ..., ax ay az, or p q r",
             remedy="log one of them, or name its source with --map",
         )

@@ -90,7 +90,7 @@ def filter_findings(record: FlightRecord, source: str, *, sensor_rate_hz: float 
 
 def _passage(record: FlightRecord, source: str, sensor_rate_hz: float | None) -> Passage:
     if sensor_rate_hz is not None and not 0.0 < sensor_rate_hz < math.inf:
-        raise UsageError(f"a sensor rate of {sensor_rate_hz:g} Hz came", needed="a positive rate")
+        raise UsageError(f"got a sensor rate of {sensor_rate_hz:g} Hz", needed="a positive rate")
     return autopilot_of(record).log.passage(record, source, sensor_rate_hz)
 
 

@@ -161,9 +161,9 @@ def even_step_s(time_s: FloatArray) -> float:
 
 def missing_channel(record: FlightRecord, name: str, remedy: str = "") -> InsufficientDataError:
     """The error for a channel that a log does not hold."""
-    message = f"{record.source.name} holds no {name}."
+    message = f"{record.source.name} has no {name}."
     return InsufficientDataError(
-        f"{record.source.name} holds no {name}",
+        f"{record.source.name} has no {name}",
         needed=f"the channel {name}; there are {', '.join(record.channel_names) or 'none'}",
         remedy=remedy or "log it, or name its source with --map",
         findings=[refusal("missing_channel", name, message)],
@@ -172,10 +172,10 @@ def missing_channel(record: FlightRecord, name: str, remedy: str = "") -> Insuff
 
 def _absent(record: FlightRecord, name: str, start_s: float, stop_s: float) -> InsufficientDataError:
     interval = f"from {start_s:.6g} s to {stop_s:.6g} s"
-    message = f"{record.source.name} holds no {name} {interval}."
+    message = f"{record.source.name} has no {name} {interval}."
     return InsufficientDataError(
         message,
-        needed="samples of it in this interval",
+        needed="samples in this interval",
         remedy="choose a segment in which it was logged",
         findings=[refusal("missing_channel", name, message)],
     )
@@ -310,7 +310,7 @@ def _rate_findings(rates: Mapping[str, float]) -> list[Finding]:
         warn(
             "rate_too_low",
             name,
-            f"{name} was logged at {rate:.0f} Hz beside {fastest:.0f} Hz; raise its logging rate.",
+            f"{name} was logged at {rate:.0f} Hz, others at {fastest:.0f} Hz; raise its logging rate.",
             rate_hz=rate,
             fastest_hz=fastest,
         )

@@ -109,13 +109,13 @@ def _filtered(history: TimeHistory, shape: Shape, cutoffs_rad_s: Sequence[float]
     count = history.values.shape[1]
     if count <= reach:
         raise InsufficientDataError(
-            f"a record of {history.duration_s:.3g} s came",
+            f"got a record of {history.duration_s:.3g} s",
             needed=f"more than the {settling_s:.3g} s that the filter takes to settle",
             remedy="choose a higher cutoff or a longer stretch",
         )
     if not np.isfinite(history.values).all():
         raise InsufficientDataError(
-            "samples that are not finite came", needed="finite samples on every channel", remedy="cut the stretch there"
+            "got samples that are not finite", needed="finite samples on every channel", remedy="cut the stretch there"
         )
     corners = cutoffs_rad_s if shape == "bandpass" else cutoffs_rad_s[0]
     sections = butter(order, corners, btype=shape, output="sos", fs=2.0 * math.pi * history.sample_rate_hz)
@@ -130,11 +130,11 @@ def _require_cutoffs(cutoffs_rad_s: Sequence[float], order: int, nyquist_rad_s: 
     for cutoff in cutoffs_rad_s:
         if not 0.0 < cutoff < nyquist_rad_s:
             raise UsageError(
-                f"a cutoff of {cutoff:.4g} rad/s came",
+                f"got a cutoff of {cutoff:.4g} rad/s",
                 needed=f"between 0 and the Nyquist frequency of {nyquist_rad_s:.4g} rad/s",
             )
     if not 1 <= order <= 8:
-        raise UsageError(f"a filter of order {order} came", needed="1 to 8")
+        raise UsageError(f"got a filter of order {order}", needed="1 to 8")
 
 
 def _settling_s(cutoffs_rad_s: Sequence[float], order: int) -> float:

@@ -65,7 +65,7 @@ def derivative(values: FloatArray, sample_rate_hz: float) -> FloatArray:
     """
     if values.shape[-1] < 2 or not np.isfinite(values).all():
         raise InsufficientDataError(
-            f"{values.shape[-1]} samples came, to be differentiated", needed="two and more, all finite"
+            f"cannot differentiate {values.shape[-1]} samples", needed="two and more, all finite"
         )
     from scipy.interpolate import CubicSpline
 
@@ -664,13 +664,13 @@ def _finding(check: KinematicCheck) -> Finding:
 
 
 def _remarks(check: KinematicCheck) -> Iterator[str]:
-    """What belongs beside the numbers, sentence by sentence."""
+    """Remarks on the numbers, sentence by sentence."""
     low, high = check.known_lag_s
     if high > 0.0:
         spread = f"{1e3 * low:.1f} to {1e3 * high:.1f}" if high - low > _SAME_LAG_S else f"{1e3 * high:.1f}"
         yield f" Its known filters lag {spread} ms."
     if check.relation != "same":
-        yield f" It looks like the {check.relation} of it."
+        yield f" The data look like its {check.relation}."
     if check.verdict == "uncertain":
         reason = "its terms cancel" if check.cancellation > _LARGEST_CANCELLATION else "the scale is not known better"
         yield f" No verdict: {reason}."

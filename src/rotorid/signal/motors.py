@@ -79,7 +79,7 @@ class MotorHistory(Immutable):
         time_s = read_only(self.time_s, np.float64, ndim=1)
         values = read_only(self.values, np.float64, ndim=2)
         if values.shape[1] != time_s.size:
-            raise ValueError(f"values of shape {values.shape} came for {time_s.size} stamps")
+            raise ValueError(f"got values of shape {values.shape} for {time_s.size} stamps")
         self._set(time_s=time_s, values=values, findings=tuple(self.findings))
 
     @property
@@ -246,7 +246,7 @@ def motor_channels(record: FlightRecord, prefix: str) -> tuple[str, ...]:
     numbers = sorted(int(match[1]) for name in record.channel_names if (match := pattern.fullmatch(name)))
     if numbers != list(range(1, len(numbers) + 1)) or not numbers:
         available = ", ".join(f"{prefix}{number}" for number in numbers) or "none of them"
-        message = f"{record.source.name} holds {available} of {prefix}1, {prefix}2 and on."
+        message = f"{record.source.name} has {available} of {prefix}1, {prefix}2 and on."
         finding = refusal("missing_channel", f"{prefix}1", message)
         raise InsufficientDataError(message, needed="all motors", findings=[finding])
     return tuple(f"{prefix}{number}" for number in numbers[:MOTORS])
@@ -277,7 +277,7 @@ def on_common_stamps(record: FlightRecord, names: Sequence[str]) -> tuple[FloatA
         stop = min(stamps[-1] for stamps, _, _ in series.values())
         clock = clock[(clock >= start) & (clock <= stop)]
     if clock.size < 2:
-        message = f"{record.source.name} holds no {', '.join(missing or names)} that last together."
+        message = f"{record.source.name} has no {', '.join(missing or names)} that last together."
         finding = refusal("missing_channel", names[0], message)
         raise InsufficientDataError(message, needed=", ".join(names), findings=[finding])
     rows = [np.interp(clock, series[name][0], series[name][1]) for name in names]
@@ -293,7 +293,7 @@ def with_remarks(record: FlightRecord, history: MotorHistory) -> MotorHistory:
             warn(
                 "rate_too_low",
                 history.source,
-                f"{history.source} tells the motors at {rate_hz:.1f} Hz, too slowly for the lag of a motor, "
+                f"{history.source} logs the motors at {rate_hz:.1f} Hz, too slowly for the lag of a motor, "
                 f"which needs at least {LOWEST_RATE_HZ:.0f} Hz.",
                 rate_hz=rate_hz,
                 needed_hz=LOWEST_RATE_HZ,
@@ -474,7 +474,7 @@ def agreement_of(record: FlightRecord, demands: MotorHistory, mixer: FloatArray)
         return None
     if outputs.motors != demands.motors:
         raise UsageError(
-            f"a mixer of {demands.motors} motors came for a log of {outputs.motors}",
+            f"got a mixer of {demands.motors} motors for a log of {outputs.motors}",
             needed="the layout of this vehicle",
         )
     clock, step_s = demands.time_s, float(np.median(np.diff(demands.time_s)))
@@ -611,7 +611,7 @@ def _voltage(record: FlightRecord) -> tuple[FloatArray, FloatArray]:
         if kept.any():
             return topic.time_s[kept][order], topic.values[row][kept][order]
     raise InsufficientDataError(
-        f"{record.source.name} holds no battery_voltage",
+        f"{record.source.name} has no battery_voltage",
         needed="the voltage of the battery",
         remedy="turn on the battery monitor, or leave the compensation out",
     )

@@ -201,7 +201,7 @@ def check_oscillations(record: FlightRecord) -> OscillationCheck:
     ([('roll', 0.42, None)], 'The log has no yaw_command.')
     """
     if record.status.foreign:
-        why = f"{record.status.named_in} says that this is no multirotor ({record.status.vehicle})."
+        why = f"{record.status.named_in} is not a multirotor ({record.status.vehicle})."
         return OscillationCheck(unchecked=dict.fromkeys(RATE_OF, why))
     flights = airborne(record).intervals
     power = _power(record)

@@ -82,7 +82,7 @@ def quality_findings(
     [('saturation', 0.44)]
     """
     if axis not in AXES:
-        raise UsageError(f"the axis {axis!r} came", needed=f"one of {', '.join(AXES)}")
+        raise UsageError(f"unknown axis {axis!r}", needed=f"one of {', '.join(AXES)}")
     part = (history.start_s, float(history.time_s[-1]))
     motors = () if limits is None else limits.during((part,)).remarks("the maneuver")
     return (*_limits(history), *motors, *_other_axes(history, f"{axis}_command", accounted))
@@ -129,7 +129,7 @@ def _limits(history: TimeHistory) -> Iterator[Finding]:
         yield (warn if share >= WARNED_SHARE else remark)(
             "sensor_clipping" if sensor else "saturation",
             name,
-            f"{name} stood at {place} for {share:.1%} of the maneuver.",
+            f"{name} was at {place} for {share:.1%} of the maneuver.",
             share=share,
         )
 
@@ -173,8 +173,8 @@ def _other_axes(history: TimeHistory, excited: str, accounted: Collection[str]) 
                 yield warn(
                     "correlated_inputs",
                     f"{other}/{excited}",
-                    f"{other} follows {excited} with a coherence of {coherence:.2f}; their effects cannot be told "
-                    "apart well, so use both as inputs.",
+                    f"{other} follows {excited} with a coherence of {coherence:.2f}; their effects "
+                    "cannot be separated well; use both as inputs.",
                     coherence=coherence,
                 )
 

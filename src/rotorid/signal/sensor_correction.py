@@ -160,8 +160,8 @@ def estimate_correction(
     moved = _triad([_rates_corrected(history, rates) for history in others], ACCELERATIONS)
     if not (rates.terms or rates.left or moved.terms or moved.left):
         raise InsufficientDataError(
-            "no rate with its angle and no specific force with velocities and attitude came, to correct sensors by",
-            needed="attitude beside the rates, velocities beside the accelerometer",
+            "sensors cannot be corrected without a rate and its angle, or a specific force with velocity and attitude",
+            needed="attitude for the rates, velocities for the accelerometer",
             remedy="log attitude and velocity, or leave --correct-sensors out",
         )
     return SensorCorrection(
@@ -222,7 +222,7 @@ def correction_findings(correction: SensorCorrection) -> tuple[Finding, ...]:
     if correction.left:
         names = ", ".join(correction.left)
         findings.append(
-            remark("sensor_not_corrected", names, f"The flight does not tell these errors of sensors: {names}.")
+            remark("sensor_not_corrected", names, f"The flight does not show these sensor errors: {names}.")
         )
     return tuple(findings)
 

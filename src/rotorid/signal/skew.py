@@ -136,7 +136,7 @@ def time_skew(
     (15.0, 'same')
     """
     if relation is not None and relation not in _QUARTER_TURNS:
-        raise UsageError(f"the relation {relation!r} came", needed=f"one of {', '.join(_QUARTER_TURNS)}")
+        raise UsageError(f"unknown relation {relation!r}", needed=f"one of {', '.join(_QUARTER_TURNS)}")
     lines = coherent_lines(cross_spectrum(history, reference, delayed, band_rad_s=band_rad_s), f"{delayed}/{reference}")
     known = lines.omega_rad_s * known_delay_s + np.arctan(lines.omega_rad_s * known_lag_s)
     phase = np.angle(lines.cross) + known
@@ -194,13 +194,13 @@ def shift(history: TimeHistory, channel: str, seconds: float) -> TimeHistory:
     if channel not in history.names:
         raise UsageError(f"there is no channel {channel} in the data", needed=f"one of {', '.join(history.names)}")
     if not math.isfinite(seconds):
-        raise UsageError(f"a shift of {seconds} s came", needed="a finite number")
+        raise UsageError(f"the shift {seconds} s is not finite", needed="a finite number")
     samples = seconds * history.sample_rate_hz
     lost = math.ceil(abs(samples) - 1e-9)
     count = history.values.shape[1]
     if count - lost < 4 or not np.isfinite(history[channel]).all():
         raise InsufficientDataError(
-            f"{count} samples of {channel} came, to be shifted by {abs(samples):.4g}",
+            f"cannot shift {count} samples of {channel} by {abs(samples):.4g}",
             needed="finite samples, at least four more than the shift",
         )
     values = history.values.copy()
@@ -366,7 +366,7 @@ def cross_spectrum(
     pair = np.stack([history[first], history[second]])
     if length < _SHORTEST_WINDOW or not np.isfinite(pair).all():
         raise InsufficientDataError(
-            f"{count} samples of {first} and {second} came",
+            f"got {count} samples of {first} and {second}",
             needed=f"at least {_WINDOWS * _SHORTEST_WINDOW} samples, all finite",
             remedy="give a longer stretch without gaps",
         )

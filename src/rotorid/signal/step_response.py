@@ -189,7 +189,7 @@ def rise_time_bandwidth(steps: Sequence[StepResponse]) -> Bandwidth:
     (1.167, 0.275)
     """
     if not steps:
-        raise InsufficientDataError("no step came", needed="one and more", remedy="name the command that was stepped")
+        raise InsufficientDataError("got no step", needed="one and more", remedy="name the command that was stepped")
     rise = np.array([step.rise_s for step in steps])
     mean = float(rise.mean())
     spread = float(rise.std(ddof=1)) if rise.size > 1 else steps[0].rise_noise_s
@@ -499,7 +499,7 @@ def cross_terms(
     terms = 1 + lags * (1 + len(others))
     if samples < _LEAST_SAMPLES_PER_TERM * terms:
         raise InsufficientDataError(
-            f"{max(samples, 0)} samples came for {terms} terms",
+            f"got {max(samples, 0)} samples for {terms} terms",
             needed=f"{_LEAST_SAMPLES_PER_TERM} for each term",
             remedy="shorten the memory or take a longer record",
         )

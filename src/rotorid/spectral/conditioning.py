@@ -191,7 +191,7 @@ def _require_separable(matrix: SpectralMatrix, instruments: Sequence[int], input
             refusal(
                 "correlated_inputs",
                 names,
-                f"{names} move together at {count} of {lost.size} frequencies and cannot be told apart.",
+                f"{names} move together at {count} of {lost.size} frequencies and cannot be separated.",
                 omega_rad_s=where,
                 frequencies=count,
             )

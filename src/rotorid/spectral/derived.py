@@ -94,7 +94,7 @@ def integrated(response: FrequencyResponse, output: str) -> FrequencyResponse:
             f"the integral of {output} has no name", needed=f"a name ending in {_DERIVATIVE}", remedy="rename it first"
         )
     if response.omega_rad_s[0] <= 0.0:
-        raise UsageError("a grid that begins at 0 rad/s came", needed="positive frequencies", remedy="select a band")
+        raise UsageError("the frequency grid begins at 0 rad/s", needed="positive frequencies", remedy="select a band")
     factor = _ones(response)
     factor[row] /= 1j * response.omega_rad_s
     name = output.removesuffix(_DERIVATIVE)
@@ -240,7 +240,7 @@ def with_model_error(response: FrequencyResponse, share: float) -> FrequencyResp
     0.01
     """
     if not 0.0 <= share < math.inf:
-        raise UsageError(f"a model error of {share:g} came", needed="a finite share from zero up")
+        raise UsageError(f"got a model error of {share:g}", needed="a finite share from zero up")
     x = np.log(response.omega_rad_s)
     alike = 2.0 * share**2 * np.exp(-0.5 * ((x[:, None] - x) / _ALIKE) ** 2)
     values = response.values
@@ -395,10 +395,9 @@ def _passed(name: str, chain: Sequence[KnownFilter], response: FrequencyResponse
     left = np.abs(passed)
     if left.min() < _FAINTEST:
         raise UsageError(
-            f"the filters of {name} have left {left.min():.2g} of it at {response.omega_rad_s[left.argmin()]:.4g} "
-            "rad/s",
-            needed=f"at least {_FAINTEST:g}, below which nothing is there to correct",
-            remedy="select a band without that",
+            f"the filters leave {left.min():.2g} of {name} at {response.omega_rad_s[left.argmin()]:.4g} rad/s",
+            needed=f"at least {_FAINTEST:g}, below which nothing is left to correct",
+            remedy="select a band without these frequencies",
         )
     return passed
 
@@ -439,7 +438,7 @@ def _row(names: Sequence[str], name: str, what: str) -> int:
 def _require_single(response: FrequencyResponse) -> None:
     if response.values.shape[:2] != (1, 1):
         raise UsageError(
-            f"a response of {', '.join(response.outputs)} to {', '.join(response.inputs)} came",
+            f"got a response of {', '.join(response.outputs)} to {', '.join(response.inputs)}",
             needed="one output and one input",
             remedy="select a pair",
         )
@@ -451,12 +450,12 @@ def _require_matching(numerator: FrequencyResponse, denominator: FrequencyRespon
     same_driver = (numerator.inputs, numerator.instruments) == (denominator.inputs, denominator.instruments)
     if not same_driver or not np.array_equal(numerator.omega_rad_s, denominator.omega_rad_s):
         raise UsageError(
-            f"responses to {numerator.inputs[0]} and to {denominator.inputs[0]} came",
+            f"got responses to {numerator.inputs[0]} and to {denominator.inputs[0]}",
             needed="the same input, the same instrument and the same frequencies",
             remedy="take both out of one estimate",
         )
     if not np.all(denominator.values):
-        raise UsageError("a denominator that is zero somewhere came", needed="a band without zeros")
+        raise UsageError("the denominator is zero at some frequency", needed="a band without zeros")
 
 
 Row: TypeAlias = NDArray[np.inexact[Any]]
@@ -635,7 +634,7 @@ def log_curve(response: FrequencyResponse) -> LogCurve:
     """
     if response.values.shape[:2] != (1, 1) or response.omega_rad_s[0] <= 0.0:
         raise UsageError(
-            f"a response of shape {response.values.shape} from {response.omega_rad_s[0]:g} rad/s came",
+            f"got a response of shape {response.values.shape} from {response.omega_rad_s[0]:g} rad/s",
             needed="one response at positive frequencies",
         )
     values = response.values[0, 0]

@@ -395,18 +395,18 @@ def _require_choices(
 ) -> None:
     """Refuse calls that would be answered, but not with what was meant."""
     if not inputs or not outputs:
-        raise UsageError(f"{len(inputs)} inputs and {len(outputs)} outputs came", needed="at least one of each")
+        raise UsageError(f"got {len(inputs)} inputs and {len(outputs)} outputs", needed="at least one of each")
     if instruments and len(instruments) != len(inputs):
-        raise UsageError(f"{len(instruments)} instruments for {len(inputs)} inputs came", needed="one for each input")
+        raise UsageError(f"got {len(instruments)} instruments for {len(inputs)} inputs", needed="one for each input")
     for name in instruments:
         if name in outputs:
             raise UsageError(
-                f"{name} came as an instrument and as an output",
+                f"{name} is both an instrument and an output",
                 needed="instruments that excite the inputs and contain no feedback",
             )
     for what, given, kind in (("composition", composition, Composition), ("leakage", leakage, Leakage)):
         if given not in get_args(kind):
-            raise UsageError(f"the {what} {given!r} came", needed=f"one of {', '.join(get_args(kind))}")
+            raise UsageError(f"unknown {what} {given!r}", needed=f"one of {', '.join(get_args(kind))}")
 
 
 def _select(record: TimeHistory, names: Sequence[str]) -> TimeHistory:

@@ -218,15 +218,14 @@ def impulse_response(
     points = omega_rad_s.size
     if values.shape != (points,) or covariance.shape != (points, points):
         raise UsageError(
-            f"{points} frequencies, a response of shape {values.shape} and a covariance of shape {covariance.shape} "
-            "came",
+            f"got {points} frequencies, a response of shape {values.shape}, a covariance of shape {covariance.shape}",
             needed="one value for each frequency, and a covariance between all of them",
         )
     if not (np.isfinite(values).all() and np.isfinite(covariance).all()):
-        raise UsageError("a response with points that are no numbers came", needed="known points only")
+        raise UsageError("the response has points that are not finite", needed="known points only")
     if points < _LEAST_POINTS:
         raise InsufficientDataError(
-            f"a response of {points} points came",
+            f"got a response of {points} points",
             needed=f"{_LEAST_POINTS} and more",
             remedy="fly longer, or log faster",
         )

@@ -70,7 +70,7 @@ def joined_responses(
     [[True, False], [False, True]]
     """
     if not parts:
-        raise UsageError("no response came", needed="one or more to join")
+        raise UsageError("got no response", needed="one or more to join")
     whole = _Whole.of(parts, tuple(inputs), tuple(outputs))
     shape = whole.shape
     variance = np.stack([whole.spread(part, np.maximum(_variance(part), _TINY), np.inf) for part in parts])
@@ -219,7 +219,7 @@ class _Whole(NamedTuple):
             odd = [name for name in (*part.inputs, *part.outputs) if name not in (*inputs, *outputs)]
             if odd:
                 raise UsageError(
-                    f"a response of {', '.join(odd)} came", needed=f"responses of {', '.join((*outputs, *inputs))}"
+                    f"got a response of {', '.join(odd)}", needed=f"responses of {', '.join((*outputs, *inputs))}"
                 )
         every = np.sort(np.concatenate([part.omega_rad_s for part in parts]))
         distinct = np.diff(every, prepend=0.0) > _SAME * every

@@ -85,19 +85,19 @@ def series(plant: FrequencyResponse, controller: FrequencyResponse | ComplexArra
         exact = np.asarray(controller, dtype=np.complex128)
         if exact.shape != plant.omega_rad_s.shape:
             raise UsageError(
-                f"a controller of shape {exact.shape} came",
+                f"got a controller of shape {exact.shape}",
                 needed=f"one value per frequency, {plant.omega_rad_s.shape}",
             )
         return _named(through(plant, exact * plant.values[0, 0], exact, note="in series with a known controller"))
     _require_single(controller)
     if (controller.inputs, controller.outputs) != (plant.outputs, plant.inputs):
         raise UsageError(
-            f"a controller from {controller.inputs[0]} to {controller.outputs[0]} came",
+            f"got a controller from {controller.inputs[0]} to {controller.outputs[0]}",
             needed=f"one from {plant.outputs[0]} to {plant.inputs[0]}",
         )
     if not np.isin(controller.omega_rad_s, plant.omega_rad_s).all():
         raise UsageError(
-            "plant and controller on different grids came", needed="a controller at the plant's frequencies"
+            "plant and controller have different frequency grids", needed="a controller at the plant's frequencies"
         )
     plant = at_points(plant, np.flatnonzero(np.isin(plant.omega_rad_s, controller.omega_rad_s)))
     G, C = plant.values[0, 0], controller.values[0, 0]
@@ -223,7 +223,7 @@ def _named(loop: FrequencyResponse) -> FrequencyResponse:
 def _require_single(response: FrequencyResponse) -> None:
     if response.values.shape[:2] != (1, 1):
         outputs, inputs = response.values.shape[:2]
-        raise UsageError(f"{outputs} outputs and {inputs} inputs came", needed="one response", remedy="select a pair")
+        raise UsageError(f"got {outputs} outputs and {inputs} inputs", needed="one response", remedy="select a pair")
 
 
 _LARGEST_INPUT_COHERENCE = 0.8
@@ -295,7 +295,7 @@ def injected_loop(
     array([0.5, 0.5, 0.5])
     """
     if not np.isfinite(injection_delay_s):
-        raise UsageError(f"an injection delay of {injection_delay_s} s came", needed="a finite number")
+        raise UsageError(f"got an injection delay of {injection_delay_s} s", needed="a finite number")
     returned = f"{command.removesuffix('_command')}_feedback"
     measured = frequency_response(
         [_with_difference(record, excitation, command, returned) for record in records],

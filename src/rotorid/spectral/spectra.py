@@ -265,14 +265,14 @@ def _one_window(
 def _require_consistent(records: Sequence[TimeHistory], windows_s: Sequence[float], overlap: float) -> None:
     if not records or not windows_s or not all(0.0 < length < np.inf for length in windows_s):
         raise UsageError(
-            f"{len(records)} records and {len(windows_s)} window lengths came",
+            f"got {len(records)} records and {len(windows_s)} window lengths",
             needed="at least one record and one window length, all of them positive and finite",
         )
     if not 0.0 <= overlap < 1.0:
-        raise UsageError(f"an overlap of {overlap:g} came", needed="a share of a window from 0 to below 1")
+        raise UsageError(f"got an overlap of {overlap:g}", needed="a share of a window from 0 to below 1")
     first = records[0]
     if any(record.names != first.names or record.sample_rate_hz != first.sample_rate_hz for record in records):
-        raise UsageError("records with different channels or rates came", needed="one set of channels at one rate")
+        raise UsageError("the records have different channels or rates", needed="one set of channels at one rate")
 
 
 def require_finite(records: Sequence[TimeHistory]) -> None:
@@ -287,9 +287,9 @@ def require_finite(records: Sequence[TimeHistory]) -> None:
         for name, samples in zip(record.names, record.values, strict=True):
             missing = int(np.count_nonzero(~np.isfinite(samples)))
             if missing:
-                message = f"{name} holds {missing} samples that are not finite numbers."
+                message = f"{name} has {missing} samples that are not finite numbers."
                 raise InsufficientDataError(
-                    f"{name} with {missing} samples that are not finite numbers came",
+                    f"got {name} with {missing} samples that are not finite numbers",
                     needed="a record without gaps",
                     remedy="cut the segment around them",
                     findings=[refusal("gap", name, message, samples=missing)],
@@ -323,7 +323,7 @@ def _require_windows(
         return
     longest, shortest = max(record.duration_s for record in records), min(windows_s)
     raise InsufficientDataError(
-        f"records of at most {longest:.3g} s came",
+        f"got records of at most {longest:.3g} s",
         needed=f"two periods of the band inside windows of {shortest:.3g} s and more, and several such windows",
         remedy="give longer segments, shorter windows or a higher band",
         findings=[

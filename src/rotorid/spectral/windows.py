@@ -130,7 +130,7 @@ def plan_windows(record_s: float, total_s: float, band_rad_s: tuple[float, float
     least = PERIODS_IN_WINDOW * 2.0 * math.pi / high
     if longest < least:
         raise InsufficientDataError(
-            f"a record of {record_s:.3g} s came",
+            f"got a record of {record_s:.3g} s",
             needed=f"at least two windows of {least:.3g} s for a band up to {high:.3g} rad/s",
             remedy="give a longer segment or a higher band",
             findings=[
@@ -254,14 +254,14 @@ def require_grid(omega_rad_s: FloatArray, sample_rate_hz: float) -> None:
         It says which of these it is not.
     """
     if np.ndim(omega_rad_s) != 1:
-        raise UsageError(f"a frequency grid of shape {np.shape(omega_rad_s)} came", needed="one row of frequencies")
+        raise UsageError(f"got a frequency grid of shape {np.shape(omega_rad_s)}", needed="one row of frequencies")
     # Asked so that a grid with a NaN does not pass.
     if not omega_rad_s.size or not omega_rad_s[0] > 0.0 or not np.all(np.diff(omega_rad_s) > 0.0):
-        raise UsageError("a frequency grid that does not rise came", needed="rising frequencies above zero")
+        raise UsageError("the frequency grid does not rise", needed="rising frequencies above zero")
     nyquist_rad_s = np.pi * sample_rate_hz
     if not omega_rad_s[-1] <= nyquist_rad_s:
         raise UsageError(
-            f"a frequency of {omega_rad_s[-1]:.4g} rad/s came",
+            f"got a frequency of {omega_rad_s[-1]:.4g} rad/s",
             needed=f"at most the Nyquist frequency of {nyquist_rad_s:.4g} rad/s",
             remedy="lower the upper end of the band",
         )

@@ -202,7 +202,7 @@ def _limit(rate_hz: float, parameters: Mapping[str, float]) -> str:
     for bit, name in _LIMITS:
         limit_hz = parameters.get(name, 0.0)
         if backend & bit and 0.0 < rate_hz <= _AT_LIMIT * limit_hz:
-            return f"{name} = {limit_hz:g} holds every message down to {limit_hz:g} Hz: set it to 0, which is no limit"
+            return f"{name} = {limit_hz:g} limits every message to {limit_hz:g} Hz: set it to 0, which is no limit"
     return ""
 
 

@@ -74,7 +74,7 @@ def passage(record: FlightRecord, source: str, sensor_rate_hz: float | None) -> 
     settings = record.parameters
     if re.fullmatch(_COMMANDS, source):
         curved = settings.get("thrust_linear", 0.0) > 0.0
-        return doubtful("a thrust curve (thrust_linear) stands in it") if curved else Passage()
+        return doubtful("it contains a thrust curve (thrust_linear)") if curved else Passage()
     if not re.fullmatch(_GYRO, source):
         return doubtful(UNKNOWN)
     named = _VERSION.search(record.source.firmware)

@@ -59,7 +59,7 @@ def logging_advice(parameters: Mapping[str, float], firmware: str) -> str:
     bits = whole(parameters, "SDLOG_PROFILE")
     wanted = log_profile(firmware, bits)
     if wanted == bits:
-        return f"SDLOG_PROFILE = {bits} holds what helps already: {_NAME_IT}"
+        return f"SDLOG_PROFILE = {bits} already logs what helps: {_NAME_IT}"
     now = "" if profile is None else f", it is {bits}"
     return f"set SDLOG_PROFILE = {wanted} ({profile_words(firmware)}{now}) before the next flight"
 
@@ -70,7 +70,7 @@ def raw_gyro_advice(parameters: Mapping[str, float], firmware: str) -> str:
         return f"fly firmware 1.12 or newer: {_named(firmware)} logs no gyro before its filters"
     profile = whole(parameters, "SDLOG_PROFILE")
     if profile >> _RAW_GYRO_BIT & 1:
-        return "bit 8 of SDLOG_PROFILE (raw IMU at its own rate) is set already: not every sensor tells it"
+        return "bit 8 of SDLOG_PROFILE (raw IMU at its own rate) is already set, but not every sensor provides it"
     return "set bit 8 of SDLOG_PROFILE (raw IMU at its own rate)"
 
 

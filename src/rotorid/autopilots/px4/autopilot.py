@@ -64,7 +64,7 @@ def _wind(record: FlightRecord) -> str:
 def _how(_plan: FlightPlan, _flown: Sequence[PlannedInput], _firmware: str) -> str:
     return (
         "Start the script, hover in the middle in Position mode, then switch to Offboard. Hands off: the script "
-        "holds place and height slowly, and moving the sticks ends the test. It hands back in Position mode."
+        "has place and height slowly, and moving the sticks ends the test. It hands back in Position mode."
     )
 
 

@@ -24,7 +24,7 @@ def _notch(values: tuple[float, ...], rate_hz: float) -> KnownFilter:
     center_hz, bandwidth_hz = values
     if not (0.0 < center_hz < 0.5 * rate_hz and NARROWEST * center_hz < bandwidth_hz < 0.5 * rate_hz):
         raise UsageError(
-            f"a notch at {center_hz:g} Hz, {bandwidth_hz:g} Hz wide, came", needed="less than half of its rate"
+            f"got a notch at {center_hz:g} Hz, {bandwidth_hz:g} Hz wide", needed="less than half of its rate"
         )
     quality = math.sin(2.0 * math.pi * center_hz / rate_hz) / (2.0 * math.tan(math.pi * bandwidth_hz / rate_hz))
     return notch(center_hz, quality, rate_hz)
@@ -32,7 +32,7 @@ def _notch(values: tuple[float, ...], rate_hz: float) -> KnownFilter:
 
 def _integral(values: tuple[float, ...], rate_hz: float) -> KnownFilter:
     if not 1.0 <= values[0] < math.inf:
-        raise UsageError(f"{values[0]:g} integrals per second came", needed="one or more")
+        raise UsageError(f"got {values[0]:g} integrals per second", needed="one or more")
     # A whole number of samples, the one nearest to the interval asked for.
     return integral_mean(max(round(rate_hz / values[0]), 1) / rate_hz, rate_hz)
 

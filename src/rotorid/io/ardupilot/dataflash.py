@@ -352,7 +352,7 @@ def decode(data: bytes | memoryview | AnyArray, names: Collection[str] | None = 
         definitions = confirmed
     if not any(number != FMT.number for number in definitions):
         raise LogError(
-            f"no message definitions stand in these {log.size} bytes",
+            f"these {log.size} bytes contain no message definitions",
             needed="an ArduPilot DataFlash log (.BIN), which begins with FMT messages",
             remedy="download the log from the autopilot again, in binary form",
         )
@@ -584,7 +584,7 @@ def _damage(log: DataFlashLog) -> Iterator[Finding]:
             "corrupt_log",
             "log",
             f"{skipped} bytes in {len(inner)} places are not messages and were skipped, the first at byte "
-            f"{inner[0][0]}; samples are missing there, and the format has no checksum to vouch for the others",
+            f"{inner[0][0]}; samples are missing there, and the format has no checksum: other values may be wrong too",
             bytes=skipped,
             places=len(inner),
             first_byte=inner[0][0],
@@ -606,7 +606,7 @@ def _damage(log: DataFlashLog) -> Iterator[Finding]:
         yield warn(
             "corrupt_log",
             ", ".join(log.undecodable),
-            f"the definitions of {', '.join(log.undecodable)} contradict themselves; these messages were not decoded",
+            f"the definitions of {', '.join(log.undecodable)} are contradictory; these messages were not decoded",
             messages=len(log.undecodable),
         )
 

@@ -124,7 +124,7 @@ class Layout:
         )
         if wrong:
             raise UsageError(
-                f"the layout {self.name} of {self.letters!r} for {self.columns!r} came",
+                f"the layout {self.name} of {self.letters!r} for {self.columns!r} is not possible",
                 needed="a known letter, unit and multiplier for every column, a name of at most four characters, at "
                 "most 64 characters of columns and 255 bytes of message",
             )
@@ -208,7 +208,7 @@ def encode(tables: Iterable[Messages]) -> bytes:
     ]
     if not timed_tables or len(set(numbers)) < len(numbers):
         raise UsageError(
-            f"messages {', '.join(messages.layout.name for messages in timed_tables) or 'of no kind'} came",
+            f"got messages {', '.join(messages.layout.name for messages in timed_tables) or 'of no kind'}",
             needed="at least one kind with stamps TimeUS, each with a number of its own that is none of "
             f"{', '.join(map(str, numbers[:4]))}",
         )
@@ -227,7 +227,7 @@ def packed(table: Messages) -> AnyArray:
     missing = [name for name in form.columns if name not in table.values]
     if missing:
         raise UsageError(
-            f"messages {form.name} without {', '.join(missing)} came", needed=f"values for {table.layout.columns}"
+            f"messages {form.name} have no {', '.join(missing)}", needed=f"values for {table.layout.columns}"
         )
     fields = [(name, LETTERS[letter].dtype) for name, letter in zip(form.columns, form.letters, strict=True)]
     rows = np.zeros(np.size(table.values[form.columns[0]]), dtype=[("head", "u1", HEADER_BYTES), *fields])
@@ -235,7 +235,7 @@ def packed(table: Messages) -> AnyArray:
     for name, letter in zip(form.columns, form.letters, strict=True):
         stored = _stored(table, name, letter)
         if stored.shape not in ((), rows.shape):
-            raise UsageError(f"{form.name}.{name} of shape {stored.shape} came", needed=f"shape {rows.shape}")
+            raise UsageError(f"{form.name}.{name} has shape {stored.shape}", needed=f"shape {rows.shape}")
         rows[name] = stored
     return rows
 
@@ -253,7 +253,7 @@ def _stored(table: Messages, name: str, letter: str) -> AnyArray:
         allowed = np.isfinite(numbers) | (np.isnan(numbers) & (name in table.layout.absent and kind.dtype.kind == "f"))
         if not allowed.all():
             raise UsageError(
-                f"{where} holds {np.count_nonzero(~allowed)} values that are not finite, the first at message "
+                f"{where} contains {np.count_nonzero(~allowed)} values that are not finite, the first at message "
                 f"{int(np.argmin(allowed))}",
                 needed="finite numbers",
                 remedy="write the part of the flight in which they are",

@@ -283,7 +283,7 @@ def _changed(tables: Mapping[str, Table], status: Status) -> Iterator[Finding]:
 
 def _sdlog2(name: str) -> LogError:
     return LogError(
-        f"{name} is a log of PX4 before 2017 (sdlog2), which is framed like ArduPilot's and holds other messages",
+        f"{name} is a log of PX4 before 2017 (sdlog2), which is framed like ArduPilot's and contains other messages",
         needed="a PX4 .ulg, or a table that a mapping can name",
         remedy="convert it with sdlog2_dump.py of PX4's Tools/sdlog2 to CSV, and name its columns with --map FILE.toml",
     )
@@ -644,7 +644,7 @@ def _system_id_findings(runs: tuple[Run, ...]) -> Iterator[Finding]:
                 "no_excitation",
                 f"SIDD run {number}",
                 f"the SYSTEMID run of {run.start_s:.2f} s to {run.stop_s:.2f} s was injected at SID_AXIS "
-                f"{run.entry}, which is none of 1 to 13; its signal is not used",
+                f"{run.entry}, which is not 1 to 13; its signal is not used",
                 sid_axis=run.entry,
                 start_s=run.start_s,
                 stop_s=run.stop_s,

@@ -79,7 +79,7 @@ def read(path: Path, source: Source) -> FlightRecord:
         written.add(name, cells, columns)
     if not written.messages:
         raise LogError(
-            f"{source.name} holds no message of an ArduPilot log that can be read",
+            f"{source.name} contains no message of an ArduPilot log that can be read",
             needed="lines as Mission Planner or mavlogdump.py write them from a .BIN",
             remedy="give the .BIN or .tlog that the text was made from",
         )

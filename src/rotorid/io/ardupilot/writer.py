@@ -145,7 +145,7 @@ def write_ardupilot(
     [12.6, 12.5]
     """
     if not flight.samples:
-        raise UsageError("a flight without samples came", needed="at least one")
+        raise UsageError("the flight has no samples", needed="at least one")
     _check_finite(flight)
     rates = _checked_rates(rates_hz or {}, flight.sample_rate_hz)
     runs = injections(flight)
@@ -169,7 +169,9 @@ def _logged_parameters(flight: SimulatedFlight, runs: tuple[Injection, ...]) -> 
     motors = sum(f"motor_{number}" in flight.columns for number in range(1, MOTORS + 1))
     functions = {motor: function for function, motor in MOTOR_FUNCTIONS.items()}
     if motors > len(functions):
-        raise UsageError(f"{motors} motors came", needed=f"at most {len(functions)}, which ArduPilot can number")
+        raise UsageError(
+            f"the flight has {motors} motors", needed=f"at most {len(functions)}, which ArduPilot can number"
+        )
     added = {
         "SCHED_LOOP_RATE": flight.sample_rate_hz,
         "LOG_BITMASK": float(LOG_BITMASK),
@@ -204,13 +206,13 @@ def _checked_rates(asked_hz: Mapping[str, float], loop_hz: float) -> Mapping[str
         if name not in usual:
             close = difflib.get_close_matches(name, usual, n=1)
             raise UsageError(
-                f"a rate for the message {name!r} came",
+                f"unknown message {name!r}",
                 needed=f"one of {', '.join(usual)}",
                 remedy=f"did you mean {close[0]}?" if close else "",
             )
         if not 0.0 < rate_hz <= loop_hz:
             raise UsageError(
-                f"a rate of {rate_hz:g} Hz for {name} came",
+                f"the rate {rate_hz:g} Hz of {name} is out of range",
                 needed=f"more than zero and at most the loop's {loop_hz:g} Hz",
             )
     return {**usual, **asked_hz}
@@ -456,7 +458,7 @@ def _output_values(logged: Logged) -> Values:
         if f"motor_{number}" in logged.flight.columns:
             if channels.get(number, CHANNELS + 1) > CHANNELS:
                 raise UsageError(
-                    f"motor {number} stands on no channel of RCOU",
+                    f"motor {number} has no channel in RCOU",
                     needed=f"a parameter SERVOn_FUNCTION for it, n from 1 to {CHANNELS}",
                 )
             values[f"C{channels[number]}"] = low + (high - low) * logged[f"motor_{number}"]

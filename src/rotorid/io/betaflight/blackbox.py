@@ -212,7 +212,7 @@ def flights(data: bytes) -> Iterator[tuple[int, Flight | LogError]]:
     starts = [match.start() for match in islice(re.finditer(re.escape(MAGIC), data), MOST_FLIGHTS + 1)]
     if len(starts) > MOST_FLIGHTS:
         raise LogError(
-            f"a blackbox log of {len(data)} bytes came that starts more than {MOST_FLIGHTS} flights",
+            f"this blackbox log of {len(data)} bytes starts more than {MOST_FLIGHTS} flights",
             needed="a log as the flight controller wrote it",
             remedy="download the log from the flight controller again",
         )

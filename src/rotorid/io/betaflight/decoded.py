@@ -108,10 +108,10 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> F
     kept = [at for at, place in enumerate(wanted, start=1) if settings or not _needs_settings(matches[place])]
     if not kept:
         raise LogError(
-            f"{source.name} holds motors, accelerometer or voltage alone, which have no unit without the settings of "
+            f"{source.name} has only motors, accelerometer or voltage, which have no unit without the settings of "
             "the flight controller",
             needed="gyros, or the settings",
-            remedy=f"give the .BBL, or decode it with --save-headers and keep {header_file.name} beside it",
+            remedy=f"give the .BBL, or decode it with --save-headers and keep {header_file.name} in the same folder",
         )
     raw = np.stack([_raw(values[at], matches[wanted[at - 1]], header) for at in kept], axis=1)
     flight = Flight(
@@ -130,17 +130,17 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> F
         ""
         if _THROTTLE in {matches[place]["name"] for place in wanted}
         else (
-            f", and without {_THROTTLE} nothing tells whether rates and set-points are tenths of their unit "
-            "(blackbox_high_resolution), which they are not taken for"
+            f"; without {_THROTTLE} the scale of rates and set-points is unknown, and blackbox_high_resolution "
+            "is assumed to be off"
         )
     )
     finding = warn(
         "missing_channel",
         "settings",
-        "the CSV comes without the settings of the flight controller, so that motors, accelerometer and voltage have "
+        "the CSV has no settings of the flight controller, so that motors, accelerometer and voltage have "
         f"no unit and were left out{scale}; give the .BBL, or "
         f"decode it with --save-headers and keep {header_file.name} "
-        "beside it",
+        "in the same folder",
     )
     return replace(record, findings=(*record.findings, finding))
 
@@ -193,7 +193,7 @@ def _parts(text: str, name: str) -> tuple[dict[str, str], list[str], str]:
         if len(above) > _MOST_SETTINGS:
             break
     raise LogError(
-        f"{name} holds settings and no table that begins with {_FIRST}",
+        f"{name} contains settings but no table that begins with {_FIRST}",
         needed="a CSV as blackbox_decode or the Blackbox Explorer writes it",
         remedy="export the log again, or give the .BBL",
     )
@@ -216,10 +216,10 @@ def _table(body: str, places: Sequence[int], width: int, name: str) -> FloatArra
             found = np.loadtxt(io.StringIO("\n".join(rows)), delimiter=",", usecols=places, comments=None, ndmin=2)
     except ValueError as error:
         raise LogError(
-            f"{name} holds a row that is none of numbers: {error}",
+            f"{name} contains a row that is not numeric: {error}",
             needed="a CSV as blackbox_decode writes it",
             remedy="decode the log again, or give the .BBL",
         ) from error
     if not found.size:
-        raise LogError(f"{name} holds no flight: a header without rows", needed="samples", remedy="decode it again")
+        raise LogError(f"{name} contains no flight: a header without rows", needed="samples", remedy="decode it again")
     return np.ascontiguousarray(found.T)

@@ -163,7 +163,7 @@ def _instruments(topics: tuple[Topic, ...]) -> dict[str, tuple[str, ...]]:
 
 def _empty(name: str) -> LogError:
     return LogError(
-        f"{name} holds no frame that can be read",
+        f"{name} contains no frame that can be read",
         needed="a blackbox log with a complete header and at least one I frame",
         remedy="download the log from the flight controller again",
     )
@@ -532,11 +532,11 @@ def _others(flights: Sequence[Flight], later_s: Mapping[int, float]) -> Iterator
     first, *others = flights
     listed = ", ".join(f"flight {flight.number} ({_span(flight)})" for flight in others)
     moved = [f"those of flight {number} are {by_s:g} s later here than logged" for number, by_s in later_s.items()]
-    clocks = f"; clocks began anew between them: {', '.join(moved)}" if moved else ""
+    clocks = f"; the clock restarted between them: {', '.join(moved)}" if moved else ""
     yield remark(
         "several_flights",
         "log",
-        f"the log holds {len(flights)} flights; the longest, flight {first.number} ({_span(first)}), comes "
+        f"the log contains {len(flights)} flights; the longest, flight {first.number} ({_span(first)}), comes "
         f"first, and the others are {listed}{clocks}",
         flights=len(flights),
         longest_s=first.duration_s,
@@ -592,7 +592,7 @@ def _damage(flight: Flight) -> Iterator[Finding]:
             where,
             f"{damage.skipped_bytes} bytes in {damage.places} places of {where} are not frames and were "
             f"skipped, the first {damage.first_byte} bytes after its beginning; {damage.lost_frames} frames are "
-            "missing, and the format has no checksum to vouch for the others",
+            "missing, and the format has no checksum: other values may be wrong too",
             bytes=damage.skipped_bytes,
             places=damage.places,
             first_byte=damage.first_byte,
@@ -635,6 +635,6 @@ def _geometry(flight: Flight) -> Iterator[Finding]:
     yield remark(
         "assumed_geometry",
         f"flight {flight.number}",
-        "the commands are the mix of the four motors, which are taken to be those of a quad X: rear right, "
-        f"front right, rear left, front left; the log does not say so{turning}",
+        "the commands are the mix of the four motors, assumed to be a quad X: rear right, "
+        f"front right, rear left, front left; the log does not name the frame{turning}",
     )

@@ -68,24 +68,23 @@ def write_betaflight(path: Path, flight: SimulatedFlight, *, start_s: float = 20
     [0.5, 1.0]
     """
     if not flight.samples:
-        raise UsageError("a flight without samples came", needed="at least one")
+        raise UsageError("the flight has no samples", needed="at least one")
     motors = sum(name.startswith("motor_") for name in flight.columns)
     if flight.autopilot != "betaflight" or motors not in (0, _MOTORS):
         raise UsageError(
-            f"a blackbox log of {flight.vehicle} was asked for, which flies under {flight.autopilot} with {motors} "
-            "motors",
+            f"{flight.vehicle} flies {flight.autopilot} with {motors} motors, which no blackbox log can contain",
             needed="Betaflight's own controllers and four motors, in its order",
             remedy="write csv, or the autopilot's own format",
         )
     fields = dict(_fields(flight))
     for name, row in fields.items():
         if not np.all(np.isfinite(row)) or float(np.abs(row).max()) > _LARGEST:
-            raise UsageError(f"the field {name} holds what is no number of a log", needed="finite numbers")
+            raise UsageError(f"the field {name} has values that a log cannot store", needed="finite numbers")
     stamps = np.rint((start_s + flight.time_s) * 1e6)
     if not (stamps[0] >= 0.0 and stamps[-1] < _CLOCK_US):
         raise UsageError(
-            f"stamps from {1e-6 * stamps[0]:.6g} to {1e-6 * stamps[-1]:.6g} s came for a blackbox log",
-            needed=f"0 to {1e-6 * _CLOCK_US:.0f} s, after which its clock begins anew",
+            f"stamps from {1e-6 * stamps[0]:.6g} to {1e-6 * stamps[-1]:.6g} s do not fit a blackbox log",
+            needed=f"0 to {1e-6 * _CLOCK_US:.0f} s, after which its clock wraps around",
         )
     counts = np.arange(flight.samples, dtype=np.float64)
     rows = {"loopIteration": counts, "time": stamps, **fields}

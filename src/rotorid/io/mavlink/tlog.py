@@ -66,7 +66,7 @@ def read(path: Path, source: Source) -> FlightRecord:
     telemetry = decode(data)
     if not telemetry.messages:
         raise LogError(
-            f"{source.name} holds {telemetry.frames} MAVLink frames and no message that is known, intact",
+            f"{source.name} contains {telemetry.frames} MAVLink frames but no intact message of a known type",
             needed="telemetry of a flight, such as ATTITUDE",
             remedy=_REMEDY,
         )
@@ -82,7 +82,7 @@ def read(path: Path, source: Source) -> FlightRecord:
     )
     if not topics:
         raise LogError(
-            f"{source.name} holds {', '.join(messages) or 'no message'} of the autopilot {sender[0]}",
+            f"{source.name} contains only {', '.join(messages) or 'no message'} of the autopilot {sender[0]}",
             needed="a telemetry log of a flight, such as ATTITUDE with SERVO_OUTPUT_RAW",
             remedy="raise the stream rates (SR0_EXTRA1, SR0_RAW_SENS, SR0_RC_CHAN), or use the log on the SD card",
         )
@@ -178,7 +178,7 @@ def _damage(telemetry: Telemetry, size_bytes: int) -> Iterator[Finding]:
     yield warn(
         "corrupt_log",
         "telemetry",
-        f"{telemetry.lost_bytes} bytes of the file belong to no frame{where}, and {telemetry.failed} frames "
+        f"{telemetry.lost_bytes} bytes of the file are not frames{where}, and {telemetry.failed} frames "
         f"have a wrong checksum; both were left out. A radio link may cause that; otherwise {_REMEDY}.",
         lost_bytes=telemetry.lost_bytes,
         places=telemetry.places,
@@ -198,7 +198,7 @@ def _others(messages: Mapping[str, Messages], sender: tuple[int, int]) -> Iterat
         yield warn(
             "several_vehicles",
             "telemetry",
-            f"The log holds several vehicles. System {sender[0]}, which sent most, was read; "
+            f"The log contains several vehicles. System {sender[0]} sent the most messages and was read; "
             f"{', '.join(map(str, others))} left out.",
             read_system=sender[0],
             other_systems=len(others),
@@ -228,7 +228,7 @@ def _missing(topics: tuple[Topic, ...]) -> Iterator[Finding]:
         yield warn(
             "missing_channel",
             "motor_1",
-            "The log does not say what the motors were told: that needs SERVO_OUTPUT_RAW and the parameters "
+            "The motor commands were not logged. They need SERVO_OUTPUT_RAW and the parameters "
             "SERVOn_FUNCTION or FRAME_CLASS of ArduPilot, or ACTUATOR_CONTROL_TARGET of PX4.",
         )
 

@@ -137,13 +137,13 @@ def _export(path: Path, name: str) -> _Export:
     prefixes = sorted({prefix for _, (prefix, _) in found})
     if not found:
         raise LogError(
-            f"the folder {name} holds no topic of a PX4 log",
+            f"the folder {name} contains no topic of a PX4 log",
             needed="files such as LOG_vehicle_angular_velocity_0.csv, made by ulog2csv",
             remedy="give the .ulg file itself",
         )
     if len(prefixes) > 1:
         raise LogError(
-            f"the folder {name} holds the topics of {len(prefixes)} logs: {', '.join(prefixes[:5])}",
+            f"the folder {name} contains the topics of {len(prefixes)} logs: {', '.join(prefixes[:5])}",
             needed="the files of one log",
             remedy="put each log into a folder of its own",
         )
@@ -171,7 +171,7 @@ def _columns(file: Path, wanted: Sequence[str]) -> tuple[dict[str, AnyArray], in
     try:
         text = file.read_bytes().decode("utf-8")
     except UnicodeDecodeError as error:
-        raise _damaged(file.name, 1, "is no text in UTF-8") from error
+        raise _damaged(file.name, 1, "is not UTF-8 text") from error
     except OSError as error:
         raise LogError(f"{file.name} cannot be read: {error.strerror}", needed="a readable file") from error
     whole, _, cut = text.rpartition("\n")
@@ -198,7 +198,7 @@ def _table(file: str, body: str, indices: Sequence[int], width: int) -> FloatArr
             warnings.simplefilter("ignore", UserWarning)  # a topic that was never published has a header alone
             return np.loadtxt(io.StringIO(body), delimiter=",", usecols=indices, comments=None, ndmin=2)
     except ValueError as error:
-        raise _damaged(file, _first_text(lines, indices), "holds a cell that is no number") from error
+        raise _damaged(file, _first_text(lines, indices), "contains a cell that is no number") from error
 
 
 def _first_text(lines: Sequence[str], indices: Sequence[int]) -> int:

@@ -230,7 +230,7 @@ def record_of(arrays: Mapping[str, AnyArray], facts: Mapping[str, Any], source: 
     topics = (*topics, *sensor_topics(arrays, parameters)) if topics else ()
     if not topics:
         raise LogError(
-            f"{source.name} holds no topic with commands, rates, attitude or position",
+            f"{source.name} contains no topic with commands, rates, attitude or position",
             needed="a log of a flight, such as vehicle_torque_setpoint with vehicle_angular_velocity",
             remedy="check that the logger was on in flight (SDLOG_MODE, SDLOG_PROFILE)",
         )
@@ -402,7 +402,7 @@ def _damage(damage: Sequence[tuple[int, int, str]], size_bytes: int) -> Iterator
         "corrupt_log",
         f"byte {first}",
         f"The file is damaged {places}, first at byte {first} of {size_bytes}: {reason}. {lost} bytes were "
-        "left out; what stands around them was read. Copy the log again from the vehicle if that is possible.",
+        "left out; everything else was read. Copy the log again from the vehicle if that is possible.",
         first_byte=first,
         lost_bytes=lost,
         places=len(damage),
@@ -431,7 +431,7 @@ def _missing(topics: Sequence[Topic], remedy: str) -> Iterator[Finding]:
     logged = {channel.name for topic in topics for channel in topic.channels}
     for name, meaning in _NEEDED.items():
         if name not in logged:
-            yield warn("missing_channel", name, f"The log does not hold {meaning}. {remedy}")
+            yield warn("missing_channel", name, f"The log does not contain {meaning}. {remedy}")
 
 
 def _slow(topics: Sequence[Topic], remedy: str) -> Iterator[Finding]:

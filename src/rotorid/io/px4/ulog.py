@@ -146,7 +146,7 @@ def extract(path: Path, topics: Mapping[str, Sequence[str]]) -> ULog:
     data = file_bytes(path)
     if data.size <= HEADER_BYTES or data[: len(MAGIC)].tobytes() != MAGIC:
         raise LogError(
-            f"a ULog file of {data.size} bytes came, which ends inside its header",
+            f"this ULog file of {data.size} bytes ends inside its header",
             needed="a whole log",
             remedy="copy it again from the vehicle",
         )
@@ -594,11 +594,11 @@ def _refuse(view: memoryview, position: int, size: int, letter: int) -> str:
     if letter == ord("S") and payload != _SYNC[: len(payload)]:
         return "a synchronization message is damaged"
     if letter == ord("B") and position != HEADER_BYTES:
-        return "the flags of the file stand in its middle"
+        return "the flags are in the middle of the file"
     if letter in b"LC" and (payload[:1] not in _LEVELS or 0 in payload[_TEXT_STARTS[letter] :]):
-        return "a text message holds no text"
+        return "a text message contains no text"
     if letter in b"FA" and not payload[0 if letter == ord("F") else 3 :].isascii():
-        return "the definition of a topic holds no text"
+        return "the definition of a topic contains no text"
     if letter in b"IP" and not payload[1 : 1 + payload[0]].isascii():
         return "a parameter or an information has no readable name"
     return ""
@@ -727,7 +727,7 @@ def _times(member: Member) -> int:
 def impossible(what: str) -> LogError:
     """The refusal of a file whose definitions no logger writes."""
     return LogError(
-        f"the log's definitions cannot be true: {what}",
+        f"the log's definitions are invalid: {what}",
         needed="a ULog file as PX4 writes it",
         remedy="copy it again from the vehicle",
     )

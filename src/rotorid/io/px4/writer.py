@@ -220,7 +220,7 @@ def write_px4(
     """
     if flight.autopilot == "ardupilot" or f"motor_{_MOTORS + 1}" in flight.columns:
         raise UsageError(
-            f"a flight of {flight.vehicle} with {flight.autopilot} came, which PX4 cannot have logged",
+            f"PX4 cannot have logged a flight of {flight.vehicle} with {flight.autopilot}",
             needed=f"PX4's controller or a simple one, and at most {_MOTORS} motors",
             remedy="write a DataFlash log or a CSV",
         )
@@ -229,7 +229,7 @@ def write_px4(
     topics = [topic for layout in LAYOUTS for topic in _logged(flight, layout, stamps, rates[layout.topic])]
     if not topics:
         raise UsageError(
-            f"the flight of {flight.vehicle} holds no channel that PX4 logs",
+            f"the flight of {flight.vehicle} contains no channel that PX4 logs",
             needed="commands, rates, attitude or position",
         )
     debug = any(topic.name.startswith("debug_") for topic in topics)
@@ -248,12 +248,12 @@ def _rates(asked: Mapping[str, float]) -> dict[str, float | None]:
         if topic not in rates:
             close = nearest(topic, rates)
             raise UsageError(
-                f"the topic {topic} came, which is not written",
+                f"unknown topic {topic}",
                 needed=f"one of {', '.join(rates)}",
                 remedy=f"did you mean {close}?" if close else "",
             )
         if not rate_hz > 0.0:
-            raise UsageError(f"{rate_hz:g} Hz came for {topic}", needed="a positive rate")
+            raise UsageError(f"the rate of {topic} is {rate_hz:g} Hz", needed="a positive rate")
         rates[topic] = rate_hz
     return rates
 
@@ -352,8 +352,8 @@ def _picked(
                         f"{name} of the flight of {flight.vehicle} is "
                         f"{channels[name][first]:g} at {flight.time_s[first]:g} s"
                     ),
-                    needed="numbers that single precision can hold",
-                    remedy="look at what diverged in the simulation",
+                    needed="numbers in the range of single precision",
+                    remedy="find out why the simulation diverged",
                 )
             picked[name] = channels[name][turns]
     return picked
@@ -387,7 +387,7 @@ def _typed(name: str, value: float) -> float | int:
     if not re.fullmatch(INTEGERS, name):
         return float(value)
     if not float(value).is_integer():
-        raise UsageError(f"the parameter {name} = {value:g} came", needed="a whole number, which it is in PX4")
+        raise UsageError(f"the parameter {name} = {value:g} is not a whole number", needed="an integer, as in PX4")
     return int(value)
 
 
@@ -513,7 +513,7 @@ def message_dtype(layout: str) -> np.dtype[np.void]:
         or not members
         or (members[0].kind, members[0].count, members[0].name) != ("uint64_t", None, "timestamp")
     ):
-        raise ValueError(f"a layout of plain types that starts with its stamp was needed, and {layout!r} came")
+        raise ValueError(f"unsupported layout {layout!r}")
     return np.dtype([_field(member) for member in members])
 
 
@@ -527,7 +527,7 @@ def _check(topics: Sequence[LoggedTopic]) -> None:
     names = [(topic.name, topic.instance) for topic in topics]
     if not 0 < len(topics) <= _MOST_TOPICS or len(set(names)) < len(names):
         raise UsageError(
-            f"{len(topics)} topics of {len(set(names))} names came", needed="topics, each of its own name and instance"
+            f"{len(topics)} topics have {len(set(names))} names", needed="topics, each of its own name and instance"
         )
     for topic in topics:
         stamps = topic.samples["timestamp"]
@@ -541,20 +541,20 @@ def _formats(topics: Sequence[LoggedTopic]) -> dict[str, str]:
     formats: dict[str, str] = {}
     for topic in topics:
         if formats.setdefault(topic.name, topic.layout) != topic.layout:
-            raise UsageError(f"two layouts came for {topic.name}", needed="one for all instances of a topic")
+            raise UsageError(f"{topic.name} has two layouts", needed="one for all instances of a topic")
     return formats
 
 
 def _message(letter: str, payload: bytes) -> bytes:
     if len(payload) > _LARGEST_PAYLOAD or not payload[:1]:
-        raise UsageError(f"a message of {len(payload)} bytes came", needed=f"1 to {_LARGEST_PAYLOAD} bytes")
+        raise UsageError(f"the message has {len(payload)} bytes", needed=f"1 to {_LARGEST_PAYLOAD} bytes")
     return struct.pack("<HB", len(payload), ord(letter)) + payload
 
 
 def _key(kind: str, name: str) -> bytes:
     text = f"{kind} {name}"
     if not (name.isascii() and name.isidentifier() and len(text) < 256):
-        raise UsageError(f"the name {name[:40]!r} came", needed="letters, digits and underscores that ULog can hold")
+        raise UsageError(f"ULog cannot store the name {name[:40]!r}", needed="letters, digits and underscores")
     return bytes([len(text)]) + text.encode()
 
 
@@ -563,7 +563,7 @@ def _information(name: str, value: str | int) -> bytes:
         text = value.encode()
         return _key(f"char[{len(text)}]", name) + text
     if not 0 <= value < 2 * _INT32:
-        raise UsageError(f"{name} = {value} came", needed="an unsigned number of 32 bits")
+        raise UsageError(f"{name} = {value} is out of range", needed="an unsigned number of 32 bits")
     return _key("uint32_t", name) + struct.pack("<I", value)
 
 
@@ -571,7 +571,7 @@ def _parameter(name: str, value: float | int) -> bytes:
     if isinstance(value, int) and -_INT32 <= value < _INT32:
         return _key("int32_t", name) + struct.pack("<i", value)
     if isinstance(value, int) or not abs(value) <= _LARGEST:
-        raise UsageError(f"the parameter {name} = {value} came", needed="a number that 32 bits can hold")
+        raise UsageError(f"the parameter {name} = {value} is out of range", needed="a number of 32 bits")
     return _key("float", name) + struct.pack("<f", value)
 
 

@@ -76,7 +76,7 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None, *, s
     topics = tuple(_topics_of(extract))
     if not topics:
         raise LogError(
-            f"{source.name} holds {_listed(extract.facts['topics'])}",
+            f"{source.name} contains {_listed(extract.facts['topics'])}",
             needed="a topic of sensor_msgs/Imu, nav_msgs/Odometry, px4_msgs or the like, with its definition",
             remedy="name the channels of other topics with a mapping: --map FILE.toml",
         )
@@ -122,7 +122,7 @@ def _check(mapping: ChannelMapping, extract: Extract, file: str) -> None:
             why = about["unreadable"] or f"none of its {about['count']} messages can be decoded"
             raise LogError(f"{file}: the topic {topic} cannot be read: {why}", needed="a definition of its messages")
         raise UsageError(
-            f"{file}: the topic {topic} ({about['kind']}) has no numbers at {path!r} that every message holds",
+            f"{file}: the topic {topic} ({about['kind']}) has no number at {path!r} in every message",
             needed=f"a path that starts with one of {', '.join(about['fields'])}",
             remedy="correct `source` or `time` in the mapping",
         )
@@ -522,7 +522,7 @@ def _clocks(topics: Sequence[Topic], arrays: Mapping[str, AnyArray]) -> Iterator
         yield remark(
             "receive_time",
             unstamped[0],
-            f"{names} carry no stamp of their own and stand at the time of their reception, which adds the "
+            f"{names} have no time stamp and were placed at their reception time, which adds the "
             "delay and the jitter of the network to every delay that is identified. Publish stamped messages.",
             topics=len(set(unstamped)),
         )

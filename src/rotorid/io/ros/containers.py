@@ -147,7 +147,7 @@ def _items(path: Path) -> Iterator[Item]:
     walk = next((walk for magic, walk in _WALKS.items() if head.startswith(magic)), None)
     if walk is None:
         raise LogError(
-            "a file came that starts like no bag",
+            "the file does not start like a bag",
             needed="a ROS 1 .bag of version 2.0, a ROS 2 .db3 or an .mcap",
             remedy="give the file inside of the bag's folder",
         )
@@ -203,7 +203,7 @@ def _refusals() -> tuple[type[Exception], ...]:
         from rosbags.typesys import TypesysError
     except ImportError as error:
         raise LogError(
-            "a ROS bag came and the package that reads its messages is not installed",
+            "the package that reads ROS bags is not installed",
             needed="rosbags",
             remedy='install it: pip install "rotorid[ros]"',
         ) from error
@@ -331,7 +331,7 @@ def _walk_database(path: Path) -> Iterator[Item]:
     except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
         if "no such table" in str(error):
             raise LogError(
-                "an SQLite database came that is no ROS 2 bag",
+                "this SQLite database is not a ROS 2 bag",
                 needed="tables `topics` and `messages`",
                 remedy="give the .db3 file of the bag's folder",
             ) from error
@@ -451,7 +451,7 @@ def _mcap_chunk(record: bytes, known: _Vocabulary, place: int) -> Iterator[Item]
             part = inside.take(count)
         except ValueError as error:
             if not cut:
-                yield Damage(position=place, reason=f"a chunk holds a record that makes no sense ({error})")
+                yield Damage(position=place, reason=f"a chunk contains an invalid record ({error})")
             return
         yield from _mcap_record(operation, bytes(part), known, place)
 
@@ -571,7 +571,7 @@ def _ros1_chunk(content: bytes, connections: dict[int, Connection], place: int) 
                 connection = connections[Cursor(header["conn"]).number("I")]
                 yield Message(connection=connection, received_ns=received_ns, data=body)
         except (ValueError, KeyError, IndexError) as error:
-            yield Damage(position=place, reason=f"a chunk holds a record that makes no sense ({error})")
+            yield Damage(position=place, reason=f"a chunk contains an invalid record ({error})")
             return
 
 

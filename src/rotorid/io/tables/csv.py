@@ -81,10 +81,10 @@ def write_csv(path: Path, time_s: FloatArray, columns: Mapping[str, FloatArray])
     for name, samples in columns.items():
         if name not in STANDARD_UNITS:
             raise UsageError(
-                f"{name!r} is no channel name", needed="a name of the vocabulary", remedy=nearest(name, STANDARD_UNITS)
+                f"{name!r} is not a channel name", needed="a known channel name", remedy=nearest(name, STANDARD_UNITS)
             )
         if np.shape(samples) != np.shape(time_s):
-            raise ValueError(f"{name}: {np.shape(time_s)} stamps and {np.shape(samples)} samples came")
+            raise ValueError(f"{name}: {np.shape(time_s)} time stamps for {np.shape(samples)} samples")
     header = ",".join(["time [s]", *(f"{name} [{STANDARD_UNITS[name]}]" for name in columns)])
     row = ",".join(["%.10g", *["%.7g"] * len(columns)])
     values = zip(
@@ -154,14 +154,14 @@ def _cells(line: str, separator: str, file: str) -> list[str]:
         return next(csv.reader([line], delimiter=separator))
     except csv.Error as error:
         raise LogError(
-            f"{file} holds a line that is no row of a table ({error})",
+            f"{file} contains a line that is not a table row ({error})",
             needed="a table of numbers",
             remedy="check how it was written",
         ) from error
 
 
 def _no_text(file: str) -> LogError:
-    return LogError(f"{file} is no text in UTF-8", needed="a CSV in UTF-8", remedy="save it again in that encoding")
+    return LogError(f"{file} is not UTF-8 text", needed="a CSV in UTF-8", remedy="save it again in that encoding")
 
 
 def _table(
@@ -195,7 +195,7 @@ def _table(
         ) from error
     if not table.size:
         raise LogError(
-            f"{file} holds no flight: a header and no samples", needed="samples", remedy="check how it was written"
+            f"{file} contains no flight: a header and no samples", needed="samples", remedy="check how it was written"
         )
     suspicious = not np.isfinite(table).all() or not _is_rectangular(path, separator, len(table) + 1, len(header))
     if suspicious and (fault := _first_fault(path, file, header, wanted, separator, first_line)):

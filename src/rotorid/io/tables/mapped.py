@@ -220,7 +220,7 @@ def _samples(series: Series, arrays: Mapping[str, FloatArray], si: str, file: st
     if series.source not in arrays:
         close = nearest(series.source, arrays)
         raise UsageError(
-            f"{file} holds no {series.source!r}",
+            f"{file} contains no {series.source!r}",
             needed="one of " + ", ".join(list(arrays)[:30]) if arrays else "a numeric variable",
             remedy=f"did you mean {close}?" if close else "correct `source` or `time` in the mapping",
         )
@@ -242,7 +242,7 @@ def _picked(series: Series, array: FloatArray, file: str) -> FloatArray:
             raise UsageError(
                 f"{file}: {series.source} is a matrix of {' by '.join(map(str, array.shape))}",
                 needed="a vector",
-                remedy="pick one of it by `row = 0` or `column = 0` in the mapping",
+                remedy="pick one with `row = 0` or `column = 0` in the mapping",
             )
         return np.atleast_1d(array)
     axis, index = (0, series.row) if series.row is not None else (1, series.column)
@@ -331,7 +331,7 @@ def by_variables(names: Collection[str], file: str) -> ChannelMapping:
     if len(clocks) != 1 or not channels:
         available = ", ".join(list(names)[:20]) or "no numbers at all"
         raise LogError(
-            f"{file} holds {available}",
+            f"{file} contains {available}",
             needed="one variable `time` (s) and variables with names such as pitch_command, q, az",
             remedy="name its variables with a mapping: --map FILE.toml",
         )

@@ -252,7 +252,7 @@ def read_mapping(path: Path) -> ChannelMapping:
     Raises
     ------
     UsageError
-        The file is missing, is no TOML, or says something impossible; the message names the key.
+        The file is missing, is not valid TOML, or says something impossible; the message names the key.
     """
     wanted = "a TOML file with a table [channels.NAME] for each channel"
     try:
@@ -266,8 +266,8 @@ def read_mapping(path: Path) -> ChannelMapping:
         ) from error
     except DocumentError as error:
         raise UsageError(
-            f"the mapping {path.name} is no TOML: {error}",
-            needed='text as in `[channels.q]` followed by `source = "gyro_y"`',
+            f"the mapping {path.name} is not valid TOML: {error}",
+            needed='text such as `[channels.q]` followed by `source = "gyro_y"`',
             remedy="correct the line",
         ) from error
     return parse_mapping(document, path.name)
@@ -349,7 +349,7 @@ def _check_whole(mapping: ChannelMapping, where: str) -> None:
             )
     if "" not in mapping.files:
         raise UsageError(
-            f"{where}: every channel stands in another file than the log",
+            f"{where}: every channel is in a file other than the log",
             needed="at least one channel without `file`",
             remedy=f"give {mapping.files[0]} as the log and remove `file` from its channels",
         )
@@ -415,7 +415,7 @@ def _segment(value: object, channel_names: set[str], where: str) -> Segment:
     axis = values.get("axis", next(iter(excited)) if len(excited) == 1 else None)
     if axis not in AXES:
         raise UsageError(
-            f"{where} has `axis` = {axis!r}" if axis else f"{where} does not say which axis it excites",
+            f"{where} has `axis` = {axis!r}" if axis else f"{where} does not name its axis",
             needed=f"one of {', '.join(AXES)}",
             remedy='write axis = "pitch"',
         )
@@ -559,7 +559,7 @@ def _read_vector(
     if name not in known and name != QUATERNION:
         close = nearest(name, (*known, QUATERNION))
         raise UsageError(
-            f"{where} is no vector of the vocabulary",
+            f"{where} is not a known vector",
             needed=f"one of {', '.join((*known, QUATERNION))}",
             remedy=f"did you mean {close}?" if close else "name its parts as channels",
         )
@@ -621,7 +621,7 @@ def _parts(values: Mapping[str, Any], count: int, si: str, where: str) -> tuple[
         )
     if "sources" in values:
         if "by" in values:
-            raise UsageError(f"{where} has `by` beside `sources`", needed="`by` for a matrix", remedy="remove it")
+            raise UsageError(f"{where} has `by` and `sources`", needed="`by` for a matrix", remedy="remove it")
         return tuple(replace(common, source=source) for source in names(values, "sources", count, where))
     source = text(values, "source", where)
     by_row = choice(values, "by", ("row", "column"), "row", where) == "row"
@@ -650,14 +650,14 @@ def _check_own_name(name: str, values: Mapping[str, Any], where: str) -> None:
     close = nearest(name, STANDARD_UNITS, likeness=_TOO_LIKE)
     if close or not _OWN_NAME.fullmatch(name):
         raise UsageError(
-            f"{where} is no channel of the vocabulary",
+            f"{where} is not a known channel",
             needed="a name such as roll_command, p, phi, ax, or one of your own in letters, digits and underscores",
             remedy=f"did you mean {close}? A name of your own must differ more" if close else "choose another name",
         )
     if "unit" not in values:
         suggested = nearest(name, STANDARD_UNITS)
         raise UsageError(
-            f"{where} is no channel of the vocabulary and has no `unit`",
+            f"{where} is not a known channel and has no `unit`",
             needed='a unit for a name of your own, such as unit = "1"',
             remedy=f"add it, or did you mean {suggested}?" if suggested else "add it",
         )

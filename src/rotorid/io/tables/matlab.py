@@ -211,8 +211,8 @@ class _Visit:
         """The content, once its declared size was found possible and all of it stands in this file."""
         if dataset.external or dataset.is_virtual:
             raise LogError(
-                f"{self._name}: {name} stands in another file",
-                needed="a file that holds its own arrays",
+                f"{self._name}: {name} is in another file",
+                needed="a file that contains its own arrays",
                 remedy="save the array itself",
             )
         # Everything leaves as double precision.
@@ -221,7 +221,7 @@ class _Visit:
             raise LogError(
                 f"{self._name} declares arrays of more than {self._allowed / 2**20:.0f} MiB, {name} of shape "
                 f"{dataset.shape} among them",
-                needed="arrays that a file of its size can hold",
+                needed="arrays that fit into a file of this size",
                 remedy="save the channels that are needed, without compression, if it is really a flight log",
             )
         content: AnyArray = dataset[()]

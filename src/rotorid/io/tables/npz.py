@@ -117,8 +117,8 @@ def read_arrays(path: Path) -> dict[str, AnyArray]:
     except _DAMAGE as error:
         raise UsageError(
             f"{path} cannot be read as a NumPy archive: {error}",
-            needed="the file as it was written beside its result",
-            remedy="identify anew",
+            needed="the file that identify wrote with the result",
+            remedy="run identify again",
         ) from error
 
 

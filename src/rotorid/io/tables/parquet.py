@@ -137,7 +137,7 @@ def _numbers(column: Any, name: str, file: str) -> FloatArray:
     if values.dtype.kind not in "biuf" or column.null_count:
         what = f"{column.null_count} holes" if column.null_count else f"values of type {column.type}, not numbers"
         raise LogError(
-            f"{file}: the column {name!r} holds {what}",
+            f"{file}: the column {name!r} contains {what}",
             needed="a number in each row; stamps in seconds",
             remedy="convert or fill the column before it is written",
         )

@@ -52,7 +52,7 @@ def processed(series: Series, time_s: FloatArray, values: FloatArray, file: str)
         return values
     if time_s.size < 3 or not np.diff(time_s).min() > 0.0:
         raise LogError(
-            f"{file}: the clock of {series.source} stands still or steps back",
+            f"{file}: the clock of {series.source} stops or steps back",
             needed="stamps that rise, for a derivative or a low-pass",
             remedy="remove `derivative` and `low_pass_hz`, or correct the stamps",
         )

@@ -113,7 +113,7 @@ def _notes(parameters: Mapping[str, float], prefix: str, notches: Mapping[str, t
         if number >= 1.0 and not notch:
             notes.append(f"{prefix}{name} = {number:g} asks for a filter that FILT{number:.0f}_ does not describe.")
     if parameters.get(f"{prefix}SMAX", 0.0) > 0.0:
-        notes.append(f"{prefix}SMAX lowers P and D while the output slews: the log tells it as Dmod below one.")
+        notes.append(f"{prefix}SMAX lowers P and D while the output slews, logged as Dmod below 1.")
     if parameters.get(f"{prefix}PDMX", 0.0) > 0.0:
         notes.append(f"{prefix}PDMX limits the sum of P and D.")
     if parameters.get("ATC_THR_G_BOOST", 0.0) > 0.0:

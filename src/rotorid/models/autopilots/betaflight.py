@@ -268,8 +268,8 @@ def _notes(parameters: Mapping[str, float], throttle: float, *, yaw: bool) -> li
     # 1 and 3: roll and pitch; 2 and 4: yaw too.
     if relax in ((2, 4) if yaw else (1, 2, 3, 4)):
         notes.append(
-            "iterm_relax takes the integral back while the set-point moves: low frequencies of the loop as flown hold "
-            "less of it than hover does."
+            "iterm_relax reduces the integral while the set-point moves: at low frequencies the flown loop has less "
+            "integral action than in hover."
         )
     if min(_attenuation(parameters, throttle)) < 1.0:
         notes.append(f"TPA had lowered the gains at the flown throttle of {100.0 * throttle:.0f} %.")

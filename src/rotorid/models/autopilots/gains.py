@@ -170,7 +170,7 @@ def parameters_of(controller: AxisController) -> dict[str, Parameter]:
     """
     names = _NAMES.get(controller.autopilot)
     if names is None:
-        raise UsageError(f"gains of {controller.autopilot or 'no autopilot'} came", needed=", ".join(_NAMES))
+        raise UsageError(f"got gains of {controller.autopilot or 'no autopilot'}", needed=", ".join(_NAMES))
     gains, found = controller.gains, names.gains(controller)
     # Where D moves in flight, what its parameter is depends on the version: top of the range or its base.
     moving = ("D",) if controller.ends else ()

@@ -73,7 +73,7 @@ def _found(record: FlightRecord, name: str, source: str, *remarks: Finding) -> R
     layout = replace(library_layout(name), source=source, findings=remarks)
     motors = _motors(record)
     if motors and motors != layout.rotors:
-        raise _unknown(record, f"{source} is {name} with {layout.rotors} rotors, and the log holds {motors} motors")
+        raise _unknown(record, f"{source} is {name} with {layout.rotors} rotors, and the log has {motors} motors")
     return layout
 
 
@@ -128,8 +128,8 @@ def _px4_rotors(record: FlightRecord, count: int) -> RotorLayout:
     if not (0.0 < arm < np.inf and np.all(np.abs(ratios) > 0.0)):
         raise _unknown(record, "its CA_ROTOR parameters put every rotor in the center, or give one no torque")
     message = (
-        f"CA_ROTOR parameters describe {count} rotors with an arm of {arm:.4g} m, of which PX4 needs the ratios alone: "
-        "it may be a placeholder, and is not used as a length."
+        f"CA_ROTOR parameters describe {count} rotors with an arm of {arm:.4g} m; PX4 uses only their ratios: "
+        "it may be a placeholder and is not used as a length."
     )
     return RotorLayout(
         name=f"{count} rotors of CA_ROTOR parameters",
