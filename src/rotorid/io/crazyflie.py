@@ -275,7 +275,7 @@ def decode(data: bytes) -> UsdLog:
 
     A record carries no mark of its own, only the number of its type. After damage the walk goes on where three records
     in a row have known types and stamps that rise; what lies between is a gap. The checksum covers the whole file, so
-    that it tells of damage inside of values, which the walk cannot see.
+    that it reports damage inside of values, which the walk cannot see.
 
     Parameters
     ----------

@@ -298,7 +298,7 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 
 
 def log_progress(done: int, total: int) -> None:
-    """Say how far a file has been read, in bytes; nobody is told of small ones."""
+    """Say how far a file has been read, in bytes; small ones are not reported."""
     if total > _LEAST_LOGGED_BYTES:
         _PROGRESS.info(f"reading, {100 * done // total} %", extra={"done": done, "total": total})
 

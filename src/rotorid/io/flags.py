@@ -74,7 +74,7 @@ def shared(one: Intervals, other: Intervals) -> Intervals:
 def stays_of(
     time_s: FloatArray, modes: AnyArray, names: Mapping[int, str], *, until_s: float
 ) -> tuple[tuple[str, float, float], ...]:
-    """Name, start and stop of each stay in a flight mode, in order of time; one without a name is told by its number.
+    """Name, start and stop of each stay in a flight mode, in order of time; one without a name has its number.
 
     Parameters
     ----------

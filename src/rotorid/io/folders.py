@@ -425,7 +425,7 @@ def _stamp(new: Path, names: Sequence[str]) -> None:
 
 
 def _take_number(new: Path, folder: Path) -> Path:
-    """The first name that is free; another run may take one at the same time, which the file system tells."""
+    """The first name that is free; another run may take one at the same time, which the file system reports."""
     while True:
         name = _numbered(folder)
         try:

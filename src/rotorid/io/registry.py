@@ -153,7 +153,7 @@ def _read_folder(path: Path) -> FlightRecord:
 
 
 def _is_topic(name: str, head: bytes) -> bool:
-    # The name alone tells the topic, and few files begin with this word: nothing of PX4 is imported for the others.
+    # The name alone shows the topic, and few files begin with this word: nothing of PX4 is imported for the others.
     return head.startswith(b"timestamp,") and bool(import_module("rotorid.io.px4.folder").is_topic_file(name, head))
 
 

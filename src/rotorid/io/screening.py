@@ -1,7 +1,7 @@
 r"""Values and stamps that cannot be, and what is nobody's concern: what every record passes as it leaves the readers.
 
 No log format of autopilots has a checksum over its samples, so that a flipped bit or a frame of another file arrives as
-a value like any other. Six tests tell what cannot be, each linear in the number of samples (the first but for the
+a value like any other. Six tests find impossible values, each linear in the number of samples (the first but for the
 sorting of stamps that are in disorder):
 
 - Stamps must rise, and lie inside of the log. Of stamps in disorder the longest rising sequence stays, of equal ones
@@ -19,7 +19,7 @@ sorting of stamps that are in disorder):
 - A measured value that otherwise changes from sample to sample cannot stand still for half a second between motions:
   its sensor or its estimator hung. What it shows before the first motion and after the last one may be rest.
 - A command may jump; but a sample that jumps as no measured value can, twice as far from the median as the rest of the
-  channel, is none, unless another message tells of a jump at that time. Nor is a single sample ten times as far as all
+  channel, is none, unless another message shows a jump at that time. Nor is a single sample ten times as far as all
   others, wherever it stands, or a single negative output of a motor that otherwise turns forward.
 
 Nothing is repaired: a sample is left out and counted in a finding. A channel that is mostly impossible is left out as a
@@ -44,7 +44,7 @@ from rotorid.typing import BoolArray, FloatArray, IntArray
 _OUTSIDE_S = 10.0
 """Farther from the log than this a stamp is no stamp: autopilots log values that are a few seconds old as the first."""
 _LARGEST_STAMP_S = 2.0**53 / 1e6
-"""Farther from zero than these 285 years a double does not tell one microsecond from the next."""
+"""Farther from zero than these 285 years a double does not resolve a microsecond."""
 _LEAST_STEP_S = 1e-6
 _LEAST_STEP_ULPS = 256.0
 """Steps whose mean is below the larger of the two, seconds and units in the last place, are no steps of a clock."""
@@ -363,7 +363,7 @@ def _faults(topic: Topic, row: int, topics: Sequence[Topic]) -> _Faults | None:
     """What of a channel cannot be, or ``None`` where nothing is wrong."""
     channel, values, rate_hz = topic.channels[row], topic.values[row], topic.sample_rate_hz
     low, high = range_of(channel) or (-np.inf, np.inf)
-    # A comparison with a NaN is false; one pass tells that all is well.
+    # A comparison with a NaN is false; one pass shows that all is well.
     least, most = float(values.min()), float(values.max())
     plausible = low <= least and most <= high and np.isfinite(least) and np.isfinite(most)
     no_number = np.zeros(values.size, dtype=np.bool_) if plausible else ~np.isfinite(values)
@@ -447,7 +447,7 @@ def _far(values: FloatArray, name: str) -> IntArray:
 
 
 def _is_confirmed(time_s: float, topics: Sequence[Topic]) -> bool:
-    """Whether other messages tell of a jump at this time: then a controller made it, and no damage of one message."""
+    """Whether other messages show a jump at this time: then a controller made it, and no damage of one message."""
     for topic in topics:
         if topic.time_s.size < _FEWEST or topic.sample_rate_hz < _SLOWEST_HZ:
             continue

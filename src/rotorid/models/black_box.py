@@ -5,9 +5,9 @@ r"""Black-box state spaces of any order, as sections side by side, two modes in 
 
 with one row of every :math:`C_k` held at :math:`[1, 0]`. A section has two poles, real or complex alike, so that a fit
 may pass from one to the other; an odd order adds one section :math:`\dot x = -a_0 x + b u`. Per second-order section
-there are two poles, 2u gains and 2 (y - 1) weights: just as many numbers as the data can tell of a minimal model, where
-free A, B, C would have n² more and no finite bounds. Any system whose modes can be told apart takes this form
-(:func:`modal_parts`, :func:`from_state_space`); two sections with the same two poles cannot be told apart.
+there are two poles, 2u gains and 2 (y - 1) weights: just as many numbers as the data can identify in a minimal model;
+free A, B, C would have n² more and no finite bounds. Any system whose modes can be separated takes this form
+(:func:`modal_parts`, :func:`from_state_space`); two sections with the same two poles cannot be separated.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def black_box(
     stable: bool = False,
     references: Sequence[str] = (),
 ) -> LinearStructure:
-    """State space of an order, strictly proper, with every number free that the data can tell.
+    """State space of an order, strictly proper, with every number free that the data can identify.
 
     Parameters
     ----------

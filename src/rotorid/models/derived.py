@@ -1,9 +1,9 @@
 r"""Quantities that follow from identified derivatives and from what is known of a vehicle.
 
 A fit of one axis sees derivatives: what a command of one does to a rate. Which propeller, motor and inertia make it is
-told by more: a mass, an inertia, how fast rotors turn. The relations are those of :mod:`rotorid.models.physical`,
-solved for one quantity each; four rotors that all change by :math:`k_n` with a command of one, as in yaw and heave of
-every layout:
+identified with more data: a mass, an inertia, how fast rotors turn. The relations are those of
+:mod:`rotorid.models.physical`, solved for one quantity each; four rotors that all change by :math:`k_n` with a command
+of one, as in yaw and heave of every layout:
 
 .. math::
 

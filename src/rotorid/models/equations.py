@@ -28,7 +28,7 @@ class Symbols(NamedTuple):
         return frozenset((*self.states, *self.derivatives, *self.inputs))
 
     def check(self, name: str) -> None:
-        """Refuse a name that an equation could not tell from another.
+        """Refuse a name that is ambiguous in an equation.
 
         Raises
         ------

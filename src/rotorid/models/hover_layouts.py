@@ -47,7 +47,7 @@ HOVER = "physical.hover"
 """Name of the model."""
 
 GEOMETRY = ("m", "D", "l", "rho", "k_n")
-"""What the model cannot tell and its user has to know."""
+"""What the user must know besides the model."""
 
 _STRAIGHT = 1e-3
 """A rotor whose axis is off by more is tilted."""

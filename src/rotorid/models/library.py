@@ -318,7 +318,7 @@ def response_model(name: str, pairs: Sequence[tuple[str, str]]) -> LinearStructu
     -----
     Delays are bounded by zero. The outputs of a record that passed a zero-phase filter while its inputs did not begin
     to answer before they were asked; a delay that ends at its bound there is a sign of it. A delay, a fast lag and a
-    zero are hardly told apart by a record whose rate is low.
+    zero can hardly be separated with a record of low rate.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-r"""The chain from motor outputs to accelerations: its parameters, which of them a flight can tell, what physics allows.
+r"""The chain from motor outputs to accelerations: its parameters, which a flight can identify, what physics allows.
 
 .. math::
 
@@ -336,10 +336,10 @@ def check_motor_constants(
 ) -> list[Finding]:
     """Remarks on identified values that physics or experience does not allow.
 
-    Moments of inertia are positive and meet the triangle inequality; a violation within the interval of 95 % is told as
-    such. The curve of thrust rises wherever it was flown, outputs below a twentieth of the full one and one percent at
-    each end left out, as far as it is known there; it carries the weight on average; thrust at full output is
-    1.2 to 15 weights; inertia is 0.05 to 1.5 times mass by the mean square of the lever.
+    Moments of inertia are positive and meet the triangle inequality; a violation within the 95 % interval is reported
+    as such. The curve of thrust rises wherever it was flown, outputs below a twentieth of the full one and one percent
+    at each end left out, as far as it is known there; it carries the weight on average; thrust at full output is 1.2 to
+    15 weights; inertia is 0.05 to 1.5 times mass by the mean square of the lever.
 
     Parameters
     ----------

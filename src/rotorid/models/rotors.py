@@ -74,7 +74,7 @@ class RotorLayout(Immutable):
     yaw_weights
         The weights of yaw in the autopilot's mixer where they are not the spins, shape ``(rotors,)``.
     source
-        What told the layout.
+        Source of the layout.
     findings
         What an engineer should know of it.
 

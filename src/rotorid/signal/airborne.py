@@ -1,4 +1,4 @@
-"""When a vehicle was in the air: as the flags of its log say, or else as thrust and sensors tell."""
+"""When a vehicle was in the air: as the flags of its log say, or else as thrust and sensors show."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
     half of its usual value while it runs, or body rates above 0.1 rad/s while the motors run, as in a dive at zero
     throttle), the activity of accelerometer and gyro (spread within half a second more than the geometric mean of that
     at rest and that in flight, where these differ by fifteen and more). Dips of up to 1 s belong to a flight; flights
-    under 2 s and what was not armed are left out. A thrust that goes below zero counts from hover, and tells nothing.
+    under 2 s and what was not armed are left out. A thrust that goes below zero counts from hover, and shows nothing.
 
     A vehicle without flags that lifts off below half of its usual thrust without turning, or is carried about by hand,
     misleads it. A record that begins in the air begins its flight with its first sample.
@@ -149,7 +149,7 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
 
 
 def airborne_by_thrust(record: FlightRecord) -> Airborne | None:
-    """Flights from lift-off to touch-down, as flags, thrust or motors tell them; ``None`` where none of these does.
+    """Flights from lift-off to touch-down, as flags, thrust or motors show them; ``None`` where none of these does.
 
     The activity of sensors is no reason to throw data away. Where flags say that the vehicle was armed or in the air
     at times and it never flew, as in a bench test, there are no intervals; a rig without flags has thrust and no
@@ -165,14 +165,14 @@ def airborne_by_thrust(record: FlightRecord) -> Airborne | None:
 
 
 def evidence_words(seen_in: str) -> str:
-    """What tells of a flight, as the end of a sentence.
+    """The evidence of a flight, as the end of a sentence.
 
     Examples
     --------
     >>> evidence_words("vehicle_land_detected and vehicle_status")
-    'as vehicle_land_detected and vehicle_status tell'
+    'as vehicle_land_detected and vehicle_status show'
     """
-    return f"as {seen_in} {'tell' if ' and ' in seen_in else 'tells'}"
+    return f"as {seen_in} {'show' if ' and ' in seen_in else 'shows'}"
 
 
 def _found(

@@ -23,7 +23,7 @@ _WORTH_SAYING_S = 5e-5
 def known_filters(record: FlightRecord, source: str, *, sensor_rate_hz: float | None = None) -> tuple[KnownFilter, ...]:
     """Linear filters that a channel of a log has passed, as far as the log says.
 
-    Empty where there are none and where none is known: :func:`filter_findings` tells these apart.
+    Empty where there are none and where none is known: :func:`filter_findings` separates these.
 
     Parameters
     ----------

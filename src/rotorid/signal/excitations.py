@@ -293,7 +293,7 @@ def candidate_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, .
     feedback. The command is judged only where the log holds nothing else. A candidate lasts 6 s or more, changes side
     eight times or more, and not as fast as its samples follow each other, which is noise. Unlike there, a signal that
     never rests between two levels is measured from their middle, so that a random binary signal which fills its whole
-    log is told as one.
+    log is reported as one.
 
     Whether a candidate was meant as an excitation, only who flew it knows: a pilot who is merely busy makes them too.
 

@@ -619,7 +619,7 @@ def _scale(lines: CrossSpectrum) -> tuple[float, float]:
     weight = lines.weight
     mean = float(np.average(log_gain, weights=weight))
     spread = max(1.0, float(np.sum(weight * (log_gain - mean) ** 2)) / (log_gain.size - 1))
-    # All noise on one side or all on the other is as far away as this, and nothing tells which.
+    # All noise on one side or all on the other is as far away as this, and nothing shows which.
     reach = float(np.average(-0.5 * np.log(np.minimum(lines.coherence, 1.0)), weights=weight))
     scale = math.exp(mean)
     return scale, scale * math.sqrt(spread / float(np.sum(weight)) + reach**2)

@@ -105,7 +105,7 @@ class MotorHistory(Immutable):
 
 
 def motor_history(record: FlightRecord, mixer: FloatArray | None = None) -> MotorHistory:
-    """The motors as truly and as fast as the log tells them.
+    """The motors as truly and as fast as they were logged.
 
     Measured speeds, where all motors have them at 40 Hz and more; else the logged outputs; else, where the commands are
     faster by half and the mixer is known, the demands of thrust that follow from them and agree with the outputs.

@@ -184,7 +184,7 @@ def check_oscillations(record: FlightRecord) -> OscillationCheck:
     Raises
     ------
     InsufficientDataError
-        The vehicle never flew, or nothing tells whether it did.
+        The vehicle never flew, or nothing shows whether it did.
 
     Examples
     --------

@@ -17,7 +17,7 @@ OFF_AXIS_SHARE = 0.5
 """Another command that moves by more than this share of the excited one is worth a warning; half of it, a remark."""
 
 CORRELATED = 0.5
-"""Inputs more coherent than this cannot be told apart, after Tischler and Remple."""
+"""Inputs more coherent than this cannot be separated, after Tischler and Remple."""
 
 SAG = 0.05
 """Thrust goes about with the square of the voltage: a change by this share moves gains by a tenth."""

@@ -58,7 +58,7 @@ _OF_FILTERS = ("lag", "curvature")
 """What a filter in front of one side does at low frequency: a delay, and an amplitude that falls with its square."""
 
 _LOWEST_TOP_RAD_S = 10.0
-"""Logged too slowly to reach it, velocities are smoothed so far that acceleration cannot be told from them."""
+"""Logged too slowly to reach it, velocities are smoothed so far that acceleration cannot be separated from them."""
 
 _PARTS = 4
 _NEIGHBORS = 15
@@ -468,7 +468,7 @@ def _disagreement(
     Estimated angles and velocities are smoothed, and leave more than noise.
     """
     squares, count = np.zeros(len(unknowns)), np.zeros(len(unknowns))
-    # Filters are told by the whole band; in a part of it they would pass for a scale.
+    # Filters are identified over the whole band; in a part of it they look like a scale.
     plain = [row for row, name in enumerate(unknowns) if name[1] not in _OF_FILTERS]
     chosen = [unknowns[row] for row in plain]
     of_filters = {name: value for name, value in zip(unknowns, values, strict=True) if name[1] in _OF_FILTERS}

@@ -108,7 +108,7 @@ def time_skew(
     band_rad_s
         Where to look; by default from two periods in a window to 0.8 of the Nyquist frequency.
     relation
-        Found from the phase when it is not given. A narrow band far from zero cannot tell relations apart: give it.
+        Found from the phase when it is not given. A narrow band far from zero cannot separate relations: give it.
     known_lag_s, known_delay_s
         What lies between the channels besides the skew.
 
@@ -252,7 +252,7 @@ def _refined(phase: FloatArray, weight: FloatArray, omega: FloatArray, start_s: 
 
 
 def _named(turns: int, lines: CrossSpectrum) -> Relation:
-    """The relation behind quarter turns; a gain that rises or falls tells a derivative from an integral."""
+    """The relation behind quarter turns; a rising gain means a derivative, a falling one an integral."""
     if turns in (0, 2):
         return "same" if turns == 0 else "opposite"
     log_omega, log_gain = np.log(lines.omega_rad_s), np.log(np.abs(lines.cross) / lines.first)

@@ -100,7 +100,7 @@ def minimum_variance_share(covariance: FloatArray, valid: BoolArray) -> FloatArr
 
     .. math:: \min_s \; s^T V s, \qquad \sum_i s_i = 1, \quad s_i \ge 0
 
-    Windows over the same data err together, and the covariance between them tells how much one adds to another. The
+    Windows over the same data err together, and the covariance between them shows how much one adds to another. The
     mean never errs by more than the best window alone. Negative shares would win a little more from differences
     between windows, in which their biases do not cancel.
 
@@ -255,7 +255,7 @@ class Composer:
     Parameters
     ----------
     windows
-        Inputs told apart, for each window length of the spectra.
+        Inputs separated, for each window length of the spectra.
     spectra
         What they come from.
     corrected
@@ -499,7 +499,7 @@ def disturbance_of(
     Parameters
     ----------
     windows
-        Inputs told apart, for each window length.
+        Inputs separated, for each window length.
     spectra
         Densities that involve each output, for each output and window length.
     parts

@@ -1,4 +1,4 @@
-r"""The response of one window length: inputs told apart, leakage and smear of the window taken out.
+r"""The response of one window length: inputs separated, leakage and smear of the window taken out.
 
 Several inputs that move together are conditioned on each other, with instruments or without. A window of taper
 :math:`w` then sees an output :math:`y = h * u` through
@@ -115,7 +115,7 @@ class Conditioned:
 def conditioned_response(
     matrix: SpectralMatrix, *, instruments: Sequence[int], inputs: Sequence[int]
 ) -> ConditionedResponse:
-    """Tell the inputs apart; ``instruments`` equals ``inputs`` for a direct estimate.
+    """Show the inputs apart; ``instruments`` equals ``inputs`` for a direct estimate.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def _require_separable(matrix: SpectralMatrix, instruments: Sequence[int], input
 
 
 _REACH_LINES = 4.0
-"""How far derivatives look to either side, in widths of a spectral line: within one of them a response cannot be told
+"""How far derivatives look to either side, in widths of a spectral line: within one of them a response is unknown
 from its own noise, and noise would explain itself."""
 
 _LEAST_NEIGHBORS = 3

@@ -114,7 +114,7 @@ def influence(
     Parameters
     ----------
     separated
-        Inputs of one window length, told apart; :math:`a` is row ``index`` of its projection.
+        Inputs of one window length, separated; :math:`a` is row ``index`` of its projection.
     index
         The input.
     blocks, first_block
@@ -218,7 +218,7 @@ def residual_share(window: ConditionedResponse, taper: Taper) -> FloatArray:
     Parameters
     ----------
     window
-        Inputs told apart; its instruments span what is fitted.
+        Inputs separated; its instruments span what is fitted.
     """
     matrix = window.matrix
     count = len(matrix.transforms)

@@ -1,6 +1,6 @@
 """Frequency responses from time histories.
 
-The way of every estimate: records are cut into windows of several lengths and transformed, the inputs are told apart,
+The way of every estimate: records are cut into windows of several lengths and transformed, the inputs are separated,
 what windows add is taken out, and the lengths are joined into one response with its coherence, errors and the
 correlations of these. From spectra on (:func:`response_from`) it does not matter whether a flight was measured, or is
 only planned and its spectra expected.
@@ -54,7 +54,7 @@ class Diagnostics(Immutable):
     input_coherence
         Coherence between the inputs, shape ``(u, u, f)``.
     condition
-        Condition number of the cross-spectra that tell the inputs apart, scaled to unit powers, shape ``(f,)``.
+        Condition number of the cross-spectra that separate the inputs, scaled to unit powers, shape ``(f,)``.
     """
 
     windows_s: tuple[float, ...]
@@ -88,7 +88,7 @@ def diagnose(
     Parameters
     ----------
     windows
-        Inputs told apart, for each window length.
+        Inputs separated, for each window length.
     parts
         Composites, one for each output.
     leakage

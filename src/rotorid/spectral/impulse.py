@@ -236,7 +236,7 @@ def impulse_response(
     rows = np.concatenate([transform.real, transform.imag])
     data = np.concatenate([values.real, values.imag])
     errors = 0.5 * np.block([[covariance.real, -covariance.imag], [covariance.imag, covariance.real]])
-    # Points that share all of their data cannot be told apart: a billionth of their size keeps the matrix regular.
+    # Points that share all of their data cannot be separated: a billionth of their size keeps the matrix regular.
     errors = errors + _JITTER * float(np.mean(np.abs(values) ** 2)) * np.eye(data.size)
     prior = _likeliest(rows, data, errors, time_s, scale)
     across = rows @ prior
@@ -263,7 +263,7 @@ def impulse_response(
 def step_numbers(
     impulse: ImpulseResponse, *, within_s: float = 1.0, rng: np.random.Generator | None = None
 ) -> dict[str, Quantity]:
-    r"""What people ask of a closed loop, each with its 95 % interval; what cannot be told is left out.
+    r"""What people ask of a closed loop, each with its 95 % interval; what is unknown is left out.
 
     All are relative to the set-point one, not to the value at which the response ends: a loop that droops shows it.
 

@@ -200,7 +200,7 @@ def _centered(count: int) -> FloatArray:
 
 
 def _span(first_half: FloatArray, samples: int, *, parity: float) -> FloatArray:
-    """Orthonormal basis of even or odd vectors, given by their first halves, as far as doubles tell them apart.
+    """Orthonormal basis of even or odd vectors, given by their first halves, as far as doubles separate them.
 
     Decomposing halves makes the parity exact; rounding would mix it into the weakest vectors of whole blocks.
     """

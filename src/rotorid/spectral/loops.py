@@ -11,7 +11,7 @@ flown                     function                                          hold
 ========================  ================================================  ========================================
 test signal at the mixer  :func:`injected_loop`                             signal and command add up, unlimited
 any, gains known          :func:`series`                                    the gains are those that flew
-set-point sweep in gusts  :func:`feedback_controller`, then ``series``      set-point and output can be told apart
+set-point sweep in gusts  :func:`feedback_controller`, then ``series``      set-point and output can be separated
 set-point sweep           :func:`error_loop`                                the controller sees nothing but the error
 ========================  ================================================  ========================================
 
@@ -227,7 +227,7 @@ def _require_single(response: FrequencyResponse) -> None:
 
 
 _LARGEST_INPUT_COHERENCE = 0.8
-"""Coherence of set-point and output up to which the two can be told apart."""
+"""Coherence of set-point and output up to which the two can be separated."""
 
 
 def injected_loop(
@@ -378,7 +378,7 @@ def feedback_controller(
     .. math:: u = C_r r - C y, \qquad \begin{bmatrix} C_r & -C \end{bmatrix} = S_{(r,y) u} S_{(r,y)(r,y)}^{-1}
 
     A controller is deterministic, so that a direct estimate of both paths is right although ``r`` and ``y`` are in one
-    loop, as long as gusts tell them apart. In calm air both move in step, and the little in which a slowly logged
+    loop, as long as gusts separate them. In calm air both move in step, and the little in which a slowly logged
     set-point differs from the true one takes the place of the gusts: a calm PX4 flight gave half of the true gain with
     an error of 2 %. Points at which their coherence is above 0.8 are left out. What the controller does beyond these
     two paths (limits, gains that change, a third signal) is not independent of the inputs and biases the result. Take
@@ -400,7 +400,7 @@ def feedback_controller(
     -------
     FrequencyResponse
         :math:`C`, shape ``(1, 1, f)``, command per unit of the output, with the sign of negative feedback. Coherence is
-        partial, given the set-point. Only the points at which set-point and output can be told apart.
+        partial, given the set-point. Only the points at which set-point and output can be separated.
 
     Raises
     ------

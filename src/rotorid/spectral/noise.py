@@ -407,7 +407,7 @@ def measured_delay(
     Returns
     -------
     Delay or None
-        ``None`` where fewer than eight windows, or none of the band, tell it.
+        ``None`` where fewer than eight windows, or none of the band, show it.
     """
     rate_hz = 1.0 / float(np.median(np.diff(time_s)))
     size = round(_DELAY_WINDOW_S * rate_hz)

@@ -169,7 +169,7 @@ POINTS = 100
 """Of the grid over a band."""
 
 HIGHEST_DEFAULT_RAD_S = 100.0
-"""Where the band ends by default that no sweep tells."""
+"""Default end of the band without a sweep."""
 
 HALF_LINE = 1.5
 """Half the width of a window's spectral line, in units of one over its length."""

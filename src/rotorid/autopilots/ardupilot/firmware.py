@@ -18,7 +18,7 @@ class Firmware(NamedTuple):
     text
         ``ArduCopter V4.5.7 (…)``, as the autopilot introduces itself; empty when it does not.
     copter
-        Version of a copter's firmware, or ``None`` when the log does not tell it or the vehicle is no copter.
+        Version of a copter's firmware, or ``None`` when the log does not show it or the vehicle is no copter.
     """
 
     text: str = ""

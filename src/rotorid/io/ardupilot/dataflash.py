@@ -325,10 +325,10 @@ def sniff(head: bytes) -> bool:
 def decode(data: bytes | memoryview | AnyArray, names: Collection[str] | None = None) -> DataFlashLog:
     """Split a log into tables of messages.
 
-    Nothing in the format tells a damaged value from a true one: there is no checksum. What is noticed is a chain that
-    breaks. Then the reader goes on at the next header that another header or the end of the log follows, gives up a
-    message that reaches beyond that place, and counts the bytes in between as skipped. Beside the log itself, memory is
-    needed for the positions of the messages that are asked for, four bytes each, and for one section.
+    Without a checksum in the format, a damaged value looks like a true one. What is noticed is a chain that breaks.
+    Then the reader goes on at the next header that another header or the end of the log follows, gives up a message
+    that reaches beyond that place, and counts the bytes in between as skipped. Beside the log itself, memory is needed
+    for the positions of the messages that are asked for, four bytes each, and for one section.
 
     Parameters
     ----------

@@ -269,7 +269,7 @@ def _stored(table: Messages, name: str, letter: str) -> AnyArray:
 
 
 def _limits(dtype: np.dtype[np.generic]) -> tuple[float, float]:
-    """Lowest and highest number of a type; whole numbers as such, since a float cannot tell the last of 64 bits."""
+    """Lowest and highest number of a type; whole numbers as such, since a float loses the last of 64 bits."""
     if dtype.kind == "f":
         single = np.finfo(dtype.name)
         return float(single.min), float(single.max)

@@ -1,7 +1,7 @@
 """ArduPilot logs as flight records: which column of which DataFlash message is which channel of the vocabulary.
 
 Most messages become topics by a table. Three things need more than a row of it: the motors, whose channels and pulse
-widths the parameters tell; the pilot's sticks; and the runs of SYSTEMID mode, each a declared maneuver with what was
+widths the parameters show; the pilot's sticks; and the runs of SYSTEMID mode, each a declared maneuver with what was
 injected where.
 """
 

@@ -94,7 +94,7 @@ def _between(
 ) -> Intervals | None:
     """When a state was on that some events begin and others end; an end without a beginning began before the log.
 
-    Of a log that tells neither arming nor landing nothing is said: it may begin and end in the air.
+    A log without arming and landing has no answer: it may begin and end in the air.
     """
     time_s, numbers = events
     meaningful = np.isin(numbers, list(meaning))
@@ -110,7 +110,7 @@ def _between(
 
 
 def _armed(states: tuple[FloatArray, AnyArray], span_s: tuple[float, float]) -> Intervals:
-    """When the motors could run, as ``ARM`` tells: the first message also says how it was before."""
+    """When the motors could run, as ``ARM`` shows: the first message also says how it was before."""
     time_s, on = states[0], states[1] != 0
     if not time_s.size:
         return ()

@@ -2,7 +2,7 @@
 
 All three hold the messages of the binary log in their order. They are written back as the messages that they were, and
 read by the one reader that knows them. Numbers of the scaled letters (``c C e E L``) stand in the text as values, so
-that they become floating-point numbers; whole numbers stay whole, since their type tells the units of old firmware.
+that they become floating-point numbers; whole numbers stay whole, since their type shows the units of old firmware.
 """
 
 from __future__ import annotations

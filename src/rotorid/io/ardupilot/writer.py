@@ -532,7 +532,7 @@ _STEADY = 0.01
 """A half wave within this part of the longest one's length, and one sample, has the lowest frequency."""
 
 _FULL = 0.95
-"""Half waves of this part of the magnitude are past the fade; those of what remains of one are too small to tell."""
+"""Half waves of this part of the magnitude are past the fade; those of what remains of one are too small to show."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -304,8 +304,8 @@ def _controller_sum(flight: Flight, index: int) -> Row | None:
 def _yaw_turned(flight: Flight, outputs: FloatArray) -> bool:
     """Whether the motors turn the other way round: the mix then goes against the sum of the yaw controller's terms.
 
-    Their regression tells it in every version; where the terms are not logged or explain too little of the mix, a
-    setting tells it, which the headers of some versions lack.
+    Their regression shows it in every version; where the terms are not logged or explain too little of the mix, a
+    setting shows it, which the headers of some versions lack.
     """
     correlation = _yaw_correlation(flight, outputs)
     return correlation < 0.0 if abs(correlation) > _LEAST_CORRELATION else _motors_reversed(flight.header)
@@ -398,7 +398,7 @@ def _unfiltered(flight: Flight) -> Iterator[Row]:
 
 
 def _follows_gyro(flight: Flight) -> bool:
-    """Whether the debug fields are the gyro's, as slow motion tells; numbers of debug modes move between versions."""
+    """Whether the debug fields are the gyro's, as slow motion shows; numbers of debug modes move between versions."""
     if not {f"{field}[{index}]" for field in ("debug", "gyroADC") for index in range(3)} <= set(flight.fields):
         return False
     # Means over 32 frames in up to a thousand places show the motion without its noise.

@@ -80,7 +80,7 @@ def read_folder(path: Path, source: Source) -> FlightRecord:
 
 
 def read_topic(path: Path, source: Source) -> FlightRecord:
-    """Read a single file of ``ulog2csv``: one topic of a log, which its name tells.
+    """Read a single file of ``ulog2csv``: one topic of a log, which its name shows.
 
     Raises
     ------

@@ -432,7 +432,7 @@ class _Walker:
         self.part_of = np.full(1 << 16, -1, dtype=np.int32)
         self.position_type = np.int32 if data.size < np.iinfo(np.int32).max else np.int64
         self.block_bytes = _FIRST_BLOCK
-        self.told = 0
+        self.reported = 0
         self.block = _Block(begin=0, end=0, starts=np.empty(0, np.int64), places=[], run_ends=[], run_stops=[])
 
     def advance(self, position: int, stop: int) -> tuple[int, str]:
@@ -461,7 +461,7 @@ class _Walker:
         """Next place after ``position`` where data messages follow each other; ``stop`` when there is none.
 
         A message of an unknown type, as newer firmware may write, ends where its size says if others follow there:
-        among the definitions no data message could tell where to go on.
+        among the definitions no data message shows where to go on.
         """
         if position + _HEADER.size <= stop:
             size, letter, _ = _HEADER.unpack_from(self.view, position)
@@ -513,8 +513,8 @@ class _Walker:
         self.collect()
         begin, end = position, min(position + self.block_bytes, stop - _HEADER.size + 1)
         self.block_bytes = min(2 * self.block_bytes, _LARGEST_BLOCK)
-        if begin >= self.told + _PROGRESS_BLOCK:
-            self.told = begin
+        if begin >= self.reported + _PROGRESS_BLOCK:
+            self.reported = begin
             let_go(self.data)
             log_progress(begin, self.data.size)
         # The type letter is the third byte of a header.

@@ -40,9 +40,9 @@ def sniff(head: bytes) -> bool:
 def read(path: Path, source: Source, mapping: ChannelMapping | None = None, *, sandbox: bool = True) -> FlightRecord:
     """Read a bag.
 
-    Values are turned from ROS axes (FLU, ENU) to FRD and NED; a set-point is told from a measurement by the name of its
-    topic. Stamps are those of the header; a topic without a header stands at the time of its reception, which adds the
-    delay of the network, with a finding. Of a bag in several files, each is a log of its own.
+    Values are turned from ROS axes (FLU, ENU) to FRD and NED; the name of its topic distinguishes a
+    set-point from a measurement. Stamps are those of the header; a topic without a header has the time of its
+    reception, which adds the delay of the network, with a finding. Of a bag in several files, each is its own log.
 
     Parameters
     ----------

@@ -486,7 +486,7 @@ _ROS1_MESSAGE, _BAG, _INDEX, _ROS1_CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5,
 
 
 def _walk_ros1(path: Path) -> Iterator[Item]:
-    """Messages of a bag. After a break nothing tells where the next record starts, and the walk ends."""
+    """Messages of a bag. After a break nothing shows where the next record starts, and the walk ends."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         # Views into a map must be gone before it closes: the records are copied out one by one.
         yield from _ros1_items(data)

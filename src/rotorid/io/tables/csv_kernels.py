@@ -78,7 +78,7 @@ def parse(
 
 @njit(cache=True)
 def _number(text: AnyArray, begin: int, end: int) -> tuple[float, bool]:
-    """The number between two bytes, and whether it is one that can be told here."""
+    """The number between two bytes, and whether it can be read here."""
     while begin < end and (text[begin] == 32 or text[begin] == 9):
         begin += 1
     while end > begin and (text[end - 1] == 32 or text[end - 1] == 9 or text[end - 1] == 13):

@@ -41,7 +41,7 @@ COMMAND_LINE: Mapping[str, str] = MappingProxyType(
         },
     }
 )
-"""Filter in a header to its name at the command line, where the two differ. A header's names tell its version."""
+"""Filter in a header to its name at the command line, where the two differ. A header's names show its version."""
 
 _HEADER: Mapping[str, str] = MappingProxyType(
     {

@@ -154,7 +154,7 @@ def parameters_of(controller: AxisController) -> dict[str, Parameter]:
     Parameters
     ----------
     controller
-        As the log tells it.
+        As logged.
 
     Raises
     ------

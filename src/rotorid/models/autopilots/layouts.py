@@ -46,7 +46,7 @@ def layout_of(record: FlightRecord) -> RotorLayout:
     Raises
     ------
     InsufficientDataError
-        The log does not tell the layout.
+        The log does not show the layout.
 
     Examples
     --------

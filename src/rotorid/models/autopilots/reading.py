@@ -89,7 +89,7 @@ def rate_controller(
     loop_rate_hz: float | None = None,
     throttle: float = 0.0,
 ) -> RateController | None:
-    """The rate controller of an axis with its angle loop; that of :func:`axis_controller`, which tells more.
+    """The rate controller of an axis with its angle loop; see :func:`axis_controller`, which has more.
 
     Parameters
     ----------
