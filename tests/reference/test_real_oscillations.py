@@ -124,7 +124,7 @@ def test_the_soft_flight_is_calm_and_too_slow_for_more(read: Read) -> None:
     assert (seen.oscillations, seen.calm) == ((), ("roll", "pitch", "yaw"))
     shaking = next(card for card in cards(seen) if card.key == "margins")
     assert (shaking.state, shaking.number) == ("cannot", "")
-    assert shaking.sentence.startswith("Roll and pitch do not oscillate.")
+    assert shaking.details.startswith("Roll and pitch do not oscillate.")
     assert any(one.what.startswith("margins.roll") and "10 Hz" in one.why for one in seen.cannot_tell)
 
 

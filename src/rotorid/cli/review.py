@@ -1,4 +1,4 @@
-"""``rotorid review LOG...``, or ``rotorid LOG...`` for short: everything that ordinary flights tell."""
+"""``rotorid review LOG...``, or ``rotorid LOG...`` for short: an ordinary flight analyzed."""
 
 from __future__ import annotations
 
@@ -11,16 +11,25 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorid.cli.command import print_if_asked, target_of
-from rotorid.cli.console import INKS, as_given, default_folder, log_progress, output_console, progress, say
+from rotorid.cli.console import (
+    INKS,
+    as_given,
+    default_folder,
+    log_progress,
+    output_console,
+    print_findings,
+    progress,
+    say,
+)
 from rotorid.cli.folders import Found
 from rotorid.cli.inspect import plan_of
 from rotorid.cli.options import AgainstPlan, ForPaper, Logs, Map, Only, Output
+from rotorid.data.display import capital, counted
 from rotorid.data.findings import worst_first
 from rotorid.reviewing.settings import ReviewSettings
 from rotorid.settings.option import Option
 
 if TYPE_CHECKING:
-    from rotorid.data.findings import Finding
     from rotorid.data.flight_plan import FlightPlan
     from rotorid.data.record import FlightRecord
     from rotorid.documents.base import Document
@@ -28,8 +37,6 @@ if TYPE_CHECKING:
     from rotorid.reviewing.values import Review
 
 FILE, ARRAYS, PAGE = "review.json", "review.npz", "review.html"
-_STYLES = {"warning": "bold yellow", "error": "bold red"}
-_MOST_UNTOLD, _MOST_WARNINGS = 8, 8
 _WIDTH = len("not enough data")
 
 
@@ -43,7 +50,7 @@ def review_command(
     output: Output,
     paper: Annotated[ForPaper, Only("figures", "pdf")],
 ) -> None:
-    """Say everything that ordinary flights tell: loops, steps, margins, models, noise, motors."""
+    """Analyze an ordinary flight: six answers, and what to fly next (same as rotorid LOG)."""
     from rotorid.documents.base import to_json
     from rotorid.io.folders import making
     from rotorid.report.review import render_reviews
@@ -55,7 +62,7 @@ def review_command(
     with progress(quiet=output.quiet):
         reviews = [_against(wanted, record, review(record, settings=settings)) for record in found.records(map)]
         if found.skipped:
-            # Results are not named after what is no log.
+            # Results are named after logs only.
             target = target_of(output, default_folder(found.read, "review"), FILE, paper)
         log_progress("writing the page")
         document = _document(reviews)
@@ -70,17 +77,17 @@ def review_command(
         sys.stdout.write(text)
     elif not output.quiet:
         for item, file in zip(reviews, found.read, strict=True):
-            _print(item, file, map)
+            _print(item, file, map, verbose=output.verbose)
         output_console().print(f"page: {made.folder / PAGE}", soft_wrap=True, markup=False)
     if show:
         typer.launch(str(made.folder / PAGE))
     if not any(has_answers(review) for review in reviews):
-        say("rotorid: nothing could be told of any flight; the page says why")
+        say("rotorid: not enough data for any answer; the page lists what was missing")
         raise typer.Exit(1)
 
 
 def _against(plan: FlightPlan | None, record: FlightRecord, reviewed: Review) -> Review:
-    """A review with what the log has of a plan among its findings."""
+    """A review whose findings compare the log with a plan."""
     if plan is None:
         return reviewed
     from rotorid.flying.plan_checks import plan_findings
@@ -118,8 +125,8 @@ def _write_figures(folder: Path, reviews: Sequence[Review], kind: PrintedAs) -> 
         write_atomically(folder / f"{name}.{kind}", printed(figure, kind))
 
 
-def _print(reviewed: Review, file: Path, map: Path | None = None) -> None:
-    """One screen: what flew, a line for each card, warnings, what cannot be told, what comes next."""
+def _print(reviewed: Review, file: Path, map: Path | None = None, *, verbose: bool = False, page: str = PAGE) -> None:
+    """What flew, six answers, warnings, and what to do next; with ``verbose`` also what was not measured."""
     from rotorid.report.review import headline
     from rotorid.report.unavailable import gathered
     from rotorid.reviewing.cards import cards
@@ -130,43 +137,31 @@ def _print(reviewed: Review, file: Path, map: Path | None = None) -> None:
         # Names come from the log: brackets in them are no markup.
         console.print(text, markup=False, soft_wrap=True)
 
-    plain(f"{reviewed.name}  {headline(reviewed)}")
+    plain(f"{reviewed.name}  {headline(reviewed)}\n")
     for card in cards(reviewed):
         console.print(f"{card.word:<{_WIDTH}}", style=INKS[card.color], end=" ")
-        number = f" {card.number}." if card.number else ""
-        plain(f"{card.title}{number} {card.sentence}")
-    if warned := _warnings(reviewed.findings):
-        plain("\nfindings")
-        for severity, line in warned[:_MOST_WARNINGS]:
-            console.print(f"  {severity}", style=_STYLES.get(severity, "bold"), end=" ")
-            plain(line)
-        if len(warned) > _MOST_WARNINGS:
-            plain(f"  and {len(warned) - _MOST_WARNINGS} more, which the page shows")
+        plain(f"{card.title} {card.headline}{f' {capital(card.measured)}.' if card.measured else ''}")
+        # What needs a look brings its remedy, and what is unknown the one thing to do.
+        more = card.sentence.removeprefix(card.headline).strip() if verbose else ""
+        more = more or (
+            card.details if card.state == "look" else card.action or card.details * (card.state == "cannot")
+        )
+        if more:
+            plain(f"{'':<{_WIDTH}} {more}")
+    if any(verbose or finding.severity != "info" for finding in reviewed.findings):
+        plain("")
+        print_findings(reviewed.findings, (file,), verbose=verbose, page=page)
+    if not verbose:
+        # Notes on a plan that was asked for are part of the answer.
+        notes = [finding for finding in reviewed.findings if finding.severity == "info"]
+        print_findings([note for note in notes if note.kind.startswith("plan_")], (file,), verbose=True, page=page)
     if unavailable := gathered(reviewed.cannot_tell):
-        plain("\ncannot be told from this flight")
-        for gap in unavailable[:_MOST_UNTOLD]:
+        things = counted(len(unavailable), "more thing")
+        plain("\nnot enough data" if verbose else f"\n{things} could be measured: -v lists what to fly or log")
+        for gap in unavailable if verbose else ():
             plain(f"  {gap.what}: {gap.why}{f' To do: {gap.remedy}' if gap.remedy else ''}")
-        if len(unavailable) > _MOST_UNTOLD:
-            plain(f"  and {len(unavailable) - _MOST_UNTOLD} more, which the page shows")
     if reviewed.next_commands:
         plain("\nnext")
         for command in reviewed.next_commands:
             plain(f"  {as_given(command, file, map)}")
     plain("")
-
-
-def _warnings(findings: Sequence[Finding]) -> list[tuple[str, str]]:
-    """Severity and words of warnings and errors, the worst first; of one kind all but the first fold into it.
-
-    What was found of a plan that was asked for is shown, be it a remark.
-    """
-    kinds: dict[tuple[str, str], dict[str, None]] = {}
-    for finding in worst_first(findings):
-        if finding.severity != "info" or finding.kind.startswith("plan_"):
-            kinds.setdefault((finding.severity, finding.kind), {})[finding.message] = None
-    lines = []
-    for (severity, kind), messages in kinds.items():
-        first, *others = messages
-        more = f" (and {len(others)} more of this kind, which the page shows)" if others else ""
-        lines.append((severity, f"{kind}: {first}{more}"))
-    return lines

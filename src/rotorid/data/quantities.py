@@ -106,9 +106,27 @@ class FigureOfMerit(Immutable):
         """The limit, in the unit of the number; not a number where it has none."""
         return self.good_below if math.isnan(self.good_above) else self.good_above
 
+    @property
+    def good_side(self) -> Literal["above", "below"]:
+        """Which side of the limit is good."""
+        return "below" if math.isnan(self.good_above) else "above"
+
     def limit_text(self, per: float = 1.0) -> str:
         """The limit on paper, of a share times what it is a share of."""
         return with_unit(significant(self._paper(per * self.limit)), self.unit)
+
+    def scale(self, judgment: Judgment, per: float = 1.0) -> str:
+        """The limit in words, for those who do not know the number.
+
+        Examples
+        --------
+        >>> QUANTITIES["sensitivity_peak"].scale("good"), QUANTITIES["phase_margin_deg"].scale("look")
+        ('below 2 is fine', 'below 40° is trouble')
+        """
+        if judgment == "cannot":
+            return f"the limit is {self.limit_text(per)}"
+        side = self.good_side if judgment == "good" else "below" if self.good_side == "above" else "above"
+        return f"{side} {self.limit_text(per)} is {'fine' if judgment == 'good' else 'trouble'}"
 
     def shown(self, quantity: Quantity) -> str:
         """A number with its interval and unit, in one line."""
@@ -149,7 +167,7 @@ _DEGREES = 180.0 / math.pi
 _MOVE = "fly longer with the sticks moving"
 _FASTER = "move the sticks faster, or log faster"
 _HOVER = "hover for 20 s without touching the sticks"
-_KEEPS_DISTANCE = "the {axis} loop keeps a safe distance from instability"
+_FAR_FROM_OSCILLATION = "the {axis} loop is far from oscillation"
 _AXES = ("roll", "pitch", "yaw")
 
 _LOOPS = {
@@ -158,13 +176,12 @@ _LOOPS = {
         detail="10 to 90 %",
         unit="ms",
         factor=1e3,
-        short="rises in",
         good_below=0.25,
         card="tracking",
-        trouble="{Axis} follows slowly; more P would make it follow quicker.",
+        trouble="{Axis} responds slowly. Raise P to make it quicker.",
         whether="{axis} follows well",
         surer=_MOVE,
-        remedy="raise the integral gain, if that droop is not wanted",
+        remedy="raise the integral gain, if the droop is not wanted",
         keeps_sign=True,
     ),
     "delay_s": FigureOfMerit(
@@ -173,11 +190,9 @@ _LOOPS = {
     "overshoot_percent": FigureOfMerit(
         words="overshoot",
         unit="%",
-        short="overshoots by",
         good_below=25.0,
         card="tracking",
-        trouble="{Axis} bounces after quick moves. Usually too much P or I, too little D, or a filter that is too "
-        "slow.",
+        trouble="{Axis} bounces after quick moves. Usual causes: too much P or I, too little D, or a slow filter.",
         whether="{axis} follows well",
         surer=_MOVE,
         remedy=_MOVE,
@@ -197,8 +212,8 @@ _MARGINS = {
         unit="°",
         good_above=40.0,
         card="margins",
-        trouble="The {axis} loop has little room: it rings, and a stronger filter or more gain would make it shake.",
-        whether=_KEEPS_DISTANCE,
+        trouble="The {axis} loop is close to oscillation. More gain or stronger filters would make it shake.",
+        whether=_FAR_FROM_OSCILLATION,
     ),
     "crossover_rad_s": FigureOfMerit(words="crossover", unit="rad/s", keeps_sign=True),
     "gain_margin_db": FigureOfMerit(words="gain margin", unit="dB"),
@@ -208,8 +223,8 @@ _MARGINS = {
         short="M_s",
         good_below=2.0,
         card="margins",
-        trouble="The {axis} loop makes some disturbances {value} times as large: less gain, or less delay.",
-        whether=_KEEPS_DISTANCE,
+        trouble="The {axis} loop amplifies some disturbances {value} times. Lower the gains, or reduce the delay.",
+        whether=_FAR_FROM_OSCILLATION,
         keeps_sign=True,
     ),
     "disturbance_rejection_rad_s": FigureOfMerit(
@@ -225,8 +240,8 @@ _NOISE = {
         unit="m/s²",
         good_below=30.0,
         card="noise",
-        trouble="Vibration is high enough to disturb height and position: balance propellers, look at mount and arms.",
-        whether="it vibrates little",
+        trouble="Vibration disturbs height and position. Balance the propellers; check the mount and the arms.",
+        whether="vibration is low",
         surer="fly longer",
     ),
     "clipping_share": FigureOfMerit(
@@ -235,7 +250,7 @@ _NOISE = {
         factor=100.0,
         good_below=1e-3,
         card="noise",
-        trouble="The accelerometer hits its limits: mount it softer, or find what shakes.",
+        trouble="The accelerometer hits its limits. Mount it softer, or find what shakes.",
     ),
     "clipping_count": FigureOfMerit(words="accelerometer at its limits, times"),
     "filter_delay_configured_s": FigureOfMerit(words="delay of the gyro filters as configured", unit="ms", factor=1e3),
@@ -248,8 +263,8 @@ _NOISE = {
             factor=100.0,
             good_below=0.02 if term == "d" and not band else math.nan,
             card="noise" if term == "d" and not band else "",
-            trouble="Noise passes through D of {axis} into the motors ({value} of their range): motors may run hot.",
-            whether="little noise passes through D of {axis} ({value} of the motor range)",
+            trouble="D of {axis} passes noise to the motors ({value} of their range). The motors may run hot.",
+            whether="D of {axis} passes little noise ({value} of the motor range)",
             surer="fly longer",
         )
         for axis in _AXES
@@ -267,7 +282,7 @@ _MOTORS = {
         factor=100.0,
         good_below=0.08,
         card="motors",
-        whether="they share the work evenly",
+        whether="the motors share the work evenly",
         surer=_HOVER,
     ),
     "headroom": FigureOfMerit(
@@ -276,8 +291,8 @@ _MOTORS = {
         factor=100.0,
         good_above=0.15,
         card="motors",
-        trouble="There is little thrust left above hover: lighter, or stronger.",
-        whether="enough thrust is left above hover ({value} of their range is left above it)",
+        trouble="Little thrust is left above hover. Make it lighter, or its motors stronger.",
+        whether="enough thrust is left above hover ({value} of the motor range)",
         surer=_HOVER,
     ),
     "saturated_high_share": FigureOfMerit(
@@ -319,8 +334,8 @@ _BATTERY = {
         good_below=0.15,
         per="start_v",
         card="power",
-        trouble="It sags much under load: old, cold or too small.",
-        whether="it sags little under load ({value})",
+        trouble="The battery sags much under load. It is old, cold or too small.",
+        whether="the battery sags little under load",
         surer="raise the throttle a few times",
     ),
 }
@@ -331,8 +346,8 @@ _FLIGHT = {
         words="full thrust over weight",
         good_above=1.5,
         card="power",
-        trouble="That is little.",
-        whether="that is enough",
+        trouble="There is little thrust.",
+        whether="there is enough thrust",
         surer="raise the throttle to full for half a second in a safe climb",
         keeps_sign=True,
     ),

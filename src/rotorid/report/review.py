@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rotorid.data.display import capital, counted
 from rotorid.data.quantities import QUANTITIES, FigureOfMerit, Part, figures_of
 from rotorid.data.quantity import MISSING, Quantity, significant, unit, with_error, with_interval
 from rotorid.data.trust import trusted
 from rotorid.errors import UsageError
+from rotorid.plot import miniatures
 from rotorid.plot.curves import Frequency, Magnitude
 from rotorid.plot.figure import Figure
 from rotorid.plot.frequency import bode
@@ -26,6 +29,7 @@ from rotorid.results.verdicts import LEVEL_OF, Verdict, badge
 from rotorid.results.verdicts import verdict as fit_verdict_of
 from rotorid.reviewing.cards import Card, cards, without_sweep
 from rotorid.reviewing.loops import LOOPS
+from rotorid.reviewing.motors import PATTERNS
 from rotorid.reviewing.values import (
     LoopReview,
     MarginReview,
@@ -34,9 +38,11 @@ from rotorid.reviewing.values import (
     StepCurve,
     Unavailable,
 )
-from rotorid.signal.airborne import evidence_words
 from rotorid.spectral.derived import read_points
 from rotorid.typing import BoolArray
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
 
 LOOP_WORDS: Mapping[str, str] = {loop.name: loop.words for loop in LOOPS}
 _STAGES = {"before": "before the filters", "after": "after the filters"}
@@ -62,13 +68,22 @@ class ModelRow:
     words: str
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CardRow:
+    """A card with its badge and its small picture, which is empty where there is nothing to draw."""
+
+    card: Card
+    verdict: Verdict
+    picture: Markup
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Section:
     """What the page shows of one log."""
 
     anchor: str
     review: Review
-    cards: tuple[tuple[Card, Verdict], ...]
+    cards: tuple[CardRow, ...]
     headline: str
     steps: tuple[Picture, ...]
     loops: tuple[NumberRow, ...]
@@ -83,12 +98,24 @@ class Section:
     motor_numbers: tuple[NumberRow, ...]
     power: tuple[NumberRow, ...]
     models: tuple[ModelRow, ...]
-    untold: tuple[Unavailable, ...]
+    unavailable: tuple[Unavailable, ...]
 
     @property
     def sweepless(self) -> bool:
         """Whether its models were identified without any maneuver that was made for it."""
         return without_sweep(self.review)
+
+    @property
+    def remark_count(self) -> str:
+        """How many warnings and notes there are, in words."""
+        notes = sum(finding.severity == "info" for finding in self.review.findings)
+        counts = ((len(self.review.findings) - notes, "warning"), (notes, "note"))
+        return ", ".join(counted(number, name) for number, name in counts if number)
+
+    @property
+    def pattern(self) -> str:
+        """What the pattern of the motors means."""
+        return PATTERNS[self.review.motors.pattern]
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
@@ -134,7 +161,7 @@ def render_reviews(reviews: Sequence[Review]) -> str:
 
 
 def _remarks(review: Review) -> tuple[FindingRow, ...]:
-    """Findings without their numbers, which their sentences say; by their names they stand in the file."""
+    """Findings without their numbers, which are in their sentences, and by name in the file."""
     return finding_rows([replace(finding, numbers={}) for finding in review.findings])
 
 
@@ -153,7 +180,7 @@ def _section(review: Review, anchor: str) -> Section:
     return Section(
         anchor=anchor,
         review=review,
-        cards=tuple((card, Verdict(LEVEL_OF[card.color], card.word)) for card in cards(review)),
+        cards=tuple(_card(card, review) for card in cards(review)),
         headline=headline(review),
         steps=tuple(_steps(review, anchor)),
         loops=_rows("loops", [loop.numbers for loop in review.loops.values()]),
@@ -172,8 +199,82 @@ def _section(review: Review, anchor: str) -> Section:
         motor_numbers=_single(review.motors.numbers),
         power=_power(review),
         models=tuple(_model(name, model) for name, model in review.models.items()),
-        untold=gathered(review.cannot_tell),
+        unavailable=gathered(review.cannot_tell),
     )
+
+
+def _card(card: Card, review: Review) -> CardRow:
+    from markupsafe import Markup
+
+    # Names of a log are escaped where the picture is made.
+    picture = Markup(_SMALL[card.key](review, card) if review.flight.flights else "")
+    return CardRow(card=card, verdict=Verdict(LEVEL_OF[card.color], card.word), picture=picture)
+
+
+def _small_steps(review: Review, _: Card) -> str:
+    known = {name: review.loops[name].step for name in ("p", "q") if name in review.loops}
+    steps = {name: step for name, step in known.items() if step is not None}
+    if not steps:
+        return ""
+    end = _interesting_s(review, tuple(steps))
+    drawn = {}
+    for name, step in steps.items():
+        shown = step.time_s <= end
+        drawn[LOOP_WORDS[name]] = (step.time_s[shown], step.value[shown])
+    return miniatures.curves(drawn, level=1.0, description=f"Response to a step over {end:.2g} s")
+
+
+def _small_margins(review: Review, card: Card) -> str:
+    row = QUANTITIES[card.quantity or "phase_margin_deg"]
+    # Gusts show numbers of an axis whose stick is idle, and are no test of its loop.
+    moved = {axis: margin for axis, margin in review.margins.items() if not margin.stick_idle}
+    known = {axis: margin.numbers.get(card.quantity or "phase_margin_deg") for axis, margin in moved.items()}
+    rows = {str(axis): (found.value, found.lower, found.upper) for axis, found in known.items() if found is not None}
+    return miniatures.intervals(rows, limit=row.limit, good=row.good_side, description=_row_words(row))
+
+
+def _row_words(row: FigureOfMerit) -> str:
+    return f"{capital(row.words)}; {row.scale('good')}"
+
+
+def _small_noise(review: Review, _: Card) -> str:
+    maps = review.noise.maps
+    channel = next((found.channel for found in maps if found.channel == "p"), maps[0].channel if maps else "")
+    drawn = {
+        _STAGES[found.stage]: (found.frequency_hz, 10.0 * np.log10(np.maximum(found.average, 1e-300)))
+        for found in maps
+        if found.channel == channel
+    }
+    end = max((float(frequency_hz[-1]) for frequency_hz, _ in drawn.values()), default=0.0)
+    return miniatures.curves(drawn, description=f"Noise of the {_channel_words(channel)} from 0 to {end:.0f} Hz")
+
+
+def _small_motors(review: Review, _: Card) -> str:
+    means = [quantity.value for quantity in review.motors.means.values()]
+    return miniatures.bars(means, description="Mean output of each motor in steady flight")
+
+
+def _small_power(review: Review, _: Card) -> str:
+    row, found = QUANTITIES["thrust_to_weight"], review.flight.thrust_to_weight
+    rows = {} if found is None else {"thrust": (found.value, found.lower, found.upper)}
+    return miniatures.intervals(rows, limit=row.limit, good=row.good_side, description=_row_words(row))
+
+
+def _small_models(review: Review, _: Card) -> str:
+    levels = {name: LEVEL_OF[fit_verdict_of(model).color] for name, model in review.models.items()}
+    refused = [name for name, model in review.models.items() if isinstance(model, Refused)]
+    return miniatures.marks({**levels, **dict.fromkeys(refused, "unknown")}, description="Verdict on each model")
+
+
+_SMALL: Mapping[str, Callable[[Review, Card], str]] = {
+    "tracking": _small_steps,
+    "margins": _small_margins,
+    "noise": _small_noise,
+    "motors": _small_motors,
+    "power": _small_power,
+    "models": _small_models,
+}
+"""What draws the small picture of a card."""
 
 
 def headline(review: Review) -> str:
@@ -181,15 +282,15 @@ def headline(review: Review) -> str:
     craft, air = review.vehicle, review.flight
     what = ", ".join(part for part in (craft.kind, craft.frame, craft.firmware or craft.autopilot) if part)
     if not air.flights:
-        return f"{what or 'An unknown vehicle'}: this log holds no flight."
+        return f"{what or 'Unknown vehicle'}: this log contains no flight."
     spans = ", ".join(f"{start_s:.1f} to {stop_s:.1f} s" for start_s, stop_s in air.flights)
     total_s = sum(stop_s - start_s for start_s, stop_s in air.flights)
-    count = "one flight" if len(air.flights) == 1 else f"{len(air.flights)} flights"
-    return f"{what or 'Unknown vehicle'} · {count}, {total_s:.0f} s in the air ({spans}, {evidence_words(air.seen_in)})"
+    count = counted(len(air.flights), "flight")
+    return f"{what or 'Unknown vehicle'} · {count}, {total_s:.0f} s in the air ({spans})"
 
 
 def _rows(part: Part, columns: Sequence[Mapping[str, Quantity]]) -> tuple[NumberRow, ...]:
-    """A row for each figure of a part that any column holds."""
+    """A row for each figure of a part that any column has."""
     return tuple(
         NumberRow(words=row.label, cells=tuple(_cells(row, column.get(name)) for column in columns))
         for name, row in figures_of(part).items()
@@ -216,7 +317,7 @@ def _cells(row: FigureOfMerit, quantity: Quantity | None) -> tuple[str, str]:
 
 
 def _single(numbers: Mapping[str, Quantity]) -> tuple[NumberRow, ...]:
-    """Numbers one below the other; those of each motor alone stand in the files."""
+    """Numbers one below the other; those of each motor are in the files."""
     rows = ((QUANTITIES[name], quantity) for name, quantity in numbers.items() if name in QUANTITIES)
     return tuple(NumberRow(words=row.label, cells=(row.cells(quantity),)) for row, quantity in rows)
 
@@ -389,7 +490,7 @@ def _value(parameter: ParameterEstimate) -> str:
 
 
 def _compared(reviews: Sequence[Review]) -> tuple[NumberRow, ...]:
-    """A row for each card, and for each number of the loops and margins that any of the flights tells."""
+    """A row for each card, and for each number of the loops and margins that any of the flights shows."""
     by_log = [cards(review) for review in reviews]
     rows = [
         NumberRow(words=same[0].title, cells=tuple((card.number or MISSING, card.word) for card in same))

@@ -1,4 +1,4 @@
-"""Everything that an ordinary flight tells, in one call: each part stands by itself, and says what it cannot tell."""
+"""The review of an ordinary flight in one call: each part is independent, and lists what it could not measure."""
 
 from __future__ import annotations
 
@@ -72,9 +72,9 @@ def review(
     settings: ReviewSettings | None = None,
     **options: Any,
 ) -> Review | tuple[Review, ...]:
-    """Review ordinary flights: loops as flown, margins, models, noise, motors, and what the logs cannot tell.
+    """Review ordinary flights: loops, margins, models, noise, motors, and what the logs do not show.
 
-    Nothing needs to be flown on purpose: sticks that move tell the loops, with an error that says how well.
+    No test flight is needed: stick motion is enough to measure the loops, with intervals.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def review(
     Returns
     -------
     Review or tuple of Review
-        One for each log. A number that a flight cannot tell is absent, and ``cannot_tell`` says why.
+        One for each log. A number that was not measured is absent, and ``cannot_tell`` says why.
 
     Raises
     ------
@@ -98,8 +98,8 @@ def review(
     Examples
     --------
     >>> import rotorid
-    >>> seen = rotorid.review("flight.ulg")  # doctest: +SKIP
-    >>> seen.loops["p"].numbers["rise_time_s"].value  # doctest: +SKIP
+    >>> reviewed = rotorid.review("flight.ulg")  # doctest: +SKIP
+    >>> reviewed.loops["p"].numbers["rise_time_s"].value  # doctest: +SKIP
     0.031
     """
     chosen = as_settings(ReviewSettings, settings, options)
@@ -110,8 +110,8 @@ def review(
 
 
 def has_answers(reviewed: Review) -> bool:
-    """Whether a review holds anything beyond what the log is."""
-    stands = any(isinstance(model, IdentifiedModel) for model in reviewed.models.values())
+    """Whether a review has any result beyond what the log is."""
+    identified = any(isinstance(model, IdentifiedModel) for model in reviewed.models.values())
     parts = (
         reviewed.oscillations,
         reviewed.calm,
@@ -122,14 +122,14 @@ def has_answers(reviewed: Review) -> bool:
         reviewed.motors.numbers,
         reviewed.flight.battery,
     )
-    return bool(reviewed.flight.flights) and (stands or any(parts))
+    return bool(reviewed.flight.flights) and (identified or any(parts))
 
 
 def _review(record: FlightRecord, *, models: bool) -> Review:
     unavailable: list[Unavailable] = []
 
     def part(step: str, make: Callable[[], tuple[Part, Sequence[Unavailable]]], otherwise: Part) -> Part:
-        """A part of the review; where there is none, the reason joins what is untold."""
+        """A part of the review; where there is none, its reason joins the list of what is unavailable."""
         _PROGRESS.info(f"reviewing {step}", extra={"done": _STEPS.index(step), "total": len(_STEPS)})
         try:
             made, missing = make()
@@ -230,7 +230,7 @@ def _margins_of(
     if motors_limited(swinging):
         return {}, [_hidden_by_limits("margins", swinging)]
     axes = tuple(oscillation.axis for oscillation in swinging)
-    why = f"{describe(swinging)} The log then shows the limits of the loop and not its margins." if axes else ""
+    why = f"{describe(swinging)} The log then shows the limits of the loop, not its margins." if axes else ""
     missing = [Unavailable(what=f"margins.{axis}", why=why, remedy=END_FIRST) for axis in axes]
     if len(axes) == len(RATE_OF):
         return {}, missing
@@ -242,7 +242,7 @@ def _margins_of(
 def _models(record: FlightRecord) -> tuple[dict[str, IdentifiedModel | Refused], list[Unavailable]]:
     if record.status.foreign:
         return {}, [
-            Unavailable(what="models", why=f"{capital(foreign_vehicle(record))}; all models are of multirotors.")
+            Unavailable(what="models", why=f"{capital(foreign_vehicle(record))}. All models are of multirotors.")
         ]
     several = identify_several(record)
     lacking = {name: rate_support(record, name) for name in RATE_AXIS if name not in several}
@@ -265,7 +265,7 @@ def _unsupported(record: FlightRecord, found: Mapping[str, IdentifiedModel | Ref
 def _with_thrust_of(
     found: Mapping[str, IdentifiedModel | Refused], summary: FlightSummary, unavailable: list[Unavailable]
 ) -> tuple[FlightSummary, list[Unavailable]]:
-    """The flight with the full thrust that a model of its motors tells, where one does: a usual curve is a guess."""
+    """The flight with the full thrust of a model of its motors, where there is one: a usual curve is a guess."""
     for model in found.values():
         if isinstance(model, IdentifiedModel) and model.motors is not None:
             ratio = model.motors.derived.get("thrust_to_weight")
@@ -295,7 +295,7 @@ def next_commands(record: FlightRecord, reviewed: Review) -> tuple[str, ...]:
 
 
 def unavailable_by(error: InsufficientDataError, what: str) -> Unavailable:
-    """What an error leaves untold."""
+    """What an error leaves without an answer."""
     why = str(error.findings[0].message) if error.findings else str(error)
     return Unavailable(what=what, why=why, remedy=error.remedy)
 

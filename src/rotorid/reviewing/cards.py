@@ -1,7 +1,7 @@
 """The first screen of a review: a handful of judgments in words that need no control theory.
 
-A card asks one question. It is green only where every part of the question was measured and is good. What was measured
-alone is a part, and the card names what is missing; a part that needs a look goes before everything that is unknown.
+A card asks one question. It is green only where every part of the question was measured and is good, and it names the
+parts that were not measured. A part that needs a look goes before everything that is unknown.
 """
 
 from __future__ import annotations
@@ -14,15 +14,16 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
-from rotorid.data.display import capital, listed
-from rotorid.data.quantities import QUANTITIES, FigureOfMerit
+from rotorid.data.display import capital, counted, listed
+from rotorid.data.quantities import QUANTITIES, FigureOfMerit, Judgment
 from rotorid.data.quantity import Quantity
 from rotorid.data.trust import RICH_KINDS
 from rotorid.flights.oscillations import describe, gain_words, motors_limited
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import Color
 from rotorid.results.verdicts import verdict
-from rotorid.reviewing.values import Review
+from rotorid.reviewing.motors import PATTERNS
+from rotorid.reviewing.values import Review, Unavailable
 
 State: TypeAlias = Literal["good", "look", "part", "cannot"]
 """Good; look here; what was measured is good, and a part was not measured; not enough data."""
@@ -38,7 +39,7 @@ STATES: Mapping[State, tuple[str, Color]] = MappingProxyType(
 """Word and color of a state, on every page and line: what is unknown is gray."""
 
 _SELDOM = 5e-4
-"""Share of the flight at a limit below which nothing is said of it."""
+"""Share of the flight at a limit that is too small to mention."""
 
 _MOVE_MORE = "move the {axis} stick for 30 s: quick pairs to both sides of 5 to 10 degrees, one every second"
 
@@ -53,20 +54,30 @@ class Card(Immutable):
     Parameters
     ----------
     key, title
-        Name, and heading.
+        Name, and the question.
     state
         Whether it is good, needs a look, is good as far as it was measured, or was not measured.
-    number
-        The one number that stands for it, with its unit; empty where there is none.
-    sentence
-        What it means, for a pilot.
+    headline
+        The answer in one sentence that a pilot could say to a friend.
+    number, scale
+        The one number behind it with its unit, and what is usual; empty where there is none.
+    quantity
+        Name of that number in :data:`rotorid.data.quantities.QUANTITIES`; empty where it is none of them.
+    details
+        What else to know.
+    remedy
+        What to fly, set or log for an answer, as a command; empty where the answer is known.
     """
 
     key: str
     title: str
     state: State
-    number: str
-    sentence: str
+    headline: str
+    number: str = ""
+    scale: str = ""
+    quantity: str = ""
+    details: str = ""
+    remedy: str = ""
 
     @property
     def word(self) -> str:
@@ -77,6 +88,21 @@ class Card(Immutable):
     def color(self) -> Color:
         """The state for the eye."""
         return STATES[self.state][1]
+
+    @property
+    def measured(self) -> str:
+        """The number with its scale."""
+        return f"{self.number} ({self.scale})" if self.scale else self.number
+
+    @property
+    def action(self) -> str:
+        """What to do for an answer, as a sentence."""
+        return f"To measure it: {_lower_first(self.remedy)}" if self.remedy else ""
+
+    @property
+    def sentence(self) -> str:
+        """All that the card says, without its number."""
+        return _together(self.headline, self.details, self.action)
 
 
 def cards(review: Review) -> tuple[Card, ...]:
@@ -91,7 +117,13 @@ def cards(review: Review) -> tuple[Card, ...]:
     )
     if review.flight.flights:
         return found
-    return tuple(replace(card, state="cannot", number="", sentence="This log holds no flight.") for card in found)
+    return tuple(
+        Card(key=card.key, title=card.title, state="cannot", headline="This log contains no flight.") for card in found
+    )
+
+
+def _together(*sentences: str) -> str:
+    return " ".join(sentence for sentence in sentences if sentence)
 
 
 def _good(missing: Sequence[str]) -> State:
@@ -101,7 +133,30 @@ def _good(missing: Sequence[str]) -> State:
 
 def _not_measured(missing: Sequence[str]) -> str:
     """What of a question was not measured, as a sentence; empty where everything was."""
-    return f" Not measured: {listed(missing)}." if missing else ""
+    return f"Not measured: {listed(missing)}." if missing else ""
+
+
+def _unanswered(key: str, title: str, gap: Unavailable | None, otherwise: str, details: str = "") -> Card:
+    """A card without an answer: what was missing, and the one remedy.
+
+    Parameters
+    ----------
+    gap
+        What of the question was not measured first.
+    otherwise
+        What was missing where no reason is known.
+    details
+        What is known all the same.
+    """
+    why, _, more = (otherwise if gap is None else gap.why).partition(". ")
+    return Card(
+        key=key,
+        title=title,
+        state="cannot",
+        headline=f"{capital(why).rstrip('.')}.",
+        details=_together(details, more),
+        remedy="" if gap is None else gap.remedy,
+    )
 
 
 class _LimitedNumber(NamedTuple):
@@ -114,7 +169,7 @@ class _LimitedNumber(NamedTuple):
     per: float = 1.0
 
     @property
-    def verdict(self) -> State:
+    def verdict(self) -> Judgment:
         """Good or not over the whole 95 % interval; else there is not enough data."""
         return self.figure.judged(self.quantity, self.per)
 
@@ -140,16 +195,53 @@ class _LimitedNumber(NamedTuple):
         return f"{self.axis} {self.figure.before} {self.figure.shown(self.quantity)}"
 
     @property
-    def trouble(self) -> str:
-        """What it means beyond its limit."""
-        return self._filled(self.figure.trouble)
+    def shown_alone(self) -> str:
+        """The number without an axis, in one line."""
+        return f"{self.figure.before} {self.figure.shown(self.quantity)}"
 
-    def unsure(self, remedy: str = "") -> str:
-        """Why it gives no verdict, and what would."""
-        whether, limit = self._filled(self.figure.whether), self.figure.limit_text(self.per)
-        sentence = f"Not enough data to say whether {whether}: the limit of {limit} lies within the interval."
-        remedy = remedy or self.figure.surer
-        return f"{sentence} To measure it: {_lower_first(remedy)}" if remedy else sentence
+    @property
+    def scale(self) -> str:
+        """What is usual, for a pilot who does not know the number."""
+        return self.figure.scale(self.verdict, self.per)
+
+    @property
+    def trouble(self) -> tuple[str, str]:
+        """What it means beyond its limit: the sentence for a headline, and the rest."""
+        first, _, rest = self._filled(self.figure.trouble).partition(". ")
+        return f"{first.rstrip('.')}.", rest
+
+    @property
+    def doubt(self) -> str:
+        """Why it gives no verdict."""
+        return f"Unclear whether {self._filled(self.figure.whether)}."
+
+    def bad(self, key: str, title: str, number: str = "") -> Card:
+        """The card of a number beyond its limit."""
+        headline, details = self.trouble
+        return Card(
+            key=key,
+            title=title,
+            state="look",
+            headline=headline,
+            number=number or self.shown,
+            scale=self.scale,
+            quantity=self.name,
+            details=details,
+        )
+
+    def doubtful(self, key: str, title: str, *, number: str = "", details: str = "", remedy: str = "") -> Card:
+        """The card of a number whose interval contains its limit."""
+        return Card(
+            key=key,
+            title=title,
+            state="cannot",
+            headline=self.doubt,
+            number=number or self.shown,
+            scale=self.scale,
+            quantity=self.name,
+            details=details,
+            remedy=remedy or self.figure.surer,
+        )
 
     def _filled(self, words: str) -> str:
         return words.format(axis=self.axis, Axis=self.axis.capitalize(), value=self.figure.shown(self.quantity))
@@ -171,43 +263,47 @@ def _judged(card: str, numbers: Mapping[str, Quantity], axis: str = "") -> list[
 
 
 def _tracking(review: Review) -> Card:
-    title, loops = "Do roll and pitch follow the stick?", review.loops
-    swinging = [oscillation.axis for oscillation in review.oscillations]
-    if swinging:
-        sentence = f"{capital(listed(swinging))} {'oscillates' if len(swinging) == 1 else 'oscillate'}: end that first."
-        return Card(key="tracking", title=title, state="cannot", number="", sentence=sentence)
+    key, title, loops = "tracking", "Do roll and pitch follow the stick?", review.loops
+    if review.oscillations:
+        return Card(key=key, title=title, state="cannot", headline=_stop_first(review))
     judged = [
-        oscillation
-        for name in ("p", "q")
-        if name in loops
-        for oscillation in _judged("tracking", loops[name].numbers, _RATES[name])
+        number for name in ("p", "q") if name in loops for number in _judged(key, loops[name].numbers, _RATES[name])
     ]
-    rises = [oscillation for oscillation in judged if oscillation.name == "rise_time_s"]
-    overshoots = [oscillation for oscillation in judged if oscillation.name == "overshoot_percent"]
+    rises = [number for number in judged if number.name == "rise_time_s"]
+    overshoots = [number for number in judged if number.name == "overshoot_percent"]
     if not rises:
-        sentence = "This log does not show how quickly roll and pitch follow their set-points."
-        return Card(key="tracking", title=title, state="cannot", number="", sentence=sentence)
+        gap = _gap(review, "loops.p", "loops.q", "loops")
+        if gap is not None and " logged at " in gap.why:
+            # What the margins ask of a slow log names the settings of its autopilot.
+            gap = replace(gap, remedy=_remedy(review, "margins") or gap.remedy)
+        return _unanswered(key, title, gap, "this log does not show how roll and pitch follow.")
     bad, unsure = _sorted(judged)
     if bad:
-        # What bounces is said before what is slow.
-        worst = next((number for number in bad if number not in rises), bad[0])
-        return Card(key="tracking", title=title, state="look", number=worst.shown, sentence=worst.trouble)
+        # What bounces is mentioned before what is slow.
+        return next((number for number in bad if number not in rises), bad[0]).bad(key, title)
     if unsure:
-        worst = unsure[0]
-        return Card(key="tracking", title=title, state="cannot", number=worst.shown, sentence=worst.unsure())
+        return unsure[0].doubtful(key, title)
     most = max(overshoots, key=lambda number: number.quantity.upper, default=None)
     by = f", with at most {most.quantity.upper:.0f} % overshoot" if most is not None else ""
     axes = [number.axis for number in rises]
-    who = f"{capital(listed(axes))} {'follow their set-points' if len(axes) > 1 else 'follows its set-point'}"
     missing = [axis for axis in ("roll", "pitch") if axis not in axes]
-    missing += _lacking("tracking", axes, judged)
+    missing += _lacking(key, axes, judged)
+    slowest = max(rises, key=lambda number: number.quantity.value)
     return Card(
-        key="tracking",
+        key=key,
         title=title,
         state=_good(missing),
-        number=max(rises, key=lambda number: number.quantity.value).shown,
-        sentence=f"{who}{by}.{_not_measured(missing)}",
+        headline=f"{capital(listed(axes))} {'follow' if len(axes) > 1 else 'follows'} well{by}.",
+        number=slowest.shown,
+        scale=slowest.scale,
+        details=_not_measured(missing),
     )
+
+
+def _stop_first(review: Review) -> str:
+    """What keeps a flight that oscillates from answering anything else."""
+    axes = [oscillation.axis for oscillation in review.oscillations]
+    return f"{capital(listed(axes))} {'oscillates' if len(axes) == 1 else 'oscillate'}: stop that first."
 
 
 def _lacking(card: str, axes: Sequence[str], judged: Sequence[_LimitedNumber]) -> list[str]:
@@ -234,281 +330,319 @@ def _margin_number(review: Review, number: _LimitedNumber) -> str:
 
 
 def _margins(review: Review) -> Card:
-    title = "How close is it to shaking?"
+    key, title = "margins", "How close is it to shaking?"
     if review.oscillations:
-        return _shaking(review)
-    judged = [item for axis, margin in review.margins.items() for item in _judged("margins", margin.numbers, axis)]
+        return _shaking(review, key, title)
+    judged = [item for axis, margin in review.margins.items() for item in _judged(key, margin.numbers, axis)]
     phases = [margin for margin in judged if margin.name == "phase_margin_deg"]
     # Number and sentence are of one loop: of those that are surely bad the worst, then of those that may be.
     bad, unsure = _sorted(judged)
     if bad:
-        number, sentence = _margin_number(review, bad[0]), bad[0].trouble
-        return Card(key="margins", title=title, state="look", number=number, sentence=sentence)
-    # Gusts show numbers of an axis whose stick rests, and are no test of its loop.
+        return bad[0].bad(key, title, _margin_number(review, bad[0]))
+    # Gusts show numbers of an axis whose stick is idle, and are no test of its loop.
     excited = [number for number in phases if not review.margins[number.axis].stick_idle]  # type: ignore[index]
-    calm = _calm(review)
     if not excited:
         axes = [number.axis for number in phases]
-        idle = f" The {listed(axes)} stick{'s' * (len(axes) > 1)} hardly moved." if axes else ""
-        sentence = f"{calm}Not enough data to say how much more gain the loops can take.{idle}"
-        return Card(key="margins", title=title, state="cannot", number="", sentence=sentence)
+        gap = _gap(review, "margins")
+        if axes:
+            why = f"the {listed(axes)} stick{'s' * (len(axes) > 1)} barely moved."
+            gap = Unavailable(what=key, why=why, remedy=_remedy(review, "margins") or _MOVE_MORE.format(axis=axes[0]))
+        return _unanswered(
+            key, title, gap, "this log does not show how much more gain the loops can take.", _calm(review)
+        )
     if unsure := [number for number in unsure if number.axis in {known.axis for known in excited}]:
         worst = unsure[0]
         remedy = _remedy(review, f"margins.{worst.axis}.") or _MOVE_MORE.format(axis=worst.axis)
-        number, sentence = _margin_number(review, worst), worst.unsure(remedy)
-        return Card(key="margins", title=title, state="cannot", number=number, sentence=sentence)
+        return worst.doubtful(key, title, number=_margin_number(review, worst), remedy=remedy)
     names = [number.axis for number in excited]
-    which = "loops keep" if len(names) > 1 else "loop keeps"
+    loops = f"The {listed(names)} loop{'s' * (len(names) > 1)}"
     others = [axis for axis in RATE_OF if axis not in names]
-    resting = {axis for axis, margin in review.margins.items() if margin.stick_idle}
-    missing = [f"{axis} (its stick hardly moved)" if axis in resting else axis for axis in others]
-    missing += (unknown := _lacking("margins", names, judged))
+    idle = {axis for axis, margin in review.margins.items() if margin.stick_idle}
+    missing = [f"{axis} (its stick barely moved)" if axis in idle else axis for axis in others]
+    missing += (unknown := _lacking(key, names, judged))
     missing += [f"oscillation of {axis}" for axis in names if axis not in review.calm]
-    sentence = (
-        f"The {listed(names)} {which} a safe distance from instability."
+    headline = (
+        f"{loops} {'are' if len(names) > 1 else 'is'} far from oscillation."
         if not unknown
-        else f"The {listed(names)} {which} a phase margin of more than {phases[0].figure.limit_text()}."
+        else f"{loops} {'have' if len(names) > 1 else 'has'} a phase margin above {phases[0].figure.limit_text()}."
     )
     least = max(excited, key=lambda number: number.bad_end)
     return Card(
-        key="margins",
+        key=key,
         title=title,
         state=_good(missing),
+        headline=headline,
         number=_margin_number(review, least),
-        sentence=f"{_calm(review, others)}{sentence}{_not_measured(missing)}",
+        scale=least.scale,
+        quantity=least.name,
+        details=_together(_calm(review, others), _not_measured(missing)),
     )
 
 
-def _shaking(review: Review) -> Card:
+def _shaking(review: Review, key: str, title: str) -> Card:
     """An axis that swings is beyond all margins."""
     found = review.oscillations
     axes = [oscillation.axis for oscillation in found]
     first = max(found, key=lambda oscillation: oscillation.rms)
     number = "" if first.frequency_hz is None else f"{listed(axes)} {first.frequency_hz:.1f} Hz"
     how = "as listed below" if any(oscillation.gains for oscillation in found) else "to a third"
-    sentence = f"{describe(found)} Lower {gain_words(found)} of {listed(axes)} before the next flight, {how}."
     return Card(
-        key="margins",
-        title="How close is it to shaking?",
+        key=key,
+        title=title,
         state="look",
+        headline=describe(found),
         number=number or "it shakes",
-        sentence=sentence,
+        details=f"Lower {gain_words(found)} of {listed(axes)} before the next flight, {how}.",
     )
 
 
 def _calm(review: Review, among: Sequence[str] = ("roll", "pitch")) -> str:
     """Which of some axes do not swing, as far as that was checked; empty where none was."""
     axes = [axis for axis in among if axis in review.calm]
-    if not axes:
-        return ""
-    return f"{capital(listed(axes))} {'does' if len(axes) == 1 else 'do'} not oscillate. "
+    return f"{capital(listed(axes))} {'does' if len(axes) == 1 else 'do'} not oscillate." if axes else ""
 
 
 def _noise(review: Review) -> Card:
-    title, noise = "Does it vibrate?", review.noise
-    vibration, clipping = noise.numbers.get("vibration_m_s2"), noise.numbers.get("clipping_share")
-    number = "" if vibration is None else QUANTITIES["vibration_m_s2"].shown(vibration)
+    key, title, noise = "noise", "Does it vibrate?", review.noise
+    judged = _judged(key, noise.numbers)
+    shaken = next((number for number in judged if number.name == "vibration_m_s2"), None)
+    shares = [number for number in judged if number.name.endswith("_d_noise_share")]
+    loud = max(shares, key=lambda number: number.quantity.value, default=None)
+    first = shaken or loud
+    number = "" if first is None else first.figure.shown(first.quantity) + " of the motor range" * (first is loud)
+    scale = "" if first is None else first.scale
     if review.oscillations:
-        axes = [oscillation.axis for oscillation in review.oscillations]
-        sentence = f"{capital(listed(axes))} {'oscillates' if len(axes) == 1 else 'oscillate'}: end that first."
-        return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
-    judged = _judged("noise", noise.numbers)
-    shares = [oscillation for oscillation in judged if oscillation.name.endswith("_d_noise_share")]
-    loud = max(shares, key=lambda oscillation: oscillation.quantity.value, default=None)
-    if not number and loud is not None:
-        number = f"{loud.figure.shown(loud.quantity)} of the motor range"
+        return Card(key=key, title=title, state="look", headline=_stop_first(review), number=number, scale=scale)
+    clipping = noise.numbers.get("clipping_share")
     # What share of this flight clipped was counted, and is no estimate.
     if clipping is not None and clipping.value > QUANTITIES["clipping_share"].limit:
-        sentence = QUANTITIES["clipping_share"].trouble
-        return Card(key="noise", title=title, state="look", number=number, sentence=sentence)
-    shaken = next((oscillation for oscillation in judged if oscillation.name == "vibration_m_s2"), None)
-    bad, unsure = _sorted([oscillation for oscillation in judged if oscillation.name != "clipping_share"])
+        headline, _, details = QUANTITIES["clipping_share"].trouble.partition(". ")
+        return Card(
+            key=key,
+            title=title,
+            state="look",
+            headline=f"{headline}.",
+            number=number,
+            scale=scale,
+            details=details,
+        )
+    bad, unsure = _sorted([number for number in judged if number.name != "clipping_share"])
     if bad:
-        worst = shaken if shaken in bad else bad[0]
-        return Card(key="noise", title=title, state="look", number=number, sentence=worst.trouble)
+        worst = shaken if shaken is not None and shaken in bad else bad[0]
+        return replace(worst.bad(key, title, number), scale=scale)
     strongest = max(noise.peaks, key=lambda peak: peak.height_db, default=None)
-    where = "" if strongest is None else f" The strongest line is at {strongest.frequency_hz.value:.0f} Hz."
+    where = "" if strongest is None else f"The strongest vibration is at {strongest.frequency_hz.value:.0f} Hz."
     if unsure:
-        return Card(key="noise", title=title, state="cannot", number=number, sentence=f"{unsure[0].unsure()}{where}")
+        return replace(unsure[0].doubtful(key, title, number=number, details=where), scale=scale)
     # A controller whose P was measured and that has no D passes no noise through it.
     axes = [axis for axis in ("roll", "pitch") if any(f"{axis}_{term}_noise_share" in noise.numbers for term in "pd")]
     if shaken is None and not axes:
-        sentence = f"This log is too slow, or lacks the channels, to show how strongly it vibrates.{where}"
-        return Card(key="noise", title=title, state="cannot", number=number, sentence=sentence)
+        gap = _gap(review, "noise.vibration", "noise")
+        return _unanswered(key, title, gap, "this log is too slow, or lacks the channels.", where)
     missing = [] if shaken is not None else ["vibration"]
     if not {"clipping_share", "clipping_count"} & noise.numbers.keys():
         missing.append("accelerometer at its limits")
-    missing += [f"noise through D of {axis}" for axis in ("roll", "pitch") if axis not in axes]
-    found = [
-        *(["It vibrates little."] if shaken is not None else []),
-        *([f"Little noise reaches the motors through D of {listed(axes)}."] if axes else []),
-    ]
-    sentence = f"{' '.join(found)}{_not_measured(missing)}{where}"
-    return Card(key="noise", title=title, state=_good(missing), number=number, sentence=sentence)
+    if unknown := [axis for axis in ("roll", "pitch") if axis not in axes]:
+        missing.append(f"noise through D of {listed(unknown)}")
+    passed = f"little noise reaches the motors through D of {listed(axes)}" if axes else ""
+    answers = [*(["vibration is low"] if shaken is not None else []), *([passed] if passed else [])]
+    return Card(
+        key=key,
+        title=title,
+        state=_good(missing),
+        headline=f"{capital(listed(answers))}.",
+        number=number,
+        scale=scale,
+        details=_together(_not_measured(missing), where),
+    )
 
 
 def _motors(review: Review) -> Card:
-    # Motor outputs alone say nothing of a motor that falls out of step: only logged speeds do.
-    checked = review.motors.steps_checked
-    title = f"Are the motors balanced{' and in step' * checked}, with room left?"
+    key, title = "motors", "Are the motors healthy?"
     motors, numbers = review.motors, review.motors.numbers
     imbalance, headroom, high = (numbers.get(name) for name in ("imbalance", "headroom", "saturated_high_share"))
     logged = "motor_1" in review.logging.rates_hz
     unseen = not logged or any(gap.what == "motors" for gap in review.cannot_tell)
     if imbalance is None and headroom is None and high is None and unseen:
-        sentence = f"Motor outputs are {'not logged in the air' if logged else 'not in this log'}."
-        return Card(key="motors", title=title, state="cannot", number="", sentence=sentence)
-    # What share of this flight stood at a limit was counted, and is no estimate.
+        gap = _gap(review, "motors")
+        why = f"motor outputs are not logged{' in the air' * logged}."
+        return _unanswered(key, title, replace(gap, why=why) if gap else None, why)
+    # What share of this flight a motor was at a limit was counted, and is no estimate.
     full = "" if high is None else f"{100.0 * high.value:.1f} %"
-    number = f"{full} at full output" if high is not None and high.value > _SELDOM else ""
-    judged = {gap.name: gap for gap in _judged("motors", numbers)}
+    judged = {number.name: number for number in _judged(key, numbers)}
     uneven, left = judged.get("imbalance"), judged.get("headroom")
+    number = f"{full} at full output" if high is not None and high.value > _SELDOM else ""
+    scale = judged["saturated_high_share"].figure.scale("good") if number else ""
     if uneven is not None:
-        number = f"{uneven.figure.shown(uneven.quantity)} imbalance"
+        number, scale = f"{uneven.figure.shown(uneven.quantity)} imbalance", uneven.scale
+    even = Card(key=key, title=title, state="look", headline="", number=number, scale=scale)
     if motors.events:
-        sentence = (
-            f"{len(motors.events)} times a motor slowed down while its output rose: look for a desync of its ESC."
+        return replace(
+            even,
+            headline=f"{capital(counted(len(motors.events), 'time'))} a motor slowed down while its output rose.",
+            details="Look for a desync of its ESC.",
         )
-        return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
     if motors_limited(review.oscillations):
         # The share of the oscillation itself: another count would be another number for the same thing.
-        axes = capital(listed([oscillation.axis for oscillation in review.oscillations]))
         most = max(oscillation.at_limit_percent or 0.0 for oscillation in review.oscillations)
-        sentence = f"{axes} {'oscillates' if len(review.oscillations) == 1 else 'oscillate'}: end that first."
-        return Card(key="motors", title=title, state="look", number=f"{most:.0f} % at a limit", sentence=sentence)
+        return replace(even, headline=_stop_first(review), number=f"{most:.0f} % at a limit", scale="")
     if uneven is not None and uneven.verdict == "look":
-        why = f": {motors.pattern}" if motors.pattern else ""
-        sentence = f"The motors do not share the work evenly in steady flight{why}."
-        return Card(key="motors", title=title, state="look", number=number, sentence=sentence)
+        return replace(even, headline="The motors do not share the work evenly.", details=PATTERNS[motors.pattern])
     if high is not None and high.value > QUANTITIES["saturated_high_share"].limit:
-        sentence = f"A motor stood at full output for {full} of the flight: nothing is left for control then."
-        return Card(key="motors", title=title, state="look", number=f"{full} at full output", sentence=sentence)
+        return replace(
+            even,
+            headline=f"A motor was at full output for {full} of the flight.",
+            details="Nothing is left for control then.",
+            number=f"{full} at full output",
+            scale=QUANTITIES["saturated_high_share"].scale("look"),
+        )
     # Shares at a limit were counted, and are no estimates.
-    estimated = [gap for gap in judged.values() if not gap.name.startswith("saturated")]
-    bad, _ = _sorted(estimated)
+    estimated = [number for number in judged.values() if not number.name.startswith("saturated")]
+    bad, unsure = _sorted(estimated)
     if bad:
-        return Card(key="motors", title=title, state="look", number=number, sentence=bad[0].trouble)
+        return replace(bad[0].bad(key, title, number), scale=scale)
     limits = _at_limits(numbers)
     if uneven is None or left is None:
-        why = next((gap.why for gap in review.cannot_tell if gap.what == "motors.imbalance"), "")
-        sentence = " ".join(part for part in ("Not enough data to say how evenly they work.", why, limits) if part)
-        remedy = _remedy(review, "motors.imbalance")
-        if remedy:
-            sentence += f" To measure it: {_lower_first(remedy)}"
-        return Card(key="motors", title=title, state="cannot", number=number, sentence=sentence)
-    unsure = next((gap for gap in estimated if gap.verdict == "cannot"), None)
-    if unsure is not None:
-        sentence = f"{unsure.unsure()}{limits and ' '}{limits}"
-        return Card(key="motors", title=title, state="cannot", number=number, sentence=sentence)
+        gap = _gap(review, "motors.imbalance", "motors.saturated", "motors")
+        unknown = _unanswered(key, title, gap, "this log does not show how evenly they work.", limits)
+        return replace(unknown, number=number, scale=scale)
+    if unsure:
+        first = next(number for number in estimated if number.verdict == "cannot")
+        return replace(first.doubtful(key, title, number=number, details=limits), scale=scale)
     missing = [] if high is not None else ["share of the flight at full output"]
-    step = " No motor lost step." if checked else ""
-    sentence = f"Balanced, with {left.figure.shown(left.quantity)} headroom in hover.{step}{limits and ' '}{limits}"
-    return Card(
-        key="motors",
-        title=title,
+    desync = "No desync was found." if motors.steps_checked else "Desync was not checked."
+    return replace(
+        even,
         state=_good(missing),
-        number=number,
-        sentence=f"{sentence}{_not_measured(missing)}",
+        headline=f"Balanced, with {100.0 * left.quantity.value:.0f} % headroom in hover.",
+        details=_together(desync, limits, _not_measured(missing)),
     )
 
 
 def _at_limits(numbers: Mapping[str, Quantity]) -> str:
-    """How much of the flight a motor stood at a limit, as far as it did."""
+    """How much of the flight a motor was at a limit, as far as it was."""
     parts = [
         f"{QUANTITIES[name].short} for {100.0 * numbers[name].value:.1f} %"
         for name in ("saturated_high_share", "saturated_low_share")
         if name in numbers and numbers[name].value > _SELDOM
     ]
-    return f"A motor stood {' and '.join(parts)} of the flight." if parts else ""
+    return f"A motor was {' and '.join(parts)} of the flight." if parts else ""
 
 
 def _power(review: Review) -> Card:
-    title = "Power and thrust"
+    key, title = "power", "Is there enough power?"
     battery, throttle, ratio = review.flight.battery, review.flight.hover_throttle, review.flight.thrust_to_weight
-    number = "" if throttle is None else f"hovers at {QUANTITIES['hover_throttle'].shown(throttle)} throttle"
-    if not number and not battery:
+    if throttle is None and not battery:
+        gap = _gap(review, "flight.battery", "flight.hover_throttle")
         logged = _POWER & review.logging.rates_hz.keys()
-        sentence = (
-            "Battery and throttle: not enough data in this flight."
-            if logged
-            else "Neither battery nor throttle is in this log."
-        )
-        return Card(key="power", title=title, state="cannot", number="", sentence=sentence)
-    sentences: list[str] = []
-    verdicts: set[State] = set()
-    sagged = False
+        why = "neither battery nor throttle could be read." if logged else "neither battery nor throttle is logged."
+        return _unanswered(key, title, replace(gap, why=why) if gap else None, why)
+    hover = "" if throttle is None else f"hovers at {QUANTITIES['hover_throttle'].shown(throttle)} throttle"
+    volts = _battery_words(battery)
+    judged = [] if ratio is None else _judged(key, {"thrust_to_weight": ratio})
+    if volts and battery["start_v"].value > 0.0:
+        judged += _judged(key, battery)
+    names = {number.name for number in judged}
+    missing = [*([] if ratio is not None else ["full thrust"]), *([] if "sag_v" in names else ["sag under load"])]
+    thrust = "" if ratio is None else f"full thrust {QUANTITIES['thrust_to_weight'].shown(ratio)} times the weight"
+    number, scale = (thrust, judged[0].scale) if thrust else (hover, "")
+    also = _together(f"It {hover}." if thrust and hover else "", volts, _not_measured(missing))
+    for row in judged:
+        if row.verdict == "look":
+            shown, measure = (number, scale) if row.name == "thrust_to_weight" else (row.shown_alone, row.scale)
+            return replace(row.bad(key, title, shown), scale=measure, details=_together(row.trouble[1], also))
+    for row in judged:
+        if row.verdict == "cannot":
+            shown, measure = (number, scale) if row.name == "thrust_to_weight" else (row.shown_alone, row.scale)
+            return replace(row.doubtful(key, title, number=shown, details=also), scale=measure)
+    if not judged:
+        gap = _gap(review, "flight.thrust_to_weight", "flight.battery")
+        unknown = _unanswered(key, title, gap, "this log does not show the full thrust.", _together(volts))
+        return replace(unknown, number=number)
+    return Card(
+        key=key,
+        title=title,
+        state=_good(missing),
+        headline="There is enough thrust." if ratio is not None else "The battery sags little under load.",
+        number=number,
+        scale=scale,
+        details=also,
+    )
 
-    def judge(found: Sequence[_LimitedNumber]) -> None:
-        verdicts.update(number.verdict for number in found)
-        sentences.extend(
-            number.trouble if number.verdict == "look" else number.unsure()
-            for number in found
-            if number.verdict != "good"
-        )
 
-    if ratio is not None:
-        sentences.append(f"Full thrust is {QUANTITIES['thrust_to_weight'].shown(ratio)} times the weight.")
-        judge(_judged("power", {"thrust_to_weight": ratio}))
-    if battery and "start_v" in battery and "lowest_v" in battery:
-        start, lowest = battery["start_v"].value, battery["lowest_v"].value
-        stop = battery.get("stop_v", battery["lowest_v"]).value
-        sentences.append(f"The battery went from {start:.1f} V to {stop:.1f} V, lowest {lowest:.1f} V.")
-        if start > 0.0:
-            sagged = "sag_v" in battery
-            judge(_judged("power", battery))
-    missing = [*([] if ratio is not None else ["full thrust over weight"]), *([] if sagged else ["sag under load"])]
-    state: State = next((state for state in ("look", "cannot") if state in verdicts), _good(missing))
-    if not verdicts:
-        state = "cannot"
-    sentence = f"{' '.join(sentences)}{_not_measured(missing)}".strip()
-    return Card(key="power", title=title, state=state, number=number, sentence=sentence)
+def _battery_words(battery: Mapping[str, Quantity]) -> str:
+    """From which voltage to which the battery went, with the lowest where that was not the last."""
+    if not {"start_v", "lowest_v"} <= battery.keys():
+        return ""
+    start, lowest = battery["start_v"].value, battery["lowest_v"].value
+    stop = battery.get("stop_v", battery["lowest_v"]).value
+    least = f", with {lowest:.1f} V at the lowest" if lowest < min(start, stop) - 0.05 else ""
+    return f"The battery went from {start:.1f} to {stop:.1f} V{least}."
 
 
 def _models(review: Review) -> Card:
-    title = "What can be built on this flight"
-    stands = _standing(review)
+    key, title = "models", "Which models can be identified?"
+    identified = _identified(review)
     if not review.models_sought:
-        sentence = "Models were not looked for (--no-models)."
-        return Card(key="models", title=title, state="cannot", number="", sentence=sentence)
-    if not stands:
-        sentence = "No model of the vehicle can be identified from it; see below for what to fly or log."
-        return Card(key="models", title=title, state="cannot", number="", sentence=sentence)
-    # What the log does not support is no lack of the models that it does.
-    sought = [name for name in review.models if name in stands or name not in review.unsupported]
-    number = f"{len(stands)} of {len(sought)} models" if len(sought) > len(stands) else _models_words(len(stands))
-    sentence = f"Identified with intervals: {', '.join(stands)}."
+        return Card(key=key, title=title, state="cannot", headline="Models were not identified (--no-models).")
+    if not identified:
+        gap = _gap(review, "models") or Unavailable(what=key, why="")
+        return Card(
+            key=key,
+            title=title,
+            state="cannot",
+            headline="No model of the vehicle.",
+            details=gap.why.partition(". ")[0].rstrip(".") + "." * bool(gap.why),
+            remedy=gap.remedy,
+        )
+    # A model that the log does not support is no gap.
+    sought = [name for name in review.models if name in identified or name not in review.unsupported]
+    number = (
+        f"{len(identified)} of {len(sought)} models"
+        if len(sought) > len(identified)
+        else counted(len(identified), "model")
+    )
     doubted: dict[str, list[str]] = {}
-    for name, model in stands.items():
+    for name, model in identified.items():
         found = verdict(model)
         if found.color != "green":
             doubted.setdefault(found.word, []).append(name)
         if any(finding.kind == "poor_verification" for finding in model.findings):
             doubted.setdefault("misses unseen flight", []).append(name)
-    sentence += "".join(f" {capital(word)}: {', '.join(names)}." for word, names in doubted.items())
-    lacking = [name for name in sought if name not in stands]
-    sentence += f" Not identified: {', '.join(lacking)}." if lacking else ""
-    sentence += f" Not enough data: {', '.join(review.unsupported)}." if review.unsupported else ""
-    if without_sweep(review):
-        sentence += " A sweep would make them several times as certain."
-    return Card(key="models", title=title, state=_good([*doubted, *lacking]), number=number, sentence=sentence)
+    lacking = [name for name in sought if name not in identified]
+    details = _together(
+        *(f"{capital(word)}: {', '.join(names)}." for word, names in doubted.items()),
+        f"Not identified: {', '.join(lacking)}." if lacking else "",
+        f"Not enough data: {', '.join(review.unsupported)}." if review.unsupported else "",
+        "A sweep would make them several times more certain." if without_sweep(review) else "",
+    )
+    return Card(
+        key=key,
+        title=title,
+        state=_good([*doubted, *lacking]),
+        headline=f"Identified: {listed(list(identified))}.",
+        number=number,
+        details=details,
+    )
 
 
-def _models_words(count: int) -> str:
-    return f"{count} model{'s' if count > 1 else ''}"
-
-
-def _standing(review: Review) -> dict[str, IdentifiedModel]:
+def _identified(review: Review) -> dict[str, IdentifiedModel]:
     return {name: model for name, model in review.models.items() if isinstance(model, IdentifiedModel)}
 
 
 def without_sweep(review: Review) -> bool:
     """Whether the models of a review were identified without any maneuver that was made for it."""
-    flown = (maneuver for model in _standing(review).values() for maneuver in model.provenance.maneuvers)
-    return not any(maneuver.kind in RICH_KINDS for maneuver in flown)
+    maneuvers = (maneuver for model in _identified(review).values() for maneuver in model.provenance.maneuvers)
+    return not any(maneuver.kind in RICH_KINDS for maneuver in maneuvers)
+
+
+def _gap(review: Review, *parts: str) -> Unavailable | None:
+    """The first thing of some parts of a review that was not measured; of the first part that has one."""
+    return next((gap for part in parts for gap in review.cannot_tell if gap.what.startswith(part)), None)
 
 
 def _remedy(review: Review, what: str) -> str:
-    """The first thing to do about what a flight cannot tell of something; empty where nothing is known."""
+    """The first thing to do about what was not measured of something; empty where nothing is known."""
     return next((gap.remedy for gap in review.cannot_tell if gap.what.startswith(what) and gap.remedy), "")
 
 

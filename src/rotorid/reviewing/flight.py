@@ -5,8 +5,8 @@ Internal resistance comes from volts against amperes: with slow discharge taken 
 .. math:: \Delta V = -R \, \Delta I
 
 Thrust over weight follows from the throttle of hover where the autopilot knows the motors' curve (ArduPilot's ``ThO``
-is linear in thrust, so that it is one over it) or where it is the usual one (PX4), and is the largest specific force
-that was seen elsewhere.
+is linear in thrust, so that the ratio is its inverse) or where the usual curve is known (PX4). Elsewhere it is the
+largest specific force of the flight.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 
 from rotorid.autopilots.advice import gap_advice, logging_advice, raw_gyro_advice, wind_advice
 from rotorid.autopilots.registry import autopilot_of, writer_of
+from rotorid.data.display import listed
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.errors import InsufficientDataError, ModelError
@@ -33,32 +34,32 @@ from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 GOOD_RATE_HZ = 250.0
-"""Rates and commands logged so fast tell loops of small multirotors; slower ones those of larger."""
+"""Rate from which rates and commands show the loops of small multirotors; those of large ones need less."""
 
 LONG_GAP = 3.0
 """Steps of a topic from which a pause is a gap."""
 
 _TREND_S = 20.0
-"""The resistance of the battery is that of what changes faster."""
+"""Changes that are slower do not enter the resistance of the battery."""
 
 _BLOCK_S = 10.0
-"""Where the battery was not logged for so long, nothing is put between its samples."""
+"""Gaps of the battery that are longer are not interpolated."""
 
 _LEAST_CURRENT_A = 0.5
-"""A current that hardly ever exceeds this is not logged."""
+"""A current that seldom exceeds this counts as not logged."""
 
 _LEAST_CORRELATION = 0.3
-"""Of voltage and current, below which no resistance is told."""
+"""Least correlation of voltage and current for a resistance."""
 
 _PUNCH_S = 0.1
-"""Length over which the specific force at full throttle is."""
+"""Length over which the specific force at full throttle is averaged."""
 
 _FULL = 0.9
 """Throttle that counts as full."""
 
 
 def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Unavailable, ...]]:
-    """What flew, as far as the log says it."""
+    """The vehicle of a log, and what the log does not say of it."""
     history = or_none(logged_outputs, record)
     frame, source = frame_of(record)
     count = history.motors if history is not None else None
@@ -69,7 +70,7 @@ def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Unavailable, ...
             count = None
     unavailable = []
     if not record.status.vehicle:
-        why = "The log does not say what kind of vehicle it is; it is taken for a multirotor."
+        why = "The log does not name the kind of vehicle. A multirotor is assumed."
         unavailable.append(Unavailable(what="vehicle.kind", why=why))
     if not frame:
         unavailable.append(Unavailable(what="vehicle.frame", why=f"The log does not name the frame{source}."))
@@ -89,7 +90,7 @@ def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]
     Raises
     ------
     InsufficientDataError
-        The vehicle never flew, or nothing tells whether it did.
+        The vehicle never flew, or the log does not show whether it did.
     """
     found = airborne(record)
     flights = found.intervals
@@ -100,7 +101,7 @@ def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]
     unavailable += missing
     modes = _modes(record, flights)
     if not modes:
-        unavailable.append(Unavailable(what="flight.modes", why="The log does not say in which modes it flew."))
+        unavailable.append(Unavailable(what="flight.modes", why="Flight modes are not logged."))
     summary = FlightSummary(
         flights=flights,
         seen_in=found.seen_in,
@@ -116,18 +117,18 @@ def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]
 def _battery(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity], list[Unavailable]]:
     numbers = dict(battery_voltages(record, flights))
     if not numbers:
-        why = "The battery's voltage is not logged in the air."
+        why = "Battery voltage is not logged in the air."
         return {}, [Unavailable(what="flight.battery", why=why, remedy="turn on the battery monitor")]
     time_s, volts = in_air(record, "battery_voltage", flights)
     stamps, amperes = in_air(record, "battery_current", flights)
     if stamps.size < 20 or float(np.percentile(amperes, 90)) < _LEAST_CURRENT_A:
-        why = "The battery's current is not logged."
+        why = "Battery current is not logged."
         return numbers, [
             Unavailable(what="flight.battery.resistance_ohm", why=why, remedy="turn on the current sensor")
         ]
     found = _resistance(time_s, volts, stamps, amperes)
     if found is None:
-        why = "Current and voltage do not move together, so that they tell no resistance."
+        why = "Current and voltage did not change together."
         return numbers, [
             Unavailable(what="flight.battery.resistance_ohm", why=why, remedy="raise the throttle a few times")
         ]
@@ -158,8 +159,8 @@ def _resistance(time_s: FloatArray, volts: FloatArray, stamps: FloatArray, amper
         return None
     if float(np.mean(moves[0] * moves[1])) > -_LEAST_CORRELATION * spread[0] * spread[1]:
         return None
-    # Noise of the current makes the slope too flat, noise of the voltage the inverse one too steep: between them lies
-    # the resistance, and the distance is no error of chance.
+    # Noise of the current makes the slope too flat, noise of the voltage the inverse one too steep: the resistance
+    # lies between them, and their distance is no random error.
     flat = -float(moves[0] @ moves[1]) / float(moves[1] @ moves[1])
     steep = -float(moves[0] @ moves[0]) / float(moves[0] @ moves[1])
     value = flat
@@ -197,7 +198,7 @@ def _thrust(record: FlightRecord, flights: Intervals) -> tuple[Quantity | None, 
         )
     unavailable: list[Unavailable] = []
     if found.hovering is None:
-        why = f"The vehicle hovered quietly for {found.steady_s} s only."
+        why = f"The log contains {found.steady_s} s of quiet hover; 5 s are needed."
         unavailable.append(
             Unavailable(what="flight.hover_throttle", why=why, remedy="hover for 20 s without touching the sticks")
         )
@@ -215,7 +216,7 @@ def _thrust_to_weight(
         return _by_hover(record, hover), ""
     stamps, az = in_air(record, "az", flights)
     if stamps.size < 50 or time_s.size < 20:
-        return None, "Neither the motors' curve nor the specific force is known."
+        return None, "The log contains neither the thrust curve nor the acceleration."
     # Of stamps in bursts most steps are far shorter than the samples are apart.
     step_s = even_step_s(stamps)
     size = min(max(round(_PUNCH_S / step_s), 1), stamps.size)
@@ -225,13 +226,13 @@ def _thrust_to_weight(
     if full.size < size:
         most, long_s = float(np.max(asked)), full.size * step_s
         demand_words = (
-            f"were asked for {100.0 * _FULL:.0f} % and more for {long_s:.2g} s only"
+            f"was above {100.0 * _FULL:.0f} % for only {long_s:.2g} s"
             if full.size
-            else f"were never asked for more than {100.0 * most:.0f} % at once"
+            else f"never exceeded {100.0 * most:.0f} %"
         )
-        return None, f"All motors together {demand_words}, so that their most was not seen."
+        return None, f"Throttle {demand_words}."
     value = float(np.percentile(full, 90))
-    # Speed through the air takes thrust away: at rest it is more.
+    # Airspeed reduces thrust: a hovering vehicle has more.
     return Quantity(value=value, std=0.1 * value, lower=0.9 * value, upper=1.5 * value, unit="1"), ""
 
 
@@ -245,7 +246,7 @@ def _by_hover(record: FlightRecord, hover: Quantity) -> Quantity:
         return 1.0 / ((1.0 - curve) * throttle + curve * throttle**2)
 
     value = ratio(hover.value, expo)
-    # A curve that the autopilot takes for the motors' is known to a tenth or so.
+    # The thrust curve of an autopilot's settings is uncertain by about a tenth.
     std = math.hypot(ratio(hover.value, most) - ratio(hover.value, least), 0.4 * value) / (2.0 * TWO_SIDED_95)
     std = math.hypot(std, value * hover.std / hover.value)
     lower, upper = value - TWO_SIDED_95 * std, value + TWO_SIDED_95 * std
@@ -256,11 +257,11 @@ def _wind(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity]
     _, north = in_air(record, "wind_north", flights)
     _, east = in_air(record, "wind_east", flights)
     if north.size < 5 or north.size != east.size or not (np.any(north) or np.any(east)):
-        why = "The log holds no estimate of the wind."
+        why = "The log contains no wind estimate."
         return {}, [Unavailable(what="flight.wind", why=why, remedy=wind_advice(record))]
     mean_n, mean_e = float(np.mean(north)), float(np.mean(east))
     speed = math.hypot(mean_n, mean_e)
-    # An estimator's own error is of this order; its spread holds gusts.
+    # An estimator's own error is about this large; the spread of its estimate contains gusts.
     std = math.hypot(0.5, float(np.hypot(np.std(north), np.std(east))) / math.sqrt(10.0))
     # Wind is named by where it comes from.
     direction = math.degrees(math.atan2(-mean_e, -mean_n)) % 360.0
@@ -334,7 +335,7 @@ def logging(record: FlightRecord) -> tuple[LoggingReview, tuple[Unavailable, ...
     unavailable = []
     loops = [name for name in ("p", "p_setpoint", "roll_command") if not rates.get(name, 0.0)]
     if loops:
-        why = f"The log does not hold {', '.join(loops)}."
+        why = f"{listed(loops)} {'is' if len(loops) == 1 else 'are'} not logged."
         unavailable.append(Unavailable(what="logging.rates", why=why, remedy=change[0] if change else ""))
     return LoggingReview(rates_hz=rates, longest_gap_s=gap_s, change=change, topics=topics), tuple(unavailable)
 
@@ -359,23 +360,23 @@ def _changes(record: FlightRecord, slow: Mapping[str, float], gap_s: float) -> I
     if gap_s > 0.0:
         yield f"The longest gap in flight is {1e3 * gap_s:.0f} ms: {gap_advice(record)}."
     if "p_raw" not in record and (advice := raw_gyro_advice(record)).startswith("set "):
-        yield f"{advice[0].upper()}{advice[1:]}, which logs the gyro before its filters too."
+        yield f"{advice[0].upper()}{advice[1:]}, to log the gyro before its filters too."
     if not any(name.startswith("motor_speed_") for name in record.channel_names):
-        yield "Motor speeds are not logged: bidirectional DShot or telemetry of the motor controllers names vibration."
+        yield "Log motor speeds (bidirectional DShot or ESC telemetry) to see which vibration the rotors cause."
 
 
 def logger_topics(record: FlightRecord, *, wanted: Sequence[str] = ()) -> str:
     """Text of a ``logger_topics.txt`` that makes PX4 log what is missing or too slow, empty where nothing is.
 
     Each line is a topic and the interval in milliseconds, as PX4's logger reads them from ``etc/logging`` on the SD
-    card. The file replaces the topics of ``SDLOG_PROFILE``; so it repeats those that the log already holds.
+    card. The file replaces the topics of ``SDLOG_PROFILE``, so it repeats those that the log already has.
 
     Parameters
     ----------
     record
         A PX4 log.
     wanted
-        Channels to log as fast as they are published, beside the usual ones.
+        Channels to log as fast as they are published, in addition to the usual ones.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""What a log holds, and which models it can support.
+"""What a log contains, and which models it supports.
 
 Channels with their rates and gaps, flights and excitations, whether sensors and clocks agree, the battery; and for each
-rate model what it needs, what the log has of it, and what to change where it cannot be identified.
+rate model what it needs, what the log has, and what to change where it cannot be identified.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ _SETTINGS = (
 
 @dataclass(frozen=True, kw_only=True)
 class LoggedChannel(Immutable):
-    """A channel in one topic: the same channel may stand in several.
+    """A channel in one topic: the same channel may be in several.
 
     Parameters
     ----------
     name, unit, source
         As in :class:`rotorid.data.record.Channel`.
     topic
-        The topic that holds it.
+        Its topic.
     rate_hz
         Usual rate of the topic.
     samples
@@ -126,7 +126,7 @@ class Inspection(Immutable):
     start_s, stop_s
         First and last stamp on its own clock.
     parameters
-        How many parameters of the autopilot it holds.
+        Number of logged parameters of the autopilot.
     channels
         Every channel of every topic.
     excitations
@@ -150,7 +150,7 @@ class Inspection(Immutable):
     vehicle
         Kind of vehicle as the log says, such as ``multirotor`` or ``plane``; empty where it does not.
     next_commands
-        Commands that lead on from here; none where the log holds no flight.
+        Commands that lead on from here; none where the log contains no flight.
     """
 
     name: str
@@ -189,7 +189,7 @@ class Inspection(Immutable):
         return f"{self.name}: {self.format}{firmware}, {self.start_s:.2f} to {self.stop_s:.2f} s, {names} channels"
 
     def _rows(self) -> Iterator[tuple[str, str, str]]:
-        """What can be identified comes first, then what was flown, and what to know of it."""
+        """Rows of what can be identified, of what was flown, and of findings."""
         for model, support in self.supports.items():
             yield model, "yes" if support.possible else "no", support.because
         for flight in self.flights:
@@ -203,7 +203,7 @@ class Inspection(Immutable):
 
 
 def inspect(record: FlightRecord) -> Inspection:
-    """Say what a record holds: channels, rates, gaps, flights, excitations, whether it agrees with itself, and its use.
+    """Contents and use of a record: channels, rates, gaps, flights, excitations, consistency, models it supports.
 
     Parameters
     ----------
@@ -213,10 +213,9 @@ def inspect(record: FlightRecord) -> Inspection:
     Returns
     -------
     Inspection
-        What ``rotorid inspect`` tells. A model counts as supported when its channels are logged and its axis was
-        excited, or flown by stick (:mod:`rotorid.flights.supports`); whether the model then fits, only
-        ``identify`` tells.
-        Checks that cannot be done stand among the findings.
+        What ``rotorid inspect`` shows. A model counts as supported when its channels are logged and its axis was
+        excited, or flown by stick (:mod:`rotorid.flights.supports`); only ``identify`` shows whether it fits.
+        Checks that were not possible are among the findings.
 
     Examples
     --------
@@ -355,12 +354,12 @@ def _in_time(*groups: Sequence[Maneuver]) -> list[Maneuver]:
 
 
 def _flight(record: FlightRecord) -> tuple[Airborne | None, tuple[Finding, ...]]:
-    """The flights, or why they are not known: a log from the bench can be looked at too."""
+    """The flights, or why they are not known: a log from the bench can be inspected too."""
     try:
         found = airborne(record)
     except InsufficientDataError as error:
         never = [warn(f.kind, f.where, f.message) for f in error.findings]
-        unknown = remark("airborne", "log", f"When the vehicle flew is not known: {error.came.rstrip('.')}.")
+        unknown = remark("airborne", "log", f"The log does not show when the vehicle flew: {error.came.rstrip('.')}.")
         return None, tuple(never) or (unknown,)
     return found, found.findings
 
@@ -376,8 +375,10 @@ def _still(record: FlightRecord) -> Iterator[Finding]:
     """What the log declares as excitations, and is none."""
     for maneuver in still_declarations(record):
         interval = f"{maneuver.start_s:.2f} to {maneuver.stop_s:.2f} s"
-        message = f"The log declares a {maneuver.axis} {maneuver.kind} from {interval}, where {maneuver.signal} stands "
-        yield warn("no_excitation", f"{maneuver.axis} {interval}", f"{message}still: there was none.")
+        message = (
+            f"The log declares a {maneuver.axis} {maneuver.kind} from {interval}, but {maneuver.signal} did not move."
+        )
+        yield warn("no_excitation", f"{maneuver.axis} {interval}", message)
 
 
 def _flights(flight: Airborne) -> tuple[FlightInterval, ...]:

@@ -1,8 +1,9 @@
-r"""Closed loops as they were flown: set-point to answer, and the answer to a step, by sticks that nobody moved for it.
+r"""Closed loops of an ordinary flight: the frequency response from set-point to answer, and the step response.
 
-Where a loop's set-point holds feedback, the response is told jointly with the stick; where the pilot sets it himself,
-it is told directly. Its step response is that of a Gaussian process (`rotorid.spectral.impulse`). What a log that is
-too slow, a stick that rests or a loop that is none cannot tell is not told, and says why.
+Where a loop's set-point contains feedback, the response is a joint estimate with the stick as instrument; where the
+pilot sets it himself, it is a direct estimate. The step response is that of a Gaussian process
+(`rotorid.spectral.impulse`). A number that a slow log, an idle stick or a nonlinear loop does not support is left out,
+with the reason.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 
 from rotorid.autopilots.advice import logging_advice
 from rotorid.data.base import Immutable
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantities import QUANTITIES, figures_of
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
@@ -42,35 +44,34 @@ from rotorid.spectral.impulse import (
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 
 RATE_FOR_BANDWIDTH, RATE_FOR_STEP = 1.25, 2.5
-"""Hz of the log for each rad/s of the −90° bandwidth from which bandwidth and delay are told, and everything."""
+"""Hz of the log for each rad/s of the −90° bandwidth that bandwidth and delay need, and that the step needs."""
 
 _SLOW_LOG_HZ = 110.0
-"""In a log at less, a set-point that is held between its samples may change up to half a period from where it shows."""
+"""In a slower log, a set-point that is constant between its samples may have changed half a period earlier or later."""
 
 _FAST_ENOUGH_HZ = 40.0
-"""In a log at less, a loop whose phase stays above −90° in its band is not told: a faster log would show more of it."""
+"""In a slower log, a loop whose phase stays above −90° in its band is left out: a faster log would show more of it."""
 
 _LEAST_COHERENCE = 0.3
-"""Of stick or set-point with the motion at half the bandwidth, below which a loop is not told: gusts move it then."""
+"""Least coherence of stick or set-point with the motion at half the bandwidth: below, gusts move the vehicle."""
 
 _SURE_COHERENCE = 0.95
-"""Of a held stick at the bandwidth, below which errors are widened: one that gusts nearly drown errs by more than noise
-explains."""
+"""Coherence of a stick at the bandwidth below which errors are widened: in gusts they exceed what noise explains."""
 
 _WEAK_STICK = 2.0
 """Factor of the errors of a response by such a stick."""
 
 _MOST_MISFIT = 3.0
-"""Mean square of what the best linear loop misses, in its errors, above which no linear loop explains the flight."""
+"""Mean square misfit of the best linear loop, in its errors, above which no linear loop explains the flight."""
 
 _SATURATED_SHARE = 0.05
-"""Share of the flight with motors at their limits from which it is said beside the loops: yaw suffers first."""
+"""Share of the flight with motors at their limits from which a warning is given: yaw suffers first."""
 
 _NEAR_PEAK = 0.6
-"""Coherence at the resonance from which its size is told."""
+"""Least coherence at the resonance for its height."""
 
 _OUTERMOST_S = 12.0
-"""How long the answer of a velocity is followed."""
+"""How long the response of a velocity is followed."""
 
 _OF_STICK_RATE = 0.6
 """Share of its Nyquist frequency up to which a stick shows the answer; above, the direct response may be taken."""
@@ -82,7 +83,7 @@ _SIZE_WINDOW_S = 2.0
 """Window over which the size of a set-point is taken."""
 
 _LEAST_OF_SIZE_S = 30.0
-"""Small and large set-points are told apart where each lasted as long."""
+"""Small and large set-points are compared where each lasted as long."""
 
 _LEAST_SIZE_RATIO = 2.0
 """And where their sizes differ by more than this factor."""
@@ -93,7 +94,7 @@ _STRETCH_S = 6.0
 
 @dataclass(frozen=True, kw_only=True)
 class Loop(Immutable):
-    """A loop that a log may hold.
+    """A loop that a log may contain.
 
     Parameters
     ----------
@@ -104,7 +105,7 @@ class Loop(Immutable):
     words
         What people call it.
     horizon_s, within_s
-        How long its impulse response lasts, and how long its answer to a step is waited for.
+        How long its impulse response lasts, and how much of its step response is used.
     of_rates
         Whether the state is a body rate; the others are slower.
     """
@@ -149,7 +150,7 @@ _MOVE = "move the {axis} stick for 30 s: quick pairs to both sides of 5 to 10 de
 
 
 def loops(flight: FlightData) -> tuple[dict[str, LoopReview], tuple[Unavailable, ...]]:
-    """Every loop that a flight tells, and what it cannot tell of them.
+    """Every loop that a flight shows, and what it does not show of them.
 
     Parameters
     ----------
@@ -160,7 +161,7 @@ def loops(flight: FlightData) -> tuple[dict[str, LoopReview], tuple[Unavailable,
     -------
     dict, tuple of Unavailable
         Loops by the names of their states. A loop of which only the response is known has no step; one of which
-        nothing is known is not there. ``Unavailable.what`` is ``loops.NAME`` or ``loops.NAME.NUMBER``.
+        nothing is known is absent. ``Unavailable.what`` is ``loops.NAME`` or ``loops.NAME.NUMBER``.
     """
     found: dict[str, LoopReview] = {}
     unavailable: list[Unavailable] = []
@@ -174,7 +175,7 @@ def loops(flight: FlightData) -> tuple[dict[str, LoopReview], tuple[Unavailable,
 
 
 def loop_of(flight: FlightData, loop: Loop) -> tuple[LoopReview | None, tuple[Unavailable, ...]]:
-    """One loop of a flight, and what of it cannot be told."""
+    """One loop of a flight, and what the flight does not show of it."""
     instrument, channel = flight.instrument(loop.axis, of_rates=loop.of_rates)
     why = _missing(flight, loop, instrument, channel)
     if why is not None:
@@ -188,28 +189,31 @@ def loop_of(flight: FlightData, loop: Loop) -> tuple[LoopReview | None, tuple[Un
 def _missing(flight: FlightData, loop: Loop, instrument: Instrument, channel: str) -> Unavailable | None:
     """What keeps a loop from being looked at; without a reason where such a loop was not flown."""
     names, what = flight.record.channel_names, f"loops.{loop.name}"
-    # In acro no loop holds an attitude; and nobody misses a velocity that is not controlled.
+    # In acro no loop controls the attitude; and nobody misses a velocity that is not controlled.
     flown_directly = flight.instrument("roll")[0] == "direct"
     if loop.reference not in names or loop.name not in names:
         if loop.name not in _EXPECTED or (flown_directly and not loop.of_rates):
             return Unavailable(what=what, why="")
         lacking = tuple(name for name in (loop.reference, loop.name) if name not in names)
         remedy = logging_advice(flight.record, 0.0, lacking)
-        return Unavailable(what=what, why=f"The log holds no {' and no '.join(lacking)}.", remedy=remedy)
+        return Unavailable(
+            what=what, why=f"{listed(lacking)} {'is' if len(lacking) == 1 else 'are'} not logged.", remedy=remedy
+        )
     if flown_directly and not loop.of_rates:
         return Unavailable(what=what, why="")
     if not channel:
         return Unavailable(
             what=what,
-            why=f"{loop.reference} holds feedback, and the log holds no {loop.axis} stick that would do without it.",
-            remedy=f"log the sticks, at 5 Hz and more ({loop.axis}_stick)",
+            why=f"The {loop.axis} stick is not logged. {loop.reference} contains feedback, so the loop cannot be "
+            "separated from the controller.",
+            remedy=f"log the sticks at 5 Hz or more ({loop.axis}_stick)",
         )
     moved_s = flight.moving_s(channel, flight.during(instrument))
     if moved_s < LEAST_MOTION_S:
-        moved = f"moved for {moved_s:.0f} s only" if moved_s else "did not move"
+        moved = f"moved for only {moved_s:.0f} s" if moved_s >= 0.5 else "did not move"
         return Unavailable(
             what=what,
-            why=f"{_words(channel)} {moved}: gusts alone would show the controller, not the loop.",
+            why=f"{_words(channel)} {moved}.",
             remedy=_MOVE.format(axis=loop.axis),
         )
     return None
@@ -284,8 +288,8 @@ def _beyond_the_stick(
     """The joint response, and above what a slowly logged stick shows the direct one, where that agreed with it below.
 
     What feedback does to a direct response falls with frequency: gusts are slow, and so are the outer loops that put
-    them into the set-point. Where both agree in the octave and a half below the end of the stick, the direct one holds
-    beyond it.
+    them into the set-point. Where both agree in the octave and a half below the end of the stick, the direct one is
+    valid beyond it.
     """
     end_rad_s = _OF_STICK_RATE * np.pi * flight.rate_hz(channel)
     omega = joint.omega_rad_s
@@ -345,7 +349,7 @@ def _doubted(response: FrequencyResponse) -> FrequencyResponse:
         response,
         covariance=_WEAK_STICK**2 * response.covariance,
         random_error=_WEAK_STICK * response.random_error,
-        processing=(*response.processing, "errors doubled: the stick is weak against gusts"),
+        processing=(*response.processing, "errors doubled: the stick inputs are weak against gusts"),
     )
 
 
@@ -373,19 +377,18 @@ def _numbers(
 
 
 def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Unavailable:
-    """What a log at too low a rate does not tell: everything, or all but the phase."""
+    """What a log at too low a rate does not show: everything, or all but the phase."""
     step_hz, phase_hz = RATE_FOR_STEP * scale_rad_s, RATE_FOR_BANDWIDTH * scale_rad_s
-    falls = f"a loop whose phase falls to −90° at {scale_rad_s:.3g} rad/s"
     if not math.isfinite(scale_rad_s):
-        needs = "its phase does not fall to −90° within what that shows"
+        needs = "The loop is faster than that shows."
     elif part:
-        needs = f"the step, the −3 dB bandwidth and the resonance of {falls} need {step_hz:.0f} Hz"
+        needs = f"Step, −3 dB bandwidth and resonance of this loop need {step_hz:.0f} Hz."
     else:
-        needs = f"{falls} needs {phase_hz:.0f} Hz for that and its delay, and {step_hz:.0f} Hz for its step"
-    faster = f" at {step_hz:.0f} Hz and more" if math.isfinite(scale_rad_s) else " faster"
+        needs = f"Bandwidth and delay of this loop need {phase_hz:.0f} Hz, and its step {step_hz:.0f} Hz."
+    faster = f" at {step_hz:.0f} Hz or more" if math.isfinite(scale_rad_s) else " faster"
     return Unavailable(
         what=f"loops.{loop.name}.{part}".rstrip("."),
-        why=f"The log holds {loop.reference} or {loop.name} at {logged_hz:.0f} Hz: {needs}.",
+        why=f"The {loop.words} or its set-point is logged at only {logged_hz:.0f} Hz. {needs}",
         remedy=f"log {loop.reference} and {loop.name}{faster}",
     )
 
@@ -393,19 +396,15 @@ def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Un
 def _why_unavailable(name: str, loop: Loop, impulse: ImpulseResponse) -> str:
     top = impulse.band_rad_s[1]
     if name.startswith("bandwidth"):
-        return f"The {loop.words} follows its set-point to beyond {top:.3g} rad/s, where this flight shows nothing."
+        return f"The bandwidth of the {loop.words} is above {top / (2.0 * math.pi):.3g} Hz, the end of the data."
     end = float(impulse.step()[np.searchsorted(impulse.time_s, loop.within_s) - 1])
     if name == "settling_time_s":
-        return (
-            f"The {loop.words} does not stay within 5 % of its set-point: {loop.within_s:g} s later it is at {end:.2f}."
-        )
-    return (
-        f"The {loop.words} does not surely reach 0.9 of its set-point within {loop.within_s:g} s: it is at {end:.2f}."
-    )
+        return f"The {loop.words} does not settle within 5 %: after {loop.within_s:g} s it is at {end:.2f}."
+    return f"The {loop.words} may not reach 90 % of its set-point: after {loop.within_s:g} s it is at {end:.2f}."
 
 
 def _coherent_peak(impulse: ImpulseResponse, response: FrequencyResponse) -> bool:
-    """Whether the resonance stands where the flight shows the loop well."""
+    """Whether the coherence at the resonance is high enough."""
     omega = np.geomspace(0.2 * impulse.scale_rad_s, impulse.band_rad_s[1], 200)
     return _coherence(response, float(omega[np.abs(impulse.at(omega)).argmax()])) > _NEAR_PEAK
 
@@ -450,34 +449,32 @@ def _remarks(flight: FlightData, loop: Loop, impulse: ImpulseResponse) -> Iterat
         yield warn(
             "structure_error",
             where,
-            f"The {loop.words} did not follow its set-point like a linear loop: the best linear response misses the "
-            f"measured one by {math.sqrt(impulse.misfit):.1f} standard deviations. Stated errors were widened by that "
-            "factor.",
+            f"The {loop.words} loop is not linear: the best linear response misses the measured one by "
+            f"{math.sqrt(impulse.misfit):.1f} standard deviations. Its intervals were widened by that factor.",
             misfit=impulse.misfit,
         )
     if flat_near_3db(impulse):
         yield remark(
             "flat_bandwidth",
             where,
-            f"The response lies flat near −3 dB, so that the −3 dB bandwidth of the {loop.words} says little.",
+            f"The {loop.words} response is flat near −3 dB, so that bandwidth is vague. Use the one at −90°.",
         )
     forward = {name: flight.record.parameters.get(name, 0.0) for name in _FEEDFORWARDS.get(loop.axis, ())}
     if loop.of_rates and (used := [name for name, value in forward.items() if value]):
         yield remark(
             "feedforward",
             where,
-            f"{used[0]} is {forward[used[0]]:g}: response and step are those of the loop with its feed-forward, and do "
-            "not judge the feedback alone.",
+            f"{used[0]} is {forward[used[0]]:g}, so response and step include feed-forward, not feedback alone.",
             value=forward[used[0]],
         )
 
 
 def _saturation(record: FlightRecord) -> tuple[Finding, ...]:
-    """What to say of motors that were at their limits."""
+    """A warning where motors were often at their limits."""
     limits = motor_limits(record)
     if not limits.share > _SATURATED_SHARE:
         return ()
-    then = "The loops are those of this flight, and weaker than with room to both sides."
+    then = "This made the loops weaker than they are with unsaturated motors."
     return (limits.finding(warn, then=then),)
 
 
@@ -562,7 +559,8 @@ def _parts_by_size(loop: Loop, histories: Sequence[TimeHistory]) -> dict[str, li
 def _incoherent(loop: Loop, channel: str, coherence: float) -> Unavailable:
     return Unavailable(
         what=f"loops.{loop.name}",
-        why=f"{_words(channel)} explains too little of how the {loop.words} moved (coherence {coherence:.2f}).",
+        why=f"{_words(channel)} explains too little of the {loop.words} (coherence {coherence:.2f}, needs "
+        f"{_LEAST_COHERENCE}).",
         remedy=_MOVE.format(axis=loop.axis),
     )
 

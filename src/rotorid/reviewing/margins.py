@@ -1,7 +1,6 @@
 """Margins of the rate loops of a flight, as a review states them.
 
-Each loop is that of :mod:`rotorid.loops.rate_loops`; here stand what a flight does not show, and what is
-worth a remark.
+Each loop is that of :mod:`rotorid.loops.rate_loops`; this module adds what a flight does not show, and remarks.
 """
 
 from __future__ import annotations
@@ -21,14 +20,14 @@ from rotorid.typing import Axis
 
 
 def margins(flight: FlightData) -> tuple[dict[Axis, MarginReview], tuple[Unavailable, ...]]:
-    """Margins of the rate loops of a flight, each with the error that it deserves.
+    """Margins of the rate loops of a flight, each with its error.
 
     Returns
     -------
     dict of MarginReview
-        By axis; an axis of which nothing can be told is absent.
+        By axis; an axis that was not measured is absent.
     tuple of Unavailable
-        What cannot be told, and why.
+        What was not measured, and why.
     """
     found: dict[Axis, MarginReview] = {}
     unavailable: list[Unavailable] = []
@@ -73,11 +72,10 @@ def _review(flight: FlightData, loop: RateLoop) -> MarginReview:
 
 
 _LEAST_FACTOR, _SLEWED_SHARE = 0.99, 0.01
-"""Factor of ArduPilot's slew limiter below which it had lowered the gains, and share of the flight from which that is
-said."""
+"""Factor of ArduPilot's slew limiter that lowers the gains, and least share of the flight for a warning."""
 
 _MOVED = 0.2
-"""How far the logged I term may fall short of what its gain makes before that is said."""
+"""How much smaller than its gain makes it the logged I term may be without a remark."""
 
 
 def _remarks(flight: FlightData, loop: RateLoop) -> list[Finding]:
@@ -92,8 +90,8 @@ def _remarks(flight: FlightData, loop: RateLoop) -> list[Finding]:
                 warn(
                     "moving_gains",
                     axis,
-                    f"The slew limiter had lowered P and D of {axis} during {100.0 * lowered:.0f} % of the flight, to "
-                    f"{float(values.min()):.2f} times at least: the margins are those of the full gains.",
+                    f"The slew limiter lowered P and D of {axis} for {100.0 * lowered:.0f} % of the flight, down to "
+                    f"{100.0 * float(values.min()):.0f} %. The margins are those of the full gains.",
                     share=lowered,
                     least=float(values.min()),
                 )
@@ -101,13 +99,12 @@ def _remarks(flight: FlightData, loop: RateLoop) -> list[Finding]:
     if main:
         own, base = check.terms.get("d"), settings.controller.derivative_s2
         top = settings.ends[TOP].derivative_s2
-        flew = f", and flew at {own.slope * top / base:.2f} times its base" if own is not None and base > 0.0 else ""
+        flew = f" (here {own.slope * top / base:.2f} times its base)" if own is not None and base > 0.0 else ""
         found.append(
             remark(
                 "moving_gains",
                 axis,
-                f"D of {axis} moves between two values in flight{flew}: the margins are those with {main}, and the "
-                "other end stands beside them.",
+                f"D of {axis} changes between two values in flight{flew}. The margins are those with {main}.",
             )
         )
     if "i" in check.terms and check.terms["i"].slope < 1.0 - _MOVED:
@@ -116,8 +113,8 @@ def _remarks(flight: FlightData, loop: RateLoop) -> list[Finding]:
             remark(
                 "moving_gains",
                 axis,
-                f"The integral of {axis} was {100.0 * left:.0f} % of what its gain makes: the controller takes it back "
-                "while the set-point moves, and hover has more of it.",
+                f"The integral of {axis} was {100.0 * left:.0f} % of what its gain makes, since the controller reduces "
+                "it while the set-point moves. In hover it is larger.",
                 share=left,
             )
         )

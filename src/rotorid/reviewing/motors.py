@@ -14,12 +14,14 @@ explanation with the fewest parts is named, where it leaves less than a tenth of
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
 from rotorid.autopilots.advice import motor_advice, speed_advice
+from rotorid.data.display import counted
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
@@ -42,17 +44,16 @@ from rotorid.signal.motors import (
 from rotorid.typing import BoolArray, FloatArray
 
 EXPLAINED = 0.9
-"""Part of the squares that a pattern must explain to be named."""
+"""Part of the squares that a named pattern must explain."""
 
 _FEWEST_WINDOWS = 5
-"""Steady seconds from which balance and headroom are told."""
+"""Fewest steady seconds for balance and headroom."""
 
 _BIAS = 0.003
 """What outputs of one motor differ by from flight to flight, as a part of the range."""
 
 _STEP, _WITHIN_S = 0.2, 0.05
-"""A motor that is told to rise by this share of its range, and slows down by as much of its speed within this time, has
-lost step."""
+"""A motor whose output rises by this share of its range while its speed falls by as much within this time lost step."""
 
 _DELAY_BAND_RAD_S = (10.0, 80.0)
 """Where lag and delay from output to gyro are fitted."""
@@ -70,7 +71,7 @@ def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Unavailable, ...]]:
     Raises
     ------
     InsufficientDataError
-        The vehicle never flew, or nothing tells whether it did.
+        The vehicle never flew, or the log does not show whether it did.
     """
     flight = flown(record)
     unavailable: list[Unavailable] = []
@@ -79,7 +80,7 @@ def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Unavailable, ...]]:
     pattern = ""
     limits = motor_limits(record)
     if not limits.counted.any():
-        why = "The motor outputs are not logged in the air."
+        why = "Motor outputs are not logged in the air."
         unavailable.append(Unavailable(what="motors", why=why, remedy=motor_advice(record)))
     else:
         numbers |= _limits(record, limits)
@@ -89,7 +90,7 @@ def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Unavailable, ...]]:
         time_s, outputs = limits.time_s[limits.counted], limits.outputs[:, limits.counted]
         steady = steady_windows(record, flight.flights, time_s, outputs, limits.limited[limits.counted])
         if len(steady) < _FEWEST_WINDOWS:
-            why = f"The vehicle hovered quietly for {len(steady) * WINDOW_S:.0f} s only."
+            why = f"The log contains {len(steady) * WINDOW_S:.0f} s of quiet hover; {_FEWEST_WINDOWS} s are needed."
             remedy = "hover for 20 s without touching the sticks"
             unavailable += [
                 Unavailable(what=f"motors.{name}", why=why, remedy=remedy) for name in ("imbalance", "headroom")
@@ -139,7 +140,7 @@ def _share(limits: MotorLimits, samples: BoolArray) -> Quantity:
     value, on = limits.of(samples), samples[limits.counted]
     parts = [float(np.mean(part)) for part in np.array_split(on, 10) if part.size]
     std = float(np.std(parts, ddof=1)) / math.sqrt(len(parts)) if len(parts) > 1 else 0.0
-    # None in n samples still leaves three in n possible, or three times as many as a pile needs to be seen.
+    # None in n samples still allows three in n, or three times as many as the detection of a limit needs.
     half = max(TWO_SIDED_95 * std, 3.0 * limits.fewest / on.size)
     return Quantity(value=value, std=std, lower=max(value - half, 0.0), upper=min(value + half, 1.0), unit="1")
 
@@ -150,7 +151,7 @@ def _balance(
     """Mean outputs in steady flight, the largest difference from their mean, headroom, and the pattern."""
     each = np.stack([outputs[:, window].mean(axis=1) for window in steady])
     usual = each.mean(axis=0)
-    # Seconds that follow each other are alike: means over up to ten parts tell how much the mean is worth.
+    # Seconds that follow each other are alike: means over up to ten parts give the error of the mean.
     parts = np.stack([part.mean(axis=0) for part in np.array_split(each, min(10, max(len(steady) // 2, 2)))])
     std = np.hypot(parts.std(axis=0, ddof=1) / math.sqrt(len(parts)), _BIAS)
     means = {
@@ -258,12 +259,12 @@ def _events(record: FlightRecord, flights: Intervals) -> tuple[tuple[float, ...]
     remedy = speed_advice(record)
     speeds, outputs = or_none(logged_speeds, record), or_none(logged_outputs, record)
     if speeds is None or outputs is None:
-        why = "The motors' speeds are not logged."
+        why = "Motor speeds are not logged."
         return (), [Unavailable(what=what, why=why, remedy=remedy)]
     if min(speeds.sample_rate_hz, outputs.sample_rate_hz) < LOWEST_RATE_HZ:
         why = (
-            f"Speeds are logged at {speeds.sample_rate_hz:.0f} Hz and outputs at {outputs.sample_rate_hz:.0f} Hz: a "
-            "motor that falls out of step is back in less than a tenth of a second."
+            f"Motor speeds are logged at {speeds.sample_rate_hz:.0f} Hz and outputs at {outputs.sample_rate_hz:.0f} "
+            f"Hz, too slow for a desync of less than 0.1 s."
         )
         return (), [Unavailable(what=what, why=why, remedy=remedy)]
     return _lost_step(speeds, outputs, flights), []
@@ -295,7 +296,7 @@ def _delay(flight: FlightData) -> tuple[dict[str, Quantity], list[Unavailable]]:
         how, instrument = flight.instrument(axis)  # type: ignore[arg-type]
         try:
             if not instrument:
-                raise InsufficientDataError("The sticks rest, so that nothing tells command from feedback")
+                raise InsufficientDataError("The sticks did not move, so command and feedback cannot be separated")
             response = loop_response(
                 flight,
                 reference=f"{axis}_command",
@@ -312,7 +313,7 @@ def _delay(flight: FlightData) -> tuple[dict[str, Quantity], list[Unavailable]]:
         if fitted is not None:
             return {"output_delay_s": Quantity.normal(*fitted, "s")}, []
         reasons.append("Command and rate are not coherent enough between 10 and 80 rad/s.")
-    remedy = "move the roll stick quickly left and right for 30 s, with commands and rates logged at 100 Hz and more"
+    remedy = "move the roll stick quickly left and right for 30 s, and log commands and rates at 100 Hz or more"
     return {}, [Unavailable(what=what, why=reasons[0], remedy=remedy)]
 
 
@@ -357,12 +358,16 @@ def _lag_and_delay(response: FrequencyResponse) -> tuple[float, float] | None:
     return (float(total[best]), std) if std < 0.5 * total[best] else None
 
 
-_MEANS = {
-    "center of gravity": "the motors of one side work harder: move the battery away from them",
-    "twisted arm": "the motors of one direction of rotation work harder: look for a twisted arm or a motor that leans",
-    "one motor": "one motor works harder alone: look at its propeller, its bearing and its arm",
-    "": "no single cause explains it",
-}
+PATTERNS: Mapping[str, str] = MappingProxyType(
+    {
+        "center of gravity": "This pattern usually means that the center of gravity is off: move the battery away from "
+        "the motors that work harder.",
+        "twisted arm": "This pattern usually means a twisted arm or a leaning motor.",
+        "one motor": "One motor works harder than the others: check its propeller, bearing and arm.",
+        "": "No single cause explains it.",
+    }
+)
+"""What a pattern of the mean outputs means, as a sentence."""
 
 
 def _findings(review: MotorReview) -> Iterator[Finding]:
@@ -373,12 +378,12 @@ def _findings(review: MotorReview) -> Iterator[Finding]:
         yield warn("saturation", "motors", message, saturated_share=high.value)
     imbalance = numbers.get("imbalance")
     if imbalance is not None and imbalance.value > QUANTITIES["imbalance"].limit:
-        meaning = _MEANS[review.pattern]
-        message = f"A motor's output in hover is {100.0 * imbalance.value:.0f} % off the mean; {meaning}."
+        message = f"One motor's hover output differs by {100.0 * imbalance.value:.0f} % from the mean. "
+        message += PATTERNS[review.pattern]
         yield warn("motor_imbalance", "motors", message, imbalance=imbalance.value)
     if review.events:
         message = (
-            f"A motor slowed down while its output rose, {len(review.events)} times, first at {review.events[0]:.2f} "
-            "s: it may have fallen out of step (desync); look at its controller's timing and its wiring."
+            f"A motor slowed down while its output rose, {counted(len(review.events), 'time')}, first at "
+            f"{review.events[0]:.2f} s: probably a desync. Check the timing and the wiring of its ESC."
         )
         yield warn("motor_out_of_step", "motors", message, events=len(review.events), first_s=review.events[0])

@@ -1,4 +1,4 @@
-"""Noise of a flight: spectra against throttle before and behind the filters, who makes the peaks, what reaches motors.
+"""Noise of a flight: spectra against throttle before and after the filters, causes of peaks, noise at the motors.
 
 Where the log holds motor speeds, a peak belongs to the rotor whose first, second or third harmonic it lies on within
 two bins (speeds are often logged ten times a second only, and rotors move in between). Elsewhere its movement with the
@@ -19,7 +19,7 @@ from rotorid.autopilots.advice import raw_gyro_advice, sensor_advice
 from rotorid.autopilots.filters import combined_response
 from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.axes import RATE_OF, RATES
-from rotorid.data.display import capital
+from rotorid.data.display import capital, counted
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
@@ -44,21 +44,21 @@ from rotorid.spectral.noise import (
 from rotorid.typing import Axis, FloatArray
 
 LEAST_RATE_HZ = 200.0
-"""Slower channels fold the rotors' lines into each other."""
+"""In slower channels the rotors' lines alias."""
 
 LINES_ABOVE_HZ = 30.0
-"""Below it the vehicle flies."""
+"""Below it is the motion of the vehicle."""
 
 TOLERANCE_BINS = 2.0
-"""So far from a rotor's harmonic a peak is still its own."""
+"""Largest distance of a peak from the harmonic of its rotor."""
 
 MOST_PEAKS = 6
-"""Of a sensor that are named, the strongest ones."""
+"""Most peaks that are listed of a sensor."""
 
 _OF_RATE = 0.4
-"""Share of the rate of a log above which no line is told: faster vibration folds to lower frequencies."""
+"""Share of the rate of a log above which no line is listed: faster vibration aliases."""
 
-_UNKNOWN_MAKER = "It is seen at too few throttles, or moves too unevenly, to tell whether rotors or the frame make it"
+_UNKNOWN_MAKER = "Rotors or frame: too few throttles, or an uneven line"
 _VIBRATION_HZ = 10.0
 """Specific force that changes faster is vibration."""
 
@@ -69,7 +69,7 @@ _DELAY_BAND_HZ = (5.0, 80.0)
 """Where the delay of the filters is measured, as the slope of their phase."""
 
 _DELAY_AT_HZ = 20.0
-"""Where the delay of the configured filters is told, as their phase delay."""
+"""Where the phase delay of the configured filters is taken."""
 
 _HOT_HZ = 100.0
 """Noise above it moves nothing and heats the motors."""
@@ -107,7 +107,7 @@ def noise(
 
     The heat map has windows of 0.3 s with three quarters of overlap in 25 bins of the mean motor output. Noise through
     P and D is the root of :math:`\int S (1 - \gamma^2) df` of the term, with the coherence to the set-point, above the
-    larger of 30 Hz and twice the loop's bandwidth; where the log holds no terms, of the rate times the controller's
+    larger of 30 Hz and twice the loop's bandwidth; where the terms are not logged, of the rate times the controller's
     response.
 
     Parameters
@@ -118,7 +118,7 @@ def noise(
     Raises
     ------
     InsufficientDataError
-        The vehicle never flew, or nothing tells whether it did.
+        The vehicle never flew, or the log does not show whether it did.
     """
     flights = airborne(record).intervals
     sensors = tuple(_sensors(record, flights))
@@ -147,7 +147,7 @@ def noise(
 
 
 def _sensors(record: FlightRecord, flights: Intervals) -> Iterator[_Sensor]:
-    """Gyro and accelerometer before and behind the filters, each as fast as the log has it."""
+    """Gyro and accelerometer before and after the filters, each at the highest logged rate."""
     unfiltered = autopilot_of(record).log.unfiltered_topic
     for channel in ("p", "q", "r", "ax", "ay", "az"):
         before = _samples(record, (f"{channel}_raw",), channel, "before", flights)
@@ -168,15 +168,15 @@ def _samples(
     topic: str = "",
 ) -> _Sensor | None:
     for name in names:
-        for held, row in record.holding(name):
-            if topic and held.name != topic:
+        for found, row in record.holding(name):
+            if topic and found.name != topic:
                 continue
-            kept = within(held.time_s, flights) & np.isfinite(held.values[row])
-            time_s, values = held.time_s[kept], held.values[row][kept]
+            kept = within(found.time_s, flights) & np.isfinite(found.values[row])
+            time_s, values = found.time_s[kept], found.values[row][kept]
             rising = np.concatenate([[True], np.diff(time_s) > 0.0]) if time_s.size else np.zeros(0, dtype=np.bool_)
             if np.count_nonzero(rising) > 100:
-                source = held.channels[row].source
-                return _Sensor(channel, stage, held.name, source, time_s[rising], values[rising])
+                source = found.channels[row].source
+                return _Sensor(channel, stage, found.name, source, time_s[rising], values[rising])
     return None
 
 
@@ -186,7 +186,7 @@ def _scale(channel: str) -> float:
 
 @dataclass(frozen=True)
 class _Level:
-    """What the map stands against: mean motor output, thrust command or throttle stick."""
+    """The vertical axis of a map: mean motor output, thrust command or throttle stick."""
 
     name: str
     time_s: FloatArray
@@ -213,7 +213,7 @@ def _level(record: FlightRecord) -> _Level | None:
 def _map(sensor: _Sensor, spectra: ShortSpectra, level: _Level | None) -> NoiseMap:
     against = np.full(spectra.time_s.size, 0.5) if level is None else level.at(spectra.time_s)
     edges = np.array([0.0, 1.0]) if level is None else np.linspace(0.0, 1.0, _BINS + 1)
-    # Outputs somewhat beyond their calibrated range belong to the outermost bins.
+    # Outputs slightly beyond their calibrated range belong to the outermost bins.
     against = np.where(np.isfinite(against), np.clip(against, 1e-6, 1.0 - 1e-6), np.nan)
     found = by_level(spectra, against, edges=edges)
     unit = "(deg/s)²/Hz" if sensor.channel in RATES else "(m/s²)²/Hz"
@@ -314,7 +314,7 @@ def _by_speed(sensor: _Sensor, spectra: ShortSpectra, speeds_hz: FloatArray) -> 
                 float(np.median(found.height_db[own])),
                 "rotor",
                 order,
-                f"In {100.0 * share:.0f} % of the flight the strongest vibration lies on {times}",
+                f"In {100.0 * share:.0f} % of the flight the strongest vibration is at {times}",
             )
     left = np.sort(found.frequency_hz[~of_rotors])
     if left.size >= max(4, 0.1 * found.window.size):
@@ -333,7 +333,7 @@ def _by_speed(sensor: _Sensor, spectra: ShortSpectra, speeds_hz: FloatArray) -> 
                 height,
                 "frame" if moved else "unknown",
                 None,
-                "It stays while the rotors change their speed" if moved else "It lies on no harmonic of a rotor",
+                "Its frequency does not follow the rotors" if moved else "It is no harmonic of a rotor",
             )
 
 
@@ -347,11 +347,10 @@ def _by_movement(sensor: _Sensor, made: NoiseMap, spectra: ShortSpectra) -> Iter
         if max(low, high) > _OF_RATE * sensor.rate_hz:
             continue
         known.append((min(low, high), max(low, high)))
-        moves = f"It moves from {low:.0f} to {high:.0f} Hz as the throttle rises from {line.level[0]:.2f} to "
+        moves = f"It rises from {low:.0f} to {high:.0f} Hz with the throttle, from {line.level[0]:.2f} to "
         sentence = {
-            "rotor": moves + f"{line.level[-1]:.2f}, as a rotor does",
-            "frame": f"It stays at {np.median(line.frequency_hz):.0f} Hz whatever the throttle, as a resonance of the "
-            "frame does",
+            "rotor": moves + f"{line.level[-1]:.2f}, like a rotor",
+            "frame": f"It stays at {np.median(line.frequency_hz):.0f} Hz at any throttle, like a frame resonance",
             "unknown": _UNKNOWN_MAKER,
         }[line.maker]
         yield _peak(sensor, line.frequency_hz, float(np.median(line.height_db)), line.maker, None, sentence)
@@ -372,7 +371,7 @@ def _peak(
     harmonic: int | None,
     sentence: str,
 ) -> NoisePeak:
-    """A peak with the range in which it was seen: rotors move, and that is no error of the frequency."""
+    """A peak with the range in which it was seen: rotors change their speed, which is no error of the frequency."""
     value = float(np.median(frequency_hz))
     low, high = (float(end) for end in np.percentile(frequency_hz, [2.5, 97.5]))
     return NoisePeak(
@@ -394,7 +393,7 @@ def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Interv
     """Root mean square of the specific force above 10 Hz, or the autopilot's own measure of it."""
     cutoff_hz = autopilot_of(record).log.accelerometer_cutoff_hz(record)
     if 0.0 < cutoff_hz < LEAST_RATE_HZ / 2.0:
-        why = f"The accelerometer is logged behind a low-pass of {cutoff_hz:g} Hz, which takes the vibration out."
+        why = f"The accelerometer is logged after a low-pass of {cutoff_hz:g} Hz, which removes the vibration."
         return {}, [Unavailable(what="noise.vibration_m_s2", why=why, remedy="set acc_lpf_hz = 0 for a test flight")]
     accelerometers = {sensor.channel: sensor for sensor in sensors if sensor.channel in ("ax", "ay", "az")}
     raw = [sensor for sensor in sensors if sensor.channel in accelerometers and sensor.stage == "before"]
@@ -409,7 +408,7 @@ def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Interv
             squares.append(spectra.density[:, above].sum(axis=1) * spectra.bin_hz)
         if len(squares) == 3:
             total = float(sum(np.mean(square) for square in squares))
-            # Windows of one maneuver belong together: the mean over tenths of the flight tells how it varies.
+            # Windows of one maneuver belong together: the means of tenths of the flight give the variance.
             variance = float(sum(_mean_variance(square) for square in squares))
             value = math.sqrt(total)
             std = 0.5 * math.sqrt(variance) / value if value > 0.0 else 0.0
@@ -490,7 +489,7 @@ def _delays(record: FlightRecord, sensors: Sequence[_Sensor], _: Intervals) -> N
         upper = math.inf if doubts else delay
         numbers["filter_delay_configured_s"] = Quantity(value=delay, std=0.0, lower=delay, upper=upper, unit="s")
     else:
-        why = f"{capital(doubts[0])}." if doubts else "The log does not say which filters the gyro passes."
+        why = f"{capital(doubts[0])}." if doubts else "The log does not name the filters of the gyro."
         unavailable.append(Unavailable(what="noise.filter_delay_configured_s", why=why))
     before, after = (
         next((sensor for sensor in sensors if sensor.channel == "p" and sensor.stage == stage), None)
@@ -498,23 +497,23 @@ def _delays(record: FlightRecord, sensors: Sequence[_Sensor], _: Intervals) -> N
     )
     what, remedy = "noise.filter_delay_measured_s", raw_gyro_advice(record)
     if before is None or after is None or before.topic == "sensor_combined":
-        why = "The gyro is not logged both before and behind its filters."
+        why = "The gyro is not logged both before and after its filters."
         return numbers, [*unavailable, Unavailable(what=what, why=why, remedy=remedy)]
     if before.rate_hz < 0.9 * after.rate_hz or after.rate_hz < 2.5 * _DELAY_AT_HZ:
-        why = f"The gyro is logged at {after.rate_hz:.0f} Hz behind its filters, too slowly."
+        why = f"The filtered gyro is logged at only {after.rate_hz:.0f} Hz."
         return numbers, [*unavailable, Unavailable(what=what, why=why, remedy=_fast_sensors(record))]
     near = before.time_s[np.clip(np.searchsorted(before.time_s, after.time_s), 0, before.time_s.size - 1)]
     together = np.abs(near - after.time_s) <= 1.5 / before.rate_hz
     if np.mean(together) < 0.5:
-        why = "The batches before and behind the filters were taken one after the other, not at the same time."
+        why = "The batches before and after the filters were not taken at the same time."
         has = "INS_RAW_LOG_OPT" in record.parameters
-        both = "log GYR before and behind (INS_RAW_LOG_OPT = 9)" if has else ""
+        both = "set INS_RAW_LOG_OPT = 9 to log GYR before and after the filters" if has else ""
         return numbers, [*unavailable, Unavailable(what=what, why=why, remedy=both)]
     raw = np.interp(after.time_s, before.time_s, before.values)
     measured = measured_delay(after.time_s, raw, after.values, band_hz=_DELAY_BAND_HZ)
     if measured is None:
-        why = "The flight is too short for it."
-        return numbers, [*unavailable, Unavailable(what=what, why=why, remedy="fly for 20 s and more")]
+        why = "The flight is too short."
+        return numbers, [*unavailable, Unavailable(what=what, why=why, remedy="fly for 20 s or more")]
     numbers["filter_delay_measured_s"] = Quantity.normal(measured.delay_s, max(measured.std_s, 2e-5), "s")
     return numbers, unavailable
 
@@ -531,7 +530,7 @@ def _terms(
             made = _logged_terms(record, axis, rate, flights, low_hz) or _computed_terms(record, axis, sensors, low_hz)
             numbers |= made
             if not made:
-                why = f"Neither the terms of the {axis} controller nor its gains with a rate of 100 Hz are logged."
+                why = f"The log needs the terms of the {axis} controller, or its gains and the rate at 100 Hz."
                 unavailable.append(
                     Unavailable(what=f"noise.{axis}_p_noise_share", why=why, remedy=_fast_sensors(record))
                 )
@@ -599,7 +598,7 @@ def _shares(
     found = unexplained(
         time_s, values, reference, bands_hz=[(low, math.inf) for low in bands.values()], gain=gain, window_s=window_s
     )
-    # Which part the set-point explains depends on windows and on the flight by a tenth or so.
+    # The part that the set-point explains varies by about a tenth with windows and flight.
     return {
         f"{name}_noise_share{suffix}": _positive(part.rms, math.hypot(part.std, 0.05 * part.rms), "1")
         for suffix, part in zip(bands, found or (), strict=False)
@@ -609,18 +608,18 @@ def _shares(
 def _unavailable(record: FlightRecord, sensors: Sequence[_Sensor], level: _Level | None) -> Iterator[Unavailable]:
     gyro = [sensor for sensor in sensors if sensor.channel == "p"]
     if not gyro:
-        why = "The log holds no body rates in the air."
+        why = "Body rates are not logged in the air."
         yield Unavailable(what="noise.maps", why=why, remedy=_fast_sensors(record))
         return
     if max(sensor.rate_hz for sensor in gyro) < LEAST_RATE_HZ:
         fastest = max(sensor.rate_hz for sensor in gyro)
-        why = f"The gyro is logged at {fastest:.0f} Hz, and the rotors' vibration folds into lower frequencies."
+        why = f"The gyro is logged at only {fastest:.0f} Hz, so rotor vibration aliases."
         yield Unavailable(what="noise.peaks", why=why, remedy=_fast_sensors(record))
     if not any(sensor.stage == "before" for sensor in gyro):
         why = "The gyro before its filters is not logged."
         yield Unavailable(what="noise.maps.before", why=why, remedy=raw_gyro_advice(record))
     if level is None:
-        why = "Neither motors nor throttle are logged, so that noise stands against nothing."
+        why = "Neither motors nor throttle are logged."
         yield Unavailable(what="noise.maps.throttle", why=why)
 
 
@@ -632,9 +631,11 @@ def _findings(numbers: Mapping[str, Quantity]) -> Iterator[Finding]:
     share = numbers.get("clipping_share")
     if share is not None and share.value > QUANTITIES["clipping_share"].limit:
         worst = f"{100.0 * share.value:.2g} %"
-        message = f"A sensor stood at the end of its range in {worst} of the samples: mount it more softly."
+        message = f"A sensor was at the end of its range in {worst} of the samples. Mount it more softly."
         yield warn("sensor_clipping", "sensors", message, share=share.value)
     count = numbers.get("clipping_count")
     if count is not None and count.value > 0.0:
-        message = f"The autopilot counted {count.value:.0f} clipped samples of the accelerometer in the air."
+        message = (
+            f"The autopilot counted {counted(round(count.value), 'clipped sample')} of the accelerometer in the air."
+        )
         yield warn("sensor_clipping", "accelerometer", message, samples=count.value)

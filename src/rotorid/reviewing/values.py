@@ -1,6 +1,6 @@
-"""What a review says, as values: each part is made by a module of its own and shown by pages and documents.
+"""The values of a review: each part is made by a module of its own and shown by pages and documents.
 
-A number that a flight cannot tell is absent, and a :class:`Unavailable` says what, why, and what would make it tell.
+A number that was not measured is absent, and an :class:`Unavailable` says why, and what would measure it.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from rotorid.typing import Axis, FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class Unavailable(Immutable):
-    """What a flight cannot tell.
+    """What a flight does not show.
 
     Parameters
     ----------
     what
         Name of the quantity, such as ``loops.p.rise_time_s`` or ``models.rate.yaw``.
     why
-        One sentence.
+        What was missing: one sentence, or two of which the first is enough.
     remedy
-        The one maneuver, setting or command that would make it tell; empty where there is none.
+        The one maneuver, setting or command that would measure it; empty where there is none.
     """
 
     what: str
@@ -64,17 +64,17 @@ class LoopReview(Immutable):
     Parameters
     ----------
     name
-        State that the loop holds: ``p q r phi theta psi u v w``.
+        State that the loop controls: ``p q r phi theta psi u v w``.
     reference, answer
         Channels of the set-point and of the state.
     instrument
-        What told it.
+        Instrument of the estimate.
     response
         Set-point to answer.
     step
-        Its answer to a unit step; ``None`` where it cannot be told.
+        Its answer to a unit step; ``None`` where it was not measured.
     numbers
-        Figures of ``loops`` in :data:`rotorid.data.quantities.QUANTITIES`; what cannot be told is left out.
+        Figures of ``loops`` in :data:`rotorid.data.quantities.QUANTITIES`; what was not measured is left out.
     band_rad_s
         Where the response is usable.
     by_size
@@ -110,9 +110,9 @@ class MarginReview(Immutable):
     controller
         The rate controller from gains and filters of the log.
     numbers
-        Figures of ``margins`` in :data:`rotorid.data.quantities.QUANTITIES`; what cannot be told is left out.
+        Figures of ``margins`` in :data:`rotorid.data.quantities.QUANTITIES`; what was not measured is left out.
     by_model
-        Names of the numbers that a model of the plant tells beyond what was measured.
+        Names of the numbers that come from a model of the plant and were not measured.
     ends
         Names of states between which the controller moves in flight, to the numbers there; empty for one that stays.
     settings
@@ -164,11 +164,11 @@ class FlightSummary(Immutable):
     flights
         In the air, on the log's own clock.
     seen_in
-        What tells that.
+        Channels that show that.
     battery
         Figures of ``battery`` in :data:`rotorid.data.quantities.QUANTITIES`.
     hover_throttle, thrust_to_weight
-        Of the usual thrust, and of the most that a model of the motors tells, was seen, or follows from a thrust curve.
+        Usual thrust, and full thrust by a model of the motors, by the largest acceleration, or by a thrust curve.
     wind
         Figures of ``wind``, where the log estimates it.
     modes
@@ -224,7 +224,7 @@ class NoiseMap(Immutable):
         In the square of the channel's display unit per Hz ((deg/s)²/Hz, (m/s²)²/Hz), shape ``(b, f)``; not a number
         where the flight was not.
     windows
-        How many windows each bin holds, shape ``(b,)``.
+        Number of windows in each bin, shape ``(b,)``.
     average
         Over the whole flight, shape ``(f,)``.
     """
@@ -268,7 +268,8 @@ class NoisePeak(Immutable):
 class NoiseReview(Immutable):
     """Noise of the sensors and what of it reaches the motors.
 
-    ``numbers`` are figures of ``noise`` in :data:`rotorid.data.quantities.QUANTITIES`; what cannot be told is left out.
+    ``numbers`` are figures of ``noise`` in :data:`rotorid.data.quantities.QUANTITIES`, without those that were not
+    measured.
     """
 
     maps: tuple[NoiseMap, ...] = ()
@@ -304,7 +305,7 @@ class MotorReview(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Review(Immutable):
-    """Everything that one ordinary flight tells.
+    """The results of one ordinary flight.
 
     ``models`` maps names of models to an ``IdentifiedModel`` or to an error that says why there is none; none was
     looked for where ``models_sought`` is false; ``unsupported`` names those that the log does not support, as

@@ -11,6 +11,7 @@ import pytest
 from tests.unit.cli.commands import rotorid
 from tests.unit.report.made_reviews import made_review
 
+from rotorid.cli.console import MOST_LINES
 from rotorid.cli.review import _print
 from rotorid.data.findings import refusal, remark, warn
 from rotorid.io.tables.csv import write_csv
@@ -39,24 +40,28 @@ def test_a_log_alone_is_reviewed(flight: Path, tmp_path: Path) -> None:
     ran = rotorid(flight, "--no-models", "--out", tmp_path / "out")
     assert ran.code == 0
     assert "Do roll and pitch follow the stick?" in ran.out
-    assert "cannot be told from this flight" in ran.out
+    assert "could be measured: -v lists what to fly or log" in ran.out
+    assert ran.out.count("\n") <= MOST_LINES
     assert f"page: {tmp_path / 'out' / 'review.html'}" in ran.out
 
 
-def test_a_screen_shows_warnings_folded_and_the_worst_first(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_screen_shows_the_worst_warnings_and_counts_the_others(capsys: pytest.CaptureFixture[str]) -> None:
     stamps = [warn("clock_disorder", f"flight {n}", f"{n}00 stamps step back.") for n in range(1, 4)]
     others = [warn(f"kind_{n}", "flight", f"Number {n}.") for n in range(9)]
     gone = refusal("corrupt_log", "flight", "318 places are damaged.")
-    _print(
-        replace(made_review(), findings=(remark("trim", "p", "Nothing."), *stamps, *others, gone)), Path("flight.ulg")
-    )
-    lines = capsys.readouterr().out.partition("findings\n")[2].splitlines()
-    assert lines[0] == "  error corrupt_log: 318 places are damaged."
-    assert lines[1] == (
-        "  warning clock_disorder: 100 stamps step back. (and 2 more of this kind, which the page shows)"
-    )
-    assert lines[8] == "  and 3 more, which the page shows"
-    assert "Nothing." not in "".join(lines)
+    review = replace(made_review(), findings=(remark("trim", "p", "Nothing."), *stamps, *others, gone))
+    _print(review, Path("flight.ulg"))
+    shown = capsys.readouterr().out
+    assert shown.count("\n") <= MOST_LINES
+    warnings = shown.partition("error ")[2].splitlines()
+    assert warnings[0] == "corrupt_log: 318 places are damaged."
+    assert warnings[1] == "warning clock_disorder: 100 stamps step back."
+    assert warnings[4] == "9 more notes: -v shows all, or open review.html"
+    assert "Nothing." not in shown
+    _print(review, Path("flight.ulg"), verbose=True)
+    everything = capsys.readouterr().out
+    assert all(finding.message in everything for finding in review.findings)
+    assert all(gap.why in everything for gap in review.cannot_tell)
 
 
 def test_a_folder_is_its_logs_side_by_side(flight: Path, tmp_path: Path) -> None:
@@ -146,8 +151,8 @@ def test_a_log_that_never_flew_tells_nothing_and_says_why(tmp_path: Path) -> Non
     write_csv(tmp_path / "bench.csv", time_s, {"p": np.zeros(time_s.size), "thrust_command": np.zeros(time_s.size)})
     ran = rotorid("review", tmp_path / "bench.csv", "--out", tmp_path / "out")
     assert ran.code == 1
-    assert "nothing could be told" in ran.err
-    assert "holds no flight" in (tmp_path / "out" / "review.html").read_text(encoding="utf-8")
+    assert "not enough data for any answer" in ran.err
+    assert "contains no flight" in (tmp_path / "out" / "review.html").read_text(encoding="utf-8")
 
 
 def test_a_file_that_is_no_log_is_wrong_use(tmp_path: Path) -> None:

@@ -158,8 +158,8 @@ def card(seen: Review, key: str) -> Card:
 def test_a_part_names_what_is_missing_and_is_gray() -> None:
     part = card(by_gusts("yaw")(measured()), "margins")
     assert (part.state, part.word, part.color) == ("part", "good in part", "gray")
-    assert part.sentence.endswith("Not measured: yaw (its stick hardly moved).")
-    assert part.sentence.startswith("Yaw does not oscillate. The roll and pitch loops keep a safe distance")
+    assert part.headline == "The roll and pitch loops are far from oscillation."
+    assert part.details == "Yaw does not oscillate. Not measured: yaw (its stick barely moved)."
 
 
 def test_only_what_is_good_is_green() -> None:
@@ -185,9 +185,9 @@ def test_motors_that_were_logged_in_an_unknown_range_are_not_called_missing() ->
     seen = replace(seen, logging=replace(seen.logging, rates_hz={"motor_1": 100.0}))
     why = "The log does not say in which range its motors move."
     flown = replace(seen, cannot_tell=(Unavailable(what="motors.saturated_high_share", why=why),))
-    assert card(flown, "motors").sentence.startswith("Not enough data to say how evenly they work.")
+    assert card(flown, "motors").headline == why
     still = replace(seen, cannot_tell=(Unavailable(what="motors", why="The motor outputs are not logged in the air."),))
-    assert card(still, "motors").sentence == "Motor outputs are not logged in the air."
+    assert card(still, "motors").headline == "Motor outputs are not logged in the air."
 
 
 def test_motor_outputs_alone_answer_their_question_and_loss_of_step_is_named_where_speeds_are_logged() -> None:
@@ -195,9 +195,9 @@ def test_motor_outputs_alone_answer_their_question_and_loss_of_step_is_named_whe
     seen = measured()
     by_outputs = card(replace(seen, motors=replace(seen.motors, steps_checked=False)), "motors")
     assert by_outputs.state == by_speeds.state == "good"
-    assert "step" in by_speeds.title
-    assert "No motor lost step." in by_speeds.sentence
-    assert "step" not in by_outputs.title + by_outputs.sentence
+    assert by_speeds.headline == by_outputs.headline
+    assert "No desync was found." in by_speeds.details
+    assert "Desync was not checked." in by_outputs.details
 
 
 def test_a_model_that_the_log_does_not_support_is_named_and_makes_no_part() -> None:

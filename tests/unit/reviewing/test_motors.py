@@ -120,7 +120,7 @@ def test_speeds_that_are_logged_too_slowly_tell_no_event() -> None:
 
     _, untold = motors(record(columns, 10.0))
 
-    assert next(one.why for one in untold if one.what == "motors.events").startswith("Speeds are logged at 10 Hz")
+    assert next(one.why for one in untold if one.what == "motors.events").startswith("Motor speeds are logged at 10 Hz")
 
 
 def test_limits_are_told_by_motor_and_axis() -> None:
@@ -150,12 +150,12 @@ def test_full_thrust_that_was_too_short_is_not_told_to_be_missing() -> None:
     _, untold = flight(record(columns, 100.0))
 
     (why,) = (one.why for one in untold if one.what == "flight.thrust_to_weight")
-    assert why.startswith("All motors together were asked for 90 % and more for 0.0")
+    assert why.startswith("Throttle was above 90 % for only 0.0")
     for number in range(1, 5):
         columns[f"motor_{number}"][1000:1005] = 0.4
     _, untold = flight(record(columns, 100.0))
     (why,) = (one.why for one in untold if one.what == "flight.thrust_to_weight")
-    assert why.startswith("All motors together were never asked for more than 5")
+    assert why.startswith("Throttle never exceeded 5")
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -221,7 +221,7 @@ def test_a_log_without_a_flight_is_not_told_to_lack_what_it_holds() -> None:
     columns = {name: np.full(2000, 0.1) for name in ("p", "motor_1", "motor_2", "battery_voltage", "thrust_command")}
     bench = record(columns, 100.0)
     seen = rotorid.review(replace(bench, status=Status(in_air=(), flagged_in="twin")))
-    assert {card.sentence for card in cards(seen)} == {"This log holds no flight."}
+    assert {card.sentence for card in cards(seen)} == {"This log contains no flight."}
 
 
 def test_a_flight_without_its_motors_is_told_whether_they_are_in_the_log() -> None:
@@ -235,15 +235,15 @@ def test_a_flight_without_its_motors_is_told_whether_they_are_in_the_log() -> No
             replace(late.topics[0], channels=late.topics[0].channels[:1], values=late.topics[0].values[:1]),
         ),
     )
-    held = {card.key: card.sentence for card in cards(rotorid.review(airborne, models=False))}
-    assert held["motors"] == "Motor outputs are not logged in the air."
-    assert "not enough data in this flight" in held["power"]
+    logged = {card.key: card.headline for card in cards(rotorid.review(airborne, models=False))}
+    assert logged["motors"] == "Motor outputs are not logged in the air."
+    assert logged["power"] == "Neither battery nor throttle could be read."
     lacking = {
-        card.key: card.sentence
+        card.key: card.headline
         for card in cards(rotorid.review(replace(airborne, topics=airborne.topics[1:]), models=False))
     }
-    assert lacking["motors"] == "Motor outputs are not in this log."
-    assert lacking["power"] == "Neither battery nor throttle is in this log."
+    assert lacking["motors"] == "Motor outputs are not logged."
+    assert lacking["power"] == "Neither battery nor throttle is logged."
 
 
 def test_a_plane_gets_no_advice_for_multirotors() -> None:

@@ -104,7 +104,7 @@ def test_filters_of_a_gyro_that_is_not_logged_have_no_name() -> None:
     without = replace(topic, channels=tuple(topic.channels[row] for row in rows), values=topic.values[rows])
     _, untold = noise(replace(whole, topics=(without,), source=replace(whole.source, format="PX4 ULog")))
     (said,) = [one for one in untold if one.what == "noise.filter_delay_configured_s"]
-    assert said.why == "The log does not say which filters the gyro passes."
+    assert said.why == "The log does not name the filters of the gyro."
 
 
 def test_noise_through_p_and_d_is_what_the_set_point_does_not_explain(found: NoiseReview) -> None:
