@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 import typer
@@ -23,18 +22,18 @@ from rotorid.vehicles.catalog import VEHICLES
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "papers.md"
 BLOCK = re.compile(r"^```(console|python)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"`([^`\n]+)`")
+NAMED = re.compile(r"- `([^`]+)`: (.*)")
+DIFFERENT = "\nDifferent on purpose:\n"
 GENERAL = re.compile(r"transfer:\d+/\d+|black_box:(?:\d+|auto)(?:\+delay)?")
 FILES = (".csv", ".html", ".json", ".npz", ".pdf", ".tex", ".toml", ".ulg")
 
 
-@dataclass(frozen=True)
-class Row:
-    """A line of a table: what a paper has, the run that does it, and where the result is."""
+class Item(NamedTuple):
+    """An item of a paper, and the run that gives it: a folder, a short command or Python."""
 
     paper: str
-    what: str
     run: str
-    where: str
+    text: str
 
     @property
     def command(self) -> str:
@@ -42,19 +41,23 @@ class Row:
         return self.run if self.run.startswith("rotorid ") else written().get(self.run, self.run)
 
 
+@cache
 def sections() -> list[tuple[str, str]]:
     parts = PAGE.read_text(encoding="utf-8").split("\n## ")[1:]
     return [(part.partition("\n")[0], part) for part in parts if part.startswith("Paper ")]
 
 
-def rows() -> list[Row]:
+def items() -> list[Item]:
+    """Items of all lists: of the folder at their beginning, or else of the command above."""
     found = []
     for title, part in sections():
-        for line in part.splitlines():
-            cells = [cell.strip() for cell in line.strip("|").split(" | ")]
-            if line.startswith("| ") and len(cells) == 3 and cells[1] != "run":
-                what, run, where = cells
-                found.append(Row(title, what, run.strip("`"), where))
+        last = ""
+        for line in part.partition(DIFFERENT)[0].splitlines():
+            if line.startswith("$ rotorid "):
+                last = folder_of(line)
+            if line.startswith("- "):
+                named = NAMED.match(line)
+                found.append(Item(title, named[1], named[2]) if named else Item(title, last, line[2:]))
     return found
 
 
@@ -69,7 +72,7 @@ def steps(part: str) -> list[str]:
 
 def commands() -> list[str]:
     """Every command of the page once."""
-    found = [step for _, part in sections() for step in steps(part)] + [row.run for row in rows()]
+    found = [step for _, part in sections() for step in steps(part)] + [item.run for item in items()]
     return [command for command in dict.fromkeys(found) if command.startswith("rotorid ")]
 
 
@@ -84,14 +87,15 @@ def written() -> dict[str, str]:
     return {folder_of(command): command for _, part in sections() for command in steps(part) if folder_of(command)}
 
 
-def is_python(row: Row) -> bool:
-    return "(" in row.run
+def is_python(item: Item) -> bool:
+    return "(" in item.run
 
 
-def test_every_line_names_a_run_of_its_section() -> None:
+def test_every_item_names_a_run_of_its_section() -> None:
     for title, part in sections():
         own = {folder_of(step) for step in steps(part) if step.startswith("rotorid ")}
-        runs = [row.run for row in rows() if row.paper == title and not is_python(row)]
+        runs = [item.run for item in items() if item.paper == title and not is_python(item)]
+        assert len(runs) > 20
         assert [run for run in runs if not run.startswith("rotorid ") and run not in own] == []
 
 
@@ -143,27 +147,27 @@ def has_field(document: Any, path: str) -> bool:
     return any(has_field(value, path) for value in document.values())
 
 
-def misses(row: Row) -> list[str]:
-    """What a line names that its command has not left in the folder it wrote."""
-    folder = Path(folder_of(row.command)) if row.command.startswith("rotorid ") else Path()
+def misses(item: Item) -> list[str]:
+    """What an item names that its command has not left in the folder it wrote."""
+    folder = Path(folder_of(item.command)) if item.command.startswith("rotorid ") else Path()
     if folder == Path():
         return []
     documents = [json.loads(file.read_text(encoding="utf-8")) for file in folder.rglob("*.json")]
     missed = []
-    for place in CODE.findall(row.where):
+    for place in CODE.findall(item.text):
         if place.startswith(("rotorid", "--")) or place in KINDS:
             continue
         is_file = "/" in place or place.endswith(FILES)
         there = (folder / place).exists() if is_file else any(has_field(one, place) for one in documents)
-        missed += [] if there else [f"{row.what}: {place}"]
+        missed += [] if there else [f"{item.text}: {place}"]
     return missed
 
 
-def of_paper(title: str) -> tuple[list[str], list[Row]]:
-    """Steps of a section, short commands of its lines, and these lines."""
-    lines = [row for row in rows() if row.paper == title]
-    short = [row.run for row in lines if row.run.startswith("rotorid ")]
-    return list(dict.fromkeys([*steps(dict(sections())[title]), *short])), lines
+def of_paper(title: str) -> tuple[list[str], list[Item]]:
+    """Steps of a section, short commands of its items, and these items."""
+    own = [item for item in items() if item.paper == title]
+    short = [item.run for item in own if item.run.startswith("rotorid ")]
+    return list(dict.fromkeys([*steps(dict(sections())[title]), *short])), own
 
 
 def is_quick(command: str) -> bool:
@@ -174,10 +178,10 @@ def is_quick(command: str) -> bool:
 @pytest.mark.slow
 def test_quick_commands_run_and_write_what_their_lines_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    chosen, lines = of_paper(sections()[0][0])
+    chosen, own = of_paper(sections()[0][0])
     for command in filter(is_quick, chosen):
         run(command)
-    assert [missed for row in lines if is_quick(row.command) for missed in misses(row)] == []
+    assert [missed for item in own if is_quick(item.command) for missed in misses(item)] == []
 
 
 @pytest.mark.slow
@@ -186,20 +190,18 @@ def test_every_command_runs_and_writes_what_its_lines_name(
     title: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    chosen, lines = of_paper(title)
+    chosen, own = of_paper(title)
     given: dict[str, Any] = {}
     for step in chosen:
         if step.startswith("rotorid "):
             run(step)
         else:
             exec(step, given)
-    assert [missed for row in lines for missed in misses(row)] == []
-    for row in filter(is_python, lines):
-        assert eval(row.run, given) is not None, row.what
+    assert [missed for item in own for missed in misses(item)] == []
+    for item in filter(is_python, own):
+        assert eval(item.run, given) is not None, item.text
 
 
-def test_every_table_has_its_lines() -> None:
+def test_every_paper_has_its_section() -> None:
     assert [title.partition(":")[0] for title, _ in sections()] == [f"Paper {number}" for number in range(1, 6)]
-    for title, part in sections():
-        assert len([row for row in rows() if row.paper == title]) > 20
-        assert "| different on purpose |" in part
+    assert all(DIFFERENT in part for _, part in sections())
