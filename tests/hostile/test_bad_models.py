@@ -156,7 +156,7 @@ def test_parameters_that_only_stand_in_a_product_are_named(flight: Path, here: P
 
 def test_parameters_that_no_fitted_response_shows_are_named(flight: Path, here: Path) -> None:
     ran = rotorid("identify", flight, "--model", "hover.lateral", "--fix", "N_yaw=10")
-    assert "N_yaw came with --fix" in assert_one_sentence(ran, 2)
+    assert "depends on N_yaw, given with --fix" in assert_one_sentence(ran, 2)
     # No response of hover.full leads from roll to the pitch rate; and the controller moved yaw, which is said first.
     ran = rotorid("identify", flight, "--model", "hover.full", "--outputs", "q", "--json")
     assert ran.code == 1

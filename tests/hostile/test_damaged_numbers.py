@@ -72,6 +72,6 @@ def test_a_gain_that_is_no_number_leaves_the_whole_loop_and_says_why(flight: Fli
     loop = response(record, inputs=["roll_command"], outputs=["p"]).loops["roll"]
     assert (loop.scope, loop.whole) == ("whole", None)
     assert loop.method == (
-        "measured with roll_excitation, all loops closed; no rate loop: the log has no gains of the roll controller "
-        "that are known"
+        "measured with roll_excitation, all loops closed; no rate loop: the log has no known gains for the roll "
+        "controller"
     )

@@ -96,7 +96,7 @@ def test_motors_at_their_limits_support_nothing(looked: Callable[[str], tuple[Fl
     record, inspection = looked("real_stacks/ap_x_wind_limit_cycle.BIN.xz")
     assert supported_models([record]) == ()
     assert not any(support.possible for support in inspection.supports.values())
-    assert "limits of the motors and not the vehicle" in inspection.supports["rate.yaw"].because
+    assert "the motor limits, not the vehicle" in inspection.supports["rate.yaw"].because
     assert inspection.supports["rate.yaw"].remedy == "end the oscillation first"
     (hidden,) = [one for one in review(record).cannot_tell if one.what == "models"]
     assert inspection.supports["rate.yaw"].because in hidden.why

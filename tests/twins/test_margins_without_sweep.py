@@ -198,8 +198,8 @@ def test_gains_that_did_not_fly_have_no_margins(px4: FlightRecord) -> None:
 
 def test_what_is_missing_is_said(px4: FlightRecord) -> None:
     for record, words in (
-        (replace(px4, parameters={}), "no gains of the roll controller"),
-        (without(px4, {"p"}), "holds no p"),
+        (replace(px4, parameters={}), "no known gains for the roll controller"),
+        (without(px4, {"p"}), "contains no p"),
         (without(px4, {"roll_command"}), "holds no roll_command"),
     ):
         found, untold = reviewed(record)

@@ -48,7 +48,7 @@ def test_a_plan_of_one_axis_flies_and_is_identified_as_foretold(tmp_path: Path) 
     # Without a word on channels it says which of them move.
     refused = rotorid("identify", tmp_path / "flight-5" / "flight.csv", "--model", model, "--out", tmp_path / "all")
     assert refused.code == 1
-    assert "identify what moves with --inputs theta_setpoint --outputs theta" in refused.err
+    assert "identify only what moves with --inputs theta_setpoint --outputs theta" in refused.err
 
 
 @pytest.mark.slow

@@ -48,7 +48,7 @@ def test_a_band_that_was_chosen_is_kept(swept: FlightRecord) -> None:
 @pytest.mark.parametrize("method", ["prediction_error", "equation_error"])
 def test_a_fit_in_time_that_misses_the_responses_is_refused(swept: FlightRecord, method: str) -> None:
     """Its random errors are a thousandth, and its values are 12 and 20 of its deviations off."""
-    with pytest.raises(InsufficientDataError, match="Beside the responses") as refused:
+    with pytest.raises(InsufficientDataError, match="In the frequency domain the average cost") as refused:
         rotorid.identify(swept, "rate.roll", method=method)
     assert "poor_fit" in {one.kind for one in refused.value.findings}
 

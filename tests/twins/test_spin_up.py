@@ -60,7 +60,7 @@ def test_what_is_no_lead_gets_none(share: float) -> None:
 def test_a_lead_that_no_rotor_has_is_none(tmp_path: Path) -> None:
     """What turns the S500 beside its motors looks like rotors that react for seven seconds."""
     record = twin("s500", "calm", 1, tmp_path).record
-    with pytest.raises(InsufficientDataError, match="no rotor reacts"):
+    with pytest.raises(InsufficientDataError, match="longer than any rotor reacts"):
         rotorid.identify(record, "axis.yaw")
     found = rotorid.identify(record, "rate.yaw")
     assert found["N_spin"].status == "dropped"
@@ -248,7 +248,7 @@ def test_speeds_show_what_yaw_takes_up_of_them(of_speeds: rotorid.IdentifiedMode
     assert of_speeds.parameters["h_per_I_zz"].unit == "1"
     assert "T_motor" not in of_speeds.parameters
     (told,) = (one for one in of_speeds.findings if one.kind == "spin_up")
-    assert "of what one gains" in told.message
+    assert "of the speed gained by one" in told.message
     assert told.numbers["share"] == pytest.approx(SHARE, rel=0.1)
 
 

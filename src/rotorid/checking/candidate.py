@@ -30,7 +30,7 @@ from rotorid.typing import Axis
 RESULT, RESULTS, MODEL = "result.json", "results.json", "model.toml"
 
 UNFILTERED = " without its known filters"
-"""What follows the source of an output that known filters were taken off before the model was fitted."""
+"""Suffix of the source of an output whose known filters were removed before the fit."""
 
 _SAME_VALUE = 1e-6
 
@@ -94,7 +94,7 @@ def candidate_model(model: IdentifiedModel) -> Candidate:
 
 
 def output_sources(measured: Measured) -> dict[str, str]:
-    """Output to where it stood in the first log that holds it."""
+    """Source of each output in the first log that has it."""
     sources: dict[str, str] = {}
     for name in measured.response.outputs:
         segments = [segment for segment in measured.segments if name in segment.history.names]
@@ -103,7 +103,7 @@ def output_sources(measured: Measured) -> dict[str, str]:
     return sources
 
 
-_RESULT_FILES = "a folder that rotorid identify wrote, its result.json or a model.toml"
+_RESULT_FILES = "a folder written by rotorid identify, its result.json or a model.toml"
 
 
 def read_candidate(result: Path) -> Candidate:
@@ -127,14 +127,14 @@ def read_candidate(result: Path) -> Candidate:
     model = result if result.suffix == ".toml" else folder / MODEL
     if result.is_file() and result.suffix not in (".toml", ".json"):
         raise UsageError(
-            f"{result.name} came where a result belongs",
+            f"{result.name} is not a result",
             needed=_RESULT_FILES,
-            remedy="a log is no result: identify a model first, and give its folder before the logs",
+            remedy="identify a model first, and give its folder before the logs",
         )
     if not model.exists() and (folder / RESULTS).exists():
         available = ", ".join(sorted(path.parent.name for path in folder.glob(f"*/{MODEL}")))
         raise UsageError(
-            f"{result.name} holds several models",
+            f"{result.name} contains several models",
             needed=f"one of its folders: {available}",
             remedy="name it after the folder",
         )
@@ -144,8 +144,8 @@ def read_candidate(result: Path) -> Candidate:
     document = result if result.suffix == ".json" else folder / RESULT
     if family_of(structure).needs_result and not document.exists():
         raise UsageError(
-            f"{result} is the {MODEL} of {structure.name} alone, which does not say how motors are had from a log",
-            needed=f"its {RESULT} beside it",
+            f"{result} is only the {MODEL} of {structure.name}, without its motor settings",
+            needed=f"its {RESULT} next to it",
             remedy="give the folder that identify wrote",
         )
     if result.suffix != ".toml" or document.exists():
@@ -155,18 +155,18 @@ def read_candidate(result: Path) -> Candidate:
 
 
 def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> Candidate:
-    wanted = "a result.json with the schema rotorid.result/1, as identify writes it"
+    wanted = "a result.json with the schema rotorid.result/1, written by identify"
     try:
         table = parse_json(read_text(path, needed=_RESULT_FILES, most_bytes=MOST_JSON_BYTES))
     except DocumentError as error:
-        raise UsageError(f"{path} is no JSON: {error}", needed=wanted) from error
+        raise UsageError(f"{path} is not valid JSON: {error}", needed=wanted) from error
     known = isinstance(table, dict) and table.get("schema") == "rotorid.result/1"
     if not known or table.get("model") != structure.name:
         if not required:
             return Candidate(structure=structure)
         raise UsageError(f"{path} is not the result of the {MODEL} next to it", needed=wanted)
     if required and not _holds_values(structure, table):
-        raise UsageError(f"the {MODEL} next to {path} holds other values", needed="both as identify wrote them")
+        raise UsageError(f"the {MODEL} next to {path} has other values", needed="both as written by identify")
     pairs = (table.get("cost") or {}).get("pairs") or {}
     bands = [pair["band_rad_s"] for pair in pairs.values()]
     sources = (table.get("provenance") or {}).get("sources") or None
@@ -180,7 +180,7 @@ def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> C
 
 
 def _holds_values(structure: LinearStructure, table: Mapping[str, Any]) -> bool:
-    """Whether the values of a model are those of a result, as far as the result tells them."""
+    """Whether the values of a model are those of a result, where the result has them."""
     numbers = {
         name: entry["value"]
         for name, entry in (table.get("parameters") or {}).items()
@@ -191,7 +191,7 @@ def _holds_values(structure: LinearStructure, table: Mapping[str, Any]) -> bool:
 
 
 def _provenance(table: Mapping[str, Any]) -> Provenance | None:
-    """Where a result came from; of one that was shortened by hand nothing is known."""
+    """Provenance of a result; empty for one shortened by hand."""
     try:
         provenance = dict(table["provenance"])
         maneuvers = tuple(

@@ -1,4 +1,4 @@
-"""What unseen flights say of a model, in numbers: from verifications with their signals to scores and verdicts."""
+"""Scores and verdicts of a model on unseen flights, from verifications with their signals."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def maneuver_check(check: Verification, states: Sequence[str], trim: Trim | None
 
 
 def _scores(check: Verification) -> dict[str, Scores]:
-    """Scores of the outputs that moved; what did not tells nothing of the model: its score is that of the noise."""
+    """Scores of the outputs that moved; the others do not test the model: their score is that of the noise."""
     outputs = check.moved or check.output_names
     return {
         name: scores

@@ -63,7 +63,7 @@ _REST_S = 1.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UnseenLog:
-    """One log with what the fit has not seen of it, or the cause why there is nothing."""
+    """One log with its unseen parts, or the reason why there are none."""
 
     record: FlightRecord
     outputs: tuple[str, ...] = ()
@@ -93,7 +93,7 @@ class LinearPredictor:
     @property
     def needed(self) -> str:
         """The flights that can judge it."""
-        return f"a sweep or a doublet of {' or '.join(self.axes)} with all channels of the model"
+        return f"a sweep or doublet of {' or '.join(self.axes)} with all channels of the model"
 
     def predict(
         self, records: Sequence[FlightRecord], settings: VerifySettings, fitted: Selection = NOTHING_FITTED
@@ -112,13 +112,13 @@ class LinearPredictor:
         ]
 
     def simulations(self, record: FlightRecord, settings: FlySettings) -> tuple[list[Simulation], list[Finding]]:
-        """Whole flights about their mean, or pieces of them, with what the log holds of inputs and outputs."""
+        """Whole flights about their mean, or pieces of them, with the logged inputs and outputs."""
         whole = self.candidate.structure
         inputs = [name for name in whole.inputs if holds(record, name)]
         outputs = [name for name in whole.outputs if holds(record, name)]
         if not inputs or not outputs:
             lacking = whole.inputs if not inputs else whole.outputs
-            raise InsufficientDataError(f"it holds none of {', '.join(lacking)}", needed="an input and an output")
+            raise InsufficientDataError(f"it contains none of {', '.join(lacking)}", needed="an input and an output")
         structure = connected(whole.select(inputs=inputs, outputs=outputs))
         flights = whole_flights([record], settings.segments)
         records = time_records(structure, flights, IdentifySettings(hold=settings.hold), every_input=False)
@@ -145,8 +145,8 @@ class LinearPredictor:
         rate = growth(structure, parameters)
         if length_s is not None and settings.pieces_s is None:
             message = (
-                f"The fastest mode of {whole.name} grows e-fold in {1.0 / rate:.2g} s, and over a whole flight any "
-                f"error would explode: the simulation begins anew every {length_s:.2g} s."
+                f"The fastest mode of {whole.name} grows by a factor of e in {1.0 / rate:.2g} s, so over a whole "
+                f"flight any error would explode; the simulation restarts every {length_s:.2g} s."
             )
             findings.append(remark("flown_in_pieces", whole.name, message, length_s=length_s, growth_1_s=rate))
         return found, findings
@@ -156,7 +156,7 @@ class LinearPredictor:
         structure = self.candidate.structure
         logs = []
         for record in {id(flight.record): flight.record for flight in fitted.unseen}.values():
-            # A log without some input told of the others when it was fitted, and cannot be predicted.
+            # A log without some input was fitted for the others, and cannot be predicted.
             cause = _lacking(record, structure.inputs)
             short = () if cause else tuple(flight for flight in fitted.unseen if flight.record is record)
             outputs = tuple(name for name in structure.outputs if holds(record, name))
@@ -164,7 +164,7 @@ class LinearPredictor:
         return logs
 
     def _unseen(self, record: FlightRecord, segments: Sequence[Maneuver], fitted: Selection) -> UnseenLog:
-        """What a further log has to judge the model on: given intervals, or the excitations that are found."""
+        """Unseen parts of a further log: given intervals, or the excitations found."""
         structure, given = self.candidate.structure, of_axes(segments, self.axes)
         there = tuple(name for name in structure.outputs if holds(record, name))
         # Without an input nothing can be predicted; of the outputs those that are there will do.
@@ -178,7 +178,7 @@ class LinearPredictor:
         if not flights:
             axes = " or ".join(self.axes)
             what = "no given segment" if segments else f"no excitation of {axes} beyond what was fitted"
-            return UnseenLog(record=record, cause=f"it holds {what}")
+            return UnseenLog(record=record, cause=f"it contains {what}")
         short = tuple(flight for flight in flights if flight.maneuver.kind not in RICH_KINDS)
         return UnseenLog(
             record=record,
@@ -193,13 +193,13 @@ class LinearPredictor:
         commands = all(is_command(name) for name in structure.inputs)
         own = tuple(maneuver for maneuver in settings.segments if maneuver.axis in axes or not commands)
         if settings.segments and not own:
-            raise InsufficientDataError(f"no given segment is of {' or '.join(axes)}")
+            raise InsufficientDataError(f"no given segment is on {' or '.join(axes)}")
         require_reached(record, own)
         if own or not commands:
             return list(select_records(structure, [record], replace(settings, segments=own)).selection.fitted)
         found = wholly_flown([Flight(record, m) for axis in axes for m in find_excitations(record, axis)])
         if not found:
-            raise InsufficientDataError(f"it holds no excitation of {' or '.join(axes)}")
+            raise InsufficientDataError(f"it contains no excitation of {' or '.join(axes)}")
         return with_rest(record, found)
 
 
@@ -237,7 +237,7 @@ def _outputs_at(problem: TimeProblem, values: Mapping[str, float]) -> FloatArray
 
 
 def _lacking(record: FlightRecord, channels: Sequence[str]) -> str:
-    """Why a record cannot be used, where it lacks a channel that cannot be made of others either."""
+    """The reason why a record cannot be used, if it lacks a channel."""
     try:
         require_channels(record, channels)
     except InsufficientDataError as error:
@@ -246,7 +246,7 @@ def _lacking(record: FlightRecord, channels: Sequence[str]) -> str:
 
 
 def _judged(candidate: Candidate, logs: Sequence[UnseenLog], settings: VerifySettings) -> Verifications:
-    """What the logs say; whatever fails leaves the others standing."""
+    """Results of the logs; a log that fails does not affect the others."""
     parts: list[Verifications] = []
     judged: list[UnseenLog] = []
     causes = [(log, log.cause) for log in logs if log.cause]
@@ -273,10 +273,10 @@ def _judged(candidate: Candidate, logs: Sequence[UnseenLog], settings: VerifySet
 def _attempts(
     candidate: Candidate, logs: Sequence[UnseenLog], settings: VerifySettings
 ) -> list[tuple[list[UnseenLog], Callable[[], Verifications]]]:
-    """What to judge the model on, and the logs behind each."""
+    """Ways to judge the model, with the logs of each."""
     axes = set(axes_of(candidate.structure.inputs, candidate.structure.outputs))
     flying = [log for log in logs if log.sweeps]
-    # A log that excites every input stands alone, so that a good one does not hide a bad one in a common average.
+    # A log that excites every input is scored alone, so that a good one does not hide a bad one in a common average.
     sufficient = [log for log in flying if axes <= {sweep.axis for sweep in log.sweeps}]
     together = [log for log in flying if log not in sufficient]
     groups = [*([log] for log in sufficient), *([together] if together else [])]
@@ -290,8 +290,8 @@ def _maneuvers(candidate: Candidate, log: UnseenLog, settings: VerifySettings) -
     checks, findings = predict_maneuvers(candidate, log.short, settings, outputs=log.outputs)
     excited = excited_outputs(checks, candidate)
     if not excited:
-        raise InsufficientDataError("its short maneuvers move no output more than it moves before them")
-    # Only what tells about the model is remarked on.
+        raise InsufficientDataError("its short maneuvers move no output more than it moved before")
+    # Only maneuvers that test the model are remarked on.
     on_checks = [finding for check in checks for finding in remarks_on(check)]
     data = [finding for finding in findings if finding not in on_checks]
     remarks = [finding for check in excited for finding in remarks_on(check)]
@@ -324,7 +324,7 @@ def _without(candidate: Candidate, logs: Sequence[UnseenLog], outputs: Sequence[
         remark(
             "missing_channel",
             f"{where}: {name}",
-            f"{where} holds no {name}, so that output of the model was not judged there.",
+            f"{where} contains no {name}, so that output of the model was not judged there.",
         )
         for name in left_out
     ]

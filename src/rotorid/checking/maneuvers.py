@@ -64,7 +64,7 @@ def with_known_delays(
     system
         The model as it was fitted.
     record
-        The log it is judged on; its parameters tell the filters of both places.
+        The log it is judged on; its parameters name the filters of both places.
     fitted, judged
         Output to where it stands in the logs: those that were fitted, and this one.
     """
@@ -145,7 +145,7 @@ def _through(system: StateSpace, row: int, passed: KnownFilter) -> StateSpace:
 
 
 def _analog(passed: KnownFilter) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """The analog filter behind a digital one that was made of it by the bilinear transform."""
+    """The analog filter of a digital one made by the bilinear transform."""
     from scipy.signal import tf2ss
 
     A, B, C, D = tf2ss(passed.numerator, passed.denominator)
@@ -167,8 +167,9 @@ def _shifted(record: FlightRecord, name: str, here: str, there: str, later_s: fl
     return remark(
         "known_filter",
         f"{record.source.name}: {name}",
-        f"The model was fitted to {name} from {there} and is judged on {here}, which the autopilot's filters make "
-        f"{1e3 * abs(later_s):.1f} ms {'later' if later_s > 0.0 else 'earlier'}: the prediction is shifted by it.",
+        f"The model was fitted to {name} from {there} but judged on {here}, which the autopilot's filters make "
+        f"{1e3 * abs(later_s):.1f} ms {'later' if later_s > 0.0 else 'earlier'}, so the prediction is shifted by "
+        "that.",
         delay_s=later_s,
     )
 
@@ -189,7 +190,7 @@ def fly_maneuver(
     outputs: tuple[str, ...],
     filtered: Filter,
 ) -> tuple[ClosedLoop | None, tuple[Finding, ...]]:
-    """Fly a model under the controllers of the log, and say where that is not possible.
+    """Simulate a model under the controllers of the log, with a finding if that is impossible.
 
     The loop of the maneuver's own axis must be closed; those of other axes are as far as their controllers are known
     and explain their commands, else their measured commands drive the model.
@@ -300,7 +301,7 @@ def predict_maneuvers(
         remarks += [finding for finding in on_check if finding not in remarks]
     if not checks:
         raise InsufficientDataError(
-            f"its unseen maneuvers leave less than {_SHORTEST_S:g} s of data without a gap", needed="a longer maneuver"
+            f"its unseen maneuvers have less than {_SHORTEST_S:g} s without a gap", needed="a longer maneuver"
         )
     return tuple(checks), (*remarks, *(f for check in checks for f in remarks_on(check)))
 
@@ -344,7 +345,7 @@ def _predicted(
 
 
 def _active(segment: Segment) -> tuple[float, float]:
-    """A maneuver without the quiet time in which its own command does not move: noise alone tells of no model."""
+    """A maneuver without the quiet time in which its own command does not move: noise alone tests no model."""
     maneuver, name = segment.maneuver, f"{segment.maneuver.axis}_command"
     time_s = segment.history.time_s
     inside = (time_s >= maneuver.start_s) & (time_s <= maneuver.stop_s)
@@ -359,7 +360,7 @@ def _active(segment: Segment) -> tuple[float, float]:
 
 
 def _around(segment: Segment, short: Sequence[Flight]) -> TimeHistory:
-    """A maneuver with the quiet time around it: as far as the maneuvers before and after it have died out."""
+    """A maneuver with the quiet time around it, outside the decay of its neighbors."""
     maneuver, history = segment.maneuver, segment.history
     others = [flight.maneuver for flight in short]
     before = [other.stop_s + _SETTLED_S for other in others if other.stop_s <= maneuver.start_s]
@@ -381,13 +382,13 @@ def _within(history: TimeHistory, start_s: float, stop_s: float) -> TimeHistory 
 
 
 def _other_source(candidate: Candidate, segment: Segment, outputs: Sequence[str]) -> list[Finding]:
-    """Outputs that stand elsewhere in this log, where no filter is known that makes the difference."""
+    """Outputs with another source in this log, unless a known filter explains the difference."""
     return [
         warn(
             "other_source",
             f"{segment.record}: {name}",
-            f"{name} comes from {there} in the logs that were fitted and from {here} in {segment.record}. Where "
-            "the autopilot filters one and not the other, they differ by the delay of that filter.",
+            f"{name} comes from {there} in the fitted logs and from {here} in {segment.record}. If the autopilot "
+            "filters only one of them, they differ by the delay of that filter.",
         )
         for name, there in (candidate.sources or {}).items()
         if name in outputs and (here := source_of(segment, name)) != there
@@ -395,7 +396,7 @@ def _other_source(candidate: Candidate, segment: Segment, outputs: Sequence[str]
 
 
 def remarks_on(check: Verification) -> list[Finding]:
-    """What to say about one maneuver: a poor prediction, or an open loop that diverges as it must."""
+    """Findings on one maneuver: a poor prediction, or an open loop that diverges as expected."""
     found = verdict(check)
     remarks = [_filtered(check)] if check.low_pass_rad_s is not None else []
     if found == "disturbed":
@@ -438,10 +439,10 @@ def _poor_ahead(check: Verification) -> list[Finding]:
         warn(
             "poor_verification",
             _where(check),
-            f"{name} of the {_words(check)} is predicted "
-            f"{horizon.horizon_s:.2g} s ahead with a Theil coefficient of {scores.tic:.2f} (good: up to "
-            f"{GOOD_TIC:g}) and a fit of {scores.nrmse_fit_percent:.0f} % (good: {GOOD_FIT_PERCENT:g} % and more). "
-            "An unstable airframe is judged so, because in open loop any model of it diverges.",
+            f"{name} of the {_words(check)} is predicted {horizon.horizon_s:.2g} s ahead with a Theil "
+            f"coefficient of {scores.tic:.2f} (good: up to {GOOD_TIC:g}) and a fit of "
+            f"{scores.nrmse_fit_percent:.0f} % (good: {GOOD_FIT_PERCENT:g} % and more). An unstable airframe is "
+            "judged this way because it diverges in any open-loop simulation.",
             horizon_s=horizon.horizon_s,
             tic=scores.tic,
             nrmse_fit_percent=scores.nrmse_fit_percent,
@@ -461,10 +462,10 @@ def _diverges(check: Verification) -> Finding:
     return remark(
         "open_loop_diverges",
         _where(check),
-        f"In open loop the model leaves the measurement of the {_words(check)}, as that of an "
-        "unstable airframe must: an error grows e-fold in "
-        f"{1.0 / check.growth_1_s:.2g} s. Predictions hold for {holds_s:.2g} s, and {horizon.horizon_s:.2g} s "
-        f"ahead their Theil coefficient is {worst:.2f} at most, so the model is not called poor.",
+        f"In open loop the model diverges from the {_words(check)}, as for any unstable airframe: an error grows "
+        f"by a factor of e in {1.0 / check.growth_1_s:.2g} s. Predictions are valid for {holds_s:.2g} s; "
+        f"{horizon.horizon_s:.2g} s ahead their Theil coefficient is at most {worst:.2f}, so the model is not "
+        "rated poor.",
         holds_s=holds_s,
         growth_1_s=check.growth_1_s,
         horizon_s=horizon.horizon_s,
@@ -480,9 +481,9 @@ def _disturbed(check: Verification) -> Finding:
     return warn(
         "disturbed_verification",
         _where(check),
-        f"The {_words(check)} cannot judge {', '.join(names)}: the error "
-        f"{horizon.horizon_s:.2g} s ahead is at most {worst:.1f} times that before the maneuver, as gusts alone "
-        "would make it. Fly a larger maneuver or in calmer air.",
+        f"The {_words(check)} cannot judge {', '.join(names)}: the error {horizon.horizon_s:.2g} s ahead is at "
+        f"most {worst:.1f} times the error before the maneuver, which gusts alone would cause. Fly a larger "
+        "maneuver or in calmer air.",
         horizon_s=horizon.horizon_s,
         over_quiet=worst,
     )
@@ -493,14 +494,14 @@ def _filtered(check: Verification) -> Finding:
     return remark(
         "vibration_filtered",
         _where(check),
-        f"More than a tenth of the power of an output lies above the fitted band, so measurement and prediction "
-        f"passed a first-order low-pass of {check.low_pass_rad_s:.4g} rad/s before they were compared.",
+        "More than a tenth of the power of an output lies above the fitted band, so measurement and prediction "
+        f"were low-pass filtered at {check.low_pass_rad_s:.4g} rad/s before the comparison.",
         low_pass_rad_s=check.low_pass_rad_s,
     )
 
 
 SHARE = 0.25
-"""An output that the model does not connect with a maneuver tells something from this share of its usual motion: what
+"""An output that the model does not connect with a maneuver counts from this share of its usual motion: what
 moves less is noise, or a coupling that is no part of a model of each axis."""
 
 _UNCONNECTED = 1e-9
@@ -526,7 +527,7 @@ def usual_motion(measured: Measured, band_rad_s: tuple[float, float]) -> dict[st
 def excited_outputs(checks: Sequence[Verification], candidate: Candidate) -> tuple[Verification, ...]:
     """Verifications with the outputs that their maneuver excites as ``moved``; only these are scored.
 
-    An output tells where it moves clearly more than before the maneuver, see
+    An output counts where it moves clearly more than before the maneuver, see
     :func:`rotorid.verification.time_domain.verify_in_time`, and where it should move or does: the model connects it
     with the input of the maneuver, or it moves by a quarter of its usual motion. The latter shows a coupling that the
     model lacks.

@@ -1,7 +1,7 @@
 """The physics of motors on logs that it was not identified on.
 
 Its inputs are motors, which are made ready from each log as for the fit: outputs, speeds or demands as fast as
-the log tells them, thrust at the voltage of the result, filters that the log knows. The accelerations that follow are
+the log has them, thrust at the voltage of the result, filters that the log knows. The accelerations that follow are
 compared with the measured ones, up to 5 Hz, on the axes that the result identified. Nothing is adjusted but where an
 accelerometer has its zero. Rates are integrals of these accelerations, begun anew every two seconds.
 """
@@ -58,7 +58,7 @@ _PIECE_S = 2.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotorPredictor(Immutable):
-    """What is known of motors and rotors, as far as predicting a flight needs it.
+    """Motors and rotors of a result, for predictions of a flight.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class MotorPredictor(Immutable):
     """
 
     about_trim: ClassVar[bool] = False
-    needed: ClassVar[str] = "motors, gyros and accelerometer of the vehicle, and motion on an axis that was identified"
+    needed: ClassVar[str] = "motors, gyros and accelerometer of the vehicle, and motion on an identified axis"
 
     parameters: ParameterSet
     layout: RotorLayout
@@ -128,7 +128,7 @@ class MotorPredictor(Immutable):
         length_s = settings.pieces_s or _PIECE_S
         axes = tuple(axis for axis in RATES if all(f"{axis}_dot" in motion.rows for motion in moved if motion.counted))
         if not axes:
-            raise InsufficientDataError("no rate of it was identified", needed="motion in roll, pitch or yaw")
+            raise InsufficientDataError("none of its rates was identified", needed="motion in roll, pitch or yaw")
         stretches = []
         for motion in moved:
             if not motion.counted:
@@ -154,7 +154,9 @@ class MotorPredictor(Immutable):
                     held=True,
                 )
             )
-        message = f"Motors say accelerations: rates are their integrals, begun anew every {length_s:.2g} s."
+        message = (
+            f"The motor model predicts accelerations; rates are their integrals, restarted every {length_s:.2g} s."
+        )
         remarks = [finding for motion in moved for finding in _remarks(motion)]
         return stretches, [*data.findings, *remarks, remark("flown_in_pieces", MOTORS.name, message, length_s=length_s)]
 
@@ -167,31 +169,29 @@ class MotorPredictor(Immutable):
             It has no motor outputs or no motion, is of another vehicle, or has outputs of another kind.
         """
         choices = replace(self.choices or MotorSettings(), segments=tuple(segments))
-        needed, name = "a log of the vehicle that was identified", record.source.name
+        needed, name = "a log of the identified vehicle", record.source.name
         try:
             of_log = rotors_of([record], choices)
         except (InsufficientDataError, UsageError, ModelError):
-            # A result says its rotors; beside the logs of a fit, a log has to say its own.
+            # A result names its rotors; next to the logs of a fit, a log has to name its own.
             if self.choices is not None:
                 raise
             of_log = self.layout
         if not np.array_equal(of_log.spins, self.layout.spins):
             raise InsufficientDataError(
-                f"{name} is of {of_log.name}, and the result of {self.layout.name}", needed=needed
+                f"{name} is from {of_log.name}, but the result from {self.layout.name}", needed=needed
             )
         # An arm that was given is not in the log.
         if self.choices is not None and not np.allclose(of_log.positions, self.layout.positions):
-            raise InsufficientDataError(
-                f"the rotors of {name} are in other places than those of the result", needed=needed
-            )
+            raise InsufficientDataError(f"the rotor positions of {name} differ from those of the result", needed=needed)
         try:
             data = motor_data([record], choices, reference_v=self.reference_v, layout=self.layout)
         except UsageError as error:
             raise InsufficientDataError(error.came, needed=error.needed, remedy=error.remedy) from error
         if data.kind != self.kind:
             raise InsufficientDataError(
-                f"{name} tells motors as {data.kind.replace('_', ' ')}",
-                needed=f"a log that tells them as {self.kind.replace('_', ' ')}, as those of the result did",
+                f"{name} logs motors as {data.kind.replace('_', ' ')}",
+                needed=f"a log of motors as {self.kind.replace('_', ' ')}, like those of the result",
             )
         return data
 
@@ -202,7 +202,7 @@ class MotorPredictor(Immutable):
 
 
 def known_motors(table: Mapping[str, Any]) -> MotorPredictor:
-    """From a result as ``result.json`` holds it.
+    """The motors of a ``result.json``.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ def known_motors(table: Mapping[str, Any]) -> MotorPredictor:
         )
     except (LookupError, TypeError, ValueError, ModelError) as error:
         raise UsageError(
-            f"the result of motors does not hold together: {error}", needed="result.json as identify wrote it"
+            f"the motor result is inconsistent: {error}", needed="result.json as written by identify"
         ) from error
 
 
@@ -250,10 +250,10 @@ def identified_motors(model: IdentifiedModel) -> MotorPredictor | None:
 
 
 def _remarks(motion: Motion) -> list[Finding]:
-    """What to say of a stretch: that it moves no axis of the model, or that it is poorly predicted."""
+    """Findings on a stretch: no identified axis moves, or the prediction is poor."""
     where = f"{motion.flight.record.name} at {motion.flight.record.start_s:.1f} s"
     if not motion.counted:
-        message = f"{where} moves no axis that was identified, and tells nothing of the model."
+        message = f"{where} moves no identified axis, so it does not test the model."
         return [warn("not_verified", where, message)]
     return [
         warn(
@@ -269,7 +269,7 @@ def _remarks(motion: Motion) -> list[Finding]:
 
 
 def _verification(moved: Motion, motors: Sequence[str]) -> Verification:
-    """An unseen stretch, of which counts what was excited."""
+    """Verification of an unseen stretch by its excited axes."""
     shown, record = simulated_record(moved, tuple(moved.rows)), moved.flight.record
     return Verification(
         record=shown.record,

@@ -91,7 +91,7 @@ class NonlinearPredictor:
         outputs = logged_outputs(equations, [record])
         if not outputs:
             raise InsufficientDataError(
-                f"it holds none of {', '.join(equations.outputs)}", needed="an output of the model to begin at"
+                f"it contains none of {', '.join(equations.outputs)}", needed="an output of the model to start from"
             )
         logged = equations.select(outputs)
         flights = whole_flights([record], settings.segments)
@@ -107,7 +107,7 @@ class NonlinearPredictor:
         outputs = logged_outputs(whole, [record])
         if not outputs:
             raise InsufficientDataError(
-                f"{record.source.name} holds none of {', '.join(whole.outputs)}",
+                f"{record.source.name} contains none of {', '.join(whole.outputs)}",
                 needed="a log with an output of the model",
             )
         logged = whole.select(outputs)
@@ -124,10 +124,7 @@ class NonlinearPredictor:
                 ),
                 findings=(
                     *_remarks(records),
-                    *(
-                        remark("missing_channel", name, f"{name} is not in the logs, and was not judged.")
-                        for name in left
-                    ),
+                    *(remark("missing_channel", name, f"{name} is not logged, so it was not judged.") for name in left),
                 ),
             ),
             flights=flights,
@@ -172,7 +169,7 @@ class NonlinearPredictor:
         )
 
     def _starts(self, pieces: Sequence[TimeData], logged: NonlinearStructure, scheme: Scheme) -> FloatArray:
-        """Where each piece begins, shape ``(pieces, x)``: as fits what was measured, else as its first sample says."""
+        """Start of each piece, shape ``(pieces, x)``: the best fit to the measurement, else its first sample."""
         equations = self.equations
         problem = _fixed_problem(logged, equations.parameters, pieces, scheme)
         found = fit_nonlinear(problem, rounds=_START_ROUNDS).estimate.starts
@@ -187,14 +184,14 @@ class NonlinearPredictor:
 
 
 def logged_outputs(structure: NonlinearStructure, records: Sequence[FlightRecord]) -> tuple[str, ...]:
-    """Outputs that every log holds, or what they can be reconstructed from."""
+    """Outputs in every log, logged or computed."""
     return tuple(name for name in structure.outputs if all(holds(record, name) for record in records))
 
 
 def flown_records(
     structure: NonlinearStructure, flights: Sequence[Flight], settings: IdentifySettings | None = None
 ) -> TimeRecords:
-    """Flights as inputs and outputs of a model, as they stand in their logs."""
+    """Flights as inputs and outputs of a model, as logged."""
     return absolute_records(
         flights, inputs=structure.inputs, outputs=structure.outputs, settings=settings or IdentifySettings()
     )
@@ -208,14 +205,14 @@ def _remarks(records: TimeRecords) -> list[Finding]:
 def _fixed_problem(
     structure: NonlinearStructure, parameters: ParameterSet, data: Sequence[TimeData], scheme: Scheme
 ) -> NonlinearProblem:
-    """The start of each record, with every parameter held at its value, that of its tie where it has one."""
+    """The start of each record, with every parameter fixed at its value, or at that of its tie."""
     values = parameters.values
     fixed = [replace(parameter, value=values[parameter.name], status="fixed", tied=None) for parameter in parameters]
     return NonlinearProblem(structure=structure, parameters=ParameterSet(fixed), records=tuple(data), scheme=scheme)
 
 
 def _measured_start(equations: NonlinearStructure, first: Mapping[str, float]) -> FloatArray:
-    """What a first sample says of the states; zero where an output that says it was not measured."""
+    """States from a first sample; zero if not measured."""
     known = {**equations.constants, **first}
     starts = {state: expression for state, expression in equations.starts.items() if expression.names <= set(known)}
     return np.array([starts[state].evaluate(known) if state in starts else 0.0 for state in equations.states])

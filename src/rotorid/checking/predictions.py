@@ -1,4 +1,4 @@
-"""What every kind of model can be asked about flights that it was not fitted to, and what it answers.
+"""Interface of every kind of model for predictions of unseen flights.
 
 A model about trim, the physics of motors and a nonlinear model predict in different ways, and are asked in one: by
 ``identify`` itself and ``verify`` (:meth:`Predictor.predict`), by ``compare`` (:meth:`Predictor.trials`) and by
@@ -36,7 +36,7 @@ NOTHING_FITTED = Selection(fitted=(), unseen=())
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Predictions:
-    """What flights say of a model.
+    """Predictions of flights by a model.
 
     Parameters
     ----------
@@ -54,7 +54,9 @@ class Predictions:
 
 
 Score: TypeAlias = Callable[[float | None, tuple[float, float] | None], tuple[FixedParameterScores, ...]]
-"""Scores over a horizon and within a band, as far as the kind of model has either; ``None`` leaves the choice to it."""
+"""Scores over a horizon and within a band, for kinds of models that have them; ``None`` leaves the choice to the
+model.
+"""
 
 
 class Trial(NamedTuple):
@@ -126,7 +128,7 @@ class Predictor(Protocol):
     def predict(
         self, records: Sequence[FlightRecord], settings: VerifySettings, fitted: Selection = NOTHING_FITTED
     ) -> Predictions:
-        """Predict what was not fitted; a log that cannot judge the model says why and leaves the others standing.
+        """Predict unseen flights; a log that cannot judge the model does not affect the others.
 
         Parameters
         ----------
@@ -183,7 +185,9 @@ def predict_each(
     for record in records:
         name = record.source.name
         if record.source.sha256 in known:
-            judged.append(_remarked(warn("seen_data", name, f"{name} was fitted, and does not count as unseen.")))
+            judged.append(
+                _remarked(warn("seen_data", name, f"{name} was used for the fit, so it does not count as unseen."))
+            )
             continue
         try:
             require_reached(record, settings.segments)
@@ -206,9 +210,9 @@ def _remarked(finding: Finding, refusals: tuple[Finding, ...] = ()) -> Predictio
 
 
 def not_verified(record: FlightRecord, cause: str, *, part: bool = False) -> Finding:
-    """What to say of a log that does not judge a model, or of a part of it."""
+    """The finding on a log, or part of it, that does not judge a model."""
     name = record.source.name
-    message = f"{'A part of ' if part else ''}{name} did not verify the model: {cause.rstrip('.')}."
+    message = f"{'A part of ' if part else ''}{name} could not verify the model: {cause.rstrip('.')}."
     return (remark if part else warn)("not_verified", name, message)
 
 
@@ -217,8 +221,8 @@ def refuse_choices_of_responses(model: str, settings: VerifySettings) -> None:
     given = {"--band": settings.band_rad_s, "--instrument": settings.instruments, "--controller": settings.controllers}
     if wrong := [name for name, value in given.items() if value]:
         raise UsageError(
-            f"{', '.join(wrong)} came with a result of {model}",
-            needed="logs, and --segment where excitations are not found",
+            f"{', '.join(wrong)} does not apply to a result of {model}",
+            needed="logs, and --segment if excitations are not found",
         )
 
 
@@ -241,7 +245,7 @@ def _whole(record: FlightRecord) -> Flight:
 
 
 def between(maneuver: Maneuver, time_s: FloatArray) -> Maneuver:
-    """A maneuver as far as it was simulated."""
+    """The simulated part of a maneuver."""
     return replace(maneuver, start_s=float(time_s[0]), stop_s=float(time_s[-1]))
 
 
@@ -254,7 +258,9 @@ def missing_outputs(outputs: Sequence[str], logged: Sequence[str], record: Fligh
     """Outputs that are simulated with no measurement to compare."""
     name = record.source.name
     return [
-        remark("missing_channel", output, f"{output} is not in {name}, and has no measurement beside it.")
+        remark(
+            "missing_channel", output, f"{output} is not in {name}, so the prediction is shown without a measurement."
+        )
         for output in outputs
         if output not in logged
     ]
@@ -273,7 +279,7 @@ def output_scores(measured: FloatArray, simulated: FloatArray) -> Scores:
 
 
 def plain_scores(scores: Mapping[str, Scores]) -> dict[str, OutputScore]:
-    """Scores without what was estimated beside them."""
+    """Scores without the estimated unknowns."""
     return {
         name: OutputScore(nrmse_fit_percent=score.nrmse_fit_percent, tic=score.tic, rms=score.rms)
         for name, score in scores.items()
@@ -310,13 +316,13 @@ def fitted_logs(provenance: Provenance) -> frozenset[str]:
 
 
 def fitted_before(flight: Flight) -> Finding:
-    """What to say of a maneuver that was to verify a model and was fitted by it."""
+    """The warning on a maneuver given for validation that was used for the fit."""
     name, maneuver = flight.record.source.name, flight.maneuver
     return warn(
         "seen_data",
         name,
-        f"{name} from {maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s was fitted, at least in part: it flatters "
-        "the model and does not count as a verification. Give another log.",
+        f"{name} from {maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s was at least partly used for the fit, so "
+        "it flatters the model and does not count as verification. Give another log.",
         start_s=maneuver.start_s,
         stop_s=maneuver.stop_s,
     )

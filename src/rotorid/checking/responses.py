@@ -67,7 +67,7 @@ class FittedResponses:
         )
 
     def _whole(self, record: FlightRecord, fitted: Selection) -> Verifications:
-        """A further log; what of it was fitted is no test."""
+        """A further log, without its fitted parts."""
         _PROGRESS.info(f"simulating {record.source.name}")
         structure = self.fitted.structure
         fitted_too: list[Finding] = []
@@ -125,9 +125,9 @@ def _remarked(checks: Sequence[Verification], others: Sequence[Finding] = ()) ->
 def estimated_shifts(problem: TimeProblem, predicted: Sequence[Simulated]) -> list[FloatArray]:
     """The output shifts in predictions with unknowns estimated, for each record, shape ``(y,)``.
 
-    A prediction is the response to the inputs, that to the initial state, and the shift. The last two are told apart
+    A prediction is the response to the inputs, that to the initial state, and the shift. The last two are separated
     again by the motions that initial states cause. Where one of those is a constant, as behind an integrator, nothing
-    tells it from a shift, and both get a share.
+    separates it from a shift, and both get a share.
     """
     if "output_shift" not in problem.unknowns:
         return [np.zeros(len(problem.structure.outputs)) for _ in predicted]

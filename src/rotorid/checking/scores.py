@@ -1,4 +1,4 @@
-"""Scores of a linear model on flights with all its parameters held, by the same data and rules for any method.
+"""Scores of a linear model with fixed parameters on flights, by the same data and rules for any method.
 
 :mod:`rotorid.identifying.comparison` and :mod:`rotorid.identifying.cross_validation` are made of them.
 """
@@ -64,7 +64,7 @@ def score_flights(
             kept.parameters.values,
             data if band_rad_s is None else _within(band_rad_s, data),
             horizon_s=horizon_s,
-            # A filtered command no longer stands still between its samples.
+            # A filtered command is no longer constant between its samples.
             hold=records.hold if band_rad_s is None else "first",
             unknowns=unknowns_of(kept),
         )

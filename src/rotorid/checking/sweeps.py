@@ -1,4 +1,4 @@
-"""Sweeps that were not fitted, compared in the frequency domain, and one that is held out of a second fit.
+"""Unseen sweeps compared in the frequency domain, and one left out of a second fit.
 
 What was fitted flatters a model. Where all that was flown was fitted, a second model is fitted without one maneuver and
 compared with it.
@@ -124,18 +124,18 @@ def _of_outputs(data: FrequencyResponse, count: int) -> FrequencyResponse:
 
 
 def _model(structure: LinearStructure, parameters: ParameterSet, data: FrequencyResponse) -> ComplexArray:
-    """The model with what the other inputs did, of which ``data`` holds the responses after those of its outputs."""
+    """The model with the other inputs, whose responses follow those of its outputs in ``data``."""
     whole = structure.response(parameters.values, data.omega_rad_s)
     count = len(structure.outputs)
     swept = [structure.inputs.index(name) for name in data.inputs]
     others = [structure.inputs.index(name) for name in data.outputs[count:]]
-    # Records that lack an input tell nothing of it.
+    # Records that lack an input show nothing of it.
     moved = np.nan_to_num(data.values[count:])
     return np.asarray(whole[:, swept] + np.einsum("yvf,vuf->yuf", whole[:, others], moved))
 
 
 def _used(measured: Measured, data: FrequencyResponse, fitted_rad_s: tuple[float, float], limit: float) -> BoolArray:
-    """Points in the fitted band, each input as far as its own sweeps went, shape ``(y, u, f)``."""
+    """Points in the fitted band, each input within the band of its own sweeps, shape ``(y, u, f)``."""
     trusted = measured.trusted_rad_s
     used = np.zeros(data.values.shape, dtype=np.bool_)
     reached = np.asarray(measured.trusted_points(data, limit).any(axis=0))
@@ -153,9 +153,9 @@ def _nothing_usable(
     band = f"the fitted band of {fitted_rad_s[0]:.3g} to {fitted_rad_s[1]:.3g} rad/s"
     disjoint = trusted_rad_s[1] <= fitted_rad_s[0] or trusted_rad_s[0] >= fitted_rad_s[1]
     return InsufficientDataError(
-        f"its sweeps, trusted from {trusted_rad_s[0]:.3g} to {trusted_rad_s[1]:.3g} rad/s, do not reach {band}"
+        f"its sweeps, usable from {trusted_rad_s[0]:.3g} to {trusted_rad_s[1]:.3g} rad/s, do not reach {band}"
         if disjoint
-        else f"no point of its sweeps in {band} reaches the coherence of {least_coherence:g}",
+        else f"no point of its sweeps in {band} reaches a coherence of {least_coherence:g}",
         needed="usable points in the fitted band",
         remedy="fly a sweep over the fitted band",
     )
@@ -167,8 +167,8 @@ def _poor(records: Sequence[str], pairs: Mapping[str, PairCost]) -> list[Finding
         warn(
             "poor_verification",
             f"{where}: {name}",
-            f"The model misses the response {name} of unseen sweeps with a cost of {pair.value:.0f}, above the "
-            f"{ACCEPTABLE_COST:g} of an acceptable model.",
+            f"The model misses the response {name} of unseen sweeps: cost {pair.value:.0f}, acceptable up to "
+            f"{ACCEPTABLE_COST:g}.",
             cost=pair.value,
         )
         for name, pair in pairs.items()
@@ -208,18 +208,18 @@ def hold_out(structure: LinearStructure, flights: Sequence[Flight], settings: Id
         judged = check_sweeps(selected, parameters, [held_out], band_rad_s=band, settings=settings)
     except InsufficientDataError as error:
         return FrequencyCheck(findings=(_not_held_out(name, error),))
-    # What was said of the data when all of it was fitted need not be said of its parts again.
+    # Findings on the data of the first fit need no repetition for its parts.
     poor = (finding for finding in judged.findings if finding.kind == "poor_verification")
     findings = (*poor, _held_out(name, max(judged.costs.values()), band))
     return replace(judged, findings=findings)
 
 
 def nothing_left() -> Finding:
-    """What to say where a model was judged on nothing that it had not seen, and nothing can be held out."""
+    """The finding on a model that has no unseen data and no maneuver to leave out."""
     return warn(
         "not_verified",
         "verification",
-        f"Everything that was flown was fitted, and no axis twice, so nothing is left to judge the model on. {_ADVICE}",
+        f"All maneuvers were used for the fit, each on its own axis; none is left to validate the model. {_ADVICE}",
     )
 
 
@@ -227,19 +227,18 @@ def _not_held_out(name: str, error: InsufficientDataError) -> Finding:
     return warn(
         "not_verified",
         name,
-        f"No maneuver is left unseen, and that of {name} could not be held out of a second fit: "
+        f"No maneuver is left to validate the model, and a second fit without that of {name} failed: "
         f"{error.came.rstrip('.')}. {_ADVICE}",
     )
 
 
 def _held_out(name: str, worst: float, band_rad_s: tuple[float, float]) -> Finding:
-    # Fewer maneuvers may carry a narrower band, in which a model of the wrong form passes: so the band is said.
+    # Fewer maneuvers may carry a narrower band, in which a wrong model passes, so the finding names the band.
     return remark(
         "held_out",
         name,
-        f"No maneuver is left unseen. A second model, fitted from {band_rad_s[0]:.2g} to {band_rad_s[1]:.3g} rad/s "
-        f"without that of {name}, predicts its response with a cost of {worst:.1f}; the model of this result was "
-        "fitted to all maneuvers.",
+        f"All maneuvers were used for the fit. A second model, fitted from {band_rad_s[0]:.2g} to "
+        f"{band_rad_s[1]:.3g} rad/s without that of {name}, predicts its response with a cost of {worst:.1f}.",
         cost=worst,
         low_rad_s=band_rad_s[0],
         high_rad_s=band_rad_s[1],

@@ -109,7 +109,7 @@ def _identify_several(
 ) -> None:
     """Several models into one folder: a folder for each with its files, one report, one ``results.json``."""
     from rotorid.documents.results import RESULTS, ResultsDocument, refused_results, results_document
-    from rotorid.identifying.identify_many import identify_several, none_stands
+    from rotorid.identifying.identify_many import identify_several, none_identified
     from rotorid.report.several import write_several
 
     models = _several(asked, settings)
@@ -120,7 +120,7 @@ def _identify_several(
         several = identify_several(records, models, settings=settings, verify=unseen)
         found.append(replace(several, answers={name: with_command(answer) for name, answer in several.items()}))
         if not several.identified:
-            raise none_stands(several, records)
+            raise none_identified(several, records)
         return found[0]
 
     def show(document: ResultsDocument, folder: Path, *, verbose: bool) -> None:

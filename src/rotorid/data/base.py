@@ -1,4 +1,4 @@
-"""What makes the value objects values: arrays copied in, read-only, and still so after pickling."""
+"""Base of the value objects: arrays are copied in, read-only, and still so after pickling."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def read_only(values: Any, dtype: type[Any], *, ndim: int) -> NDArray[Any]:
 
     array = np.array(values, dtype=dtype, copy=True)
     if array.ndim != ndim:
-        raise ValueError(f"an array of {ndim} dimension(s) was needed and one of shape {array.shape} came")
+        raise ValueError(f"an array with {ndim} dimension(s) is required, not shape {array.shape}")
     array.setflags(write=False)
     return array
 
@@ -35,7 +35,7 @@ def read_only(values: Any, dtype: type[Any], *, ndim: int) -> NDArray[Any]:
 class Immutable:
     """Mixin of the frozen dataclasses: they pickle through their constructor, so that arrays stay read-only.
 
-    Plain pickling restores the fields one by one, which silently hands back writable arrays. Their ``repr`` tells long
+    Plain pickling restores the fields one by one, which silently hands back writable arrays. Their ``repr`` shows long
     arrays by their size.
     """
 
@@ -87,7 +87,7 @@ def cached_by_value(function: Callable[Parameters, Value]) -> Callable[Parameter
     @wraps(function)
     def answer(*arguments: Parameters.args, **named: Parameters.kwargs) -> Value:
         if not arguments:
-            # The value came by its name, or not at all, which the function says better.
+            # The value was given by name, or is missing, which the function reports better.
             return function(*arguments, **named)
         value, *others = arguments
         answers = kept.setdefault(value, {})
@@ -100,7 +100,7 @@ def cached_by_value(function: Callable[Parameters, Value]) -> Callable[Parameter
 
 
 def optional(package: str) -> Any:
-    """A package that is not required, or an error that says how to get it.
+    """An optional package, or an error that says how to install it.
 
     Raises
     ------
@@ -112,9 +112,9 @@ def optional(package: str) -> Any:
     >>> optional("no_such_package")
     Traceback (most recent call last):
     ...
-    rotorid.errors.UsageError: this needs no_such_package, which is not installed; pip install no_such_package.
+    rotorid.errors.UsageError: no_such_package is not installed; pip install no_such_package.
     """
     try:
         return import_module(package)
     except ImportError as error:
-        raise UsageError(f"this needs {package}, which is not installed", remedy=f"pip install {package}") from error
+        raise UsageError(f"{package} is not installed", remedy=f"pip install {package}") from error

@@ -81,7 +81,7 @@ def html_table(head: str, columns: Sequence[str], rows: Iterable[Sequence[str]],
 
 
 def dataclass_text(value: Any) -> str:
-    """The usual text of a dataclass, with arrays and long texts told by their size.
+    """The usual text of a dataclass, with arrays and long texts replaced by their size.
 
     Examples
     --------
@@ -157,7 +157,7 @@ def listed(words: Sequence[str]) -> str:
 
 
 def capital(text: str) -> str:
-    """A text that begins with a capital letter; the rest stays as it is.
+    """A text with a capital first letter.
 
     Examples
     --------

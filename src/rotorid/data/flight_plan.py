@@ -117,7 +117,7 @@ class PlannedInput(Immutable):
         timed = 0.0 < self.sample_rate_hz < np.inf and 0.0 <= self.start_s <= LONGEST_S
         if not values.size or not np.isfinite([*values, self.amplitude]).all() or not timed:
             raise UsageError(
-                f"a test input of {values.size} samples at {self.sample_rate_hz:g} Hz from {self.start_s:g} s came",
+                f"invalid test input of {values.size} samples at {self.sample_rate_hz:g} Hz from {self.start_s:g} s",
                 needed=f"finite samples, a positive rate, a start within {LONGEST_S:g} s",
             )
         self._set(values=values, settings=self.settings)
@@ -177,17 +177,17 @@ class FlightPlan(Immutable):
 
     def __post_init__(self) -> None:
         if not self.inputs:
-            raise UsageError(f"the plan {self.name} without test inputs came", needed="at least one")
+            raise UsageError(f"the plan {self.name} has no test inputs", needed="at least one")
         self._set(inputs=tuple(sorted(self.inputs, key=lambda planned: planned.start_s)))
         if not (0.0 <= self.trim_s <= LONGEST_S and self.duration_s <= LONGEST_S):
             raise UsageError(
-                f"the plan {self.name} lasts {self.duration_s:g} s with a rest of {self.trim_s:g} s",
-                needed=f"at most {LONGEST_S:g} s, and no negative rest",
+                f"the plan {self.name} lasts {self.duration_s:g} s with pauses of {self.trim_s:g} s",
+                needed=f"at most {LONGEST_S:g} s and no negative pause",
             )
 
     @property
     def duration_s(self) -> float:
-        """From zero to the end of the last rest."""
+        """Duration from zero to the end of the last pause."""
         return max(planned.stop_s for planned in self.inputs) + self.trim_s
 
     @property

@@ -54,7 +54,7 @@ class Quantity(Immutable):
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.value) or not self.lower <= self.value <= self.upper:
-            raise UsageError(f"A quantity lies within its interval; came {self.value} of {self.lower} to {self.upper}.")
+            raise UsageError(f"the value {self.value} lies outside its interval of {self.lower} to {self.upper}")
 
     @classmethod
     def normal(cls, value: float, std: float, unit: str) -> Quantity:
@@ -64,7 +64,7 @@ class Quantity(Immutable):
 
 
 MISSING = "–"
-"""What stands for a number that is not known."""
+"""Text for an unknown number."""
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MOST_PERCENT = 1000.0
@@ -216,7 +216,7 @@ def milliseconds(seconds: float | None, std_s: float | None = None) -> str:
 
 
 def percent(value: float | None) -> str:
-    """A percentage without its sign, two digits; beyond a thousand the number says nothing more.
+    """A percentage without its sign, with two digits; values beyond a thousand are cut.
 
     Examples
     --------
@@ -256,7 +256,7 @@ def superscript(power: str) -> str:
 
 
 def beyond(value: float, limit: float) -> str:
-    """A number above a limit that stands next to it, with the digits that show that it is.
+    """A number above a limit printed next to it, with enough digits to show that it is.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a channel can be: bounds that no flying multirotor passes, wide enough for every sensor that is built.
+"""Physical limits of channels: bounds that no flying multirotor passes, wide enough for every sensor.
 
 A value outside is damage of the log, not motion. The bounds hold in the units of the vocabulary; a channel that came in
 another unit (a motor in volts or microseconds) has none.
@@ -66,7 +66,7 @@ TURNING = frozenset({"phi", "theta", "psi", "phi_setpoint", "theta_setpoint", "p
 
 
 def range_of(channel: Channel) -> tuple[float, float] | None:
-    """Lowest and highest possible value of a channel, or ``None`` where nothing is known of it.
+    """Lowest and highest possible value of a channel, or ``None`` if unknown.
 
     Parameters
     ----------

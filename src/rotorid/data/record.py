@@ -1,4 +1,4 @@
-"""What a log holds, as values: channels on their own clocks, and histories on one.
+"""Contents of a log as values: channels on their own clocks, and histories on a common clock.
 
 A :class:`Channel` says what a row of numbers is, in which unit, and where it came from. Rows with common stamps are a
 :class:`Topic`; a :class:`FlightRecord` is all topics of a log in the vocabulary of the package, each on its own clock,
@@ -41,7 +41,7 @@ _OF_AXES = ("command", "excitation", "setpoint_excitation", "stick")
 
 
 _FILTERED = {**dict.fromkeys("pqr", "rad/s"), **dict.fromkeys(("ax", "ay", "az"), "m/s^2")}
-"""What autopilots filter: logged before as ``p_raw``, behind and as fast as the sensor as ``p_filtered``."""
+"""Channels that autopilots filter: ``p_raw`` before the filter, ``p_filtered`` after it at the rate of the sensor."""
 
 
 def _standard() -> Mapping[str, str]:
@@ -126,7 +126,7 @@ class Maneuver:
 
     def __post_init__(self) -> None:
         if not self.start_s < self.stop_s:
-            raise ValueError(f"a maneuver must stop after it starts; {self.start_s} s to {self.stop_s} s came")
+            raise ValueError(f"a maneuver must stop after it starts, not last from {self.start_s} s to {self.stop_s} s")
 
     @property
     def duration_s(self) -> float:
@@ -201,7 +201,7 @@ class Track(NDArrayOperatorsMixin, Immutable):
     def __post_init__(self) -> None:
         time_s, values = (read_only(array, np.float64, ndim=1) for array in (self.time_s, self.values))
         if time_s.size != values.size:
-            raise ValueError(f"{self.name}: {time_s.size} stamps and {values.size} samples came")
+            raise ValueError(f"{self.name} has {time_s.size} time stamps but {values.size} samples")
         self._set(time_s=time_s, values=values)
 
     @property
@@ -278,8 +278,8 @@ class Topic(Immutable):
         values = read_only(self.values, np.float64, ndim=2)
         if values.shape != (len(self.channels), time_s.size):
             raise ValueError(
-                f"topic {self.name}: {len(self.channels)} channels on {time_s.size} stamps were announced and values "
-                f"of shape {values.shape} came"
+                f"topic {self.name} has {len(self.channels)} channels and {time_s.size} time stamps, but values "
+                f"of shape {values.shape}"
             )
         self._set(time_s=time_s, values=values, channels=tuple(self.channels))
 
@@ -294,7 +294,7 @@ class Topic(Immutable):
 
 
 def silences(topics: Sequence[Topic], longer_than_s: float) -> Intervals:
-    """Start and stop of each pause in which no topic holds a sample.
+    """Start and stop of each pause in which no topic has a sample.
 
     Parameters
     ----------
@@ -333,7 +333,7 @@ def _median_rate_hz(time_s: FloatArray) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Source(Immutable):
-    """Where a record came from: enough to find the file again, to know that it is the same one, and to read it so."""
+    """Source of a record: enough to find the file again, to recognize it and to read it the same way."""
 
     name: str
     format: str
@@ -351,7 +351,7 @@ Intervals: TypeAlias = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Status:
-    """What the autopilot itself says of its vehicle and of its flight, by its parameters, modes and flags.
+    """Status of vehicle and flight as reported by the autopilot: parameters, modes and flags.
 
     Parameters
     ----------
@@ -387,7 +387,7 @@ class Status:
 
     @property
     def foreign(self) -> bool:
-        """Whether the log says that the vehicle is something else than a multirotor."""
+        """Whether the log comes from another vehicle than a multirotor."""
         return self.vehicle not in ("", "multirotor")
 
 
@@ -454,7 +454,7 @@ class FlightRecord(Immutable):
                 yield topic, row
 
     def rate_hz(self, name: str) -> float:
-        """Sample rate of the fastest copy of a channel; zero where the log holds none."""
+        """Sample rate of the fastest copy of a channel; zero if the log has none."""
         return max((topic.sample_rate_hz for topic, _ in self.holding(name)), default=0.0)
 
     @property
@@ -572,9 +572,9 @@ class TimeHistory(Immutable):
     def __post_init__(self) -> None:
         values = read_only(self.values, np.float64, ndim=2)
         if values.shape[0] != len(self.channels):
-            raise ValueError(f"{len(self.channels)} channels were announced and {values.shape[0]} rows came")
+            raise ValueError(f"{len(self.channels)} channels are named but there are {values.shape[0]} rows")
         if not self.sample_rate_hz > 0.0:
-            raise ValueError(f"the sample rate must be positive; {self.sample_rate_hz} Hz came")
+            raise ValueError(f"the sample rate must be positive, not {self.sample_rate_hz} Hz")
         self._set(values=values, channels=tuple(self.channels), processing=tuple(self.processing))
 
     @property
@@ -699,7 +699,7 @@ class MotorRecord(Immutable):
             if size != samples:
                 raise UsageError(f"{self.name} has {size} samples of {name} and {samples} of motor outputs")
         if not all(np.isfinite(values).all() for values in (outputs, rates, az, w, strength)):
-            raise UsageError(f"{self.name} holds samples that are no numbers", needed="records without gaps")
+            raise UsageError(f"{self.name} contains samples that are not finite", needed="records without gaps")
         gyro, accel = (read_only(taps, np.float64, ndim=1) for taps in (self.gyro_taps, self.accel_taps))
         self._set(outputs=outputs, rates=rates, az=az, w=w, strength=strength, gyro_taps=gyro, accel_taps=accel)
 

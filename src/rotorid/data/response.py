@@ -155,38 +155,36 @@ class FrequencyResponse(Immutable):
         }
         for name, array in arrays.items():
             if array.shape != shape:
-                raise ValueError(f"{name}: shape {shape} was needed and {array.shape} came")
+                raise ValueError(f"{name} must have shape {shape}, not {array.shape}")
         covariance = read_only(self.covariance, np.complex128, ndim=4)
         if covariance.shape != (*shape, omega.size):
-            raise ValueError(f"covariance: shape {(*shape, omega.size)} was needed and {covariance.shape} came")
+            raise ValueError(f"covariance must have shape {(*shape, omega.size)}, not {covariance.shape}")
         y, u, f = shape
         correlations = {"output_correlation": (u, y, y, f), "input_correlation": (u, u, f, f)}
         for name, needed in correlations.items():
             values = getattr(self, name)
             if values is not None:
                 if np.shape(values) != needed:
-                    raise ValueError(f"{name}: shape {needed} was needed and {np.shape(values)} came")
+                    raise ValueError(f"{name} must have shape {needed}, not {np.shape(values)}")
                 self._set(**{name: read_only(values, np.complex128, ndim=4)})
         if self.sensor_errors is not None:
             if np.shape(self.sensor_errors) != (y, 2):
-                raise ValueError(f"sensor_errors: shape {(y, 2)} was needed and {np.shape(self.sensor_errors)} came")
+                raise ValueError(f"sensor_errors must have shape {(y, 2)}, not {np.shape(self.sensor_errors)}")
             self._set(sensor_errors=read_only(self.sensor_errors, np.float64, ndim=2))
         for name in ("slope_changes", "lean_errors"):
             values = getattr(self, name)
             if values is not None:
                 if np.shape(values) != (u, f):
-                    raise ValueError(f"{name}: shape {(u, f)} was needed and {np.shape(values)} came")
+                    raise ValueError(f"{name} must have shape {(u, f)}, not {np.shape(values)}")
                 self._set(**{name: read_only(values, np.float64, ndim=2)})
         if self.unchecked_errors is not None:
             if np.shape(self.unchecked_errors) != (2, u, f):
-                raise ValueError(
-                    f"unchecked_errors: shape {(2, u, f)} was needed and {np.shape(self.unchecked_errors)} came"
-                )
+                raise ValueError(f"unchecked_errors must have shape {(2, u, f)}, not {np.shape(self.unchecked_errors)}")
             self._set(unchecked_errors=read_only(self.unchecked_errors, np.float64, ndim=3))
         if self.sensor_shapes is not None:
             if np.shape(self.sensor_shapes)[1:] != (y, u, f):
                 raise ValueError(
-                    f"sensor_shapes: shape (k, {y}, {u}, {f}) was needed and {np.shape(self.sensor_shapes)} came"
+                    f"sensor_shapes must have shape (k, {y}, {u}, {f}), not {np.shape(self.sensor_shapes)}"
                 )
             self._set(sensor_shapes=read_only(self.sensor_shapes, np.complex128, ndim=4))
         self._set(
@@ -261,7 +259,7 @@ class FrequencyResponse(Immutable):
                 known = np.isfinite(self.values[y, u])
                 coherence, error = self.coherence[y, u, known], self.random_error[y, u, known]
                 coherence_words = (
-                    f"coherence {coherence.min():.3f} to {coherence.max():.3f}" if known.any() else "not known"
+                    f"coherence {coherence.min():.3f} to {coherence.max():.3f}" if known.any() else "unknown"
                 )
                 usual = f"error {100.0 * float(np.median(error)):.1f} % (median)" if known.any() else ""
                 rows.append((f"{output}/{input}", coherence_words, usual))

@@ -1,4 +1,4 @@
-"""From where on data are trusted: limits that an identification and the prediction of one share.
+"""Limits above which data are trusted, shared by an identification and its prediction.
 
 A design says what an identification of its flight will use, drop and refuse. So both read the limits here.
 """
@@ -18,7 +18,7 @@ DIRECT_COHERENCE = 0.6
 
 JOINT_COHERENCE = 0.2
 """Least coherence of a point of a joint estimate, between instrument and output: feedback and other inputs lower that
-without harm, and the random error tells what a point is worth, down to about this value."""
+without harm, and the random error shows how good a point is, down to about this value."""
 
 LARGEST_RANDOM_ERROR = 0.3
 """Largest relative random error of a point."""
@@ -27,7 +27,7 @@ SMALL_ERROR = f"an error below {100.0 * LARGEST_RANDOM_ERROR:g} %"
 """The same in words."""
 
 LEAST_WIDTH = 2.0
-"""Highest over lowest frequency of what a fit needs: below an octave, gain, damping and delay cannot be told apart."""
+"""Highest over lowest frequency of what a fit needs: below an octave, gain, damping and delay cannot be separated."""
 
 CRAMER_RAO_GUIDELINE_PERCENT = 20.0
 """Cramér–Rao bound of CIFER up to which a parameter is usual; above it, it trades against others."""
@@ -36,14 +36,14 @@ INSENSITIVITY_GUIDELINE_PERCENT = 10.0
 """Insensitivity of CIFER up to which a parameter is usual; above it, the data barely constrain it."""
 
 BOUNDS_MEANING = (
-    "± is the error, one standard deviation. CR and I are no errors: they compare parameters by how sharply CIFER's "
-    f"cost rises, CR with all others free (usual up to {CRAMER_RAO_GUIDELINE_PERCENT:g} %), I with all others fixed "
-    f"(up to {INSENSITIVITY_GUIDELINE_PERCENT:g} %)."
+    "± is the error, one standard deviation. CR and I are not errors but CIFER's scales of how sharply the cost rises: "
+    f"Cramér–Rao with all other parameters free (usual up to {CRAMER_RAO_GUIDELINE_PERCENT:g} %), insensitivity with "
+    f"all others fixed (usual up to {INSENSITIVITY_GUIDELINE_PERCENT:g} %)."
 )
-"""What the three numbers of a parameter mean, and which limit is for which of them."""
+"""Explanation of the three numbers of a parameter and of the limits of two of them."""
 
 FITTED_SHARE = 0.7
-"""Share of the octaves that were asked for, below which it is said that so little of them could be fitted."""
+"""Share of the requested octaves below which a finding says how little of them could be fitted."""
 
 ROBUSTNESS = 1.7
 """Largest sensitivity peak of a loop that is asked of gains, unless another one is."""

@@ -26,7 +26,7 @@ Source: TypeAlias = Literal["responses", "outputs"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bootstrap(Immutable):
-    """Spread of refits to noise that was drawn anew.
+    """Spread of refits to simulated noise.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Bootstrap(Immutable):
 
 
 def _correlation(table: SpreadTable) -> tuple[tuple[float, ...], ...]:
-    """Correlation of the runs; zero beside what did not scatter."""
+    """Correlation of the runs; zero for parameters that did not scatter."""
     scale = np.where(table.std > 0.0, table.std, np.inf)
     matrix = table.covariance / np.outer(scale, scale)
     np.fill_diagonal(matrix, 1.0)
@@ -76,7 +76,7 @@ def _correlation(table: SpreadTable) -> tuple[tuple[float, ...], ...]:
 
 
 class Draws(Protocol):
-    """How often noise is drawn anew."""
+    """Number of simulated data sets."""
 
     @property
     def bootstrap(self) -> int | None:
@@ -92,7 +92,7 @@ class Draws(Protocol):
 def bootstrap(
     problem: Problem, solution: Solution, bounds: Bounds, settings: Draws, *, weights: Weights = "cifer"
 ) -> Bootstrap | None:
-    """Refit noise drawn anew as often as the settings ask; nothing where they ask for none.
+    """Refit simulated noise as often as the settings ask.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def bootstrap(
     Raises
     ------
     InsufficientDataError
-        Parameters cannot be told apart, or fewer than two runs came to rest.
+        Parameters cannot be separated, or fewer than two runs came to rest.
     """
     if settings.bootstrap is None:
         return None
@@ -134,8 +134,8 @@ def require_bootstrap(settings: IdentifySettings, method: str) -> None:
     """
     if settings.bootstrap is not None and method in ("prediction_error", "equation_error"):
         raise UsageError(
-            f"--bootstrap came with {method.replace('_', ' ')}, which has none",
-            needed="--method frequency or --method output_error",
+            f"--bootstrap does not work with {method.replace('_', ' ')}",
+            remedy="use --method frequency or --method output_error",
         )
 
 

@@ -72,9 +72,9 @@ def _name(measured: Measured) -> str:
 
 
 def _logged_too_slowly(measured: Measured, high: float, needed: float) -> InsufficientDataError:
-    message = f"Logged at this rate {_name(measured)} can be measured up to {high:.3g} rad/s."
+    message = f"At the logged rate {_name(measured)} can be measured only up to {high:.3g} rad/s."
     return InsufficientDataError(
-        f"{_name(measured)} can be measured up to {high:.3g} rad/s at the rate of this log",
+        f"at the logged rate {_name(measured)} can be measured only up to {high:.3g} rad/s",
         needed=f"at least {needed:g} rad/s, above the speed modes of the airframe",
         remedy="log rates and commands faster",
         findings=[refusal("rate_too_low", _name(measured), message)],
@@ -84,14 +84,14 @@ def _logged_too_slowly(measured: Measured, high: float, needed: float) -> Insuff
 def _not_excited(measured: Measured, needed: float) -> InsufficientDataError:
     name, top = _name(measured), measured.excited_to_rad_s
     return InsufficientDataError(
-        f"{nothing_above(top)} came for {name}",
-        needed=f"excitation that goes on to {needed:.3g} rad/s and more",
-        remedy="fly a sweep that goes faster",
+        f"{nothing_above(top)} in {name}",
+        needed=f"excitation up to {needed:.3g} rad/s and more",
+        remedy="fly a faster sweep",
         findings=[
             refusal(
                 "no_excitation",
                 name,
-                f"There is {nothing_above(top)} in {name}; what is coherent above is feedback and noise.",
+                f"There is {nothing_above(top)} in {name}; anything coherent above is feedback and noise.",
                 highest_rad_s=top,
                 needed_rad_s=needed,
             )
@@ -105,16 +105,16 @@ def _not_coherent(measured: Measured, least_coherence: float) -> InsufficientDat
     inside = (data.omega_rad_s >= low) & (data.omega_rad_s <= high)
     best = float(data.coherence[:, :, inside].max(initial=0.0))
     error = float(data.random_error[:, :, inside].min(initial=np.inf))
-    reason = f"reaches a coherence of {best:.3f} and an error of {100.0 * error:.0f} % at best"
+    reason = f"reaches at best a coherence of {best:.3f} and an error of {100.0 * error:.0f} %"
     return InsufficientDataError(
-        f"{name} {reason} inside {low:.3g} to {high:.3g} rad/s",
+        f"{name} {reason} between {low:.3g} and {high:.3g} rad/s",
         needed=f"points with a coherence of {least_coherence:g} and {SMALL_ERROR}",
         remedy="excite the axis harder or longer, fly in calmer air, or lower --coherence",
         findings=[
             refusal(
                 "low_coherence",
                 name,
-                f"No point of {name} can be used: it {reason}.",
+                f"No point of {name} is usable: it {reason}.",
                 best_coherence=best,
                 limit=least_coherence,
                 least_error=min(error, 1e9),
@@ -126,15 +126,15 @@ def _not_coherent(measured: Measured, least_coherence: float) -> InsufficientDat
 def _too_narrow(measured: Measured, low: float, high: float, needed: float) -> InsufficientDataError:
     name = _name(measured)
     return InsufficientDataError(
-        f"{name} can be used from {low:.3g} to {high:.3g} rad/s only",
-        needed=f"at least an octave, and data up to {needed:.3g} rad/s and more",
+        f"{name} is usable only from {low:.3g} to {high:.3g} rad/s",
+        needed=f"at least an octave, up to {needed:.3g} rad/s or more",
         remedy="excite a wider band, or widen --band",
         findings=[
             refusal(
                 "low_coherence",
                 name,
-                f"{name} is usable from {low:.3g} to {high:.3g} rad/s only; gain, damping and delay cannot be told "
-                "apart in that.",
+                f"{name} is usable only from {low:.3g} to {high:.3g} rad/s, which is too narrow to separate "
+                "gain, damping and delay.",
                 low_rad_s=low,
                 high_rad_s=high,
             )
@@ -174,20 +174,20 @@ def require_known_gain(
     ]
     if disagreeing:
         raise InsufficientDataError(
-            f"what was flown disagrees so far that not even the sign of {gain} is certain: {found}",
-            needed="logs and maneuvers of one vehicle, flown alike",
+            f"the logs or maneuvers disagree so much that even the sign of {gain} is uncertain: {found}",
+            needed="logs and maneuvers of the same vehicle, flown alike",
             remedy="identify each log by itself",
             findings=disagreeing,
         )
     raise InsufficientDataError(
-        f"the data do not show {gain}: {found}",
-        needed="a gain that differs from zero by two standard deviations",
-        remedy="give longer segments or a wider band, or excite the axis harder",
+        f"the sign of {gain} is uncertain: {found}",
+        needed="a gain at least two standard deviations from zero",
+        remedy="use longer segments or a wider band, or excite the axis harder",
         findings=[
             refusal(
                 "not_identifiable",
                 gain,
-                f"Not even the sign of {gain} is certain: the fit gives {found}.",
+                f"Even the sign of {gain} is uncertain: the fit gives {found}.",
                 value=value,
                 std=std,
             )

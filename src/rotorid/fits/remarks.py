@@ -1,4 +1,4 @@
-"""What a careful engineer would remark on a fit: on its parameters, its costs, its structure and its band."""
+"""Findings on a fit: its parameters, costs, structure and band."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from rotorid.uncertainty.identifiability import Combination
 _INPUT_DELAYS = tuple(f"tau_{axis}" for axis in AXES)
 
 _KNOWN = 0.25
-"""Lag and delay count as told apart where each is known to a quarter of itself, and ..."""
+"""Lag and delay count as separated where each is known to a quarter of itself, and ..."""
 
 _LARGEST_CORRELATION = 0.95
 """... their estimates are correlated by no more than this."""
@@ -44,7 +44,7 @@ NO_BOUND = 1e9
 
 
 def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:
-    """Parameters above CIFER's guidelines, and lag and delay that the data hardly tell apart."""
+    """Parameters above CIFER's guidelines, and lag and delay that the data barely separate."""
     findings = []
     for name, cramer_rao, insensitivity in zip(bounds.names, bounds.cramer_rao, bounds.insensitivity, strict=True):
         value = abs(parameters[name].value)
@@ -58,8 +58,8 @@ def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding,
                 warn(
                     "insensitive_parameter",
                     name,
-                    f"The data barely constrain {name}: its insensitivity, which is no error, is {shown[1]} "
-                    f"(usual up to {INSENSITIVITY_GUIDELINE_PERCENT:g} %){error}.",
+                    f"The data barely constrain {name}{error}: its insensitivity is {shown[1]}, usual up to "
+                    f"{INSENSITIVITY_GUIDELINE_PERCENT:g} %.",
                     insensitivity_percent=percents[1],
                 )
             )
@@ -68,8 +68,8 @@ def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding,
                 warn(
                     "uncertain_parameter",
                     name,
-                    f"{name} trades against other parameters: its Cramér–Rao bound, which is no error, is "
-                    f"{shown[0]} (usual up to {CRAMER_RAO_GUIDELINE_PERCENT:g} %){error}.",
+                    f"{name}{error} trades off against other parameters: its Cramér–Rao bound is {shown[0]}, usual "
+                    f"up to {CRAMER_RAO_GUIDELINE_PERCENT:g} %.",
                     cramer_rao_percent=percents[0],
                 )
             )
@@ -79,11 +79,11 @@ def judge_parameters(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding,
 def _error_words(bounds: Bounds, name: str, value: float) -> str:
     """The error of a parameter, so that nobody takes another percent for it."""
     error = 100.0 * bounds.stds[name] / value
-    return f"; its error is ± {percent(error)} %" if math.isfinite(error) else ""
+    return f" (error ± {percent(error)} %)" if math.isfinite(error) else ""
 
 
 def _lag_and_delay(parameters: ParameterSet, bounds: Bounds) -> tuple[Finding, ...]:
-    """Whether the data tell motor lag and delay apart, and their sum, which they know better than either."""
+    """Findings on whether the data separate motor lag and delay, with their sum."""
     delays = [name for name in bounds.names if name in _INPUT_DELAYS]
     if MOTOR_LAG not in bounds.names or not delays:
         return ()
@@ -104,12 +104,12 @@ def _one_lag_and_delay(parameters: ParameterSet, bounds: Bounds, delay: str) -> 
     each = f"{milliseconds(values[0], lag_std)} ms and {milliseconds(values[1], delay_std)} ms"
     total = f"{milliseconds(together, std)} ms"
     message = (
-        f"Motor lag and delay are told apart, as {each} with a correlation of {correlation:.2f}; together they are "
-        f"{total}, which is known better than either."
+        f"Motor lag and delay are {each} with a correlation of {correlation:.2f}; their sum, {total}, is more "
+        "certain than either."
         if separable
-        else f"Motor lag and delay are hardly told apart: {each} with a correlation of {correlation:.2f}. Trust their "
-        f"sum of {total}. A wider band would separate them, or the lag from a bench or from measured motor speeds "
-        f"(--fix {MOTOR_LAG}=VALUE)."
+        else f"Motor lag and delay can barely be separated: {each} with a correlation of {correlation:.2f}. Trust "
+        f"their sum of {total}. A wider band would separate them, or a lag from a bench or from measured motor "
+        f"speeds (--fix {MOTOR_LAG}=VALUE)."
     )
     return (remark if separable else warn)(
         "lag_plus_delay" if separable else "not_identifiable",
@@ -122,7 +122,7 @@ def _one_lag_and_delay(parameters: ParameterSet, bounds: Bounds, delay: str) -> 
 
 
 def judge_combinations(combinations: Sequence[Combination]) -> tuple[Finding, ...]:
-    """A warning for each group of parameters that the data do not tell apart at all."""
+    """A warning for each group of parameters that the data do not separate at all."""
     return tuple(
         warn(
             "not_identifiable",
@@ -146,10 +146,10 @@ def judge_fit(problem: FrequencyProblem, solution: Solution, mean_cost: float) -
                 problem.structure.name,
                 f"The average cost is {mean_cost:.0f}: "
                 + (
-                    f"acceptable, but above the {EXCELLENT_COST:g} of a model hardly to be told from the flight."
+                    f"acceptable; below {EXCELLENT_COST:g} the model is practically indistinguishable from the flight."
                     if acceptable
-                    else f"above the {ACCEPTABLE_COST:g} of an acceptable model. Narrow the band, or take a "
-                    "structure with the missing dynamics."
+                    else f"above the acceptable {ACCEPTABLE_COST:g}. Narrow the band, or use a model with the missing "
+                    "dynamics."
                 ),
                 average_cost=mean_cost,
             )
@@ -160,7 +160,7 @@ def judge_fit(problem: FrequencyProblem, solution: Solution, mean_cost: float) -
                 warn(
                     "parameter_at_bound",
                     name,
-                    f"{name} ended on a bound of the search; its value says no more than that.",
+                    f"{name} ended at a bound of the search, so its value is only a limit.",
                 )
             )
     if solution.outcome is not Outcome.CONVERGED:
@@ -175,7 +175,7 @@ _MANY_TIMES = 6.0
 """Times the median cost, and ..."""
 
 _COSTLY = 30.0
-"""... cost, above both of which a single response is named."""
+"""... cost, above both of which a response is named separately."""
 
 
 def judge_structure(problem: FrequencyProblem, costs: FloatArray, limits: Bounds) -> tuple[Finding, ...]:
@@ -194,9 +194,8 @@ def judge_structure(problem: FrequencyProblem, costs: FloatArray, limits: Bounds
                 warn(
                     "structure_error",
                     name,
-                    f"The structure does not hold in {name}: over frequency it misses the response by "
-                    f"{100.0 * sizes[name]:.0f} %. The values follow the data and have no physical meaning; their "
-                    "intervals are a lower limit.",
+                    f"The model misses {name} by {100.0 * sizes[name]:.0f} % over frequency. Its parameters "
+                    "follow the data but have no physical meaning; the true errors are probably larger.",
                     model_error_percent=100.0 * sizes[name],
                 )
             )
@@ -207,8 +206,8 @@ def judge_structure(problem: FrequencyProblem, costs: FloatArray, limits: Bounds
             warn(
                 "structure_error",
                 str(names[y, u]),
-                f"The cost of {names[y, u]} is {costs[y, u]:.0f}, and that of half of the responses {typical:.0f} or "
-                "less: the structure does not hold there, and what it knows from this response may be far off.",
+                f"The model misses {names[y, u]} (cost {costs[y, u]:.0f}, half of the responses {typical:.0f} or "
+                "less), so what it derives from this response may be far off.",
                 cost=float(costs[y, u]),
                 median_cost=typical,
             )
@@ -220,7 +219,7 @@ def _what_ends(measured: Measured, top: float) -> str:
     """Why the fitted band ends where it does."""
     if measured.excited_to_rad_s < measured.asked_rad_s[1] and top > 0.9 * measured.trusted_rad_s[1]:
         return f"the sweeps end at {measured.excited_to_rad_s:.3g} rad/s"
-    return f"the rest is not coherent enough, or its error is above {100.0 * LARGEST_RANDOM_ERROR:g} %"
+    return f"above, the coherence is too low or the error larger than {100.0 * LARGEST_RANDOM_ERROR:g} %"
 
 
 def judge_band(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
@@ -238,8 +237,8 @@ def judge_band(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
                 warn(
                     "low_coherence",
                     f"{data.outputs[y]}/{data.inputs[u]}",
-                    f"Of the band {low:.2g} to {high:.3g} rad/s of {data.outputs[y]}/{data.inputs[u]} only "
-                    f"{omega[0]:.2g} to {omega[-1]:.3g} rad/s could be fitted; "
+                    f"Only {omega[0]:.2g} to {omega[-1]:.3g} rad/s of the band {low:.2g} to {high:.3g} rad/s of "
+                    f"{data.outputs[y]}/{data.inputs[u]} could be fitted; "
                     f"{_what_ends(measured, float(omega[-1]))}.",
                     low_rad_s=float(omega[0]),
                     high_rad_s=float(omega[-1]),

@@ -1,4 +1,4 @@
-r"""Logs of one vehicle against each other: whether each alone says the same, and what their scatter adds to intervals.
+r"""Consistency of logs of one vehicle, and the scatter between them that intervals have to cover.
 
 A fit of several logs together weighs them by their errors, and its interval shrinks as if they agreed. Whether they do
 is seen where each is fitted alone. With values :math:`v_i` and stated deviations :math:`s_i`,
@@ -14,7 +14,7 @@ log would scatter as these do: by the variance between logs
 which the interval of what they say together then holds (DerSimonian and Laird, *Meta-analysis in clinical trials*,
 Controlled Clinical Trials 7(3), 1986). Any method can ask: it fits each log, and gives values and deviations.
 
-Maneuvers of one log in which inputs and outputs swing differently far tell more; where only one of both does, the
+Maneuvers of one log in which inputs and outputs swing differently far show more; where only one of both does, the
 vehicle was another one. What the structure leaves out is nearly the same in all of them and cancels, so that they may
 differ by their random errors and by the 0.5 % that no instrument is better than. Drag that grows with the square of
 speed differs by more: to a sine it is a slope in proportion to the swing :math:`A_i` of the outputs, and leaves no
@@ -38,15 +38,15 @@ from rotorid.uncertainty.differences import homogeneity
 from rotorid.uncertainty.model_error import SMALLEST_MODEL_ERROR
 
 _CHANCE = 0.01
-"""Of a vehicle that is the same in all logs, to be told otherwise about one parameter."""
+"""Probability of a false alarm about one parameter, for a vehicle that is the same in all logs."""
 
 _LEAST_RATIO = 1.3
-"""Of swings, below which a difference between them tells nothing."""
+"""Of swings, below which a difference between them is meaningless."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogEstimate(Immutable):
-    """What one log says by itself.
+    """The estimate of one log.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class LogEstimate(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class Disagreement(Immutable):
-    """A parameter of which logs say different things.
+    """A parameter about which logs disagree.
 
     Parameters
     ----------
@@ -99,14 +99,15 @@ class Disagreement(Immutable):
         self._set(estimates=self.estimates)
 
     def finding(self, unit: str) -> Finding:
-        """What a careful engineer would remark."""
+        """The finding on it."""
         words = ", ".join(f"{with_error(value, std)} in {name}" for name, (value, std) in self.estimates.items())
         return warn(
             "logs_disagree",
             self.parameter,
-            f"Each log alone says another {self.parameter}{f' in {unit}' if unit not in ('', '1') else ''}: {words}. "
-            "They differ by more than their errors: battery, load or air were others, or the model lacks what moved "
-            "the vehicle in one of them. The interval holds their scatter; identify them apart to see which.",
+            f"The logs disagree about {self.parameter}{f' in {unit}' if unit not in ('', '1') else ''}: {words}. "
+            "They differ by more than their errors: battery, load or air changed, or the model lacks something "
+            "that moved the vehicle in one of them. The interval covers them all; identify each log separately "
+            "to see which differs.",
             scatter=self.scatter,
             chance=self.chance,
         )
@@ -173,17 +174,17 @@ class AmplitudeDependence(Immutable):
         self._set(estimates=self.estimates)
 
     def finding(self, unit: str) -> Finding:
-        """What a careful engineer would remark."""
+        """The finding on it."""
         words = ", ".join(
-            f"{with_error(value, std)} in {name}" + (f" ({swing:.2g} times the swing)" if swing > 1.0 else "")
+            f"{with_error(value, std)} in {name}" + (f" ({swing:.2g} times the amplitude)" if swing > 1.0 else "")
             for name, (value, std, swing) in self.estimates.items()
         )
         return warn(
             "amplitude_dependent",
             self.parameter,
-            f"{self.parameter} depends on how far the vehicle swings{f', in {unit}' if unit not in ('', '1') else ''}: "
-            f"{words}. Drag that grows faster than speed does that, and a battery that sinks looks like it. "
-            f"Extrapolated to small motions it is {self.at_rest:.4g}, and the interval reaches that far.",
+            f"{self.parameter} depends on the amplitude{f', in {unit}' if unit not in ('', '1') else ''}: "
+            f"{words}. Drag that grows faster than speed does this, and so does a falling battery voltage. "
+            f"Extrapolated to small motions it is {self.at_rest:.4g}, which the interval covers.",
             at_rest=self.at_rest,
             distance_std=self.sigmas,
         )

@@ -39,7 +39,7 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 
 
 NEARLY_AS_GOOD = 0.10
-"""Of the cost: a misfit that is 5 % larger, which no look at the fit would tell."""
+"""Of the cost: a misfit that is 5 % larger, which no look at the fit would show."""
 
 _FAR_SIGMAS = 3.0
 _FAR = 0.10
@@ -81,7 +81,7 @@ class Searched(Immutable):
 
     @property
     def objective(self) -> Objective:
-        """What was minimized, as results name it."""
+        """The minimized cost, as results name it."""
         known: dict[str, Objective] = {"frequency": "frequency", "accelerations": "accelerations"}
         return known.get(self.cost, "output_error")
 
@@ -164,7 +164,7 @@ def searched(problem: Problem, settings: IdentifySettings) -> Searched | None:
 
 @dataclass(frozen=True)
 class _OfParameters:
-    """A repeated search without what a problem has beside the parameters, such as initial states."""
+    """A repeated search without the unknowns other than parameters, such as initial states."""
 
     repeated: Callable[[int], SearchResult]
     count: int
@@ -187,13 +187,15 @@ def wanted_search(settings: IdentifySettings) -> str | None:
     return None if settings.starts == "default" else settings.starts
 
 
-def refuse_search(settings: IdentifySettings, what: str, needed: str) -> None:
+def refuse_search(settings: IdentifySettings, what: str, remedy: str) -> None:
     """Refuse a search where there is nothing to search.
 
     Parameters
     ----------
     what
-        Where it came, for the message.
+        What takes no search, for the message.
+    remedy
+        What to do instead.
 
     Raises
     ------
@@ -202,7 +204,7 @@ def refuse_search(settings: IdentifySettings, what: str, needed: str) -> None:
     """
     if wanted_search(settings) is not None:
         option = "--search" if settings.search is not None else "--starts"
-        raise UsageError(f"{option} came with {what}", needed=needed)
+        raise UsageError(f"{option} does not work with {what}", remedy=remedy)
 
 
 def search_summary(found: Searched | None) -> SearchSummary | None:
@@ -337,15 +339,14 @@ def _other_minimum(found: Searched, lowest: Basin, basin: Basin, moved: dict[str
         f"; {more} more {'is' if more == 1 else 'are'} at most {100.0 * NEARLY_AS_GOOD:.0f} % higher" if more else ""
     )
     ending = (
-        "The data cannot tell the two apart, as when two poles change places; the one closest to the values of the "
-        "model was taken."
+        "The data cannot separate the two, as when two poles swap; the one closest to the initial values was used."
         if same
-        else "Which is true only other data can tell: fix what is known, widen the band, or verify both on an unseen "
-        "flight."
+        else "Only other data can show which is true: fix known parameters, widen the band, or verify both on an "
+        "unseen flight."
     )
     return warn(
         "other_minimum",
         next(iter(moved)),
-        f"The search by {found.name} found another minimum with {how_good}, at {named}{others}. {ending}",
+        f"The search by {found.name} found a second minimum with {how_good}, at {named}{others}. {ending}",
         **{"cost": basin.cost, "lowest_cost": lowest.cost, "share": basin.share, "more": more, **moved},
     )

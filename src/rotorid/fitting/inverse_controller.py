@@ -23,12 +23,15 @@ BAND_RATIO = 5.0
 """Highest over lowest frequency of a sub-band: one flight may show the vehicle below and the controller above."""
 
 LEAST_KNOWN_RATIO, LEAST_FITTED_RATIO = 2.0, 4.0
-r"""Narrower bands give no verdict. A vehicle that crosses :math:`-1/C` departs from it by 20 dB per decade at least;
-over a ratio :math:`\rho` that is an rms error of :math:`20 \log_{10}(\rho) / \sqrt{12}` dB, a cost of 60 at 2. Gains
-that are free to fit follow a part of it."""
+r"""Narrower bands give no verdict. A vehicle that crosses :math:`-1/C` departs from it by at least 20 dB per decade;
+over a ratio :math:`\rho` that is an rms error of :math:`20 \log_{10}(\rho) / \sqrt{12}` dB, a cost of 60 at 2. Free
+gains follow a part of it.
+"""
 
 _NO_VEHICLE_COST, _AS_NEAR = 100.0, 3.0
-"""What no vehicle explains better than this, and the inverse of the controller not much worse, is a mixture of both."""
+"""Cost above which no vehicle explains a response; if the inverse controller is not much worse, it is a mixture of
+both.
+"""
 
 _STEP_RATIO = 1.5
 _LEAST_POINTS = 6
@@ -49,7 +52,7 @@ _SOLVER = LevenbergMarquardt(iterations=60, tolerance=1e-6)
 
 
 class Controls(Protocol):
-    """A controller, with all that stands between the logged rate and the logged command."""
+    """A controller, with everything between the logged rate and the logged command."""
 
     def response(self, omega_rad_s: FloatArray, /) -> ComplexArray:
         """Command by the logged rate, shape ``(f,)``."""
@@ -85,7 +88,7 @@ class SubBand:
 
     @property
     def inverse(self) -> bool:
-        """Whether this is the inverse of the controller, hardly to be told from it on CIFER's scale, or a mixture."""
+        """Whether this is the inverse of the controller, by CIFER's guideline of cost, or a mixture."""
         return self.cost < EXCELLENT_COST or self.mixed
 
     @property
@@ -164,8 +167,8 @@ def inverse_controller(
         Whether gains that nobody logged are tried too. They explain an unstable airframe near its modes as well, so a
         response that there is reason to trust should not be tested with them.
     vehicle_from_rad_s
-        Frequency above which the response, if it is a vehicle's, has that form, so that mixtures can be told. What is
-        trusted should not be tested.
+        Frequency above which the response, if it is a vehicle's, has that form, so that mixtures can be recognized.
+        What is trusted should not be tested.
 
     Returns
     -------

@@ -28,7 +28,7 @@ class Outcome(Enum):
 
 
 class Minimum(NamedTuple):
-    """A place where a local search came to rest.
+    """End point of a local search.
 
     Parameters
     ----------
@@ -248,8 +248,8 @@ def best_of(found: Sequence[Solution], *, name: str) -> Solution:
     if not finite:
         raise InsufficientDataError(
             f"{name} has no response at any start",
-            needed="parameters with which it has one at every point of the data",
-            remedy="give other start values",
+            needed="parameters with a finite response at every point of the data",
+            remedy="use other start values",
         )
     lowest = min(solution.cost for solution in finite)
     best = next(solution for solution in finite if same_cost(solution.cost, lowest))
@@ -263,7 +263,7 @@ def same_cost(one: float, other: float) -> bool:
 
 
 def same_place(solution: Solution, other: Solution) -> bool:
-    """Whether two searches ended in one place, as far as the residuals can tell."""
+    """Whether two searches ended in one place, judged by the residuals."""
     with np.errstate(over="ignore", invalid="ignore"):  # places too far apart to measure are not the same
         moved = float(np.sum((solution.jacobian @ (solution.theta - other.theta)) ** 2))
     return same_cost(solution.cost, other.cost) and moved <= _SAME_PLACE**2 * (1.0 + solution.cost)

@@ -1,4 +1,4 @@
-"""One verb fits any problem: each kind has a method of its own, and this says which."""
+"""One verb fits any problem; this chooses the method of each kind."""
 
 from __future__ import annotations
 
@@ -78,13 +78,16 @@ def _prediction_error(problem: Any, starts: Sequence[FloatArray], solver: Levenb
 
 def _nonlinear(problem: NonlinearProblem, starts: Sequence[FloatArray], solver: LevenbergMarquardt | None) -> Fit:
     if len(starts) > 1:
-        raise UsageError(f"{len(starts)} starts came for a nonlinear model", needed="one", remedy="search before")
+        raise UsageError(f"{len(starts)} start values for a nonlinear model", needed="one", remedy="search first")
     return fit_nonlinear(problem, solver=solver, start=starts[0] if starts else None)
 
 
 def _motors(problem: MotorProblem, starts: Sequence[FloatArray], solver: LevenbergMarquardt | None) -> Fit:
     if starts:
-        raise UsageError(f"{len(starts)} starts came for motors", needed="none: they begin at their excitation")
+        raise UsageError(
+            f"{len(starts)} start values for the motor model",
+            remedy="leave them out; the fit starts from the excitation",
+        )
     return fit_motors(problem) if solver is None else fit_motors(problem, solver=solver)
 
 

@@ -1,4 +1,4 @@
-r"""What is fitted to what: the one face that solvers, searches, bounds and bootstraps take.
+r"""Fitting problem: the one interface for solvers, searches, bounds and bootstraps.
 
 A problem is a value. It poses a sum of squares over the free parameters :math:`\theta` of a model,
 
@@ -6,7 +6,7 @@ A problem is a value. It poses a sum of squares over the free parameters :math:`
 
 and a new one needs little more than its residuals with their exact Jacobian: bounds, costs of many vectors, local
 searches and the box of a global search follow from these. What data know of their own errors differs. Measured
-responses state them (:meth:`Problem.stated_errors`); records in time do not, and what a fit has left of them must tell
+responses state them (:meth:`Problem.stated_errors`); records in time do not, and the residuals of a fit must show them
 (:meth:`Problem.parts`). By this, and by nothing else, bounds and bootstraps choose their way.
 """
 
@@ -59,7 +59,7 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResidualErrors(Immutable):
-    """What the errors of the data make of the residuals of a problem.
+    """Covariance of the residuals of a problem from the errors of the data.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class ResidualErrors(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ErrorShapes(Immutable):
-    """The shapes that errors beside the random ones may have in the residuals of a problem.
+    """Shapes of the systematic errors in the residuals of a problem.
 
     Parameters
     ----------
@@ -178,14 +178,14 @@ class StartBox(Immutable):
         lower, upper = (read_only(side, np.float64, ndim=1) for side in (self.lower, self.upper))
         if not lower.size == upper.size == len(self.scales):
             raise UsageError(
-                f"{lower.size} lower and {upper.size} upper bounds and {len(self.scales)} scales came",
+                f"{lower.size} lower and {upper.size} upper bounds for {len(self.scales)} scales",
                 needed="one of each for each parameter",
             )
         for low, high, scale in zip(lower.tolist(), upper.tolist(), self.scales, strict=True):
             if not -np.inf < low < high < np.inf:
-                raise UsageError(f"a side from {low:g} to {high:g} came", needed="finite bounds with lower < upper")
+                raise UsageError(f"bounds from {low:g} to {high:g}", needed="finite bounds with lower < upper")
             if scale == "logarithmic" and low * high <= 0.0:
-                raise UsageError(f"a logarithmic side from {low:g} to {high:g} came", needed="bounds of one sign")
+                raise UsageError(f"a logarithmic scale from {low:g} to {high:g}", needed="bounds of one sign")
         self._set(lower=lower, upper=upper, scales=tuple(self.scales))
 
     def at(self, share: FloatArray) -> FloatArray:
@@ -312,7 +312,7 @@ class Problem(Immutable, ABC):
     @property
     @abstractmethod
     def name(self) -> str:
-        """What is fitted, for messages."""
+        """Name of the fit for messages."""
 
     @abstractmethod
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -365,7 +365,7 @@ class Problem(Immutable, ABC):
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # most of a wide box may diverge
     def point_costs(self, thetas: FloatArray) -> FloatArray:
-        """What every point of the data adds to the cost, ``(b, p)`` to ``(b, n)``; infinite where there is no value.
+        """Cost of every point of the data, ``(b, p)`` to ``(b, n)``; infinite where the model has no value.
 
         A point is what is measured at once: magnitude and phase at one frequency, all outputs at one sample.
         """
@@ -387,7 +387,7 @@ class Problem(Immutable, ABC):
         return _SOLVER.minimize(self.residuals, start, *self.box)
 
     def polish_points(self, start: FloatArray, points: FloatArray) -> Solution:
-        """A few steps of it for a part of the data: weights of the points, zero or more, shape ``(n,)``."""
+        """Weights of the points for a few steps on a part of the data, zero or more, shape ``(n,)``."""
         root = self.point_weights(np.sqrt(points))
 
         def residuals(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -399,7 +399,7 @@ class Problem(Immutable, ABC):
     def stated_errors(
         self, theta: FloatArray, *, weights: Literal["cifer", "covariance"] = "cifer"
     ) -> ResidualErrors | None:
-        """What the data themselves state of the errors of the residuals; nothing by default, see :meth:`parts`.
+        """Errors of the residuals stated by the data themselves; none by default, see :meth:`parts`.
 
         Parameters
         ----------
@@ -417,7 +417,7 @@ class Problem(Immutable, ABC):
         return None
 
     def parts(self, theta: FloatArray) -> list[Part]:
-        """What a fit has left of each record, for errors that the data do not state.
+        """Residuals of each record, for errors that the data do not state.
 
         At the end of a fit this is what :func:`rotorid.uncertainty.colored.colored_covariance` takes.
         """
@@ -430,7 +430,7 @@ class Problem(Immutable, ABC):
         return np.ones(len(self.parameters.free), dtype=np.bool_)
 
     def noiseless(self, theta: FloatArray) -> Self:
-        """The same problem with data that are what the model at ``theta`` says they are.
+        """The same problem with the predictions of the model at ``theta`` as data.
 
         Raises
         ------
@@ -438,12 +438,12 @@ class Problem(Immutable, ABC):
             Nobody can say what these would be.
         """
         del theta
-        raise UsageError(f"data drawn anew were asked for of {self.name}", needed="a problem that knows how to draw it")
+        raise UsageError(f"{self.name} cannot simulate new data", needed="a problem that can")
 
     def disturbed(self, errors: Sequence[FloatArray]) -> Self:
         """The same problem with errors added to its data: one array ``(n, y)`` for each part, in its units."""
         del errors
-        raise UsageError(f"data drawn anew were asked for of {self.name}", needed="a problem that knows how to draw it")
+        raise UsageError(f"{self.name} cannot simulate new data", needed="a problem that can")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,4 +1,4 @@
-"""What a log shows: its flights, channels, maneuvers, controllers, and the responses measured on them."""
+"""Analysis of a log: its flights, channels, maneuvers and controllers, and the responses measured from them."""
 
 from rotorid._faces import lazy
 

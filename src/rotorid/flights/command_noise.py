@@ -10,13 +10,13 @@ from rotorid.data.record import FlightRecord
 from rotorid.typing import FloatArray
 
 LEAST_NOISE_HZ = 30.0
-"""Faster rates are noise, as far as they also lie beyond the band of the plant."""
+"""Rates above are noise, if they also lie above the band of the plant."""
 
 _WINDOWS = 4
 
 
 def command_densities(records: Sequence[FlightRecord], commands: Sequence[str]) -> Mapping[str, FloatArray]:
-    """Densities of the commands of rate loops, each of the first log that holds the command.
+    """Densities of the commands of rate loops, each from the first log that has the command.
 
     Parameters
     ----------

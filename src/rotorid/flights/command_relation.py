@@ -1,4 +1,4 @@
-r"""What went into a logged command and what became of it, by frequency: set-point, rate and signal in windows.
+r"""Set-point, rate and command by frequency, in windows: how a logged command was made.
 
 A controller makes its command of set-point and rate alone, :math:`U = C_r R - C_y Y`, whatever the vehicle is and
 whatever moves it. So a controller is checked on any flight: no excitation is needed, and gusts do no harm.
@@ -21,7 +21,8 @@ from rotorid.signal.clock import resample
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 
 _WINDOW_S = 4.0
-"""Long enough that the lowest frequency is the second line of a window: the first holds what the integral drifts."""
+"""Long enough that the lowest frequency is the second line of a window: the first contains the drift of the integral.
+"""
 
 _LONGEST_S = 300.0
 """Of a longer flight the middle is compared."""
@@ -39,7 +40,7 @@ LEAST_RATE_HZ = 20.0
 LEAST_WINDOWS, LEAST_FREQUENCIES = 4, 8
 
 _LEAST_RELATED = 0.5
-"""Share of the power of a signal at the frequencies that count: of less, nothing is said."""
+"""Least share of the power of a signal at the frequencies that count."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,13 +126,13 @@ def command_relation(
     further = [name for name in _accompanying(record, axis) if name in record.channel_names]
     for name in needed:
         if name not in record.channel_names:
-            raise InsufficientDataError(f"The log has no {name}", needed=f"{name} with command and rate")
+            raise InsufficientDataError(f"The log has no {name}", needed=f"{name}, with command and rate")
     start_s, stop_s = _flight(record)
     flown = resample(record, channels=(*needed, *further), start_s=start_s, stop_s=stop_s)
     rate_hz = flown.longest.sample_rate_hz
     if rate_hz < LEAST_RATE_HZ:
         raise InsufficientDataError(
-            f"Command, rate and set-point of {axis} are logged at {rate_hz:.0f} Hz, not {LEAST_RATE_HZ:.0f} Hz or more",
+            f"Command, rate and set-point of {axis} are logged at {rate_hz:.0f} Hz, below {LEAST_RATE_HZ:.0f} Hz",
             needed=f"{LEAST_RATE_HZ:.0f} Hz",
             remedy="Log commands and rates faster.",
         )

@@ -39,7 +39,7 @@ from rotorid.signal.skew import Relation, TimeSkew, time_skew
 from rotorid.typing import Axis, FloatArray
 
 SHORTEST_S = 20.0
-"""Ten windows of two seconds: below it a check says little, and the flight around an excitation says more."""
+"""Ten windows of two seconds: shorter checks are too uncertain, and the flight around an excitation is better."""
 
 LONGEST_S = 120.0
 """Of a longer maneuver the middle is looked at."""
@@ -52,7 +52,7 @@ _SENSORS: Mapping[Axis, tuple[str, str | None]] = {
     "yaw": ("r", None),
     "thrust": ("az", None),
 }
-"""What moves with an axis: first the output of its rate model."""
+"""Channels that move with an axis: first the output of its rate model."""
 
 _TWICE_LOGGED: Mapping[Axis, tuple[str, ...]] = {
     "roll": ("p", "phi", "ay", "roll_command"),
@@ -119,7 +119,7 @@ class ChannelSkew:
 
     @property
     def unexplained_s(self) -> float:
-        """What of a skew of stamps no known filter explains; zero for a vehicle, whose delay nobody knows before."""
+        """Part of a time offset that no known filter explains; zero for a vehicle, whose delay is unknown."""
         low, high = self.known_s
         seconds = self.skew.seconds
         return 0.0 if self.nature == "vehicle" else min(seconds - low, 0.0) + max(seconds - high, 0.0)
@@ -278,7 +278,7 @@ def _same_channels(record: FlightRecord, stretch: Stretch) -> Iterator[ChannelSk
             try:
                 skew, rate_hz = _between(record, sources[0], other, stretch)
             except InsufficientDataError:
-                # Signals that hardly move are not coherent; the channels of other axes say what this one cannot.
+                # Signals that barely move are not coherent; the channels of other axes show the offset instead.
                 continue
             (low, high), (least, most) = (_filter_lag(record, t, t.channels[row]) for t, row in (sources[0], other))
             yield ChannelSkew(
@@ -363,7 +363,7 @@ def _longest(record: FlightRecord, names: Sequence[str], stretch: Stretch) -> Ti
 
 
 def _kinematic_lag(record: FlightRecord, history: TimeHistory, name: str) -> tuple[float, float]:
-    """Lag of a sensor behind the attitude that its filters explain: none of it, where they filter the attitude too."""
+    """Lag of a sensor behind the attitude explained by its filters: zero if they filter the attitude too."""
     source = history.channels[history.names.index(name)].source
     lags = [
         _filter_lag(record, t, t.channels[row]) for t, row in record.holding(name) if t.channels[row].source == source
@@ -408,7 +408,7 @@ def _unchecked(names: Sequence[str], error: InsufficientDataError) -> Finding:
 
 
 def known_words(low: float, high: float, seconds: float) -> str:
-    """What known filters say of a delay, in the direction of that delay."""
+    """A delay compared with the delay of the known filters, in words."""
     if (low, high) == (0.0, 0.0):
         return "no filter is known"
     near, far = sorted((abs(low), abs(high)))
@@ -417,7 +417,7 @@ def known_words(low: float, high: float, seconds: float) -> str:
     words = f"{1e3 * near:.1f} to {1e3 * far:.1f} ms"
     if (low + high) * seconds >= 0.0:
         return f"known filters explain {words}"
-    return f"known filters would make {words} the other way"
+    return f"known filters would shift it by {words} in the opposite direction"
 
 
 def _skew_finding(item: ChannelSkew) -> Finding:
@@ -426,16 +426,16 @@ def _skew_finding(item: ChannelSkew) -> Finding:
     low, high = item.known_s
     if item.nature == "vehicle":
         message = (
-            f"{item.delayed} comes {words} {item.reference}: the delay of the vehicle, the lag of its motors, filters "
-            "and any error of stamps together; one record cannot tell them apart."
+            f"{item.delayed} is {words} {item.reference}: vehicle delay, motor lag, filters and any time-stamp error "
+            "together, which one record cannot separate."
         )
     else:
-        message = f"{item.channel} in {item.delayed} comes {words} that in {item.reference}"
+        message = f"{item.channel} of {item.delayed} is {words} that of {item.reference}"
         message += f"; {known_words(low, high, skew.seconds)}."
         if item.suspicious:
             message += (
-                f" One sample is {1e3 * item.sample_s:.2f} ms. If the stamps of {item.reference} are the wrong ones, "
-                f"give rotorid identify {item.remedy}."
+                f" One sample is {1e3 * item.sample_s:.2f} ms. If the stamps of {item.reference} are wrong, "
+                f"add {item.remedy} to rotorid identify."
             )
     return (warn if item.suspicious else remark)(
         "clock_skew",
@@ -502,7 +502,7 @@ def _agreement(record: FlightRecord, maneuvers: Sequence[Maneuver]) -> Consisten
 def sensor_errors(agreement: Sequence[Consistency], outputs: Sequence[str]) -> FloatArray | None:
     """How far outputs disagree with the attitude of their logs, in the log where they do so most.
 
-    Nothing tells which of the two is wrong, so that a response may be off by all of it.
+    It is unknown which of the two is wrong, so a response may be off by the whole difference.
 
     Parameters
     ----------
@@ -529,7 +529,7 @@ def sensor_errors(agreement: Sequence[Consistency], outputs: Sequence[str]) -> F
         if check.relation != "same" or abs(off) > _LARGEST_SCALE_ERROR:
             raise InsufficientDataError(
                 f"{check.channel} is {check.scale:.2f} times what {check.against} gives{_looks(check)}",
-                needed="a rate that is the derivative of the attitude beside it",
+                needed="a rate that matches the derivative of the logged attitude",
                 remedy="check signs, units and axes of both; rotorid inspect compares them",
                 findings=[refusal("kinematic_inconsistency", check.channel, _contradiction(check), scale=check.scale)],
             )
@@ -548,11 +548,11 @@ def _contradictions(agreement: Sequence[Consistency]) -> Iterator[KinematicCheck
 
 
 def _looks(check: KinematicCheck) -> str:
-    return "" if check.relation == "same" else f", and looks like its {check.relation}"
+    return "" if check.relation == "same" else f", like its {check.relation}"
 
 
 def _contradiction(check: KinematicCheck) -> str:
     return (
         f"{check.channel} is {with_error(check.scale, check.scale_std)} times what {check.against} "
-        f"gives{_looks(check)}: one of the two is in another unit, axis or sign, and no model of it can be right."
+        f"gives{_looks(check)}: one of them has a wrong unit, axis or sign, so no model would be right."
     )

@@ -51,10 +51,10 @@ _LEAST_SHARE = 1.0 / 3.0
 """Paths that make less of the command are not judged."""
 
 _SURE = 2.0
-"""Standard deviations by which a path has to lie beyond that, before gains are said not to have flown."""
+"""Standard deviations beyond that limit at which gains count as not flown."""
 
 _LEAST_STD = 0.005
-"""No gain is known better from a flight, whatever its noise says."""
+"""Least relative error of a gain from a flight."""
 
 _HIGHEST_RAD_S = 200.0
 """Faster motion shows by how much of a step a set-point is late, more than which gains flew."""
@@ -65,10 +65,12 @@ _TRIED = 9
 _BEST_FIRST: tuple[ControllerVerdict, ...] = ("made", "not checked", "not made")
 
 _GROUPS = 12
-"""Groups of windows, of which each is left out once."""
+"""Number of groups of windows, each left out once."""
 
 _FASTER = "Log command, rate and set-point faster."
-_REMEDY = "Give the log in which these gains were flown. A controller with parts that are not modeled has no check."
+_REMEDY = (
+    "Give the log in which these gains were flown. A controller with parts that are not modeled cannot be checked."
+)
 
 
 class PathGain(NamedTuple):
@@ -121,17 +123,17 @@ class ControllerCheck(Immutable):
 
     @property
     def numbers(self) -> dict[str, float]:
-        """What was measured, for findings: the share left unexplained, and each gain over the logged one."""
+        """Numbers for findings: the unexplained share, and each gain over the logged one."""
         slopes = {f"{letter}_over_logged": path.slope for letter, path in (self.terms or self.paths).items()}
         return slopes if self.unexplained is None else {"unexplained": self.unexplained, **slopes}
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What to say of it: ``other_controller`` or ``controller_unchecked``; nothing of gains that flew."""
+        """``other_controller`` or ``controller_unchecked``, or nothing if the gains flew."""
         if self.verdict == "not made":
             return (remark("other_controller", self.axis, f"{self.why}.", **self.numbers),)
         if self.verdict == "not checked":
-            message = f"{self.why}: whether these gains made the commands was not checked."
+            message = f"{self.why}, so the logged gains could not be checked against the flight."
             return (remark("controller_unchecked", self.axis, message),)
         return ()
 
@@ -165,7 +167,7 @@ def check_controller(record: FlightRecord, axis: Axis) -> ControllerCheck:
 
 
 def _driver(record: FlightRecord, axis: Axis, controller: RateController) -> tuple[str, Driven]:
-    """What drove a controller: the set-point of the rate, or that of the angle where it alone is logged."""
+    """Channel that drove a controller: the rate set-point, or the angle set-point if only that is logged."""
     rate, angle = f"{RATE_OF[axis]}_setpoint", f"{ANGLE_OF[axis]}_setpoint"
     by_angle = controller.angle_1_s > 0.0 and rate not in record.channel_names and angle in record.channel_names
     return (angle, "angle") if by_angle else (rate, "rate")
@@ -187,7 +189,7 @@ def check_given(
 
 
 def controller_findings(record: FlightRecord) -> tuple[Finding, ...]:
-    """What to say of the controllers of a log: its firmware, and gains that did not make the commands."""
+    """Findings on the controllers of a log: its firmware, and gains that did not make the commands."""
     wrong = [check for axis in RATE_OF if (check := check_controller(record, axis)).verdict == "not made"]
     return (
         *flown_firmware(record).findings,
@@ -252,7 +254,7 @@ def _by_command(
 def _by_terms(
     record: FlightRecord, axis: Axis, controller: Callable[[float], RateController], *, least_derivative: float
 ) -> ControllerCheck:
-    """By the terms that a blackbox holds: the command is what the motors had room for."""
+    """Check by the logged terms of a blackbox: its command is limited by the motors."""
     setpoint = f"{RATE_OF[axis]}_setpoint"
     named = {letter: f"{axis}_{letter}_term" for letter in "pidf"}
     terms = {letter: name for letter, name in named.items() if name in record.channel_names}
@@ -287,9 +289,9 @@ def _by_terms(
         terms=paths,
     )
     if (found.correlation or 0.0) <= 0.0:
-        why = f"The {axis} command that the motors make does not follow the sum of the controller's terms"
+        why = f"The {axis} command computed from the motors does not follow the sum of the controller's terms"
         return replace(
-            found, verdict="not made", why=why, remedy="This needs a quadrotor with the usual order of its motors."
+            found, verdict="not made", why=why, remedy="Check that this is a quadrotor with the usual motor order."
         )
     return _with_verdict(record, found, {"p": (1.0, 1.0), "d": (least_derivative, 1.0)})
 
@@ -297,7 +299,7 @@ def _by_terms(
 def _with_verdict(
     record: FlightRecord, found: ControllerCheck, expected: Mapping[str, tuple[float, float]]
 ) -> ControllerCheck:
-    """With the verdict on its paths, each of which may lie between two shares of its logged gain."""
+    """The check with a verdict from its paths, each of which may lie between two shares of its logged gain."""
     doubts = []
     for letter, (low, high) in expected.items():
         path = (found.terms or found.paths).get(letter)
@@ -308,16 +310,16 @@ def _with_verdict(
             words = f"{with_error(path.slope, max(path.std, _LEAST_STD))} times their {letter.upper()}"
             doubts.append((beyond > _SURE * path.std, words))
     shown = " and ".join(words for _, words in doubts)
-    unlike = f"The {found.axis} gains did not make the logged {found.axis} command"
+    unlike = f"The logged {found.axis} gains do not reproduce the logged {found.axis} command"
     if any(sure for sure, _ in doubts):
         why = f"{unlike}: the flight shows {shown}{_changed(record)}"
         return replace(found, verdict="not made", why=why, remedy=_REMEDY)
     if found.unexplained is not None and found.unexplained > EXPLAINED:
-        share = f"{100.0 * found.unexplained:.0f} % of it stays unexplained, where gains that flew leave at most"
+        share = f"{100.0 * found.unexplained:.0f} % of the command is unexplained, more than the"
         why = f"{unlike}: {share} {100.0 * EXPLAINED:.0f} %{_changed(record)}"
         return replace(found, verdict="not made", why=why, remedy=_REMEDY)
     if doubts:
-        why = f"The flight shows the gains of {found.axis} too vaguely, {shown}"
+        why = f"The flight shows the {found.axis} gains only roughly, {shown}"
         return replace(found, verdict="not checked", why=why, remedy="Fly longer, or log faster.")
     return found
 
@@ -325,7 +327,7 @@ def _with_verdict(
 def _later(
     relation: CommandRelation, made: Mapping[str, ComplexArray], of_rate: Mapping[str, ComplexArray], late_s: float
 ) -> dict[str, ComplexArray]:
-    """What the paths make where the controller takes the rate later than the log has it."""
+    """Paths of a controller that takes the rate later than the log shows."""
     late = np.exp(-1j * relation.omega_rad_s * late_s) - 1.0
     return {letter: path + of_rate[letter] * late for letter, path in made.items()}
 
@@ -333,7 +335,7 @@ def _later(
 def _earlier(
     relation: CommandRelation, made: Mapping[str, ComplexArray], of_rate: Mapping[str, ComplexArray], step_s: float
 ) -> dict[str, ComplexArray]:
-    """What the paths make where the controller takes the set-point of this step and not of the one before."""
+    """Paths of a controller that takes the set-point of this step instead of the step before."""
     earlier = np.exp(1j * relation.omega_rad_s * step_s) - 1.0
     return {letter: path + (path - of_rate.get(letter, 0.0 * path)) * earlier for letter, path in made.items()}
 
@@ -359,9 +361,9 @@ def _late_s(
 
 
 def _changed(record: FlightRecord) -> str:
-    """The end of a sentence where the log says that its parameters changed."""
+    """End of a sentence if parameters changed during the log."""
     changed = any(finding.kind == "parameters_changed" for finding in record.findings)
-    return ", and the log says that parameters changed" if changed else ""
+    return "; parameters changed during the log" if changed else ""
 
 
 def _stacked(values: ComplexArray) -> FloatArray:
@@ -397,12 +399,12 @@ def _solved(squares: FloatArray, products: FloatArray) -> FloatArray:
 
 
 def _left(measured: ComplexArray, made: ComplexArray, related: BoolArray) -> float:
-    """What a model leaves of a signal, as root mean square over that of the signal."""
+    """Part of a signal that a model does not explain, as rms over that of the signal."""
     return float(np.linalg.norm((measured - made)[:, related]) / np.linalg.norm(measured[:, related]))
 
 
 def _noise(relation: CommandRelation, name: str, related: BoolArray) -> float:
-    """What the best linear relation leaves: two complex numbers of each frequency are taken off the windows."""
+    """Part that the best linear relation does not explain, corrected for two complex numbers at each frequency."""
     power = np.sum(np.abs(relation.signals[name]) ** 2, axis=0)[related]
     windows = len(relation.rate)
     share = float(np.sum(power * relation.unrelated(name)[related]) / power.sum())

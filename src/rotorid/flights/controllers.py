@@ -42,12 +42,12 @@ _EVERY_STEP_HZ = 200.0
 """A rate that is logged as often is logged at every step of its controller."""
 
 _LEAST_PASSED = 0.01
-"""Of a channel that its filters leave less of, nothing can be said."""
+"""Least gain of the filters of a channel that is used."""
 
 _LEAST_THRUST = 0.05
 
 _COMPARED: tuple[Axis, ...] = ("roll", "pitch")
-"""Axes by which firmware is told apart: yaw flies without a derivative."""
+"""Axes by which firmware is distinguished: yaw flies without a derivative."""
 
 _LEAST_WINDOWS = 8
 
@@ -68,7 +68,7 @@ _STEMS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "yaw": ("MC_YAWRATE_", "ATC_RAT_YAW_"),
     }
 )
-"""What the names of the rate gains begin with."""
+"""First letters of the names of the rate gains."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,19 +174,17 @@ class LogControllers(Immutable):
             One of which :meth:`axis` has none.
         """
         if missing := self.missing(axis):
-            why = f"The {axis} controller is not known: {self.origin} lack {' and '.join(missing)}"
+            why = f"The {axis} controller is unknown: {self.origin} lack {' and '.join(missing)}"
             return why, "Log all parameters of the autopilot."
         if f"{axis}PID_P" in self.parameters:
             version = version_of(self.firmware.name)
             if version is None:
-                why = (
-                    f"The log does not name the version of its firmware, without which the gains of {axis} mean nothing"
-                )
+                why = f"The log does not name its firmware version, which the {axis} gains depend on"
                 return why, "Give the log as the flight controller wrote it."
             if version < OLDEST:
-                why = f"{self.firmware.name} is older than 4.0, and its {axis} controller is not known"
-                return why, "Use a Betaflight of 4.0 or later."
-        return f"The log has no gains of the {axis} controller that are known", self.advice
+                why = f"The {axis} controller of {self.firmware.name}, older than version 4.0, is not supported"
+                return why, "Use Betaflight 4.0 or later."
+        return f"The log has no known gains for the {axis} controller", self.advice
 
     def settings(self) -> ControllerSettings | None:
         """Gains and filters of roll, pitch and yaw, as results have them; ``None`` where none are known."""
@@ -206,7 +204,7 @@ class LogControllers(Immutable):
 
 
 def controllers_of_result(known: ControllerSettings) -> LogControllers:
-    """The controllers of a log by what a result of it says."""
+    """The controllers of a log according to its result."""
     return LogControllers(
         origin="the result",
         parameters={**known.gains, **known.filters, **known.settings},
@@ -244,7 +242,7 @@ def controllers_of(record: FlightRecord) -> LogControllers:
 
 
 def logged_controller(record: FlightRecord, command: str, *, source: str) -> LoggedController | None:
-    """The controller of a command as it acts on a logged rate; ``None`` where the log holds no gains.
+    """The controller of a command acting on a logged rate; ``None`` if the log has no gains.
 
     Parameters
     ----------
@@ -405,7 +403,7 @@ def made_by_paths(
     *,
     driven: Driven = "rate",
 ) -> dict[str, ComplexArray]:
-    """What each path of a controller makes of set-point and rate, shapes ``(windows, f)``.
+    """Output of each path of a controller for set-point and rate, shapes ``(windows, f)``.
 
     Parameters
     ----------
@@ -432,7 +430,7 @@ def made_by_paths(
 
 
 def _parts(controller: RateController) -> dict[str, tuple[RateController, ...]]:
-    """The controller with one of its gains alone; what is fed forward is the whole less the rest."""
+    """The controller with only one of its gains; feed-forward is the total minus the others."""
     back = replace(controller, feedforward=0.0, feedforward_derivative_s=0.0)
     parts = {
         "p": (replace(back, integral=0.0, derivative_s2=0.0),) if back.proportional_s else (),
@@ -446,7 +444,7 @@ def _parts(controller: RateController) -> dict[str, tuple[RateController, ...]]:
 def _made(
     record: FlightRecord, relation: CommandRelation, rows: BoolArray, part: tuple[RateController, ...], driven: Driven
 ) -> ComplexArray:
-    """What a controller makes, less what the others of its part make."""
+    """Output of a controller minus that of the others of its part."""
     omega = relation.omega_rad_s
     made = np.zeros_like(relation.rate[rows])
     for sign, controller in zip((1.0, -1.0), part, strict=False):
@@ -463,7 +461,7 @@ def _made(
 
 
 def _with_own_gain(made: ComplexArray, signal: ComplexArray) -> ComplexArray:
-    """What was made of each window, by a real gain as large as the signal: D moves in flight, its filters do not."""
+    """Output in each window scaled by a real gain to the size of the signal: D changes in flight, its filters not."""
     size = np.maximum(np.sum(np.abs(made) ** 2, axis=1), 1e-300)
     return np.asarray(made * (np.sum((made.conj() * signal).real, axis=1) / size)[:, None])
 
@@ -475,23 +473,23 @@ def _contradicted(record: FlightRecord, name: str, unexplained: dict[str, float]
         if unexplained:
             return ()
         why = "The log does not show set-point, rate and command well enough to check how its firmware filters D."
-        believed = f"The version that it names, {declared}, was believed." if declared else "It names no version."
+        believed = f"The logged version, {declared}, was used." if declared else "The log names no version."
         return (remark("controller_unchecked", record.source.name, f"{why} {believed}"),)
     if name in unexplained and declared in unexplained:
         why = (
-            f"its controller leaves {100.0 * unexplained[name]:.0f} % of the logged commands unexplained, that of "
+            f"its controller leaves {100.0 * unexplained[name]:.0f} % of the commands unexplained, that of "
             f"{declared or 'the newest version'} {100.0 * unexplained[declared]:.0f} %"
         )
     else:
-        why = "the log holds topics or parameters that the version which it names does not have"
-    called = f"The log calls its firmware {declared}, but" if declared else "The log does not name its firmware;"
-    message = f"{called} {name} flew: {why}. Its controller was taken."
+        why = "the log contains topics or parameters that the named version does not have"
+    called = f"The log names {declared}, but" if declared else "The log does not name its firmware;"
+    message = f"{called} {name} flew and was used: {why}."
     numbers = {"unexplained": unexplained[name]} if name in unexplained else {}
     return (warn("firmware_contradicted", record.source.name, message, **numbers),)
 
 
 def _loop_rate_hz(record: FlightRecord) -> float | None:
-    """Rate of PX4's loop where the log shows it: a slow sensor holds it back, whatever ``IMU_GYRO_RATEMAX`` allows.
+    """Rate of PX4's loop according to the log: a slow sensor limits it, whatever ``IMU_GYRO_RATEMAX`` allows.
 
     The parameters of ArduPilot and the header of Betaflight say it. ``sensor_combined`` is averaged for the estimator
     where the log has ``vehicle_angular_velocity``, the rate that the controller takes.

@@ -1,4 +1,4 @@
-"""What the data covered: ranges of speed, angle, rate, command, throttle and battery voltage, and the trim."""
+"""Range of the data: speed, angle, rate, command, throttle, battery voltage and trim."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ COVERED = (
     *(f"{axis}_command" for axis in AXES),
     "battery_voltage",
 )
-"""Channels whose ranges say where a model was identified; of the commands, that of thrust is the throttle."""
+"""Channels whose ranges describe where a model was identified; the thrust command is the throttle."""
 
 
 def covered_by(flights: Sequence[Flight]) -> dict[str, Range]:
@@ -98,9 +98,9 @@ def trim_of(history: TimeHistory, *, until_s: float | None = None) -> Trim:
     quiet = history.time_s <= (history.start_s + _QUIET_S if until_s is None else until_s)
     if np.count_nonzero(quiet) < _LEAST_QUIET:
         raise InsufficientDataError(
-            f"{np.count_nonzero(quiet)} samples of quiet flight came",
+            f"there are only {np.count_nonzero(quiet)} samples of quiet flight",
             needed=f"at least {_LEAST_QUIET}",
-            remedy="take more time before the maneuver",
+            remedy="fly quietly for longer before the maneuver",
         )
     means = {
         name: float(history[name][quiet].mean()) for name in ("u", "v", "w", "theta", "phi") if name in history.names

@@ -13,7 +13,7 @@ differentiated twice grows with the square of the frequency,
 
 .. math:: \sigma_a = \sigma \sqrt{\tfrac{2}{f_s} \int_0^{f_s/2} |H(f)|^2 (2 f_s \sin(\pi f/f_s))^4 \, df}
 
-behind the low-pass H of the fit, or :math:`\sqrt 6 f_s^2 \sigma` for second differences without one. It is told for
+behind the low-pass H of the fit, or :math:`\sqrt 6 f_s^2 \sigma` for second differences without one. It is stated for
 each log (``differentiated``). What differentiation cannot undo: angles of an estimator that are smoothed or late.
 
 The vertical force assumes that the vehicle pushes along its own z axis and drag along x and y is small.
@@ -97,7 +97,7 @@ def _samples(record: FlightRecord, names: Sequence[str], *, least_hz: float) -> 
     whole = [topic for topic in record.topics if all(topic.row(name) is not None for name in names)]
     if not whole:
         missing = [name for name in names if name not in record.channel_names] or list(names)
-        message = f"{record.source.name} holds no {' and no '.join(missing)} to be differentiated."
+        message = f"{record.source.name} contains no {' and no '.join(missing)}, so no accelerations can be derived."
         raise InsufficientDataError(
             message.rstrip("."),
             needed="gyros and accelerometer, or phi, theta, psi and down",
@@ -113,10 +113,10 @@ def _samples(record: FlightRecord, names: Sequence[str], *, least_hz: float) -> 
     time_s, values = time_s[ahead], values[:, ahead]
     rate_hz = best.sample_rate_hz
     if time_s.size < _FEWEST or rate_hz < least_hz:
-        message = f"{best.name} of {record.source.name} holds {', '.join(names)} at {rate_hz:.3g} Hz."
+        message = f"{best.name} of {record.source.name} was logged at only {rate_hz:.3g} Hz."
         raise InsufficientDataError(
             message.rstrip("."),
-            needed=f"{least_hz:g} Hz and more, to be differentiated twice up to {SLOW_HZ:g} Hz",
+            needed=f"{least_hz:g} Hz and more, to differentiate twice up to {SLOW_HZ:g} Hz",
             remedy="log them faster",
             findings=[refusal("rate_too_low", best.name, message, rate_hz=rate_hz, needed_hz=least_hz)],
         )
@@ -163,7 +163,7 @@ def _force(record: FlightRecord, angles: _Samples, height: _Samples) -> tuple[To
 def _price(
     record: FlightRecord, of: _Samples, values: FloatArray, accelerations: FloatArray, *, words: str, unit: str
 ) -> Finding:
-    """What an error of a sample becomes, and what the samples scatter by."""
+    """Amplification of a sample error by differentiation, and the scatter of the samples."""
     gain, plain = noise_gain(of.rate_hz), 6.0**0.5 * of.rate_hz**2
     scatter = float(np.median(np.abs(np.diff(values, 3, axis=1)))) / (0.6745 * 20.0**0.5)
     motion = float(np.median(np.abs(_slow(accelerations, of.rate_hz)))) / 0.6745
@@ -171,10 +171,9 @@ def _price(
     return warn(
         "differentiated",
         f"{record.source.name}: {of.topic}",
-        f"{words} of {record.source.name} are derivatives of {of.topic} at {of.rate_hz:.3g} Hz: an error of 1 m{unit} "
-        f"from sample to sample becomes {1e-3 * gain:.2g} {unit}/s^2 up to {SLOW_HZ:g} Hz ({1e-3 * plain:.2g} without "
-        f"a low-pass). Its samples scatter by {1e3 * scatter:.2g} m{unit}, which makes {noise:.2g} {unit}/s^2 beside "
-        f"{motion:.2g} of all accelerations; what smoothed or delayed it is not undone.",
+        f"{words} of {record.source.name} are derivatives of {of.topic} at {of.rate_hz:.3g} Hz, so they are "
+        f"noisy: {unit} {0.001 * gain:.2g} of noise up to {SLOW_HZ:g} Hz, where the accelerations have {unit}. "
+        "Smoothing or delay in the logged signals remains.",
         noise_gain_1_s2=gain,
         plain_gain_1_s2=plain,
         scatter=scatter,

@@ -33,7 +33,7 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True)
 class Flight:
-    """A maneuver and the log that holds it.
+    """A maneuver and its log.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Flight:
         return same and overlap(self.maneuver, other.maneuver)
 
     def samples(self, name: str) -> Iterator[Samples]:
-        """Finite samples of a channel within the maneuver, for each place of the log that holds it."""
+        """Finite samples of a channel within the maneuver, for each place in the log."""
         for topic, row in self.record.holding(name):
             values = topic.values[row]
             kept = (topic.time_s >= self.maneuver.start_s) & (topic.time_s <= self.maneuver.stop_s)
@@ -112,15 +112,15 @@ def longest_flight(record: FlightRecord, *, or_whole: bool = True, guessed: bool
     Parameters
     ----------
     or_whole
-        Whether the whole log stands in where nothing in it tells take-off and landing, as in records that were cut for
+        Whether the whole log stands in where it shows neither take-off nor landing, as in records that were cut for
         identification.
     guessed
-        Whether the activity of sensors tells them, which mistakes rest in the air for the ground.
+        Whether the activity of sensors decides, which mistakes calm flight for the ground.
 
     Raises
     ------
     InsufficientDataError
-        The log tells that the vehicle never flew, or tells nothing and may not be taken whole, or holds one sample.
+        The vehicle never flew, or the log does not show it and may not be taken whole, or it has one sample.
     """
     try:
         found = airborne(record)
@@ -133,11 +133,11 @@ def longest_flight(record: FlightRecord, *, or_whole: bool = True, guessed: bool
 
 
 def require_duration(record: FlightRecord) -> None:
-    """Refuse a log that holds samples of one moment only."""
+    """Refuse a log with samples of one moment only."""
     if record.start_s < record.stop_s:
         return
     name = record.source.name
-    message = f"{name} holds samples of one moment only"
+    message = f"{name} contains samples of one moment only"
     raise InsufficientDataError(
         message,
         needed="a flight of some seconds",
@@ -147,5 +147,5 @@ def require_duration(record: FlightRecord) -> None:
 
 
 def never_flew(error: InsufficientDataError) -> bool:
-    """Whether a log was refused because it tells that its vehicle never flew."""
+    """Whether a log was refused because its vehicle never flew."""
     return any(finding.kind == "never_airborne" for finding in error.findings)

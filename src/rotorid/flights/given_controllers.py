@@ -61,7 +61,7 @@ class Controllers(Immutable):
         return check_given(self.record, axis, loop.controller, setpoint=setpoint, driven=loop.driven)
 
     def channels(self, axes: Sequence[Axis]) -> tuple[str, ...]:
-        """Channels that may drive the controllers of some axes, as far as they are logged.
+        """Logged channels that may drive the controllers of some axes.
 
         Raises
         ------
@@ -75,7 +75,7 @@ class Controllers(Immutable):
                 continue
             if found.setpoint and found.setpoint not in self.record.channel_names:
                 raise UsageError(
-                    f"{self.record.source.name} holds no {found.setpoint} for the {axis} controller",
+                    f"{self.record.source.name} contains no {found.setpoint} for the {axis} controller",
                     needed=f"one of {', '.join(n for n in self.record.channel_names if n.endswith('_setpoint'))}",
                 )
             wanted += [name for name, _ in _setpoints(axis, found)] + [f"{axis}_excitation"]
@@ -116,7 +116,7 @@ class Controllers(Immutable):
 
 
 def _setpoints(axis: Axis, given: GivenController) -> list[tuple[str, Driven]]:
-    """What may drive a controller, the outermost set-point first."""
+    """Channels that may drive a controller, the outermost set-point first."""
     rate, angle = (f"{name}_setpoint" for name in (RATE_OF[axis], ANGLE_OF[axis]))
     if given.setpoint:
         return [(given.setpoint, "angle" if given.controller.angle_1_s and given.setpoint != rate else "rate")]
@@ -135,7 +135,7 @@ def _excitation(axis: Axis, history: TimeHistory) -> np.ndarray:
 
 
 def no_controller(controllers: Controllers, axes: Sequence[Axis]) -> Finding:
-    """The remark that a log holds no gains, or gains and nothing that drives them."""
+    """The remark that a log has no gains, or gains without their set-point."""
     record, whose = controllers.record.source.name, " and ".join(axes)
     known = {axis: found for axis in axes if (found := controllers.of(axis)) is not None}
     table = f"[{axes[0]}]"
@@ -143,17 +143,17 @@ def no_controller(controllers: Controllers, axes: Sequence[Axis]) -> Finding:
     if unknown:
         why, _ = controllers_of(controllers.record).unknown_gains(unknown[0])
         message = (
-            f"Not flown in closed loop: {why[:1].lower()}{why[1:]}. Give rotorid verify a "
-            f"--controller FILE.toml with a table {table} of proportional_s, integral, derivative_s2, angle_1_s and, "
-            "where it is no standard one, the setpoint that drives it."
+            f"No closed-loop simulation: {why[:1].lower()}{why[1:]}. Give rotorid verify --controller FILE.toml "
+            f"with a table {table}: proportional_s, integral, derivative_s2, angle_1_s and, if it is not a "
+            "standard one, the setpoint."
         )
     else:
         drives = " or ".join(
             dict.fromkeys(name for axis, found in known.items() for name, _ in _setpoints(axis, found))
         )
         message = (
-            f"Not flown in closed loop: {record} holds the gains of the {whose} controller and not what drives it, "
-            f"{drives}. Log that set-point, or name another channel as setpoint in the table {table} of a --controller "
+            f"No closed-loop simulation: {record} contains the gains of the {whose} controller but not its "
+            f"set-point, {drives}. Log it, or name another setpoint in the table {table} of --controller "
             "FILE.toml."
         )
     return remark("no_controller", record, message)
@@ -173,7 +173,7 @@ def doubts_of(controllers: Controllers, axis: Axis, found: tuple[Loop, str, Loop
     record = controllers.record.source.name
     check = controllers.check(axis, loop, setpoint)
     if check.verdict == "not made":
-        message = f"Not flown in closed loop: {check.why[:1].lower()}{check.why[1:]}."
+        message = f"No closed-loop simulation: {check.why[:1].lower()}{check.why[1:]}."
         return False, [remark("other_controller", f"{record}: {axis}", message, tic=scores.tic, **check.numbers)]
     if scores.tic > GOOD_TIC:
         return False, [*check.findings, _poor(record, axis, setpoint, scores)]
@@ -185,9 +185,10 @@ def _poor(record: str, axis: Axis, setpoint: str, scores: LoopScores) -> Finding
     return remark(
         "other_controller",
         f"{record}: {axis}",
-        f"Not flown in closed loop: with its gains the {axis} controller does not make the logged {axis} command "
-        f"of {setpoint} and the measured rate (Theil coefficient {scores.tic:.2f}, good: up to {GOOD_TIC:g}). It "
-        "has parts that are not modeled, the gains changed in flight, or its set-point is another one.",
+        f"No closed-loop simulation: the logged {axis} gains do not reproduce the {axis} command from {setpoint} "
+        f"and the measured rate (Theil coefficient {scores.tic:.2f}, good: up to {GOOD_TIC:g}). Parts of the "
+        "controller may not be modeled, the gains may have changed in flight, or the set-point may be another "
+        "one.",
         tic=scores.tic,
         nrmse_fit_percent=scores.nrmse_fit_percent,
     )

@@ -40,7 +40,8 @@ def axis_of(input: str) -> Axis:
     axis = input.removesuffix("_command")
     if axis not in AXES or axis == input:
         raise ModelError(
-            f"the model has the input {input}", needed=f"one of {', '.join(f'{axis}_command' for axis in AXES)}"
+            f"the input {input} is no controller command",
+            needed=f"one of {', '.join(f'{axis}_command' for axis in AXES)}",
         )
     return axis  # type: ignore[return-value]
 
@@ -113,7 +114,7 @@ def _flown_in(record: FlightRecord, axis: Axis, within: tuple[float, float]) -> 
 
 
 def find_instrument(flights: Sequence[Flight], axis: Axis) -> str | None:
-    """The channel that excites ``axis`` in every maneuver of it and contains no feedback, or ``None``.
+    """The channel that excites ``axis`` in all its maneuvers and contains no feedback, or ``None``.
 
     The instrument of all of them (:func:`instrument_of`), or where they have several, the best candidate that moves in
     each. Maneuvers of different instruments are better measured apart (:func:`by_instruments`).
@@ -130,7 +131,7 @@ def find_instrument(flights: Sequence[Flight], axis: Axis) -> str | None:
     for name in candidates[0]:
         if name not in shared or name.endswith("_command") or not all(_moves(flight, name) for flight in own):
             continue
-        # Where another axis was flown without it in the log it says nothing, as if it had been at rest.
+        # A log of another axis without the channel counts as one in which it did not move.
         return name
     return None
 
@@ -138,7 +139,7 @@ def find_instrument(flights: Sequence[Flight], axis: Axis) -> str | None:
 def by_instruments(
     flights: Sequence[Flight], inputs: Sequence[str], settings: MeasureSettings
 ) -> list[tuple[Flight, ...]]:
-    """Maneuvers in groups of which each has one instrument for each input; all in one where that cannot be.
+    """Maneuvers in groups with one instrument for each input; all in one group if that is impossible.
 
     Parameters
     ----------
@@ -245,7 +246,7 @@ def band_of_instrument(flights: Sequence[Flight], name: str) -> tuple[float, flo
 
 
 def _octaves(flight: Flight, name: str, edges_rad_s: FloatArray) -> FloatArray:
-    """Power of a channel between frequencies, shape ``(edges - 1,)``; empty where it rests or has few samples."""
+    """Power of a channel between frequencies, shape ``(edges - 1,)``; empty if it does not move or has few samples."""
     for samples in flight.samples(name):
         if samples.values.size > _FEWEST_SAMPLES and np.ptp(samples.values) > 0.0:
             step_s = even_step_s(samples.time_s)
@@ -277,7 +278,7 @@ def choose_instruments(
         _require_instruments(flights, inputs, outputs, settings.instruments)
         if len(settings.instruments) != len(inputs):
             raise UsageError(
-                f"{len(settings.instruments)} instruments for {len(inputs)} inputs came", needed="one for each input"
+                f"{len(settings.instruments)} instruments for {len(inputs)} inputs", needed="one for each input"
             )
         return settings.instruments
     found = [
@@ -312,13 +313,13 @@ def _require_instruments(
 
 
 def no_instrument(inputs: Sequence[str]) -> Finding:
-    """What to say when the direct estimate is all there is."""
+    """The warning that only the direct estimate is available."""
     names = ", ".join(inputs)
     return warn(
         "closed_loop_bias",
         names,
-        f"No excitation free of feedback is logged for {names}, so the direct estimate was used. In closed loop "
-        "it leans toward the inverse of the controller wherever gusts and noise rule.",
+        f"No excitation without feedback is logged for {names}, so the direct estimate was used. In closed loop "
+        "it is biased toward the inverse of the controller wherever gusts and noise dominate.",
     )
 
 
@@ -326,10 +327,10 @@ _WORTH_CUTTING_S = 0.25
 """A maneuver that loses less on the ground stays as it is."""
 
 _SHORTEST_LEFT = 0.5
-"""A maneuver that flies for less than this share of it, as thrust tells, is more likely mistaken for landed."""
+"""A maneuver of which a smaller share was flown is more likely mistaken for landed."""
 
 _SHORTEST_LEFT_S = 2.0
-"""What flags leave of a maneuver has to last as long to be worth it."""
+"""Least duration that flags have to leave of a maneuver."""
 
 
 def while_flying(flights: Sequence[Flight]) -> tuple[list[Flight], list[Finding]]:
@@ -360,13 +361,13 @@ def _flying_part(maneuver: Maneuver, flight: Airborne | None) -> tuple[Maneuver,
     if stop_s - start_s < (min(_SHORTEST_LEFT_S, least_s) if flight.by_flags else least_s):
         kept, message = (
             maneuver,
-            f"{whole} lies mostly on the ground, {evidence_words(flight.seen_in)}; it was used as it is.",
+            f"{whole} lies mostly on the ground, {evidence_words(flight.seen_in)}; it was used unchanged.",
         )
     else:
         kept = replace(maneuver, start_s=start_s, stop_s=stop_s)
         message = (
-            f"{whole} reaches beyond the flight, {evidence_words(flight.seen_in)}; "
-            f"{start_s:.2f} to {stop_s:.2f} s was used."
+            f"{whole} reaches beyond the flight, {evidence_words(flight.seen_in)}; {start_s:.2f} to {stop_s:.2f} "
+            "s was used."
         )
     numbers = {"start_s": kept.start_s, "stop_s": kept.stop_s, "on_ground_s": lost_s}
     return kept, [warn("airborne", whole, message, **numbers)]

@@ -63,7 +63,7 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measured:
-    """Measured responses and where they came from.
+    """Measured responses and their source.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class Measured:
 
     @property
     def trusted_rad_s(self) -> tuple[float, float]:
-        """The band that was asked for, as far as sweeps went.
+        """The requested band, limited to that of the sweeps.
 
         Above a sweep there is coherence too: tapers leak, and feedback turns noise into input. It means nothing. Just
         below its end a response is biased, because there the sweep fills one flank of the spectral line only: with a
@@ -112,7 +112,7 @@ class Measured:
         return self._trusted_to(self.excited_to_rad_s)
 
     def trusted_points(self, data: FrequencyResponse, coherence: float) -> BoolArray:
-        """Points of a response of these inputs that can be trusted, each input as far as its own sweeps went.
+        """Trusted points of a response, each input within the band of its own sweeps.
 
         Parameters
         ----------
@@ -219,7 +219,7 @@ def _groups(
     for (sources, rows), answers in by_output.items():
         own = [by_channels[sources][row] for row in rows]
         own = [flight for flight in own if not _of_axis_of(flight, inputs) or _of_axis_of(flight, sources)]
-        # What only feedback moves, and nothing free of feedback tells apart, cannot be accounted for.
+        # What only feedback moves, and nothing free of feedback separates, cannot be accounted for.
         swept = tuple(name for name in sources if _flown_for(own, name) or chosen.get(name))
         wanted = replace(settings, instruments=tuple(chosen[name] for name in swept if name in chosen))
         if own and swept:
@@ -243,7 +243,7 @@ def _by_instruments(
 
 
 def _drop_mixed_inputs(groups: Sequence[_Group]) -> tuple[list[_Group], tuple[Finding, ...]]:
-    """Groups without those in which an input moved that is logged and cannot be told apart, where others do without.
+    """Groups without those in which an input moved that is logged and cannot be separated, where others do without.
 
     Feedback moves such an input in step with the one that was swept: the response would hold both.
     """
@@ -264,8 +264,8 @@ def _left_out(group: _Group) -> Finding:
     return warn(
         "joined_records",
         names,
-        f"{outputs} of {names} {'was' if len(group.outputs) == 1 else 'were'} left out: {moved} moves there in step "
-        f"with {' and '.join(group.inputs)}, and no other log that holds {outputs} tells them apart.",
+        f"{outputs} of {names} {'was' if len(group.outputs) == 1 else 'were'} left out: {moved} moved together "
+        f"with {' and '.join(group.inputs)}, and no other log with {outputs} separates them.",
     )
 
 
@@ -295,7 +295,7 @@ def _prepare(group: _Group, settings: MeasureSettings, also: Sequence[str]) -> _
 
 
 def _common_band(prepared: Sequence[_Prepared]) -> tuple[float, float]:
-    """From the lowest to the highest frequency of any group, as far as the rates of all of them carry."""
+    """From the lowest to the highest frequency of any group that the rates of all groups allow."""
     low = min(item.band_rad_s[0] for item in prepared)
     high = max(item.band_rad_s[1] for item in prepared)
     carried = min(item.segments[0].history.sample_rate_hz for item in prepared)
@@ -390,9 +390,9 @@ def _band_outside_excitation(band_rad_s: tuple[float, float] | None, flights: Se
         warn(
             "band_beside_excitation",
             "--band",
-            f"The band of {band_rad_s[0]:.3g} to {band_rad_s[1]:.3g} rad/s keeps {100.0 * kept / octaves:.0f} % of the "
-            f"octaves that were excited, {low:.3g} to {high:.3g} rad/s. "
-            f"{'If Hz were meant' if meant > kept else 'All of them'}: --band {proposed}.",
+            f"The fitted band ({band_rad_s[0]:.3g}–{band_rad_s[1]:.3g} rad/s) contains "
+            f"{f'{100.0 * kept / octaves:.0f} %' if kept else 'none'} of the excitation ({low:.3g}–{high:.3g} rad/s). "
+            f"{'If you meant Hz, use' if meant > kept else 'To use all of it, give'} --band {proposed}.",
             kept_percent=100.0 * kept / octaves,
         ),
     )
@@ -444,7 +444,7 @@ def _largest_errors(parts: Sequence[Measured], outputs: Sequence[str]) -> FloatA
 
 
 def _unchecked(parts: Sequence[Measured], joined: FrequencyResponse) -> FloatArray | None:
-    """What no log lets one look at; an error that one group shows is known of this input."""
+    """Errors that no log shows; an error shown by one group counts for this input."""
     known = np.full((2, len(joined.inputs), joined.omega_rad_s.size), np.inf)
     for part in parts:
         own, shape = part.response.unchecked_errors, (2, len(part.response.inputs), part.response.omega_rad_s.size)
@@ -459,7 +459,7 @@ def _unchecked(parts: Sequence[Measured], joined: FrequencyResponse) -> FloatArr
 def _largest(
     parts: Sequence[Measured], joined: FrequencyResponse, of: Callable[[FrequencyResponse], FloatArray | None]
 ) -> FloatArray | None:
-    """What is known of the frequencies of each input, ``(u, f)``, from the group where it differs most over them."""
+    """Knowledge about each input over frequency, ``(u, f)``, from the group in which it varies most."""
     if all(of(part.response) is None for part in parts):
         return None
     known = np.zeros((len(joined.inputs), joined.omega_rad_s.size))
@@ -499,9 +499,8 @@ def _several_instruments(groups: Sequence[_Group], inputs: Sequence[str]) -> Ite
             yield remark(
                 "joined_records",
                 name,
-                f"The maneuvers of {name} have several instruments "
-                f"({instrument_words}). Each was measured with its own, and "
-                "their responses were joined by their variances.",
+                f"The maneuvers of {name} have several instruments ({instrument_words}). Each was measured with "
+                "its own, and the responses were averaged by their variances.",
             )
 
 
@@ -511,9 +510,9 @@ def _unmodeled_inputs(group: _Group) -> Finding:
     return warn(
         "joined_records",
         names,
-        f"{names} shows responses to {swept} alone: where {missing} moved in step with "
-        f"{'it' if len(group.inputs) == 1 else 'them'}, its effect is contained in these responses. Log the "
-        "commands of all axes.",
+        f"{names} shows responses to {swept} only; {missing} moved together with "
+        f"{'it' if len(group.inputs) == 1 else 'them'}, so its effect is included in them. Log the commands of "
+        "all axes.",
     )
 
 
@@ -563,7 +562,7 @@ def _different(windows: Mapping[str, WindowPlan]) -> tuple[WindowPlan, ...]:
 
 
 def _margin_s(flights: Sequence[Flight], settings: MeasureSettings) -> float:
-    """How much quiet time to take along: that of the longest window, as far as it is known yet."""
+    """Quiet time to include: that of the longest known window."""
     given = [*settings.windows_s, *(length for lengths in settings.input_windows_s.values() for length in lengths)]
     if given:
         return max(given)
@@ -592,13 +591,13 @@ def _of_input(flights: Sequence[Flight], input: str) -> Sequence[Maneuver]:
 
 
 def _other_commands(flights: Sequence[Flight], inputs: Sequence[str]) -> tuple[str, ...]:
-    """Commands of the other axes that every record holds."""
+    """Commands of the other axes that every record contains."""
     names = [f"{axis}_command" for axis in AXES]
     return tuple(n for n in names if n not in inputs and all(n in flight.record.channel_names for flight in flights))
 
 
 def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Measured:
-    """Responses as they would be without the filters that the logs say stood in front of their outputs.
+    """Responses with the effect of the logged filters of their outputs removed.
 
     Parameters
     ----------
@@ -618,7 +617,7 @@ def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Meas
         if any(chain != found[0] for chain in found):
             raise UsageError(
                 f"{output} was filtered differently in the logs",
-                needed="one set of filters for all logs",
+                needed="the same filters in all logs",
                 remedy="estimate each log by itself, or leave out --correct-filters",
             )
         if found[0]:
@@ -692,13 +691,13 @@ def _joint_estimate_finding(
     return (warn if serious else remark)(
         "closed_loop_bias",
         f"{response.outputs[y]}/{response.inputs[u]}",
-        f"For {response.outputs[y]}/{response.inputs[u]} the joint estimate with {', '.join(response.instruments)} was "
-        f"used. A direct estimate would differ by "
-        f"{typical:.1f} dB rms and {worst:+.1f} dB at most in the used band"
+        f"The joint estimate with {', '.join(response.instruments)} was used for "
+        f"{response.outputs[y]}/{response.inputs[u]}. A direct estimate would differ by {typical:.1f} dB rms and "
+        f"{worst:+.1f} dB at most in the used band"
         + (
-            ": feedback biases it, unless the instrument contains feedback itself."
+            ": it is biased by feedback, unless the instrument itself contains feedback."
             if serious
-            else ", so feedback hardly biases this flight."
+            else ", so feedback barely biases this flight."
         ),
         largest_db=worst,
         rms_db=typical,

@@ -87,8 +87,8 @@ def _without_copies(history: MotorHistory) -> MotorHistory:
         return history
     kept = replace(history, time_s=history.time_s[changed], values=history.values[:, changed])
     message = (
-        f"{history.source} comes at {history.sample_rate_hz:.0f} Hz and repeats every value of the motors until the "
-        f"next one, at {kept.sample_rate_hz:.1f} Hz."
+        f"{history.source} is logged at {history.sample_rate_hz:.0f} Hz, but its motor values change only at "
+        f"{kept.sample_rate_hz:.1f} Hz."
     )
     numbers = {"rate_hz": kept.sample_rate_hz, "logged_rate_hz": history.sample_rate_hz}
     remark = warn("interpolated_channel", history.source, message, **numbers)
@@ -103,7 +103,7 @@ def on_one_clock(
     Parameters
     ----------
     reference_v
-        Voltage at which thrust is told; ``None`` where it does not matter.
+        Voltage at which thrust is given; ``None`` where it does not matter.
     """
     history = motors.history
     start_s = max(stretch.start_s, float(history.time_s[0]), record.start_s)
@@ -149,7 +149,7 @@ def _record(record: FlightRecord, motors: Motors, part: TimeHistory, strength: F
 
 
 def _outputs(record: FlightRecord, motors: Motors, part: TimeHistory) -> FloatArray:
-    """Mean output over each sample: held until the next stamp, or on the way to it where the loop was faster."""
+    """Mean output over each sample: constant until the next stamp, or interpolated if the loop was faster."""
     from scipy.interpolate import CubicSpline
 
     history, time_s = motors.history, part.time_s
@@ -177,7 +177,7 @@ def _taps(record: FlightRecord, part: TimeHistory, name: str) -> FloatArray:
     count = 2 * max(16, round(_RINGING_S * part.sample_rate_hz))
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / part.sample_rate_hz), dtype=np.float64)
     taps = np.fft.irfft(combined_response(filters, omega), count)[: count // 2]
-    # What rings on is little, and rest must stay rest.
+    # Ringing is small, and constant outputs must stay constant.
     return np.asarray(taps / taps.sum(), dtype=np.float64)
 
 
@@ -209,7 +209,7 @@ class FlownMotors(NamedTuple):
 
 
 class Voltage(NamedTuple):
-    """The voltage at which thrust is told; ``None`` where it does not matter."""
+    """The voltage at which thrust is given; ``None`` where it does not matter."""
 
     reference_v: float | None
     findings: tuple[Finding, ...] = ()
@@ -235,7 +235,8 @@ def common_voltage(flown: Sequence[FlownMotors], reference_v: float | None) -> V
     if spread < _SAGGING and reference_v is None:
         return Voltage(None)
     message = (
-        f"The battery makes thrust vary by {100.0 * spread:.0f} % at one output; thrust is that at {reference:.3g} V."
+        f"Battery voltage changes thrust by {100.0 * spread:.0f} % at the same output; thrust is given at "
+        f"{reference:.3g} V."
     )
     numbers = {"spread": spread, "reference_v": reference}
     where = ", ".join(dict.fromkeys(item.record.source.name for item in flown))
@@ -268,7 +269,7 @@ _MARGIN_S = 1.0
 
 
 class MotorData(NamedTuple):
-    """What a fit of motors is made to.
+    """Data for a fit of motors.
 
     Parameters
     ----------
@@ -283,7 +284,7 @@ class MotorData(NamedTuple):
     straightened
         Whether thrust follows the motors in a line, because the autopilot takes their curve out.
     reference_v
-        Voltage at which thrust is told; ``None`` where it is no matter.
+        Voltage at which thrust is given; ``None`` where it is no matter.
     """
 
     stretches: tuple[MotorFlight, ...]
@@ -310,12 +311,12 @@ class MotorData(NamedTuple):
 
     @property
     def sources(self) -> Mapping[str, str]:
-        """Where the motors stand in the logs."""
+        """Sources of the motor channels in the logs."""
         return {"motors": self.histories[0].source}
 
     @property
     def kind(self) -> Kind:
-        """What the outputs are, of all logs the same."""
+        """Kind of the outputs, common to all logs."""
         return self.stretches[0].kind
 
 
@@ -335,14 +336,14 @@ def motor_data(
     records, choices
         As for :func:`rotorid.identifying.motors.Motors`.
     reference_v
-        Voltage at which thrust is told; the median of all stretches by default.
+        Voltage at which thrust is given; the median of all stretches by default.
     layout
         The rotors, where they are known from elsewhere; by default those of the choices, or of the logs.
 
     Raises
     ------
     InsufficientDataError
-        A log tells no motors, no rotors, or no motion.
+        A log lacks motors, rotors or motion.
     UsageError
         Logs are of different vehicles, or of motors of different kind, or no given segment lies inside one.
     """
@@ -361,9 +362,9 @@ def motor_data(
         motors = true_motors(_motor_history(record, layout))
         if motors.history.motors != layout.rotors:
             raise UsageError(
-                f"{record.source.name} holds {motors.history.motors} motors, and {layout.name} has "
-                f"{layout.rotors} rotors",
-                needed="a layout of the vehicle that flew",
+                f"{record.source.name} has {motors.history.motors} motors, but {layout.name} has {layout.rotors} "
+                "rotors",
+                needed="the layout of the vehicle that flew",
                 remedy="name it with --layout",
             )
         stretches, remarks = _stretches(record, choices)
@@ -405,14 +406,14 @@ def rotors_of(records: Sequence[FlightRecord], choices: MotorSettings) -> RotorL
     Raises
     ------
     InsufficientDataError
-        A log does not tell them.
+        A log does not show them.
     UsageError
         Logs are of different vehicles.
     """
     formats = sorted({record.source.format for record in records})
     if len(formats) > 1:
         raise UsageError(
-            f"logs of {' and '.join(formats)} came", needed="logs of one vehicle", remedy="identify each by itself"
+            f"the logs are from {' and '.join(formats)}", needed="logs of one vehicle", remedy="identify each by itself"
         )
     layouts = [chosen_layout(choices.layout)] if choices.layout else [layout_of(record) for record in records]
     first = layouts[0]
@@ -420,7 +421,7 @@ def rotors_of(records: Sequence[FlightRecord], choices: MotorSettings) -> RotorL
         same = other.rotors == first.rotors and np.allclose(other.positions, first.positions)
         if not (same and np.array_equal(other.spins, first.spins)):
             raise UsageError(
-                f"{record.source.name} is of {other.name}, and {records[0].source.name} of {first.name}",
+                f"{record.source.name} is from {other.name}, but {records[0].source.name} from {first.name}",
                 needed="logs of one vehicle",
                 remedy="identify each vehicle by itself, or name the layout with --layout",
             )
@@ -428,7 +429,7 @@ def rotors_of(records: Sequence[FlightRecord], choices: MotorSettings) -> RotorL
 
 
 def _stretches(record: FlightRecord, choices: MotorSettings) -> tuple[list[Maneuver], list[Finding]]:
-    """What was given; else excitations, joined where they follow each other; else the flight."""
+    """The given segments; else excitations, joined if consecutive; else the flight."""
     if choices.segments:
         given = (Flight(record, maneuver) for maneuver in choices.segments)
         return [described(maneuver).maneuver for maneuver in given if maneuver.inside], []
@@ -438,7 +439,7 @@ def _stretches(record: FlightRecord, choices: MotorSettings) -> tuple[list[Maneu
         return [maneuver.maneuver for maneuver in flown], remarks
     start_s, stop_s = longest_flight(record)
     whole = Maneuver(axis="roll", kind="other", start_s=start_s, stop_s=stop_s, origin="found")
-    message = f"No excitation stands out in {record.source.name}; its flight was used, {start_s:.1f} to {stop_s:.1f} s."
+    message = f"No clear excitation in {record.source.name}; the flight from {start_s:.1f} to {stop_s:.1f} s was used."
     return [whole], [remark("no_excitation", record.source.name, message)]
 
 
@@ -464,7 +465,7 @@ def _straightened(record: FlightRecord, kind: Kind) -> bool:
 def _require_one_kind(flights: Sequence[MotorFlight], records: Sequence[FlightRecord]) -> None:
     names = ", ".join(record.source.name for record in records)
     if not flights:
-        message = f"No stretch of a second without a gap is left in {names}."
+        message = f"{names} has no second without a gap."
         raise InsufficientDataError(
             message,
             needed="motors, rates and accelerometer logged without gaps",
@@ -472,14 +473,14 @@ def _require_one_kind(flights: Sequence[MotorFlight], records: Sequence[FlightRe
         )
     if len(kinds := {flight.kind for flight in flights}) > 1:
         raise UsageError(
-            f"{names} tell motors as {' and '.join(sorted(kinds))}",
-            needed="logs that tell them in one way",
-            remedy="identify on those of one kind",
+            f"{names} log motors in different ways: {' and '.join(sorted(kinds))}",
+            needed="one way of logging motors",
+            remedy="identify each kind separately",
         )
 
 
 def _each_once(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Findings of several stretches: what is wrong with the rate of a channel is said once."""
+    """Findings of several stretches, each once for a channel."""
 
     def identity(finding: Finding) -> tuple[str, str, str]:
         return finding.kind, finding.where, "" if finding.kind == "rate_too_low" else finding.message

@@ -45,7 +45,7 @@ _INTEGRAL_BELOW, _ANGLE_BELOW = 10.0, 8.0
 """Frequency of the swing over I / P, and over A, at least."""
 
 _UNKNOWN_HZ = 4.0
-"""Taken where the frequency is not known: limit cycles of multirotors are hardly slower."""
+"""Frequency used if unknown: limit cycles of multirotors are rarely slower."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,13 +99,13 @@ def reviewed_oscillations(record: FlightRecord) -> tuple[OscillationReview, ...]
     Raises
     ------
     InsufficientDataError
-        The vehicle never flew, or nothing tells whether it did.
+        The vehicle never flew, or the log does not show whether it did.
     """
     return tuple(_reviewed(record, oscillation) for oscillation in check_oscillations(record).found)
 
 
 def _reviewed(record: FlightRecord, found: Oscillation) -> OscillationReview:
-    """An oscillation with the gains for the next flight, as far as the log has those that flew."""
+    """An oscillation with the gains for the next flight, if the log has the gains flown."""
     axis = found.axis
     controller = controllers_of(record).axis(axis)
     gains = lowered(controller, found.frequency_hz) if controller is not None else {}
@@ -201,7 +201,7 @@ def numbers_of(oscillation: OscillationReview) -> dict[str, float]:
 
 
 def describe(found: tuple[OscillationReview, ...]) -> str:
-    """What swings, and how, in one sentence.
+    """Axes, frequency and size of oscillations, in one sentence.
 
     Examples
     --------
@@ -222,13 +222,13 @@ def describe(found: tuple[OscillationReview, ...]) -> str:
     if first.error_rms_rad is not None:
         parts.append(f"{math.degrees(first.error_rms_rad):.0f}° (rms) off its set-point")
     if not parts:
-        parts.append(f"its command {first.rms:.2f} of its range (rms)")
+        parts.append(f"its command at {first.rms:.2f} of its range (rms)")
     return f"{axes} {verb}{at}, {' and '.join(parts)}."
 
 
 def limits_shown(found: tuple[OscillationReview, ...]) -> str:
     """Why no axis of a flight can be measured: motors at their limits answer to no command, of a calm axis neither."""
-    return f"{describe(found)} The log then shows the limits of the motors and not the vehicle."
+    return f"{describe(found)} The log therefore shows the motor limits, not the vehicle."
 
 
 def motors_limited(found: tuple[OscillationReview, ...]) -> bool:

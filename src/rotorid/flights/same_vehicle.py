@@ -1,4 +1,4 @@
-"""Are logs, and models of logs, of one vehicle? What they say of autopilot, frame and gains, where both say it.
+"""Are logs, and models of logs, of one vehicle? Autopilot, frame and gains are compared if both logs have them.
 
 What one log leaves out is not different: only two names that contradict each other make two vehicles. Gains may change
 from flight to flight of one vehicle, and then loops and margins change with them; derivatives do not.
@@ -27,14 +27,14 @@ _COUNTED: Mapping[int, str] = {3: "tri", 4: "quad", 6: "hexa", 8: "octa", 12: "d
 
 @dataclass(frozen=True, kw_only=True)
 class Aircraft(Immutable):
-    """What a log says of the vehicle that flew; empty where it does not."""
+    """Vehicle according to a log; empty fields are unknown."""
 
     autopilot: str = ""
     kind: str = ""
     frame: str = ""
 
     def contradiction(self, other: Aircraft) -> str:
-        """What two logs of one vehicle cannot both say, in words; empty where nothing speaks against one vehicle.
+        """The contradiction between two logs of one vehicle, in words; empty if there is none.
 
         Examples
         --------
@@ -48,12 +48,12 @@ class Aircraft(Immutable):
 
 
 def aircraft_of(record: FlightRecord) -> Aircraft:
-    """What a log says of the vehicle that flew."""
+    """The vehicle according to a log."""
     return Aircraft(autopilot=writer_of(record).name, kind=record.status.vehicle, frame=frame_of(record)[0])
 
 
 def frame_of(record: FlightRecord) -> tuple[str, str]:
-    """Name of the frame, empty where the log has none, and in brackets what the log says instead of a name."""
+    """Name of the frame, empty if the log has none, and in brackets its other description."""
     named_frame = autopilot_of(record).log.frame(record)
     if named_frame is not None:
         return named_frame
@@ -62,7 +62,7 @@ def frame_of(record: FlightRecord) -> tuple[str, str]:
     except (InsufficientDataError, ModelError):
         return "", ""
     count = int(layout.positions.shape[0])
-    # Arms ahead of or beside the center make a plus, arms in between an X.
+    # Arms straight ahead or to the side make a plus, arms in between an X.
     angles = np.arctan2(layout.positions[:, 1], layout.positions[:, 0])
     off_axis = float(np.min(np.abs(np.sin(2.0 * angles))))
     shape = "plus" if count == 4 and float(np.max(np.abs(np.sin(2.0 * angles)))) < 0.3 else ""
@@ -97,7 +97,7 @@ def require_one_autopilot(models: Sequence[IdentifiedModel], records: Sequence[F
             own = writer_of(record).name
             if named(known).name and own and own != known:
                 raise UsageError(
-                    f"{model.name} was identified on {came} of {known}, and {record.source.name} is of {own}",
+                    f"{model.name} was identified on {came} of {known}, but {record.source.name} is from {own}",
                     needed="a model and logs of one vehicle",
                     remedy=f"identify {model.name} on {record.source.name}, or give the logs of the model",
                 )
@@ -107,8 +107,8 @@ def require_one_autopilot(models: Sequence[IdentifiedModel], records: Sequence[F
                 warn(
                     "other_log",
                     model.name,
-                    f"{model.name} was identified on {came} and not on {logs}: whether both are of one vehicle, as it "
-                    "flew, was not checked. Identify the model on a log of the flight that counts.",
+                    f"{model.name} was identified on {came}, not on {logs}, and they may be of different "
+                    "vehicles. Identify the model on a log of the flight itself.",
                 )
             )
     return tuple(findings)
@@ -128,9 +128,9 @@ def require_one_vehicle(records: Sequence[FlightRecord]) -> None:
         for other, before in known:
             if words := before.contradiction(own):
                 raise UsageError(
-                    f"{other.source.name} and {record.source.name} are of two vehicles: {words}",
+                    f"{other.source.name} and {record.source.name} are from two vehicles: {words}",
                     needed="logs of one vehicle",
-                    remedy="identify them apart, or compare many vehicles with rotorid fleet",
+                    remedy="identify them separately, or compare many vehicles with rotorid fleet",
                 )
         known.append((record, own))
 

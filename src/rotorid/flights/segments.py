@@ -42,7 +42,7 @@ _MARK = "reconstructed from "
 
 
 def require_channels(record: FlightRecord, channels: Sequence[str]) -> None:
-    """Refuse a log that neither holds a channel nor what it can be reconstructed from.
+    """Refuse a log from which a channel can be neither read nor computed.
 
     Raises
     ------
@@ -58,21 +58,21 @@ def require_channels(record: FlightRecord, channels: Sequence[str]) -> None:
         remedy = ""
         if made_of:
             remedy = (
-                f"log it, name its source with --map, or log {', '.join(lacking)} too, from which, with the rest of "
-                f"{', '.join(made_of)}, it is reconstructed"
+                f"log it, name its source with --map, or log {', '.join(lacking)} too: it can be computed from "
+                f"{', '.join(made_of)}"
             )
         raise missing_channel(record, name, remedy=remedy)
 
 
 def holds(record: FlightRecord, name: str) -> bool:
-    """Whether a log holds a channel, or all that it can be reconstructed from."""
+    """Whether a log contains a channel, or all channels to compute it from."""
     logged = record.channel_names
     made_of = ingredients(name, logged)
     return name in logged or (bool(made_of) and all(part in logged for part in made_of))
 
 
 def with_ingredients(record: FlightRecord, channels: Sequence[str]) -> tuple[str, ...]:
-    """Channels to take from a log: those that it holds, and what the others are reconstructed from."""
+    """Channels to read from a log: those logged, and those from which the others are computed."""
     logged = record.channel_names
     parts = [(name,) if name in logged else ingredients(name, logged) for name in channels]
     return tuple(dict.fromkeys(name for part in parts for name in part))
@@ -86,7 +86,7 @@ def is_logged(record: FlightRecord, name: str, start_s: float, stop_s: float) ->
 
 
 def with_zeros(history: TimeHistory, names: Sequence[str]) -> TimeHistory:
-    """A history with further channels that were zero all the time: signals of which nothing is logged."""
+    """A history with further channels that are not logged, set to zero."""
     if not names:
         return history
     count = history.values.shape[1]
@@ -95,7 +95,7 @@ def with_zeros(history: TimeHistory, names: Sequence[str]) -> TimeHistory:
         history,
         values=np.vstack([history.values, np.zeros((len(names), count))]),
         channels=(*history.channels, *silent),
-        processing=(*history.processing, f"{', '.join(names)} zero, since nothing of it is logged"),
+        processing=(*history.processing, f"{', '.join(names)} set to zero, not logged"),
     )
 
 
@@ -120,7 +120,7 @@ def reconstructed_findings(histories: Sequence[TimeHistory]) -> tuple[Finding, .
     """A remark for each channel that was not logged but made."""
     made = {c.name: c.source.removeprefix(_MARK) for h in histories for c in h.channels if c.source.startswith(_MARK)}
     return tuple(
-        remark("reconstructed", name, f"{name} is not in the log; it was reconstructed from {origin}.")
+        remark("reconstructed", name, f"{name} is not logged; it was computed from {origin}.")
         for name, origin in made.items()
     )
 
@@ -140,7 +140,7 @@ def shifted(history: TimeHistory, shifts: Mapping[str, float]) -> TimeHistory:
             history = shift(history, name, seconds)
         except InsufficientDataError as error:
             raise UsageError(
-                f"a shift of {name} by {seconds:g} s came, and a maneuver of {history.duration_s:.3g} s",
+                f"a shift of {name} by {seconds:g} s is too long for a maneuver of {history.duration_s:.3g} s",
                 needed="a shift much shorter than every maneuver",
                 remedy="see the skews that rotorid inspect finds",
             ) from error
@@ -157,7 +157,7 @@ def require_known(shifts: Mapping[str, float], used: Sequence[str]) -> None:
     """
     for name in shifts:
         if name not in used:
-            raise UsageError(f"a shift of {name} came, which takes no part in this", needed=f"one of {', '.join(used)}")
+            raise UsageError(f"a shift of {name} has no effect here", needed=f"one of {', '.join(used)}")
 
 
 _SAME_RATE = 1.02
@@ -244,7 +244,7 @@ def cut(
 
 
 def _rates(rates: Sequence[float], slowest: float) -> tuple[Finding, ...]:
-    """What to say about records of different rates."""
+    """The warning on records of different rates."""
     fastest = max(rates)
     if fastest <= _SAME_RATE * slowest:
         return ()
@@ -252,7 +252,7 @@ def _rates(rates: Sequence[float], slowest: float) -> tuple[Finding, ...]:
         warn(
             "rate_too_low",
             "records",
-            f"Records of {slowest:.4g} to {fastest:.4g} Hz were brought to {slowest:.4g} Hz.",
+            f"Records at {slowest:.4g} to {fastest:.4g} Hz were resampled to {slowest:.4g} Hz.",
             rate_hz=slowest,
             fastest_hz=fastest,
         ),
@@ -262,10 +262,10 @@ def _rates(rates: Sequence[float], slowest: float) -> tuple[Finding, ...]:
 def _nothing_left(flights: Sequence[Flight]) -> InsufficientDataError:
     names = ", ".join(dict.fromkeys(flight.record.source.name for flight in flights))
     return InsufficientDataError(
-        f"no stretch of a second without a gap is left in the maneuvers of {names}",
+        f"the maneuvers of {names} have no second without a gap",
         needed="maneuvers logged without gaps",
         remedy="use a faster card or log fewer topics",
-        findings=[refusal("gap", names, f"Gaps leave no stretch of a second in {names}.")],
+        findings=[refusal("gap", names, f"The maneuvers of {names} have no second without a gap.")],
     )
 
 
@@ -284,14 +284,14 @@ def other_sources(
                 findings[segment.record, name] = warn(
                     "other_source",
                     f"{segment.record}: {name}",
-                    f"{name} comes from {there} in one place and from {here} in another. Where the autopilot "
-                    "filters one and not the other, they differ by the delay of that filter.",
+                    f"{name} comes from {there} in one place and from {here} in another. If the autopilot "
+                    "filters only one of them, they differ by the delay of that filter.",
                 )
     return tuple(findings.values())
 
 
 def source_of(segment: Segment, name: str) -> str:
-    """Where a channel of a segment stands in its log."""
+    """Source of a channel of a segment in its log."""
     return segment.history.channels[segment.history.names.index(name)].source
 
 
@@ -339,7 +339,7 @@ def _all_excitations(record: FlightRecord) -> list[Maneuver]:
 
 
 def _flight_around(in_air: Airborne | None, maneuver: Maneuver) -> tuple[float, float]:
-    """Start and stop of the flight in which a maneuver was flown, where thrust tells."""
+    """Start and stop of the flight in which a maneuver was flown, judged by thrust."""
     for start_s, stop_s in in_air.intervals if in_air else ():
         if start_s <= 0.5 * (maneuver.start_s + maneuver.stop_s) <= stop_s:
             return start_s, stop_s
@@ -384,7 +384,7 @@ _EXACT_RATE = 1.002
 """Ratio of rates up to which they count as one."""
 
 _LOOP_RATES = ("SCHED_LOOP_RATE", "IMU_GYRO_RATEMAX")
-"""Parameters that say how fast a controller ran."""
+"""Parameters for the loop rate of a controller."""
 
 _FASTER = 1.2
 """A controller that ran so many times as fast as the log moved its command between the samples."""
@@ -393,7 +393,7 @@ _SENT = ("_setpoint", "_excitation", "_stick")
 
 
 class TimeRecords(NamedTuple):
-    """What a time-domain fit is made to.
+    """Data for a fit in the time domain.
 
     Parameters
     ----------
@@ -498,7 +498,7 @@ def absolute_records(
         for segment in segments
     )
     lacking = [
-        remark("missing_channel", name, f"No log holds {name}; it was taken as zero all the time.") for name in absent
+        remark("missing_channel", name, f"No log contains {name}; it was assumed to be zero.") for name in absent
     ]
     findings = (*(f for part in parts for f in part.findings), *other_sources(segments, segments, channels), *lacking)
     sent = [sampled for part in parts for sampled in part.sampled_commands(logged)]
@@ -514,7 +514,7 @@ class _Cut(NamedTuple):
     findings: tuple[Finding, ...]
 
     def sampled_commands(self, inputs: Sequence[str]) -> list[bool]:
-        """Whether all inputs of a segment are commands that stand in the log sample by sample, as they were sent.
+        """Whether all inputs of a segment are commands logged sample by sample, as sent.
 
         A set-point is held until the next one comes. What goes to the mixer a controller computes in a loop that runs
         faster than most logs: only a log that says otherwise shows every value of it.
@@ -553,7 +553,7 @@ def _data(structure: LinearStructure, segments: Sequence[Segment]) -> tuple[Time
 
 
 def _require_motion(structure: LinearStructure, data: Sequence[TimeData], *, every_input: bool) -> None:
-    """Raise where an input, or all of them, stand still in every record: then nothing can be learned of it."""
+    """Refuse records in which an input, or all of them, never move: the data would show nothing."""
     moves = [any(record.inputs[row].any() for record in data) for row in range(len(structure.inputs))]
     still = [name for name, moved in zip(structure.inputs, moves, strict=True) if not moved]
     if not still or (not every_input and any(moves)):
@@ -564,7 +564,8 @@ def _require_motion(structure: LinearStructure, data: Sequence[TimeData], *, eve
     if pairs := _moving_pairs(structure, moves):
         inputs, outputs = (",".join(side) for side in zip(*pairs, strict=True))
         remedy = (
-            f"identify what moves with --inputs {inputs} --outputs {outputs}, or choose another part with --segment"
+            f"identify only what moves with --inputs {inputs} --outputs {outputs}, or choose another part with "
+            "--segment"
         )
     raise InsufficientDataError(
         came,
@@ -601,14 +602,14 @@ def _hold(sampled: Sequence[bool], segments: Sequence[Segment]) -> Hold:
         )
 
     raise UsageError(
-        f"inputs stand in {named(True)} sample by sample, as they were sent, and in {named(False)} between samples",
+        f"inputs are piecewise constant in {named(True)} but continuous in {named(False)}",
         needed="records of one kind",
-        remedy="identify on each kind alone, or say with --hold zero or --hold first what holds for all",
+        remedy="identify each kind separately, or set --hold zero or --hold first for all",
     )
 
 
 def evenly_stamped(record: FlightRecord, maneuver: Maneuver, channels: Sequence[str]) -> FlightRecord:
-    """A record whose samples within a maneuver lie on a uniform clock, if one topic holds all channels nearly so.
+    """A record whose samples within a maneuver lie on a uniform clock, if one topic has all channels nearly so.
 
     Parameters
     ----------
@@ -662,6 +663,6 @@ def _as_logged(record: FlightRecord, segment: Segment, name: str) -> bool:
 
 
 def _every_loop(record: FlightRecord, segment: Segment) -> bool:
-    """Whether the log says that its controller ran no faster than it was logged."""
+    """Whether the controller ran no faster than it was logged."""
     rates = [record.parameters[name] for name in _LOOP_RATES if name in record.parameters]
     return bool(rates) and max(rates) < _FASTER * segment.history.sample_rate_hz

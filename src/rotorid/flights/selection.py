@@ -1,4 +1,4 @@
-"""Which stretches of which logs are fitted, and which are kept unseen.
+"""Selection of the log segments to fit and of those kept for validation.
 
 For frequency responses: sweeps, random binary signals and multisines are fitted, doublets and multisteps are kept
 unseen (:func:`select_maneuvers`). A fit in time takes the same for commands, and excitations of the set-points or whole
@@ -94,7 +94,7 @@ def select_maneuvers(
         No record came, the same one twice, or no given segment lies inside one.
     """
     each_once(records)
-    # Without its command a log tells nothing of an axis that others tell of.
+    # Without its command a log shows nothing of an axis that others show.
     logged_axes = {axis for axis in axes if any(f"{axis}_command" in record.channel_names for record in records)}
     found = [
         Flight(record, m)
@@ -133,7 +133,7 @@ def select_maneuvers(
 
 
 def wholly_flown(flights: Sequence[Flight]) -> tuple[Flight, ...]:
-    """Maneuvers that begin and end in the air, as far as thrust tells."""
+    """Maneuvers that begin and end in the air, judged by thrust."""
     airborne_parts = {id(flight.record): airborne_by_thrust(flight.record) for flight in flights}
 
     def flies(flight: Flight) -> bool:
@@ -146,7 +146,7 @@ def wholly_flown(flights: Sequence[Flight]) -> tuple[Flight, ...]:
 
 
 def _answers(flight: Flight, fitted: Sequence[Flight]) -> bool:
-    """Whether a set-point only passes on what an outer loop wants, while whoever flew the sweeps rests."""
+    """Whether a set-point only passes on the output of an outer loop."""
     names, own = excitation_signals(flight.record, flight.axis), flight.maneuver.signal
     signals = [item.maneuver.signal for item in fitted if item.axis == flight.axis]
     # An injection enters far inside, and says nothing of the loops around it.
@@ -155,7 +155,7 @@ def _answers(flight: Flight, fitted: Sequence[Flight]) -> bool:
 
 
 def whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight]:
-    """The airborne part of each record, where nothing in it stands out as an excitation."""
+    """The airborne part of each record in which no excitation is found."""
     flights = []
     for record in records:
         start_s, stop_s = longest_flight(record, or_whole=False)
@@ -179,11 +179,11 @@ def by_stick(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flig
 
 
 def of_axes(segments: Sequence[Maneuver], axes: Sequence[Axis]) -> list[Maneuver]:
-    """The given segments, of which every one must be of an axis of the model."""
+    """The given segments, all of which must be of an axis of the model."""
     for segment in segments:
         if segment.axis not in axes:
             raise UsageError(
-                f"the segment {segment.axis}:{segment.start_s:g}:{segment.stop_s:g} is of another axis",
+                f"the segment {segment.axis}:{segment.start_s:g}:{segment.stop_s:g} is on another axis",
                 needed=f"segments of {' or '.join(axes)}",
                 remedy="leave it out, or choose the inputs or the model of that axis",
             )
@@ -191,9 +191,9 @@ def of_axes(segments: Sequence[Maneuver], axes: Sequence[Axis]) -> list[Maneuver
 
 
 def each_once(records: Sequence[FlightRecord]) -> None:
-    """The same data twice would count as twice the evidence, and could be held out from itself."""
+    """Refuse duplicate data: they would count as twice the evidence, and validate themselves."""
     if not records:
-        raise UsageError("no record came", needed="at least one flight log")
+        raise UsageError("no log was given", needed="at least one flight log")
     sources: dict[str, str] = {}
     for record in records:
         # Folders of tables have no hash of their own.
@@ -223,7 +223,7 @@ def given_flights(records: Sequence[FlightRecord], segments: Sequence[Maneuver])
             f"{record.start_s:.1f} to {record.stop_s:.1f} s of {record.source.name}" for record in records
         )
         raise UsageError(
-            f"{came} inside no log",
+            f"{came} outside every log",
             needed=f"a segment within {spans}",
             remedy="see the excitations that rotorid inspect finds",
         )
@@ -231,7 +231,7 @@ def given_flights(records: Sequence[FlightRecord], segments: Sequence[Maneuver])
 
 
 def require_inside(records: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> None:
-    """Refuse segments of which none lies inside a log, before the logs are looked at one by one.
+    """Refuse segments outside every log, before the logs are examined one by one.
 
     Raises
     ------
@@ -251,7 +251,7 @@ def require_reached(record: FlightRecord, segments: Sequence[Maneuver]) -> None:
         Segments were given, and none lies inside this log.
     """
     if segments and not any(Flight(record, maneuver).inside for maneuver in segments):
-        raise InsufficientDataError("it holds no given segment")
+        raise InsufficientDataError("it contains no given segment")
 
 
 def described(given: Flight) -> Flight:
@@ -270,11 +270,11 @@ def _nothing_flown(
     records: Sequence[FlightRecord], axes: Sequence[Axis], found: Sequence[Maneuver]
 ) -> InsufficientDataError:
     names, wanted = ", ".join(record.source.name for record in records), " or ".join(axes)
-    needed = "a sweep, a multisine or a random binary signal of some 20 s and more"
+    needed = "a sweep, multisine or random binary signal of about 20 s or more"
     remedy = f"{flying_advice(records[0], axes[0])}, or name an interval with --segment"
     if any(record.status.foreign for record in records):
         # What helps there is nobody's test input: turns, pulses and steps of ordinary driving or flying.
-        needed = f"some 20 s in which {wanted} moves slowly and fast: weaving, pulses or steps in turns"
+        needed = f"about 20 s in which {wanted} moves slowly and fast: weaving, pulses or steps both ways"
         remedy = "name such an interval with --segment"
     came = f"{names} {nothing_excites(axes, found)}"
     for record in records:
@@ -335,7 +335,7 @@ def select_records(
 
 
 def _of_setpoints(inputs: Sequence[str], records: Sequence[FlightRecord]) -> Selection | None:
-    """Excitations that stand in the set-points themselves; ``None`` where one of several shows none in any record."""
+    """Excitations in the set-points themselves; ``None`` if one of several shows none in any record."""
     every = {
         name: [Flight(record, m) for record in records for m in _excitations_of_input(record, name)] for name in inputs
     }
@@ -370,19 +370,19 @@ def _joined(flights: Sequence[Flight], records: Sequence[FlightRecord]) -> Itera
 
 
 def _excitations_of_input(record: FlightRecord, input: str) -> list[Maneuver]:
-    """Excitations that were seen in an input itself, each interval once."""
+    """Excitations in an input itself, each interval once."""
     found = [m for axis in AXES for m in find_excitations(record, axis) if m.signal == input]  # type: ignore[arg-type]
     return sorted({(m.start_s, m.stop_s): m for m in found}.values(), key=lambda m: m.start_s)
 
 
 def _shown_in(record: FlightRecord, input: str) -> list[Maneuver]:
-    """The same with what fills its whole log, and is no excitation that stands out of it."""
+    """Excitations, including one that fills its whole log."""
     likely = [m for axis in AXES for m in candidate_excitations(record, axis) if m.signal == input]  # type: ignore[arg-type]
     return [*_excitations_of_input(record, input), *likely]
 
 
 def whole_record(record: FlightRecord, axes: Sequence[Axis]) -> Flight:
-    """The longest flight of a record, or all of it where nothing in it tells take-off and landing.
+    """The longest flight of a record, or all of it if it shows neither take-off nor landing.
 
     Raises
     ------
@@ -398,24 +398,23 @@ def _fitted_whole(flight: Flight) -> Finding:
     return remark(
         "no_excitation",
         name,
-        f"No excitation of all inputs stands out in {name}, so all of it was fitted, "
-        f"{maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s. Choose a part with --segment.",
+        f"No excitation of all inputs was found in {name}, so the whole log was fitted, {maneuver.start_s:.1f} to "
+        f"{maneuver.stop_s:.1f} s. Choose a part with --segment.",
         start_s=maneuver.start_s,
         stop_s=maneuver.stop_s,
     )
 
 
 def _fitted_by_stick(fitted: Sequence[Flight]) -> tuple[Finding, ...]:
-    """A remark for each ordinary flight that stands in for an excitation."""
+    """A remark for each ordinary flight used instead of an excitation."""
     return tuple(
         remark(
             "no_excitation",
             flight.record.source.name,
-            f"No sweep, multisine or random binary signal of {flight.axis} "
-            f"was found in {flight.record.source.name}, so its "
-            f"flight from {flight.maneuver.start_s:.1f} to "
-            f"{flight.maneuver.stop_s:.1f} s was fitted, with the stick as "
-            "instrument. A sweep gives intervals that are several times narrower.",
+            f"No sweep, multisine or random binary signal of {flight.axis} was found in "
+            f"{flight.record.source.name}, so the flight from {flight.maneuver.start_s:.1f} to "
+            f"{flight.maneuver.stop_s:.1f} s was fitted with the stick as instrument. A sweep gives intervals "
+            "several times narrower.",
             start_s=flight.maneuver.start_s,
             stop_s=flight.maneuver.stop_s,
         )
@@ -430,7 +429,7 @@ _SETPOINT = "_setpoint"
 def default_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...]:
     """Every set-point that moves, with its response; commands with their rates where no set-point does.
 
-    Where any axis was excited on purpose, only pairs of such axes count: what feedback moves tells no delay.
+    Where any axis was excited on purpose, only pairs of such axes count: what feedback moves shows no delay.
 
     Raises
     ------
@@ -443,7 +442,7 @@ def default_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...
         excited = [pair for pair in pairs if any(_excited(record, *pair) for record in records)]
         if excited or pairs:
             return tuple(excited or pairs)
-    message = "The log holds neither a set-point that moves with its response nor a command with its rate."
+    message = "The log contains neither a set-point with its response nor a command with its rate."
     raise InsufficientDataError(
         "no pair of set-point and response is logged",
         needed="channels such as phi_setpoint and phi",
@@ -453,7 +452,7 @@ def default_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...
 
 
 def excited_pairs(records: Sequence[FlightRecord]) -> tuple[tuple[str, str], ...]:
-    """Every set-point in which excitations stand, with its response; else the commands that were excited at the mixer.
+    """Every set-point with an excitation, with its response; else the commands excited at the mixer.
 
     Raises
     ------
@@ -492,7 +491,7 @@ def chosen_maneuvers(
     Raises
     ------
     InsufficientDataError
-        Nothing stands out in a record, and it tells that the vehicle never flew, or holds one sample.
+        Nothing is excited in a record, and the vehicle never flew, or the record has one sample.
     UsageError
         No given segment lies inside a record, or one is of another axis.
     """
@@ -505,7 +504,7 @@ def chosen_maneuvers(
 
 
 def _of_record(record: FlightRecord, axes: Sequence[Axis], input: str) -> tuple[list[Flight], list[Finding]]:
-    """Excitations of one record, or what looks like some, or all of it with a remark."""
+    """Excitations of one record, or likely ones, or all of it with a remark."""
     rich = [Flight(record, m) for axis in axes for m in rich_excitations(record, axis)]
     likely = rich or [Flight(record, m) for axis in axes for m in candidate_excitations(record, axis)]
     if likely:
@@ -522,7 +521,7 @@ def _delay_read_whole(record: FlightRecord, maneuver: Maneuver, input: str) -> F
     return remark(
         "no_excitation",
         record.source.name,
-        f"No excitation was found in {record.source.name}, so {input} is read from {maneuver.start_s:.1f} to "
+        f"No excitation was found in {record.source.name}, so {input} was used from {maneuver.start_s:.1f} to "
         f"{maneuver.stop_s:.1f} s.",
         start_s=maneuver.start_s,
         stop_s=maneuver.stop_s,

@@ -38,7 +38,7 @@ _SHORTEST_S = 10.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CorrectedSensors:
-    """A correction, and what to say about it.
+    """A correction, and the findings on it.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def sensor_correction(flights: Sequence[Flight]) -> CorrectedSensors:
     InsufficientDataError
         The logs hold neither attitude beside rates nor velocities beside specific force.
     """
-    _PROGRESS.info("errors of sensors")
+    _PROGRESS.info("sensor errors")
     flying, _ = while_flying(flights)
     rates = [history for flight in flying for history in _histories(flight, (*RATES, *ATTITUDE), RATES)]
     forces = [history for flight in flying for history in _histories(flight, _of_forces(flight.record), ACCELERATIONS)]
@@ -69,12 +69,12 @@ def sensor_correction(flights: Sequence[Flight]) -> CorrectedSensors:
 
 
 def corrected_record(record: FlightRecord, correction: SensorCorrection) -> FlightRecord:
-    """A log with the errors taken out of its sensors, in every topic that holds them."""
+    """A log with the errors of its sensors removed, in every topic."""
     return replace(record, topics=tuple(_corrected_topic(record, topic, correction) for topic in record.topics))
 
 
 _OF_SENSOR = {"u_dot": "ax", "v_dot": "ay", "w_dot": "az"}
-"""Outputs that are made of a sensor, and err as it does."""
+"""Outputs computed from a sensor, with its errors."""
 
 _TOUCHED = (*RATES, *ACCELERATIONS)
 
@@ -126,7 +126,7 @@ def _root(covariance: FloatArray) -> FloatArray:
 
 
 def _causes(unknown: tuple[str, str], output: str) -> tuple[str, float] | None:
-    """What an error of a sensor adds to an output: a channel, and the sign with which its derivative stands there.
+    """Effect of a sensor error on an output: a channel, and the sign of its derivative.
 
     A sign of zero is the channel itself.
     """
@@ -180,7 +180,7 @@ def _of_forces(record: FlightRecord) -> tuple[str, ...]:
 
 
 def _histories(flight: Flight, wanted: Sequence[str], sensors: Sequence[str]) -> list[TimeHistory]:
-    """What a maneuver holds of some channels, on one clock; nothing where no sensor is among them."""
+    """Channels of a maneuver on one clock; empty without a sensor among them."""
     record, maneuver = flight.record, flight.maneuver
     there = [name for name in wanted if name in record.channel_names]
     if not set(there) & set(sensors) or set(there) <= set(sensors):
@@ -188,7 +188,7 @@ def _histories(flight: Flight, wanted: Sequence[str], sensors: Sequence[str]) ->
     try:
         found = resample(record, channels=there, start_s=maneuver.start_s, stop_s=maneuver.stop_s).histories
     except InsufficientDataError:
-        # A channel that stands still or begins later: the other maneuvers tell.
+        # A channel that does not move or begins later: the other maneuvers decide.
         return []
     return [history for history in found if history.duration_s >= _SHORTEST_S]
 
@@ -211,7 +211,7 @@ def _corrected_topic(record: FlightRecord, topic: Topic, correction: SensorCorre
 
 
 def _at(record: FlightRecord, topic: Topic, name: str) -> FloatArray:
-    """A channel at the stamps of a topic: its own samples where it holds them."""
+    """A channel at the stamps of a topic: its own samples if it has them."""
     for row, channel in enumerate(topic.channels):
         if channel.name == name:
             own: FloatArray = topic.values[row]

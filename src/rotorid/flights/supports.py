@@ -15,7 +15,7 @@ from typing import Literal, TypeAlias
 
 from rotorid.autopilots.advice import flying_advice, logging_advice
 from rotorid.data.base import Immutable
-from rotorid.data.display import listed
+from rotorid.data.display import counted, listed
 from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError
@@ -37,14 +37,14 @@ from rotorid.spectral.windows import excited_to_rad_s
 from rotorid.typing import Axis
 
 SHORTEST_ORDINARY_S = 20.0
-"""Less of ordinary flying holds too few movements of a stick to average over."""
+"""Less ordinary flight has too few stick movements to average over."""
 
 END_FIRST = "end the oscillation first"
-"""What to do about a flight that shows the limits of its motors."""
+"""Remedy for a flight that shows the limits of its motors."""
 
 _INSTRUMENT = "an instrument free of feedback"
 _WHOLE_HZ, _WHOLE_RAD_S = 100.0, 2.0
-"""Rates and ends of excitations from which decimals say nothing."""
+"""Rates and excitation limits above which decimals are noise."""
 
 _LISTED = 4
 
@@ -140,7 +140,7 @@ def supported_models(records: Sequence[FlightRecord], settings: IdentifySettings
 
 
 def unsupported(records: Sequence[FlightRecord], model: str) -> InsufficientDataError | None:
-    """Why no log supports a rate model, as ``inspect`` says it; ``None`` where one does.
+    """The error that no log supports a rate model, as ``inspect`` words it; ``None`` if one does.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def unsupported(records: Sequence[FlightRecord], model: str) -> InsufficientData
     # Without an instrument the direct estimate is left: that alone stops no fit.
     needed = ", ".join(need.need for need in support.needs if not need.there and need.need != _INSTRUMENT)
     message = f"{record.source.name}: {support.because}"
-    others = f" (of {len(each)} logs the one that comes closest)" if len(each) > 1 else ""
+    others = f" (the best of {len(each)} logs)" if len(each) > 1 else ""
     where = model if support.lacks in ("other_vehicle", "oscillation") else _where(record, model, support.lacks)
     return InsufficientDataError(
         f"{message}{others}",
@@ -248,7 +248,7 @@ def ordinary_flights(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     Returns
     -------
     tuple of Maneuver
-        Of 20 s and more each, in order of time; empty where the log cannot tell of this axis.
+        Of 20 s and more each, in order of time; empty where the log does not show this axis.
     """
     model = rate_model_of(axis)
     if min(record.rate_hz(name) for name in _channels(model)) < LOWEST_RATE_HZ:
@@ -257,7 +257,7 @@ def ordinary_flights(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
 
 
 def _long_flights(record: FlightRecord, axis: Axis) -> list[Maneuver]:
-    """The flights of 20 s and more; none where the vehicle never flew, or nothing tells whether it did."""
+    """The flights of 20 s and more; none where the vehicle never flew, or the log does not show whether it did."""
     try:
         flights = airborne(record).intervals
     except InsufficientDataError:
@@ -275,24 +275,24 @@ def _by_stick(flight: Flight, axis: Axis) -> bool:
 
 
 def nothing_excites(axes: Sequence[Axis], found: Sequence[Maneuver]) -> str:
-    """That only short maneuvers excite axes, or none, as the end of a sentence about a log.
+    """Statement that only short maneuvers excite axes, or none, as the end of a sentence about a log.
 
     Examples
     --------
     >>> nothing_excites(["roll"], [Maneuver(axis="roll", kind="doublet", start_s=80.0, stop_s=82.0, origin="found")])
-    'holds only short roll maneuvers (doublet at 80.0 s)'
+    'contains only short roll maneuvers (doublet at 80.0 s)'
     >>> nothing_excites(["roll", "pitch"], [])
-    'holds no excitation of roll or pitch'
+    'contains no excitation of roll or pitch'
     """
     wanted = " or ".join(axes)
     if not found:
-        return f"holds no excitation of {wanted}"
+        return f"contains no excitation of {wanted}"
     kinds = ", ".join(f"{maneuver.kind} at {maneuver.start_s:.1f} s" for maneuver in found[:_LISTED])
-    return f"holds only short {wanted} maneuvers ({kinds}{', …' if len(found) > _LISTED else ''})"
+    return f"contains only short {wanted} maneuvers ({kinds}{', …' if len(found) > _LISTED else ''})"
 
 
 def nothing_above(top_rad_s: float) -> str:
-    """That the excitations of an axis end at a frequency.
+    """Statement that the excitations of an axis end at a frequency.
 
     Examples
     --------
@@ -315,7 +315,7 @@ def segment_of(axis: str, start_s: float, stop_s: float) -> str:
 
 
 def _no_vehicle(record: FlightRecord) -> Support | None:
-    """The refusal of a log that says that its vehicle is no multirotor."""
+    """The refusal of a log of another vehicle than a multirotor."""
     if not record.status.foreign:
         return None
     needs = (Need(need="a multirotor", there=False, found=record.status.vehicle),)
@@ -323,8 +323,8 @@ def _no_vehicle(record: FlightRecord) -> Support | None:
 
 
 def foreign_vehicle(record: FlightRecord) -> str:
-    """What a log says of a vehicle that is no multirotor."""
-    return f"the vehicle is a {record.status.vehicle}, as {record.status.named_in} says, and no multirotor"
+    """Description of a vehicle that is not a multirotor, as a clause."""
+    return f"the vehicle is a {record.status.vehicle}, not a multirotor, according to {record.status.named_in}"
 
 
 def _unlogged(record: FlightRecord, rates: Mapping[str, float]) -> Support | None:
@@ -349,25 +349,25 @@ def _limited(record: FlightRecord) -> Support | None:
 
 
 def _usable_excitations(record: FlightRecord, axis: Axis) -> Sequence[Maneuver]:
-    """What excites an axis of a multirotor whose motors have room."""
+    """Excitations of an axis of a multirotor whose motors have room."""
     return () if _no_vehicle(record) or _limited(record) else rich_excitations(record, axis)
 
 
 def _by_excitation(rich: Sequence[Maneuver], rates: Mapping[str, float], instrument: str | None) -> Support:
-    """What an excitation gives; one that ends too low gives nothing."""
+    """Support by an excitation; one that ends at too low a frequency gives none."""
     top_rad_s = excited_to_rad_s(rich)
     if top_rad_s < LOWEST_TOP_RAD_S:
         return Support(
             possible=False,
             because=f"{nothing_above(top_rad_s)}; a rate model needs {LOWEST_TOP_RAD_S:g} rad/s and more",
-            remedy="fly a sweep that goes faster",
+            remedy="fly a faster sweep",
             lacks="no_excitation",
             numbers={"highest_rad_s": top_rad_s, "needed_rad_s": LOWEST_TOP_RAD_S},
         )
     estimate = f"joint estimate with {instrument}" if instrument else "direct estimate only; feedback may bias it"
     rate_hz = min(rates.values())
-    slow = "" if rate_hz >= LOWEST_RATE_HZ else ", which hides motor lag and delay of a small multirotor"
-    because = f"{len(rich)} rich excitation(s), {rate_hz:.0f} Hz{slow}, {estimate}"
+    slow = "" if rate_hz >= LOWEST_RATE_HZ else ", too slow for motor lag and delay of a small multirotor"
+    because = f"{counted(len(rich), 'rich excitation')}, {rate_hz:.0f} Hz{slow}, {estimate}"
     return Support(possible=True, because=because, by="excitation")
 
 
@@ -376,7 +376,7 @@ def _too_slow(record: FlightRecord, rates: Mapping[str, float]) -> Support | Non
     slow = [f"{name} at {rate:.3g} Hz" for name, rate in rates.items() if rate < LOWEST_RATE_HZ]
     if not slow:
         return None
-    because = f"{' and '.join(slow)} is too slow; {LOWEST_RATE_HZ:.0f} Hz is the least without a sweep"
+    because = f"{' and '.join(slow)} is too slow; without a sweep at least {LOWEST_RATE_HZ:.0f} Hz is required"
     remedy = logging_advice(record, min(rates.values()))
     return Support(possible=False, because=because, remedy=remedy, lacks="rate_too_low")
 
@@ -384,11 +384,11 @@ def _too_slow(record: FlightRecord, rates: Mapping[str, float]) -> Support | Non
 def _by_ordinary(
     record: FlightRecord, axis: Axis, parts: Sequence[Maneuver], rates: Mapping[str, float], instrument: str | None
 ) -> Support:
-    """What ordinary flying gives."""
+    """Support by ordinary flight."""
     flown_s = sum(part.duration_s for part in parts)
     because = (
         f"ordinary flight of {flown_s:.0f} s, {min(rates.values()):.0f} Hz, joint estimate with {instrument}: "
-        "intervals several times wider than from a sweep; only identify shows whether the model fits"
+        "intervals several times wider than from a sweep; run rotorid identify to see whether the model fits"
     )
     return Support(
         possible=True, because=because, remedy=f"better: {flying_advice(record, axis)}", by="ordinary flight"
@@ -410,10 +410,10 @@ def _no_ordinary(record: FlightRecord, axis: Axis) -> str:
         airborne(record)
     except InsufficientDataError as error:
         never = any(finding.kind == "never_airborne" for finding in error.findings)
-        return "the vehicle never flew" if never else "when the vehicle flew is not known"
+        return "the vehicle never flew" if never else "the flight time is unknown"
     if not _long_flights(record, axis):
         return f"no flight lasts {SHORTEST_ORDINARY_S:.0f} s"
-    return f"no {axis} stick moves in its flights"
+    return f"the {axis} stick does not move in flight"
 
 
 def _needs(
@@ -423,7 +423,7 @@ def _needs(
     ordinary: Sequence[Maneuver],
     instrument: str | None,
 ) -> tuple[Need, ...]:
-    """What a rate model needs, each with what the log has of it; without the last, feedback may bias the model."""
+    """Requirements of a rate model, and what the log has of each; without the last, feedback may bias the model."""
     least_hz = 0.0 if rich else LOWEST_RATE_HZ
     rates_needed = [
         Need(
@@ -446,7 +446,7 @@ def _needs(
 
 def _excitation_words(rich: Sequence[Maneuver], ordinary: Sequence[Maneuver]) -> str:
     if not rich:
-        return f"{sum(part.duration_s for part in ordinary):.0f} s by stick" if ordinary else "none found"
+        return f"{sum(part.duration_s for part in ordinary):.0f} s flown by stick" if ordinary else "none found"
     tops = [maneuver.band_rad_s[1] for maneuver in rich if maneuver.band_rad_s]
     reach = f" up to {max(tops):.3g} rad/s" if tops else ""
     return f"{len(rich)} ({', '.join(dict.fromkeys(maneuver.kind.replace('_', ' ') for maneuver in rich))}){reach}"
@@ -467,11 +467,12 @@ def _coupled_support(record: FlightRecord, model: str) -> Support:
     if refused := _no_vehicle(record) or _limited(record):
         return replace(refused, needs=refused.needs or needs)
     if still := [axis for axis, rich in found.items() if not rich]:
-        because = f"the log holds no sweep of {listed(still)}"
+        because = f"the log contains no sweep of {listed(still)}"
         remedy = flying_advice(record, *still)
         return Support(possible=False, because=because, remedy=remedy, needs=needs, lacks="no_excitation")
     because = (
-        f"{listed(axes)} {'was' if len(axes) == 1 else 'were'} excited; only identify shows whether the model fits"
+        f"{listed(axes)} {'was' if len(axes) == 1 else 'were'} excited; run rotorid identify to see whether the "
+        "model fits"
     )
     return Support(possible=True, because=because, needs=needs, by="excitation")
 
@@ -484,7 +485,7 @@ def _motor_support(record: FlightRecord, model: str) -> Support:  # noqa: ARG001
         return replace(refused, needs=refused.needs or needs)
     if not there:
         return Support(possible=False, because="the log lacks motor_1", needs=needs, lacks="missing_channel")
-    because = "motors are logged; only identify shows whether they explain the motion"
+    because = "motors are logged; run rotorid identify to see whether they explain the motion"
     return Support(possible=True, because=because, needs=needs, by="motors")
 
 
@@ -506,7 +507,7 @@ def _rig_support(record: FlightRecord, model: str) -> Support | None:
         Need(
             need=f"single motors swept on {' and '.join(axes)}",
             there=not unswept,
-            found=f"{len(flights)} sweep(s)" if flights else "none found",
+            found=f"{counted(len(flights), 'sweep')}" if flights else "none found",
         ),
         Need(
             need="their test inputs, free of feedback",
@@ -522,7 +523,7 @@ def _rig_support(record: FlightRecord, model: str) -> Support | None:
         return Support(
             possible=False,
             because=f"no sweep of single motors turns the vehicle in {' or '.join(unswept)}",
-            remedy="give a second log with it to identify",
+            remedy="add a second log with it",
             needs=needs,
             lacks="no_excitation",
         )
@@ -530,7 +531,7 @@ def _rig_support(record: FlightRecord, model: str) -> Support | None:
     estimate = f"joint estimate with {', '.join(instruments)}" if free else "direct estimate only; feedback may bias it"
     return Support(
         possible=True,
-        because=f"{len(flights)} rich excitation(s), {rate:.0f} Hz, {estimate}",
+        because=f"{counted(len(flights), 'rich excitation')}, {rate:.0f} Hz, {estimate}",
         instrument=", ".join(instruments) if free else None,
         needs=needs,
         by="excitation",

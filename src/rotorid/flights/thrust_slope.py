@@ -10,7 +10,7 @@ shows where a lag can follow. By how much is known up to a factor from zero to o
 
 with the mean command :math:`\bar c(\omega)` at the times when the input moved at a frequency. The elasticity n is one
 of thrust in proportion to the command and two of a square; in hover thrust is the weight, so that the response of heave
-to thrust tells it, at the frequencies where it is largest. A curve of second order through zero has
+to thrust shows it, at the frequencies where it is largest. A curve of second order through zero has
 :math:`\gamma = 2 (n - 1)/n`; with an offset it is more or less, so that the larger one counts. Where a log holds no
 excitation of thrust, a factor of 0.6 stands for all from zero to one (its root mean square).
 """
@@ -35,7 +35,7 @@ from rotorid.units import STANDARD_GRAVITY_M_S2
 _THRUST, _HEAVE = "thrust_command", "az"
 
 _UNKNOWN = 0.6
-"""Root mean square of a factor of which nothing but zero to one is known: 1/√3, rounded."""
+"""Root mean square of a factor known only to lie between zero and one: 1/√3, rounded."""
 
 _LEAST_COMMAND = 0.05
 """A mean command below this is no share of full thrust."""
@@ -119,7 +119,7 @@ def curvature(records: Sequence[FlightRecord], known: Sequence[Flight] = ()) -> 
     Parameters
     ----------
     records
-        Logs; those that hold an excitation of thrust tell it, and the largest factor counts. 0.6 where none does.
+        Logs; the largest factor of those with an excitation of thrust counts, 0.6 without any.
     known
         Excitations of thrust among them, which then need not be looked for.
     """

@@ -1,4 +1,4 @@
-r"""What a leaning vehicle does beside its model of hover.
+r"""Effects of tilt that the linear hover model leaves out.
 
 Derivatives of hover hold for small angles. At a lean of :math:`\phi` the lift carries :math:`\cos\phi` of its weight,
 the height controller asks for what is missing, rotors turn faster, rise and sink twice in a period and meet the air at
@@ -34,10 +34,10 @@ from rotorid.results.model import Segment
 from rotorid.typing import FloatArray
 
 ANGLES: Mapping[str, str] = MappingProxyType({"roll_command": "phi", "pitch_command": "theta"})
-"""Inputs that make a vehicle lean, and the angle by which it does."""
+"""Inputs that tilt a vehicle, and the tilt angle."""
 
 _SHARE = 0.6
-"""Root mean square of a share of which nothing but zero to one is known: 1/√3, rounded."""
+"""Root mean square of a share known only to lie between zero and one: 1/√3, rounded."""
 
 
 def with_tilt_errors(
@@ -75,12 +75,12 @@ def with_tilt_errors(
 
 
 def logged_angles(records: Iterable[FlightRecord]) -> tuple[str, ...]:
-    """Angles of the lean that all of some logs hold."""
+    """Tilt angles logged in all of some logs."""
     logged = [set(record.channel_names) for record in records]
     return tuple(name for name in ANGLES.values() if all(name in names for names in logged))
 
 
 def _squared_tilt(record: FlightRecord, time_s: FloatArray, names: Sequence[str]) -> FloatArray:
-    """Square of the lean about its mean, in rad² and at most one, shape ``(n,)``."""
+    """Square of the tilt about its mean, in rad² and at most one, shape ``(n,)``."""
     angles = [np.interp(time_s, record[name].time_s, record[name].values) for name in names]
     return np.asarray(np.minimum(sum((angle - angle.mean()) ** 2 for angle in angles), 1.0))

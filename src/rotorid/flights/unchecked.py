@@ -33,8 +33,9 @@ from rotorid.flights.tilt_errors import ANGLES
 from rotorid.typing import FloatArray
 
 USUAL_LEAN, USUAL_OTHER_LEAN, USUAL_SLOPE = 0.015, 0.002, 0.015
-"""Relative error at a curvature of one, by the lean that an input makes, by the lean about the other axis (3° in wind),
-and by the change of the slope of thrust."""
+"""Relative error at a curvature of one: by tilt from the input, by tilt about the other axis (3° in wind), and by the
+change of the slope of thrust.
+"""
 
 USUAL_SCALE = 0.01
 """Relative error of the scale of a gyro; a check that is less certain is none."""
@@ -82,7 +83,7 @@ def with_unchecked_errors(
 
 
 def _unchecked_tilt(response: FrequencyResponse, name: str, angles: Collection[str]) -> float:
-    """Share of the usual error by lean that nothing shows of an input."""
+    """Share of the usual tilt error of an input that no log shows."""
     if name not in ANGLES:
         return 0.0
     if ANGLES[name] not in angles or response.lean_errors is None:
@@ -113,15 +114,15 @@ def unchecked_scales(
         return errors, ()
     found = np.zeros((len(outputs), 2)) if errors is None else np.array(errors)
     found[[outputs.index(name) for name in missing], 0] = USUAL_SCALE
-    why = f"{', '.join(missing)} could not be compared with the attitude closely enough"
+    why = f"{', '.join(missing)} could not be compared closely enough with the attitude"
     return found, (_remark("scale", why, USUAL_SCALE),)
 
 
 _WHAT = {
-    "slope": "The error by changes of the slope of thrust",
-    "lean": "The error by leaning",
+    "slope": "The error from a changing thrust slope",
+    "lean": "The error from tilt",
     "feedback": "The bias by feedback",
-    "scale": "The error of the gyro's scale",
+    "scale": "The gyro scale error",
 }
 
 

@@ -1,4 +1,4 @@
-"""What something was in the mean at the times when an input moved at a frequency.
+"""Mean of a quantity weighted by the motion of an input at each frequency.
 
 A sweep takes its frequencies one after the other, and what changes meanwhile, the mean thrust or how far the vehicle
 leans, is another one for each of them.
@@ -21,7 +21,7 @@ _LONG, _IN_PERIOD = 30_000, 12.0
 
 
 class WeightedMean(NamedTuple):
-    """What is watched while inputs move: shapes ``(n,)`` and ``(inputs, n)``."""
+    """Quantity and inputs to average over: shapes ``(n,)`` and ``(inputs, n)``."""
 
     rate_hz: float
     values: FloatArray
@@ -33,7 +33,7 @@ class WeightedMean(NamedTuple):
         return cls(record.sample_rate_hz, watched, np.array([record[name] - record[name].mean() for name in inputs]))
 
     def coarser(self, omega_rad_s: float) -> WeightedMean:
-        """Of a long record means over samples, as far as a period keeps enough of them."""
+        """Means over the samples of a long record, if a period keeps enough of them."""
         in_period = 2.0 * np.pi / omega_rad_s * self.rate_hz
         every = max(min(int(in_period / _IN_PERIOD), self.values.size // _LONG), 1)
         if every == 1:
@@ -101,7 +101,7 @@ def _slid(window: FloatArray, watched: FloatArray, turned: ComplexArray) -> Comp
 
 
 def _covered(window: FloatArray, samples: int) -> FloatArray:
-    """Sum of the window inside of the record, wherever it stands, shape ``(n,)``."""
+    """Sum of the window inside the record at each position, shape ``(n,)``."""
     sums = np.concatenate([[0.0], np.cumsum(window)])
     last = np.arange(samples) + (window.size - 1) // 2
     return np.asarray(sums[np.minimum(last + 1, window.size)] - sums[np.maximum(last - samples + 1, 0)])

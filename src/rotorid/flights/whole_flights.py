@@ -1,7 +1,7 @@
-r"""A flight as loops are read from it: when it flew, what tells each axis' loops, and channels on one fast clock.
+r"""A flight prepared for its loops: when it flew, the instrument of each axis, and channels on one fast clock.
 
-Whoever flies by stick gives set-points that hold feedback: the response to them is told jointly with the stick, which
-holds none. In acro the set-point is the pilot's own. A stick is often logged at 5 to 50 Hz only. As an instrument it
+In flight by stick the set-points contain feedback: the response to them is estimated jointly with the stick, which
+contains none. In acro the set-point is the pilot's own. A stick is often logged at 5 to 50 Hz only. As an instrument it
 need not follow the motion, only be correlated with it and free of feedback; so it is held up to the rate of the
 channels that it explains, instead of thinning these out to its own.
 """
@@ -26,17 +26,18 @@ from rotorid.spectral.estimate import frequency_response
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 Instrument: TypeAlias = Literal["injection", "excitation", "direct", "stick", "setpoint"]
-"""What moves a loop free of its feedback, best first: a test signal at the mixer, another excitation, set-points of the
-rates that are the sticks, the stick, or the set-point of the rate."""
+"""Instruments of a loop, best first: a test signal at the mixer, another excitation, rate set-points that are the
+sticks, the stick, or the rate set-point.
+"""
 
 LEAST_STICK = 0.01
-"""A stick that moves less, as its standard deviation tells, rests."""
+"""A stick whose standard deviation is smaller counts as idle."""
 
 LEAST_RATE_RAD_S = 0.05
-"""A set-point of body rates that moves less rests."""
+"""Set-point motion below which body rates count as idle."""
 
 LEAST_MOTION_S = 10.0
-"""Sticks that moved for less tell nothing that holds."""
+"""Sticks that moved for less give no reliable result."""
 
 USABLE_ERROR = 0.3
 """A response is used where its magnitude is known better than this, one standard deviation."""
@@ -70,7 +71,7 @@ _SHORTEST_S = 4.0
 """Shorter stretches are left out."""
 
 _MOTION_WINDOW_S = 1.0
-"""Window in which a stick moves or rests."""
+"""Window in which a stick moves or is idle."""
 
 _MOSTLY = 0.5
 """Share of the flight in which a set-point has to be the pilot's own for the direct response to be taken."""
@@ -83,7 +84,7 @@ class FlightData(Immutable):
     Parameters
     ----------
     airborne
-        Its flights, and what tells them.
+        Its flights, and the evidence for them.
     """
 
     record: FlightRecord
@@ -96,7 +97,7 @@ class FlightData(Immutable):
 
     @cached_property
     def direct(self) -> Intervals:
-        """Parts of the flights in which the set-points of the body rates came straight from the sticks."""
+        """Parts of the flights in which the rate set-points came straight from the sticks."""
         return _shared(self.flights, self.record.status.direct_rates)
 
     def during(self, instrument: Instrument) -> Intervals:
@@ -104,7 +105,7 @@ class FlightData(Immutable):
         return self.direct if instrument == "direct" else self.flights
 
     def instrument(self, axis: Axis, *, of_rates: bool = True) -> tuple[Instrument, str]:
-        """What tells the loops of an axis, and its channel; the channel is empty where nothing does.
+        """The instrument of the loops of an axis, and its channel; the channel is empty without one.
 
         Set-points of rates that come straight from the sticks are free of feedback (``direct``). Else the stick, or a
         set-point that was excited on purpose (``stick``): whatever an outer loop asks for holds its feedback.
@@ -126,7 +127,7 @@ class FlightData(Immutable):
         return "stick", ""
 
     def moving_s(self, channel: str, intervals: Intervals | None = None) -> float:
-        """For how many seconds of the flights a stick or set-point moved; zero where it rests or was not logged.
+        """Seconds of the flights in which a stick or set-point moved; zero if it was idle or not logged.
 
         It moves while it spreads, within a second, by more than 0.01 of full stick (0.05 rad/s, 0.01 rad).
         """
@@ -216,14 +217,14 @@ class FlightData(Immutable):
             found += [part for part in parts if part.duration_s >= _SHORTEST_S]
         if not found:
             raise InsufficientDataError(
-                f"{self.record.source.name} holds no {_SHORTEST_S:g} s in the air with {', '.join(channels)}",
+                f"{self.record.source.name} has no {_SHORTEST_S:g} s in the air with {', '.join(channels)}",
                 needed="a longer flight, or a log without gaps",
                 remedy="log them throughout the flight",
             )
         return tuple(sorted(found, key=lambda history: history.start_s))
 
     def _with_sampled(self, names: Sequence[str], base: str, start_s: float, stop_s: float) -> FlightRecord:
-        """The record with instruments held on the stamps of a faster channel."""
+        """The record with instruments resampled to the stamps of a faster channel."""
         try:
             topic, row = source_topic(self.record, base, start_s, stop_s)
         except InsufficientDataError:
@@ -250,7 +251,7 @@ def flown(record: FlightRecord) -> FlightData:
     Raises
     ------
     InsufficientDataError
-        The vehicle never flew, or nothing tells whether it did.
+        The vehicle never flew, or the log does not show whether it did.
     """
     return FlightData(record=record, airborne=airborne(record))
 
@@ -313,7 +314,7 @@ def loop_response(
 def with_floor(
     response: FrequencyResponse, *, independent: float = INDEPENDENT_FLOOR, shared: float = SHARED_FLOOR
 ) -> FrequencyResponse:
-    r"""A response with the errors that a flight has beside its noise, because it is no linear system.
+    r"""A response with the errors of a flight in addition to its noise, because the vehicle is not linear.
 
     .. math:: C_{ij} + \delta_{ij} (a |H_i|)^2 + b^2 H_i H_j^* e^{-|\ln \omega_i/\omega_j| / 0.5}
 

@@ -1,4 +1,4 @@
-"""Models and methods side by side: what each says of itself, and how each does on the same logs.
+"""Comparison of models and methods: their own results, and their scores on the same logs.
 
 What results say of themselves stands on different data and rules and does not compare. So every model is scored on the
 same logs by the same rules, within one band and over one horizon, with all parameters held (:func:`score_on_logs`).
@@ -21,6 +21,7 @@ from rotorid.checking.predictions import Trial, fitted_logs, was_fitted
 from rotorid.checking.predictors import predictor_of
 from rotorid.checking.scores import common_band, common_horizon_s
 from rotorid.data.base import Immutable
+from rotorid.data.display import counted
 from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
@@ -182,7 +183,7 @@ def _trials(
             _PROGRESS.info(f"{entry.label} on {record.source.name}")
             try:
                 if predictor.about_trim and not entry.scored:
-                    raise InsufficientDataError("no model.toml stands beside its result.json")
+                    raise InsufficientDataError("there is no model.toml next to its result.json")
                 found += [_Trial(entry, trial, slack_s) for trial in predictor.trials(record, settings)]
             except InsufficientDataError as error:
                 findings.append(_not_scored(entry, record, error))
@@ -356,13 +357,13 @@ def refused_comparison(
     *,
     settings: IdentifySettings,
 ) -> Comparison:
-    """The comparison of what models say of themselves, with the findings why logs say nothing."""
+    """The comparison of models by their own results, with findings on why no log could be used."""
     nothing = OnLogs(maneuvers=(), findings=tuple(error.findings))
     return _comparison(entries_of(models), records, nothing, settings)
 
 
 def entries_of(models: Sequence[Compared]) -> tuple[Entry, ...]:
-    """Models with labels: those of one name are told apart by a number.
+    """Models with labels: those of one name are distinguished by a number.
 
     Raises
     ------
@@ -370,7 +371,9 @@ def entries_of(models: Sequence[Compared]) -> tuple[Entry, ...]:
         Fewer than two came.
     """
     if len(models) < 2:
-        raise UsageError(f"{len(models)} result came to compare", needed="at least two", remedy="give another folder")
+        raise UsageError(
+            f"only {counted(len(models), 'result')} to compare", needed="at least two", remedy="add another folder"
+        )
     names = [model.label if isinstance(model, Entry) else model.name for model in models]
     labels = [
         name if names.count(name) == 1 else f"{name} ({names[: number + 1].count(name)})"
@@ -409,7 +412,7 @@ def _comparison(
 def _on_logs(
     entries: Sequence[Entry], maneuvers: Sequence[ComparedManeuver], shared: Sequence[str]
 ) -> dict[str, OnLogsSummary]:
-    """Means over the maneuvers on which all models were scored; over those that none has seen, if there are any."""
+    """Means over the maneuvers on which all models were scored, if possible unseen ones only."""
     scored = [entry.label for entry in entries if any(entry.label in each.scores for each in maneuvers)]
     tables = [
         [each.mean_percent(name, shared or scored_outputs(each.scores.get(name, ()))) for name in scored]
@@ -451,8 +454,8 @@ def _remarks(
             warn(
                 "seen_data",
                 labels,
-                f"Every maneuver that all models were scored on was fitted by {labels}: there a model with more "
-                "parameters looks better than it is. Give a log that none has seen.",
+                f"{labels} used every common maneuver for the fit, which favors models with more parameters. "
+                "Give a log that none of them has seen.",
             )
         )
     if maneuvers and not shared:
@@ -460,8 +463,8 @@ def _remarks(
             warn(
                 "different_outputs",
                 ", ".join(entry.label for entry in entries),
-                "The models have no output in common on these logs, so the mean of each is over its own outputs, "
-                "and the means do not compare.",
+                "The models share no output on these logs. Each mean is over the outputs of its model, so the "
+                "means do not compare.",
             )
         )
     return found
@@ -471,7 +474,7 @@ _TIMES = ("tau_", "T_")
 
 
 def basis_of(model: IdentifiedModel, parameter: str) -> str:
-    """What a delay or a lag was measured beside and by, in words; two are of one quantity where this is equal.
+    """Basis of a delay or a lag in words; two values are comparable if it is equal.
 
     Without a motor lag beside it a delay holds that lag, and a rate that the autopilot has filtered comes later than
     one that it has not. Gains and damping hardly depend on either, and have no such basis.
@@ -493,7 +496,7 @@ def basis_of(model: IdentifiedModel, parameter: str) -> str:
 
 
 def other_basis(basis: str, usual: str) -> str:
-    """What sets one basis apart from the usual one, in words.
+    """Difference of one basis from the usual one, in words.
 
     Examples
     --------
@@ -504,4 +507,4 @@ def other_basis(basis: str, usual: str) -> str:
     """
     own, others = ({part for part in one.split(", ") if part} for one in (basis, usual))
     counterparts = (part.replace("without", "with", 1) for part in others - own if part.startswith("without "))
-    return ", ".join(sorted([*(own - others), *counterparts])) or "measured otherwise"
+    return ", ".join(sorted([*(own - others), *counterparts])) or "measured differently"

@@ -68,7 +68,7 @@ class CrossValidated(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class _Group:
-    """What is kept together: the maneuvers of one log, or one maneuver where there is one log."""
+    """Maneuvers kept together: those of one log, or a single one if there is one log."""
 
     name: str
     flights: tuple[Flight, ...]
@@ -219,7 +219,7 @@ def _groups(
         fitted = select_records(structure, records, settings).selection.fitted
         if len(fitted) < 2:
             raise UsageError(
-                f"{records[0].source.name} holds one maneuver to cross-validate on",
+                f"{records[0].source.name} contains only one maneuver to cross-validate on",
                 needed="at least two maneuvers or two logs",
                 remedy="give more logs, or parts of this one with --segment",
             )
@@ -235,25 +235,25 @@ def _groups(
             require_reached(record, settings.segments)
             groups.append(_Group(name=name, flights=select_records(structure, [record], settings).selection.fitted))
         except InsufficientDataError as error:
-            findings.append(_left_out(name, f"{name} takes no part in the cross-validation: {error.came}"))
+            findings.append(_left_out(name, f"{name} was not used in the cross-validation: {error.came}"))
     return groups, findings
 
 
 def _require_disjoint(maneuvers: Sequence[Maneuver]) -> None:
-    """What two maneuvers share would be fitted in one fold and count as unseen in it."""
+    """Refuse maneuvers that overlap: they would be fitted in one fold and count as unseen in it."""
     ordered = sorted(maneuvers, key=lambda m: m.start_s)
     for maneuver, other in combinations(ordered, 2):
         if other.start_s < maneuver.stop_s:
             spans = [f"{m.axis}:{m.start_s:g}:{m.stop_s:g}" for m in (maneuver, other)]
             raise UsageError(
                 f"{spans[0]} and {spans[1]} overlap",
-                needed="maneuvers apart from each other, of which each can be unseen by the others",
-                remedy="name parts that do not overlap with --segment",
+                needed="maneuvers that do not overlap, so that each can be unseen by the others",
+                remedy="give parts that do not overlap with --segment",
             )
 
 
 def _names(records: Sequence[FlightRecord]) -> list[str]:
-    """A name for each record; those of one file name are told apart by a number."""
+    """A name for each record; those of one file name are distinguished by a number."""
     names: list[str] = []
     for record in records:
         name, count = record.source.name, 1
@@ -271,14 +271,14 @@ def _parameters(model: IdentifiedModel | None) -> dict[str, FoldParameter]:
 
 def _empty_folds(found: CrossValidation[IdentifiedModel]) -> list[Finding]:
     return [
-        _left_out(name, f"The fold of {name} in the cross-validation {_lacks(fold)}: {fold.cause}")
+        _left_out(name, f"The cross-validation fold of {name} {_lacks(fold)}: {fold.cause}")
         for name, fold in zip(found.records, found.folds, strict=True)
         if fold.cause
     ]
 
 
 def _lacks(fold: Fold[IdentifiedModel]) -> str:
-    return "is empty" if fold.model is None else "lacks scores"
+    return "is empty" if fold.model is None else "has no scores"
 
 
 def _left_out(name: str, message: str) -> Finding:
@@ -295,7 +295,7 @@ def parse_kind(text: str | None) -> Kind | None:
     """
     if text is None or text in get_args(Kind):
         return text  # type: ignore[return-value]
-    raise UsageError(f"the cross-validation {text!r} came", needed=f"one of {', '.join(get_args(Kind))}")
+    raise UsageError(f"unknown cross-validation {text!r}", needed=f"one of {', '.join(get_args(Kind))}")
 
 
 def cross_validated(

@@ -41,7 +41,7 @@ def delay_budget(
     fitted
         Which responses were fitted, shape ``(y, u)``.
     known_filters_s
-        Output to the delay of the autopilot's filters in front of it, as far as the log tells.
+        Output to the delay of the autopilot's filters in front of it, known from the log.
     """
     covariance = covariance_of_all(parameters, bounds)
     system, derivatives = structure.matrices_and_jacobian(parameters.values, np.eye(len(parameters)))

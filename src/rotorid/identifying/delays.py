@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rotorid.data.base import Immutable
-from rotorid.data.display import html_table, lines_of
+from rotorid.data.display import counted, html_table, lines_of
 from rotorid.data.findings import Finding, refusal, warn, worst_first
 from rotorid.data.quantity import milliseconds
 from rotorid.data.record import STANDARD_UNITS, FlightRecord
@@ -69,7 +69,7 @@ class PairDelay(Immutable):
 
     @property
     def whole_band(self) -> DelayEstimate | None:
-        """What a fit of all of the band says where the outputs had been filtered without phase."""
+        """The delay from a fit of the whole band, for outputs filtered without phase."""
         return self.analysis.as_filtered
 
     @property
@@ -79,7 +79,7 @@ class PairDelay(Immutable):
 
     @property
     def hold(self) -> str:
-        """Whether the input is ``held`` between its samples or ``smooth``; ``mixed`` where records differ."""
+        """Whether the input is ``held`` between its samples or ``smooth``; ``mixed`` if records differ."""
         return self.analysis.hold
 
     @property
@@ -117,7 +117,7 @@ class Delays(Immutable):
 
     @property
     def _heading(self) -> str:
-        return f"delays of {len(self.pairs)} pair{'' if len(self.pairs) == 1 else 's'} of channels"
+        return f"delays of {counted(len(self.pairs), 'pair')} of channels"
 
     def _rows(self) -> list[tuple[str, str, str]]:
         rows = []
@@ -186,7 +186,7 @@ def delay(
                 raise
             errors.append(error)
             refusals.append(_refusal(error, source, answer))
-    # A number that tells no delay is none, beside others that do too.
+    # A number that shows no delay is left out, also when others do show one.
     for name in [name for name, pair in found.items() if pair.recommended.unseen]:
         pair = found.pop(name)
         refusals += [replace(f, severity="error") if f.kind == "no_delay" else f for f in pair.findings]
@@ -196,7 +196,9 @@ def delay(
         raise InsufficientDataError(
             "no pair of channels shows a delay",
             needed="a set-point that moves and its response",
-            remedy="name another pair with --input and --output" if input else "name a pair with --input and --output",
+            remedy="choose another pair with --input and --output"
+            if input
+            else "choose a pair with --input and --output",
             findings=refusals,
         )
     remarks = (
@@ -222,11 +224,11 @@ def refused_delay(
 def _pairs(records: Sequence[FlightRecord], input: str | None, output: str | None) -> tuple[tuple[str, str], ...]:
     if (input is None) != (output is None):
         given = "an input" if output is None else "an output"
-        raise UsageError(f"{given} came alone", needed="both --input and --output, or none of them")
+        raise UsageError(f"{given} was given alone", needed="both --input and --output, or neither")
     if input is None or output is None:
         return default_pairs(records)
     if input == output:
-        raise UsageError(f"{input} came as input and as output", needed="different channels")
+        raise UsageError(f"{input} is both input and output", needed="different channels")
     _require_known((input, output), records)
     return ((input, output),)
 
@@ -237,14 +239,14 @@ def _require_known(names: Sequence[str], records: Sequence[FlightRecord]) -> Non
         if name not in known:
             close = ", ".join(get_close_matches(name, sorted(known), n=3))
             raise UsageError(
-                f"there is no channel {name}",
+                f"unknown channel {name}",
                 needed="names such as roll_command, p, az, or those of the mapping",
                 remedy=f"did you mean {close}?" if close else "see the channels that rotorid inspect lists",
             )
 
 
 def _pair(records: Sequence[FlightRecord], input: str, output: str, settings: MeasureSettings) -> PairDelay:
-    _PROGRESS.info(f"delay of {output} behind {input}")
+    _PROGRESS.info(f"delay from {input} to {output}")
     flown, remarks = chosen_maneuvers(records, input, output, settings)
     instrument = _instrument(flown, input, output, settings)
     feedback = instrument != input
@@ -295,14 +297,14 @@ def _cut_by_record(
 def _needs_one_rate(segments: Sequence[Segment], input: str) -> UsageError:
     rates = [segment.history.sample_rate_hz for segment in segments]
     return UsageError(
-        f"records of {min(rates):.4g} to {max(rates):.4g} Hz came for {input}, which contains feedback",
-        needed="records of one rate, because it takes their joint frequency response",
-        remedy="give the logs of each rate by themselves, or use --estimate direct",
+        f"records of {min(rates):.4g} to {max(rates):.4g} Hz cannot be combined for {input}, which contains feedback",
+        needed="records of one rate, because they give one frequency response",
+        remedy="give the logs of each rate separately, or use --estimate direct",
     )
 
 
 def _instrument(flown: Sequence[Flight], input: str, output: str, settings: MeasureSettings) -> str | None:
-    """The channel that holds no feedback: the input itself, one that excites it, or ``None`` where none is known."""
+    """The channel without feedback: the input itself, one that excites it, or ``None`` if unknown."""
     if settings.instruments:
         return _given_instrument(flown, output, settings.instruments)
     if is_free(flown, input):
@@ -318,7 +320,7 @@ def _instrument(flown: Sequence[Flight], input: str, output: str, settings: Meas
 
 def _given_instrument(flown: Sequence[Flight], output: str, names: Sequence[str]) -> str:
     if len(names) != 1:
-        raise UsageError(f"{len(names)} instruments for one input came", needed="one")
+        raise UsageError(f"{len(names)} instruments for one input", needed="one")
     (name,) = names
     if name == output:
         raise UsageError(
@@ -347,20 +349,21 @@ def _response(
         # Too short for a window: the records themselves may still answer.
         return None, str(error).rstrip(".")
     used = measured.trusted_points(measured.response, settings.least_coherence(joint=instrument is not None))
-    return ((measured.response, used), "") if np.any(used) else (None, "no point of it is coherent")
+    return ((measured.response, used), "") if np.any(used) else (None, "none of its points is coherent")
 
 
 def _biased(input: str, output: str, *, joint: bool, cause: str) -> Finding:
-    """What to say of records alone where the input contains feedback."""
+    """The warning on a delay from records alone if the input contains feedback."""
     if joint:
-        why = f"no joint frequency response could be used ({cause or 'too few of its points are coherent'})"
+        why = f"no joint frequency response was usable ({cause or 'too few of its points are coherent'})"
     else:
-        why = "no excitation free of feedback is logged or asked for"
+        why = "no excitation without feedback is logged or named"
     return warn(
         "closed_loop_bias",
         f"{output}/{input}",
-        f"{input} may contain feedback of {output} and {why}, so its delay is that of the records alone. In closed "
-        "loop gusts and noise come back through the controller, which pulls the estimated delay down, even below zero.",
+        f"{input} may contain feedback of {output} and {why}, so its delay comes from the records alone. In "
+        "closed loop gusts and noise return through the controller and make the estimated delay too small, even "
+        "negative.",
     )
 
 

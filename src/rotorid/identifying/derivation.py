@@ -1,4 +1,4 @@
-"""What follows from an identified model and from quantities known beside it: rotors, motors, thrust over inflow."""
+"""Results that follow from an identified model and given quantities: rotors, motors, thrust over inflow."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def derivation(
     values = parameters.values
     if not known and not all(name in values for name in _COEFFICIENTS):
         return None
-    # A parameter that was dropped is held at zero because it was not seen: nothing follows from it.
+    # A dropped parameter is zero because the data do not show it: nothing follows from it.
     rows = [place for place, parameter in enumerate(parameters) if parameter.status != "dropped"]
     kept = [name for place, name in enumerate(parameters.names) if place in rows]
     covariance = covariance_of_all(parameters, bounds)[np.ix_(rows, rows)]

@@ -1,4 +1,4 @@
-"""How the models of a family are fitted, which choices they take, and what is said of the others.
+"""How the models of a family are fitted, which choices they take, and the errors on others.
 
 :mod:`rotorid.models.families` knows the models; here each family has its method. Most are linear structures, fitted to
 responses or in time (:data:`LINEAR`); a row of :data:`FITTINGS` is a family that is fitted in another way.
@@ -23,7 +23,7 @@ from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.structure import LinearStructure
 from rotorid.settings.identifying import IdentifySettings, MethodChoice
 from rotorid.settings.motors import MotorMethod, motor_settings
-from rotorid.settings.option import options_given, options_of
+from rotorid.settings.option import options_given
 from rotorid.settings.resolve import Model, read_model, resolve_model
 
 Read: TypeAlias = str | LinearStructure | NonlinearStructure
@@ -31,10 +31,10 @@ Read: TypeAlias = str | LinearStructure | NonlinearStructure
 
 
 class _Refusal(NamedTuple):
-    """Sentences on a choice ``{wrong}`` that a model ``{name}`` does not have; it takes ``{had}`` and ``{methods}``."""
+    """Error on a choice ``{wrong}`` that a model ``{name}`` does not have; it takes ``{methods}``."""
 
     came: str
-    needed: str
+    needed: str = ""
     remedy: str = ""
 
     def error(self, **words: str) -> UsageError:
@@ -42,10 +42,8 @@ class _Refusal(NamedTuple):
         return UsageError(came, needed=needed, remedy=remedy)
 
 
-_NO_CHOICE = _Refusal(
-    "{wrong} came with {name}, which has no such choice", "{had}, --verify", "leave it out, or choose another model"
-)
-_NO_METHOD = _Refusal("--method {wrong} came with {name}", "one of {methods}")
+_NO_CHOICE = _Refusal("{wrong} does not apply to {name}", remedy="leave it out, or choose another model")
+_NO_METHOD = _Refusal("--method {wrong} does not apply to {name}", "one of {methods}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +61,7 @@ class Fitting:
     only_with
         Choices that one word of ``--method`` alone has.
     no_choice, no_method, no_option
-        What is said of other fields, of other words, and of options that are no fields, such as ``--inputs``, where the
+        The errors on other fields, of other words, and of options that are no fields, such as ``--inputs``, where the
         family takes none.
     check
         What else refuses choices before any log is read.
@@ -80,7 +78,7 @@ class Fitting:
 
 
 def logged_by_all(records: Sequence[FlightRecord]) -> tuple[str, ...]:
-    """Channels that every record holds."""
+    """Channels in every record."""
     names = [record.channel_names for record in records]
     return tuple(name for name in (names[0] if names else ()) if all(name in others for others in names))
 
@@ -95,7 +93,7 @@ def _hover(_: Read, records: Sequence[FlightRecord], settings: IdentifySettings)
 
 
 def _of_structure(structure: LinearStructure, settings: IdentifySettings) -> Method[Any, Any]:
-    """As the settings say, else responses to set-points in time and all others in frequency."""
+    """By the method of the settings, else responses to set-points in time and all others in frequency."""
     require_useful(structure.parameters.names, settings.known, model=structure.name)
     name = settings.method
     if name == "auto":
@@ -126,9 +124,9 @@ LINEAR = Fitting(
     choices=tuple(name for name in _ALL if name not in _OF_ROTORS),
     methods=tuple(word for word in get_args(MethodChoice) if word != "accelerations"),
     no_choice=_Refusal(
-        "{wrong} came with {name}", f"them with {MOTORS.name} alone, and all but --curve with {HOVER.name}"
+        "{wrong} does not apply to {name}", remedy=f"leave it out, or use {MOTORS.name} or {HOVER.name}"
     ),
-    no_method=_Refusal("--method {wrong} came with {name}", f"it with {MOTORS.name} alone"),
+    no_method=_Refusal("--method {wrong} does not apply to {name}", remedy=f"use it with {MOTORS.name}"),
 )
 
 FITTINGS: Mapping[str, Fitting] = {
@@ -152,17 +150,16 @@ FITTINGS: Mapping[str, Fitting] = {
         ),
         methods=("auto", "output_error"),
         no_choice=_Refusal(
-            "{wrong} came with {name}, which is nonlinear and has no such choice",
-            "{had}",
-            "leave it out, or choose a linear model",
+            "{wrong} does not apply to {name}, a nonlinear model",
+            remedy="leave it out, or choose a linear model",
         ),
         no_method=_Refusal(
-            "--method {wrong} came with {name}, which is nonlinear and has no such choice",
-            "--method output_error, as by itself",
+            "--method {wrong} does not apply to {name}, a nonlinear model",
+            "--method output_error, the default",
         ),
         no_option=_Refusal(
-            "{wrong} came with {name}, which is nonlinear",
-            "its own channels; --verify judges it on further logs, and each log is fitted alone besides",
+            "{wrong} does not apply to {name}, a nonlinear model",
+            "its own channels; --verify judges it on further logs, and each log is fitted separately too",
         ),
         check=_require_parameters,
     ),
@@ -179,7 +176,7 @@ def fitting_of(model: Read) -> Fitting:
 
 
 def method_of(model: Model, records: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
-    """How a model is fitted: as the settings say, else as its family is.
+    """Method of a model: that of the settings, else that of its family.
 
     Parameters
     ----------
@@ -221,7 +218,7 @@ def require_choices(model: Model, settings: IdentifySettings, *, options: Mappin
     fitting = fitting_of(read)
     named = read if isinstance(read, NonlinearStructure) else model
     words = {"name": str(named) if isinstance(named, str | Path) else named.name}
-    words |= {"had": ", ".join(options_of(IdentifySettings, fitting.choices)), "methods": ", ".join(fitting.methods)}
+    words["methods"] = ", ".join(fitting.methods)
     given = [option for option, value in (options or {}).items() if value and fitting.no_option is not None]
     alike = fitting.no_option is fitting.no_choice
     if fitting.no_option is not None and given and not alike:

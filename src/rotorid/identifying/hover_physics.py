@@ -1,4 +1,4 @@
-"""The model ``physical.hover`` of the vehicle that flew: rotors as the log or the user says, geometry as the user does.
+"""The model ``physical.hover`` of the vehicle that flew: rotors from the log or the user, geometry from the user.
 
 Mass, propeller, arm, density and speed of the rotors scale what the data show; a value that stands in the library by
 default would end up in every inertia and coefficient, so that each one has to be given.
@@ -29,7 +29,7 @@ _WHAT: Mapping[str, str] = {
 
 
 def hover_of_vehicle(records: Sequence[FlightRecord], settings: IdentifySettings) -> LinearStructure:
-    """The model with the layout of the vehicle, its geometry held where a length was given.
+    """The model with the layout of the vehicle, and its geometry fixed if a length was given.
 
     Parameters
     ----------
@@ -50,12 +50,12 @@ def hover_of_vehicle(records: Sequence[FlightRecord], settings: IdentifySettings
     named = {*settings.fix, *settings.ties, *settings.free, *lengths}
     if missing := [name for name in GEOMETRY if name not in named]:
         raise UsageError(
-            f"{HOVER} came without {', '.join(missing)}, which no flight tells",
+            f"{HOVER} needs {', '.join(missing)}, which no flight shows",
             needed="; ".join(_WHAT[name] for name in missing),
         )
     for name, value in {**settings.fix, **lengths}.items():
         if name in GEOMETRY and not 0.0 < value < math.inf:
-            raise UsageError(f"{name} = {value:g} came", needed=f"a positive {_WHAT[name]}")
+            raise UsageError(f"{name} = {value:g} is not positive", needed=f"a positive {_WHAT[name]}")
     structure = physical_hover(layout, mixer_of(layout, records[0].source.format) if records else None)
     parameters = structure.parameters
     for name, value in {**{n: v for n, v in settings.fix.items() if n in GEOMETRY}, **lengths}.items():
@@ -76,14 +76,14 @@ def _layout(records: Sequence[FlightRecord], settings: IdentifySettings) -> Roto
 
 
 def _lengths(layout: RotorLayout, settings: IdentifySettings) -> dict[str, float]:
-    """Diameter and arm from their options; an arm in meters may stand in the layout itself."""
+    """Diameter and arm from their options; the layout itself may contain an arm in meters."""
     given = {"D": ("--rotor-diameter", settings.rotor_diameter_m), "l": ("--arm", settings.arm_m)}
     lengths = {}
     for name, (option, value) in given.items():
         if value is None:
             continue
         if name in settings.fix or name in settings.ties:
-            raise UsageError(f"{name} came with {option} and with --fix or --tie", needed="one of them")
+            raise UsageError(f"{name} was given with {option} and with --fix or --tie", needed="only one of them")
         lengths[name] = value
     if layout.arm_known and not {"l"} & {*lengths, *settings.fix, *settings.ties, *settings.free}:
         lengths["l"] = layout.arm

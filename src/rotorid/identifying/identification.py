@@ -141,12 +141,12 @@ def identify_by(
 
 
 def controller_settings(records: Sequence[FlightRecord]) -> ControllerSettings | None:
-    """The controller of roll, pitch and yaw of the first log that says anything of one."""
+    """The controller of roll, pitch and yaw from the first log that has one."""
     return next((known for record in records if (known := controllers_of(record).settings()) is not None), None)
 
 
 def _known(settings: Settings) -> Mapping[str, tuple[float, float]]:
-    """What is known beside the parameters of a linear model."""
+    """Known values besides the parameters of a linear model."""
     return settings.known if isinstance(settings, IdentifySettings) else {}
 
 
@@ -161,8 +161,8 @@ def _require_numbers(model: str, parameters: Mapping[str, ParameterEstimate]) ->
         message = f"The data do not determine {', '.join(odd)}."
         raise InsufficientDataError(
             f"{model} has no finite {', '.join(odd)}",
-            needed="parameters that the data can see",
-            remedy="fix some with --fix NAME=VALUE, or take a smaller model",
+            needed="parameters that affect the data",
+            remedy="fix some with --fix NAME=VALUE, or use a smaller model",
             findings=[refusal("not_identifiable", name, message) for name in odd],
         )
 
@@ -184,7 +184,7 @@ def identify_motors(records: Records, choices: MotorSettings | None = None, *, v
     Raises
     ------
     InsufficientDataError
-        The logs cannot tell; findings say why.
+        The logs do not have enough data; findings say why.
     UsageError, ModelError
         A choice is wrong.
     """
@@ -199,7 +199,7 @@ def refused(
     *,
     settings: IdentifySettings,
 ) -> Refused:
-    """What to say of data that cannot support a model."""
+    """The result for data that cannot support a model."""
     read = read_model(model)
     structure = None if isinstance(read, str) else read
     if isinstance(read, str) and family_of(read).make is not None:

@@ -1,4 +1,4 @@
-"""Several models of the same logs in one run: each stands or is refused by itself."""
+"""Several models of the same logs in one run, each accepted or refused separately."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeveralModels(Immutable, Mapping[str, "IdentifiedModel | Refused"]):
-    """What became of each model, by its name.
+    """The result of each model, by its name.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class SeveralModels(Immutable, Mapping[str, "IdentifiedModel | Refused"]):
 
     @property
     def identified(self) -> dict[str, IdentifiedModel]:
-        """The models that stand."""
+        """The identified models."""
         return {name: answer for name, answer in self.answers.items() if isinstance(answer, IdentifiedModel)}
 
     @property
@@ -66,21 +66,23 @@ class SeveralModels(Immutable, Mapping[str, "IdentifiedModel | Refused"]):
         return {name: answer for name, answer in self.answers.items() if isinstance(answer, Refused)}
 
 
-def none_stands(models: SeveralModels, records: Sequence[FlightRecord]) -> InsufficientDataError:
-    """That the data support none of the models."""
+def none_identified(models: SeveralModels, records: Sequence[FlightRecord]) -> InsufficientDataError:
+    """The error that the data support none of the models."""
     findings = [
         finding for answer in models.refused.values() for finding in answer.findings if finding.severity == "error"
     ]
     if not models:
         found = [(record.source.name, supports(record)) for record in records]
-        # What several models lack alike is said once.
+        # A requirement that several models lack is listed once.
         why = {(log, support.because): (support.lacks, model) for log, each in found for model, support in each.items()}
         findings = [refusal(kind, model, f"{log}: {because}.") for (log, because), (kind, model) in why.items()]
     logs = " and ".join(record.source.name for record in records)
     return InsufficientDataError(
-        f"none of {len(models)} models stands: {', '.join(models)}" if models else f"no model is supported by {logs}",
+        f"none of {len(models)} models was identified: {', '.join(models)}"
+        if models
+        else f"not enough data in {logs} for any model",
         needed="flights that move these axes, logged fast enough",
-        remedy="the findings say what each lacks",
+        remedy="see the findings for what each lacks",
         findings=findings,
     )
 
@@ -205,5 +207,5 @@ def _each(models: Sequence[str | Path | LinearStructure] | str) -> tuple[str | P
     """The models in their order, each once."""
     listed = (models,) if isinstance(models, str) else tuple(models)
     if not listed:
-        raise UsageError("no model was named", needed="a name of rotorid models, a file, or all")
+        raise UsageError("no model was given", needed="a name of rotorid models, a file, or all")
     return tuple(dict.fromkeys(listed))

@@ -113,7 +113,7 @@ class Prepared(Protocol):
 
     @property
     def sources(self) -> Mapping[str, str]:
-        """Name of a channel to where it stands in the logs."""
+        """Source of each channel in the logs."""
         ...
 
 
@@ -137,7 +137,7 @@ class Fitted(Protocol):
 
 
 class FitReport(NamedTuple):
-    """What a method tells of a finished fit.
+    """Report of a finished fit.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ class FitReport(NamedTuple):
     data
         What it was made to.
     combinations
-        Parameters that the data cannot tell apart.
+        Parameters that the data cannot separate.
     poles
         With their uncertainty.
     delays, covered, motors, nonlinear
@@ -184,7 +184,7 @@ class Method(Protocol[DataT, FittedT]):
         ...
 
     def verify(self, data: DataT, fitted: FittedT, records: Sequence[FlightRecord]) -> Verifications:
-        """What flights say that were not fitted: those of the same logs, and of further ones."""
+        """Predictions of unfitted flights: of the same logs, and of further ones."""
         ...
 
     def checks(self, fitted: FittedT, found: Verifications) -> Checks:
@@ -192,11 +192,11 @@ class Method(Protocol[DataT, FittedT]):
         ...
 
     def describe(self, data: DataT, fitted: FittedT) -> FitReport:
-        """What the fit tells of itself."""
+        """Report of the fit."""
         ...
 
     def remarks(self, data: DataT, fitted: FittedT, report: FitReport) -> Sequence[Finding]:
-        """What a careful engineer would remark on it."""
+        """Findings on the fit."""
         ...
 
 
@@ -219,7 +219,7 @@ class _Linear(Generic[DataT]):
 
 
 class StructureAndLogs(NamedTuple):
-    """What of a model and of logs goes into a fit."""
+    """Structure and data of a fit."""
 
     structure: LinearStructure
     selection: Selection
@@ -241,7 +241,7 @@ def choose(
     model, records, settings
         As for :func:`rotorid.identify`.
     in_time
-        Whether any motion of an input tells of a response to set-points, as it does in time.
+        Whether any motion of an input shows a response to set-points, as it does in time.
     outputs
         Those to fit where the settings name none.
 
@@ -298,7 +298,7 @@ class ResponseData(NamedTuple):
 
     @property
     def sources(self) -> Mapping[str, str]:
-        """Output to where it stands in the first log."""
+        """Source of each output in the first log."""
         return output_sources(self.measured)
 
 
@@ -337,7 +337,7 @@ class Frequency(_Linear[ResponseData]):
         )
 
     def fit(self, data: ResponseData) -> FrequencyFit:
-        """Fit, drop what the data do not show, bound the rest; refit noise drawn anew where that was asked for."""
+        """Fit, drop parameters that the data do not show, bound the others; bootstrap if requested."""
         fitted = fit_or_refuse(data.screened.problem, data.measured, data.settings)
         again = bootstrap(fitted.problem, fitted.final, fitted.bounds, data.settings, weights=fitted.weights)
         scattered = with_scatter(fitted, data.flights, data.settings)
@@ -406,14 +406,14 @@ def _refuse_choices_of_time(settings: IdentifySettings) -> None:
     asked["--pieces"] = settings.pieces_s is not None
     if given := [name for name, chosen in asked.items() if chosen]:
         raise UsageError(
-            f"{' and '.join(given)} came for a fit in the frequency domain",
-            needed="a method that simulates, such as --method output_error",
-            remedy="responses are searched with --search" if settings.starts != "default" else "",
+            f"{' and '.join(given)} does not work in the frequency domain",
+            remedy="choose a method that simulates, such as --method "
+            "output_error{'; responses are searched with --search' if settings.starts != 'default' else ''}",
         )
 
 
 class TimeDomainData(NamedTuple):
-    """Records in time, and what the frequency domain says of the same maneuvers.
+    """Records in time, and the frequency domain of the same maneuvers.
 
     Parameters
     ----------
@@ -445,7 +445,7 @@ class TimeDomainData(NamedTuple):
 
     @property
     def sources(self) -> Mapping[str, str]:
-        """Output to where it stands in the first log."""
+        """Source of each output in the first log."""
         return {name: source_of(self.records.segments[0], name) for name in self.structure.outputs}
 
 
@@ -467,10 +467,11 @@ class InTime(_Linear[TimeDomainData]):
         for name, asked in (("filters", self.settings.correct_filters), ("sensors", self.settings.correct_sensors)):
             if asked:
                 raise UsageError(
-                    f"--correct-{name} came for a fit in time", needed="--method frequency, which corrects responses"
+                    f"--correct-{name} does not work in the time domain",
+                    remedy="use --method frequency, which corrects responses",
                 )
         if self.kind == "equation_error":
-            needed = "another method: regression has one minimum and needs no search"
+            needed = "use another method: regression has one minimum, so there is nothing to search"
             refuse_search(self.settings, "equation error", needed)
         model = self.model
         own = family_of(model).answers_setpoints and not self.settings.outputs
@@ -530,7 +531,7 @@ class InTime(_Linear[TimeDomainData]):
         return LinearPredictor(candidate).predict(records, judging(data.settings), data.selection).found
 
     def describe(self, data: TimeDomainData, fitted: TimeFit) -> FitReport:
-        """Fits of the records, their residuals, and the frequency domain beside."""
+        """Fits of the records, their residuals, and the frequency domain."""
         structure, side, records = fitted.structure, data.frequency, data.records
         others = compare_with(side.fitted, data.structure, fitted, records) if side.fitted else None
         noise = np.sqrt(fitted.problem.noise.diagonal())
@@ -624,7 +625,7 @@ def _feedback(fitted: TimeFit, records: TimeRecords) -> tuple[Finding, ...]:
 def _not_compared(data: TimeDomainData) -> tuple[Finding, ...]:
     if data.frequency.fitted is not None or not _has_values(data.structure):
         return ()
-    message = f"There is no fit in the frequency domain to compare with: {data.frequency.why_not}."
+    message = f"There is no frequency-domain fit to compare with: {data.frequency.why_not}."
     return (remark("not_compared", data.structure.name, message),)
 
 

@@ -52,7 +52,7 @@ class Motors:
     settings: MotorSettings
 
     def prepare(self, records: Sequence[FlightRecord]) -> MotorData:
-        """Read the rotors from the log's parameters, and take the motors as fast as the log tells them."""
+        """Read the rotors from the log's parameters, and the motors at the rate of the log."""
         return motor_data(records, self.settings)
 
     def fit(self, data: MotorData) -> FittedMotors:
@@ -60,7 +60,7 @@ class Motors:
         return fit_motor_data(data, self.settings)
 
     def verify(self, data: MotorData, fitted: FittedMotors, records: Sequence[FlightRecord]) -> Verifications:
-        """Predict the accelerations of further logs by the identified values; what cannot be judged is told."""
+        """Predict the accelerations of further logs by the identified values; a finding names what cannot be judged."""
         problem = fitted.fit.problem
         predictor = MotorPredictor(
             parameters=problem.parameters.unpack(fitted.fit.solution.theta),

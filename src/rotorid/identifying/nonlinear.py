@@ -57,7 +57,7 @@ from rotorid.uncertainty.propagation import pole_confidence
 _PROGRESS = logging.getLogger("rotorid.progress")
 
 _ABOUT_AS_MUCH = 3.0
-"""How many times less than in the record that shows it best a parameter may show in one that is held against it."""
+"""Largest ratio of the sensitivities of a parameter between the best record and one compared with it."""
 
 
 def asked_parameters(structure: NonlinearStructure, settings: IdentifySettings) -> ParameterSet:
@@ -104,7 +104,7 @@ class NonlinearData(NamedTuple):
 
     @property
     def sources(self) -> Mapping[str, str]:
-        """Output to where it stands in the first log."""
+        """Source of each output in the first log."""
         return {name: source_of(self.records.segments[0], name) for name in self.structure.outputs}
 
 
@@ -141,7 +141,7 @@ class FittedNonlinear(Immutable):
 
     @cached_property
     def structure(self) -> LinearStructure:
-        """Small motion about rest, where there is such a motion."""
+        """Linearization for small motion about hover, if there is one."""
         return linear_of(self.model)
 
     @property
@@ -163,7 +163,7 @@ class Nonlinear:
     settings: IdentifySettings
 
     def prepare(self, records: Sequence[FlightRecord]) -> NonlinearData:
-        """Take the flights as they stand in the logs, and hold what nothing in them moves."""
+        """Prepare the flights as logged, and fix parameters that nothing in them moves."""
         parameters = asked_parameters(self.model, self.settings)
         model = self.model.with_constants(self.settings.constants)
         flights = whole_flights(records, self.settings.segments)
@@ -174,7 +174,7 @@ class Nonlinear:
         parameters, remarks = _fixed_at_rest(structure, parameters, flown.data)
         if not parameters.free:
             raise InsufficientDataError(
-                f"nothing moves what {structure.name} has",
+                f"no input of {structure.name} moves",
                 needed=f"a flight in which {' or '.join(structure.inputs)} moves",
                 findings=[refusal("no_excitation", structure.name, "No input of the model moves.")],
             )
@@ -197,7 +197,7 @@ class Nonlinear:
         if not np.isfinite(fit.solution.cost):
             raise InsufficientDataError(
                 f"{structure.name} has no finite simulation of these flights",
-                needed="start values from which the model can be simulated",
+                needed="start values with which the model can be simulated",
                 remedy="shorten the records with --pieces SECONDS, or give values with --fix NAME=VALUE",
                 findings=[refusal("not_converged", structure.name, "The simulation diverges at the start values.")],
             )
@@ -218,7 +218,7 @@ class Nonlinear:
         return fitted
 
     def _fit_each_record(self, data: NonlinearData, fit: NonlinearFit) -> tuple[LogEstimate, ...]:
-        """What each record says by itself, begun at what all say together; records that tell nothing are left out."""
+        """The fit of each record alone, started from that of all; records without enough data are left out."""
         if len(data.records.data) < 2:
             return ()
         found, shown = [], _shown(fit, data.records)
@@ -341,7 +341,7 @@ def _outputs(
     if not chosen:
         names = ", ".join(record.source.name for record in records)
         raise InsufficientDataError(
-            f"{names} holds none of {', '.join(model.outputs)}",
+            f"{names} contains none of {', '.join(model.outputs)}",
             needed="an output of the model",
             remedy="name its source with --map",
             findings=[refusal("missing_channel", name, f"{name} is in no log.") for name in model.outputs],
@@ -350,12 +350,15 @@ def _outputs(
         remark(
             "outputs_left_out",
             name,
-            f"{name} integrates {rates[name]}, which is fitted, and was left out; --outputs names others.",
+            f"{name} is the integral of {rates[name]}, which is fitted, so it was left out; choose others with "
+            "--outputs.",
         )
         for name in integrals
     ]
     missing = [name for name in model.outputs if name not in logged]
-    remarks += [remark("missing_channel", name, f"{name} is not in every log, and was not fitted.") for name in missing]
+    remarks += [
+        remark("missing_channel", name, f"{name} is not in every log, so it was not fitted.") for name in missing
+    ]
     return chosen, tuple(remarks)
 
 
@@ -381,7 +384,7 @@ def _shown(fit: NonlinearFit, records: TimeRecords) -> list[dict[str, bool]]:
 def _fixed_at_rest(
     structure: NonlinearStructure, parameters: ParameterSet, data: Sequence[TimeData]
 ) -> tuple[ParameterSet, tuple[Finding, ...]]:
-    """Parameters with those held that act only on states which inputs at rest, and no moving ones, would move."""
+    """Parameters with those fixed that act only on states moved by inputs that do not move."""
     moving = {
         name for row, name in enumerate(structure.inputs) if any(np.ptp(record.inputs[row]) > 0.0 for record in data)
     }
@@ -406,7 +409,7 @@ def _fixed_at_rest(
         parameters = parameters.fix(name, parameters[name].value)
     words = f"{' and '.join(still)} did not move"
     return parameters, tuple(
-        remark("no_excitation", name, f"{words}, so {name} was held at {parameters[name].value:g}.") for name in fixed
+        remark("no_excitation", name, f"{words}, so {name} was fixed at {parameters[name].value:g}.") for name in fixed
     )
 
 
@@ -424,7 +427,7 @@ def _posed(
 
 
 def _likelihood(fit: NonlinearFit) -> float:
-    """What a fit leaves, for comparison with others of the same records; less is better."""
+    """Cost of a fit for comparison with others of the same records; less is better."""
     return -log_likelihood(fit.problem) if np.isfinite(fit.solution.cost) else math.inf
 
 
@@ -432,13 +435,13 @@ def _require_explained(fitted: FittedNonlinear) -> None:
     """Refuse a search without an end, a simulation that leaves more than it explains, and values without bounds."""
     reasons = [*unexplained(fitted.fit_percent), *out_of_iterations(fitted.model.name, fitted.fit.solution)]
     if reasons:
-        remedy = "take other outputs, a model with the missing dynamics, or segments in which the inputs move it"
+        remedy = "use other outputs, a model with the missing dynamics, or segments in which the inputs move it"
         raise does_not_describe(fitted.model.name, reasons, remedy)
     require_bounds(fitted.model.parameters, fitted.bounds)
 
 
 def _estimates(estimate: LogEstimate | None, structure: NonlinearStructure) -> dict[str, Derived]:
-    """What a record says of the parameters by itself."""
+    """Estimates of one record alone."""
     if estimate is None:
         return {}
     return {

@@ -1,4 +1,4 @@
-"""What of a model the flown data can speak about: inputs that were excited, outputs that are there, and its trim.
+"""Part of a model that the data can show: excited inputs, available outputs, and the trim.
 
 :func:`scoped` cuts a structure to the inputs that were excited and the outputs that the logs hold, and says what was
 left out. :func:`trimmed` sets the speeds and angles about which the model is linearized: given ones, or the means of
@@ -134,19 +134,19 @@ def _refuse_led_inputs(structure: LinearStructure, cut: Sequence[str], selection
         share, by = max((_led_share(flight, name), f"{flight.axis}_command") for flight in selection.fitted)
         if share > _LED:
             message = (
-                f"{name} was not excited, and {100.0 * share:.0f} % of its motion goes with {by}: the controller moved "
-                f"it, and {structure.name} cannot tell what it does from what {by} does."
+                f"{name} was not excited and {100.0 * share:.0f} % of its motion follows {by}: the controller "
+                f"moved it, so {structure.name} cannot separate its effect from that of {by}."
             )
             raise InsufficientDataError(
                 message.removesuffix("."),
-                needed=f"an excitation of {name} beside that of {by}",
-                remedy=f"sweep {name} too, or fit a model of the axis that was excited",
+                needed=f"an excitation of {name} in addition to {by}",
+                remedy=f"sweep {name} too, or fit a model of the excited axis",
                 findings=[refusal("correlated_inputs", f"{name}/{by}", message, share=share)],
             )
 
 
 def _led_share(flight: Flight, other: str) -> float:
-    """What part of a command's motion goes with that of the axis of a maneuver; zero where one is not logged."""
+    """Share of a command's motion correlated with the axis of a maneuver; zero if one is not logged."""
     own = f"{flight.axis}_command"
     if own == other or not {own, other} <= set(flight.record.channel_names):
         return 0.0
@@ -181,7 +181,7 @@ def with_channels_of(
         warn(
             "missing_channel",
             record.source.name,
-            f"{record.source.name} holds no {lacking[id(record)]} and was left out; the other logs were used.",
+            f"{record.source.name} contains no {lacking[id(record)]} and was left out; the other logs were used.",
         )
         for record in records
         if lacking[id(record)]
@@ -205,9 +205,9 @@ def require_common_axes(structure: LinearStructure, records: Sequence[FlightReco
         if len(units) > 1:
             unit_words = " and ".join(f"{unit} in {log}" for unit, log in units.items())
             raise UsageError(
-                f"{name} came in {unit_words}",
-                needed="one unit in all logs that are joined",
-                remedy="say its unit with --map",
+                f"{name} has different units: {unit_words}",
+                needed="one unit in all joined logs",
+                remedy="set its unit with --map",
             )
     if not any(
         any(name in record.channel_names for name in structure.inputs)
@@ -216,14 +216,14 @@ def require_common_axes(structure: LinearStructure, records: Sequence[FlightReco
     ):
         names = ", ".join(record.source.name for record in records)
         raise UsageError(
-            f"none of {names} holds an input of {structure.name} beside an output of it",
-            needed=f"any of {', '.join(structure.inputs)} with any of {', '.join(structure.outputs)}",
+            f"none of {names} contains both an input and an output of {structure.name}",
+            needed=f"one of {', '.join(structure.inputs)} with one of {', '.join(structure.outputs)}",
             remedy="choose the model of their axes, or name the channels with --map",
         )
 
 
 def _excites_some_input(structure: LinearStructure, record: FlightRecord) -> bool:
-    """Whether some input of a model was excited in a log that holds it beside an output."""
+    """Whether some input of a model was excited in a log that also has an output."""
     commands = [name for name in structure.inputs if is_command(name) and name in record.channel_names]
     excited = any(rich_excitations(record, axis_of(name)) for name in commands)
     return excited and any(holds(record, name) for name in structure.outputs)
@@ -240,14 +240,14 @@ def _lacking(structure: LinearStructure, record: FlightRecord) -> str:
 
 
 def _outputs_there(structure: LinearStructure, records: Sequence[FlightRecord]) -> tuple[str, ...]:
-    """Outputs that every record holds: of estimated ones those as fast as the sensors."""
+    """Outputs in every record: of estimated ones those as fast as the sensors."""
     there = [name for name in structure.outputs if all(name in record.channel_names for record in records)]
     if not there:
         # Rather the sentence that names the missing channel and what it could be made of.
         for record in records:
             require_channels(record, [name for name in structure.outputs if name in INERTIAL][:1] or structure.outputs)
         raise InsufficientDataError(
-            f"the logs hold no output of {structure.name}", needed=f"one of {', '.join(structure.outputs)}"
+            f"the logs contain no output of {structure.name}", needed=f"one of {', '.join(structure.outputs)}"
         )
     sensed = [name for name in there if name in INERTIAL]
     if not sensed:
@@ -261,7 +261,7 @@ def _outputs_there(structure: LinearStructure, records: Sequence[FlightRecord]) 
 
 
 def _outputs_of_any(structure: LinearStructure, records: Sequence[FlightRecord]) -> tuple[str, ...]:
-    """Outputs that any record holds, of estimated ones those as fast as its sensors."""
+    """Outputs in any record, of estimated ones those as fast as its sensors."""
     holding = [record for record in records if any(name in record.channel_names for name in structure.outputs)]
     there = {name for record in holding for name in _outputs_there(structure, [record])}
     return tuple(name for name in structure.outputs if name in there) or _outputs_there(structure, records)
@@ -283,22 +283,22 @@ def _holds(structure: LinearStructure, name: str, value: float) -> bool:
 def _require_left(
     lost: Sequence[str], left: LinearStructure, whole: LinearStructure, settings: IdentifySettings
 ) -> None:
-    """Refuse what was said about parameters that stand nowhere any more."""
+    """Refuse choices about parameters that are no longer in the model."""
     sources = {source for text in settings.ties.values() for source in Expression.parse(text).names}
     # What the model holds at that very value anyway, as the geometry of physical.hover, is no misunderstanding.
     fixed = {name for name, value in settings.fix.items() if not _holds(whole, name, value)}
     given = [name for name in lost if name in {*fixed, *settings.ties, *settings.free, *sources}]
     if given:
         raise UsageError(
-            f"{', '.join(given)} came with --fix, --tie or --free, and no response of {', '.join(left.outputs)} to "
-            f"{', '.join(left.inputs)} depends on {'it' if len(given) == 1 else 'them'}",
+            f"no response of {', '.join(left.outputs)} to {', '.join(left.inputs)} depends on "
+            f"{', '.join(given)}, given with --fix, --tie or --free",
             needed=f"parameters among {', '.join(left.parameters.names)}",
             remedy="leave it out, or add a log or outputs that show it",
         )
 
 
 def _not_excited(names: Sequence[str], lost: Sequence[str]) -> list[Finding]:
-    """What to say about inputs that were not excited; what goes with several of them is said once."""
+    """The warning on inputs that were not excited, once for all of them."""
     if not names:
         return []
     gone = f" Without {'it' if len(names) == 1 else 'them'} {', '.join(lost)} cannot be identified." if lost else ""
@@ -307,21 +307,21 @@ def _not_excited(names: Sequence[str], lost: Sequence[str]) -> list[Finding]:
         warn(
             "no_excitation",
             ", ".join(names),
-            f"No sweep, multisine or random binary signal of {' or '.join(names)} came, so the model is fitted "
-            f"without {inputs}.{gone}",
+            f"No sweep, multisine or random binary signal of {' or '.join(names)} was found, so the model is "
+            f"fitted without {inputs}.{gone}",
         )
     ]
 
 
 def _without_response(names: Sequence[str], asked: Sequence[str], left: LinearStructure) -> list[Finding]:
-    """What to say about inputs, and outputs that were asked for, between which the model has no response at all."""
+    """Warnings on inputs and requested outputs that the model does not connect."""
     names = [*names, *(name for name in asked if name not in left.outputs)]
     return [
         warn(
             "not_identifiable",
             name,
-            f"In this model nothing connects {name} with the fitted inputs and outputs, {', '.join(left.inputs)} and "
-            f"{', '.join(left.outputs)}: it was left out of the fit.",
+            f"The model does not connect {name} with the fitted inputs and outputs, {', '.join(left.inputs)} and "
+            f"{', '.join(left.outputs)}, so it was left out.",
         )
         for name in names
     ]
@@ -330,19 +330,19 @@ def _without_response(names: Sequence[str], asked: Sequence[str], left: LinearSt
 def _without(
     passed: Sequence[str], smaller: LinearStructure, lost: Sequence[str], settings: IdentifySettings
 ) -> list[Finding]:
-    """What to say about outputs that were passed over by themselves."""
+    """The remark on outputs that were left out by default."""
     if settings.outputs or not passed:
         return []
     single = len(passed) == 1
-    gone = f" With {'it' if single else 'them'} go {', '.join(lost)}." if lost else ""
-    where = "is not in the log, or only as an estimate" if single else "are not in the log, or only as estimates"
+    gone = f" This also leaves out {', '.join(lost)}." if lost else ""
+    where = "is not logged, or only as an estimate" if single else "are not logged, or only as estimates"
     return [
         remark(
             "outputs_left_out",
             ", ".join(passed),
             f"Only {', '.join(smaller.outputs)} {'was' if len(smaller.outputs) == 1 else 'were'} fitted. "
-            f"{', '.join(passed)} {where} of a filter that has a delay of its own; name {'it' if single else 'them'} "
-            f"with --outputs to fit {'it' if single else 'them'} too.{gone}",
+            f"{', '.join(passed)} {where} of a filter with its own delay; add {'it' if single else 'them'} with "
+            f"--outputs to fit {'it' if single else 'them'} too.{gone}",
         )
     ]
 
@@ -400,7 +400,7 @@ def trimmed(structure: LinearStructure, flights: Sequence[Flight], settings: Ide
 
 
 def _several(flights: Sequence[Flight]) -> list[Finding]:
-    """A warning where maneuvers were flown at speeds of which no mean is a trim."""
+    """A warning if maneuvers were flown at different speeds."""
     speeds = [_mean([flight], "u") for flight in flights]
     low, high = min(speeds), max(speeds)
     if high - low < _ONE_TRIM_M_S:
@@ -409,8 +409,8 @@ def _several(flights: Sequence[Flight]) -> list[Finding]:
         warn(
             "several_trims",
             "U0",
-            f"The maneuvers were flown at {low:.1f} to {high:.1f} m/s, and the model is of the mean: identify each "
-            "speed alone (--segment AXIS:START:STOP) and stitch the results.",
+            f"The maneuvers were flown at {low:.1f} to {high:.1f} m/s, but the model is for their mean: identify "
+            "each speed separately (--segment AXIS:START:STOP) and stitch the results.",
             lowest_m_s=low,
             highest_m_s=high,
         )
@@ -434,7 +434,7 @@ def _finding(trim: dict[str, float]) -> Finding:
     return remark(
         "trim",
         ", ".join(trim),
-        f"The record is no hover: {parts} on average, and the model is linearized there. Give other values with "
+        f"The record is not a hover: {parts} on average, so the model is linearized there. Set other values with "
         "--constant NAME=VALUE.",
         **trim,
     )

@@ -30,18 +30,18 @@ class TrackSettings(Settings):
         The step is out of range.
     """
 
-    first_s: Annotated[float, Option("--first", "The part of the flight that all else is compared with.")] = REFERENCE_S
-    step_share: Annotated[float, Option("--step", "Change of the gain that is looked for, as a share.")] = STEP_SHARE
+    first_s: Annotated[float, Option("--first", "Reference part at the start of the flight.")] = REFERENCE_S
+    step_share: Annotated[float, Option("--step", "Smallest change of the gain to detect, as a share.")] = STEP_SHARE
     thrust_exponent: Annotated[
         float | None,
         Option(
             "--thrust-exponent",
-            "Power of the thrust command by which the gain grows: 0 for linear thrust, 0.8 for quadratic. "
-            "[default: from the first seconds]",
+            "Exponent of the gain over thrust command: 0 for linear thrust, 0.8 for quadratic. [default: from "
+            "the first seconds]",
         ),
     ] = None
     seed: int = 0
 
     def __post_init__(self) -> None:
         if not 0.02 <= self.step_share <= 0.5:
-            raise UsageError(f"--step {self.step_share:g} came", needed="a share from 0.02 to 0.5")
+            raise UsageError(f"--step {self.step_share:g} is out of range", needed="a share from 0.02 to 0.5")

@@ -1,4 +1,4 @@
-"""A model followed through a flight: whether what was true at its beginning holds to its end.
+"""Tracking of a model through a flight: whether the gain at the start is valid to the end.
 
 The gain of a rate model says payload, propellers and battery; the mean commands (trims) say a damaged propeller or a
 center of gravity that moved, which the gain hardly shows: one of four propellers with 8 % less thrust changes the gain
@@ -44,7 +44,7 @@ from rotorid.verification.tracking import BAND_HZ, RATE_HZ, Tracking, require_le
 _PROGRESS = logging.getLogger("rotorid.progress")
 
 _FULL: Mapping[str, float] = {"rad": 0.6, "rad/s": 3.0}
-"""What counts as a full stick where a set-point stands for it: 0.3 rad is half a stick."""
+"""Set-point angle that counts as a full stick: 0.3 rad is half a stick."""
 
 TRIM_S = 8.0
 """Length over which a mean is taken, to see whether a trim moved."""
@@ -159,7 +159,7 @@ def track(
     name = model if isinstance(model, str) else model.name
     axis = RATE_AXIS.get(name)
     if axis is None:
-        raise no_such("model that can be followed", name, tuple(RATE_AXIS))
+        raise no_such("trackable model", name, tuple(RATE_AXIS))
     findings = require_one_autopilot([model], [log]) if isinstance(model, IdentifiedModel) else ()
     if not isinstance(model, IdentifiedModel) and (error := unsupported([log], name)):
         raise error
@@ -169,8 +169,8 @@ def track(
     instrument = find_instrument([Flight(log, maneuver)], axis)
     if instrument is None:
         raise InsufficientDataError(
-            f"no stick of {axis} is in {log.source.name}",
-            needed="a stick, or a set-point that follows it, beside command and rate",
+            f"{log.source.name} contains no {axis} stick",
+            needed="the stick, or a set-point that follows it, with command and rate",
             remedy="log the sticks or the set-points of the outer loops",
         )
     piece = _longest_piece(log, axis, instrument, start_s, stop_s)
@@ -179,7 +179,7 @@ def track(
     limits = motor_limits(log).during(((start_s, stop_s),)).remarks("the tracked flight")
     require_length(piece.duration_s, chosen.first_s, what="flight without a gap")
     fitted = model if isinstance(model, IdentifiedModel) else _reference(log, name, start_s, start_s + chosen.first_s)
-    _PROGRESS.info(f"following {name}")
+    _PROGRESS.info(f"tracking {name}")
     tracking = track_gain(
         signals["command"],
         signals["rate"],
@@ -231,10 +231,9 @@ def _reference(record: FlightRecord, name: str, start_s: float, stop_s: float) -
         return identify(part, name, band_rad_s=(low, high))
     except InsufficientDataError as error:
         raise InsufficientDataError(
-            f"the first {stop_s - start_s:.0f} s of the flight, which are the reference, do not support {name}: "
-            f"{error.came}",
+            f"the reference, the first {stop_s - start_s:.0f} s of the flight, does not support {name}: {error.came}",
             needed=error.needed,
-            remedy=f"take a longer reference with --first, or identify {name} on a whole log and give that result",
+            remedy=f"use a longer reference with --first, or identify {name} on a whole log and give that result",
             findings=error.findings,
         ) from error
 
@@ -270,21 +269,21 @@ def _signals(record: FlightRecord, piece: TimeHistory, axis: Axis, instrument: s
 
 
 def _left_out(piece: TimeHistory, start_s: float, stop_s: float) -> Iterator[Finding]:
-    """What gaps took of a flight that is followed in one piece."""
+    """The warning on parts of a flight lost by gaps."""
     end_s = piece.start_s + piece.duration_s
     lost_s = (stop_s - start_s) - piece.duration_s
     if lost_s > _LEAST_LOST_S:
         yield warn(
             "gap",
             "flight",
-            f"Followed are {piece.start_s:.1f} to {end_s:.1f} s of the flight from {start_s:.1f} to {stop_s:.1f} s: "
-            f"gaps in the log part off the other {lost_s:.0f} s, of which nothing is told.",
+            f"Tracked from {piece.start_s:.1f} to {end_s:.1f} s of the flight ({start_s:.1f} to {stop_s:.1f} s): "
+            f"gaps in the log separate the other {lost_s:.0f} s.",
             lost_s=lost_s,
         )
 
 
 def predicted(model: IdentifiedModel, command: FloatArray) -> FloatArray:
-    """Rate of a model from its command at the rate of the tracker, from rest."""
+    """Rate of a model from its command at the rate of the tracker, from zero state."""
     count = 2 * command.size
     omega = 2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / RATE_HZ)
     response = model.response(np.maximum(omega, 1e-6))[0, 0]
@@ -303,7 +302,7 @@ def _trims(record: FlightRecord, start_s: float, stop_s: float, first_s: float) 
         if not number.size:
             continue
         counts = np.bincount(number)
-        # A gap has no mean, and the mean of a few samples beside one is no mean of eight seconds.
+        # A gap has no mean, and a few samples next to it do not represent eight seconds.
         whole = counts >= 0.5 * np.median(counts[counts > 0])
         means = np.bincount(number, track_.values[kept]) / np.maximum(counts, 1)
         first = max(int(first_s // TRIM_S), 3)

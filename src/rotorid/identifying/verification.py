@@ -1,4 +1,4 @@
-"""Judge an identified model on logs that it has not seen."""
+"""Validation of an identified model on unseen logs."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def chosen(model: ModelSource, settings: VerifySettings) -> Candidate:
 
 
 def _trim(check: Verification, flights: Sequence[Flight]) -> Trim | None:
-    """Trim before a maneuver, of what its log holds of speeds and angles."""
+    """Trim before a maneuver, from the logged speeds and angles."""
     for flight in flights:
         record, maneuver = flight.record, flight.maneuver
         same = record.source.name == check.record
@@ -175,7 +175,7 @@ def refused_verification(
     *,
     settings: VerifySettings,
 ) -> Refused:
-    """What to say of logs that cannot judge a model."""
+    """The result for logs that cannot judge a model."""
     structure = chosen(model, settings).structure
     remarks = [finding for record in records for finding in record.findings]
     return Refused(

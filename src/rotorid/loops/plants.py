@@ -1,4 +1,4 @@
-r"""The plant of an axis, rate by command, as a flight shows it, with draws of what is not known of it.
+r"""The plant of an axis, rate by command, from a flight, with draws of its uncertainty.
 
 One response answers for every verb. It is measured with the best instrument that a log has: a test signal at the
 mixer, another rich excitation, set-points of the rates that are the sticks, the stick, at last the set-point of the
@@ -56,7 +56,7 @@ from rotorid.spectral.loops import at_points
 from rotorid.tuning.plant import DRAWS, FLOOR, MeasuredRatio, UncertainPlant, uncertain_plant
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray, IntArray
 
-MOVE = "Move the stick of this axis for 30 s: quick pairs to both sides of 5 to 10 degrees, one every second."
+MOVE = "Move the stick of this axis for 30 s: quick pairs of 5 to 10 degrees to both sides, one every second."
 
 _FEWEST_POINTS = 8
 """Frequencies of a plant that have to be known, and be no controller."""
@@ -178,7 +178,7 @@ def _cut_out(axis: Axis, flights: Sequence[Flight], settings: MeasureSettings) -
 
 
 def plant_of_result(axis: Axis, model: IdentifiedModel, *, filters: Sequence[KnownFilter] = ()) -> MeasuredPlant | None:
-    """The plant as it was measured for an identified model; ``None`` where its result holds no such response.
+    """The plant measured for an identified model; ``None`` if its result has no such response.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def _used(response: FrequencyResponse, used: BoolArray, axis: Axis, channel: str
 
 
 def _at(response: FrequencyResponse, rows: IntArray) -> FrequencyResponse:
-    """The response at some frequencies with its random error alone; what a plant errs by beside it is its floor."""
+    """The response at some frequencies with its random error only; the floor adds other errors of the plant."""
     plain = replace(response, slope_changes=None, lean_errors=None, unchecked_errors=None, sensor_shapes=None)
     return at_points(plain, rows)
 
@@ -267,7 +267,7 @@ class WholeFlight:
 
     @property
     def source(self) -> str:
-        """Where the rate stands in the log, as the longest stretch has it."""
+        """Source of the rate in the longest stretch of the log."""
         longest = max(self.histories, key=lambda history: history.duration_s)
         return next((channel.source for channel in longest.channels if channel.name == RATE_OF[self.axis]), "")
 
@@ -277,7 +277,7 @@ _CROSSOVERS_RAD_S = (5.0, 60.0)
 
 
 def whole_flight(flight: FlightData, axis: Axis) -> WholeFlight:
-    """A flight with the best instrument of an axis beside rich excitations.
+    """A flight with the best instrument of an axis, without rich excitations.
 
     The set-point of the rate drives command and rate alike and costs no coherence; it is taken in place of the stick
     while that moves, where it goes with the command more closely.
@@ -314,8 +314,8 @@ def _instruments(flight: FlightData, axis: Axis) -> list[tuple[Instrument, str, 
     if driven:
         # Gusts move the set-point through the outer loops: little, and with the error that this deserves.
         return [("setpoint", setpoint, True)]
-    why = f"moved for {moved_s:.0f} s only" if channel else "is not logged"
-    raise PlantUnavailableError(f"The {axis} stick {why}, and nothing else tells command and gusts apart.", MOVE)
+    why = f"moved for only {moved_s:.0f} s" if channel else "is not logged"
+    raise PlantUnavailableError(f"The {axis} stick {why}, so command and gusts cannot be separated.", MOVE)
 
 
 def _coherence(histories: Sequence[TimeHistory], one: str, other: str) -> float:
@@ -355,7 +355,7 @@ def _spectra(histories: Sequence[TimeHistory], name: str) -> ComplexArray:
                 found.append(np.fft.rfft(taper * (values[part] - values[part].mean())))
     if not found:
         raise InsufficientDataError(
-            f"no {count / histories[0].sample_rate_hz:.3g} s of {name} without missing samples came",
+            f"no {count / histories[0].sample_rate_hz:.3g} s of {name} without missing samples",
             needed="longer stretches of a flight",
             remedy="fly longer, or log without gaps",
         )
@@ -392,7 +392,7 @@ def ordinary_plant(flight: FlightData, whole: WholeFlight, controllers: Sequence
     )
     if rows.size < _FEWEST_POINTS:
         raise PlantUnavailableError(
-            f"The motion of the stick explains the {axis} command at fewer than {_FEWEST_POINTS} frequencies.", MOVE
+            f"The stick explains the {axis} command at fewer than {_FEWEST_POINTS} frequencies.", MOVE
         )
     inverse = inverse_controller(
         response.omega_rad_s[rows],
@@ -403,8 +403,8 @@ def ordinary_plant(flight: FlightData, whole: WholeFlight, controllers: Sequence
     ).inverse
     if np.count_nonzero(~inverse) < _FEWEST_POINTS:
         raise PlantUnavailableError(
-            f"What the flight shows between {axis} command and {RATE_OF[axis]} is the controller itself: gusts moved "
-            "the vehicle, and the stick did not.",
+            f"Between {axis} command and {RATE_OF[axis]} the flight shows the controller itself: gusts moved the "
+            "vehicle, not the stick.",
             MOVE,
         )
     return MeasuredPlant(
@@ -437,7 +437,7 @@ def _together(rows: IntArray) -> IntArray:
 
 
 def drawn_plant(measured: MeasuredPlant, *, draws: int = DRAWS, seed: int = 0) -> UncertainPlant:
-    """The plant with draws of what is not known of it.
+    """The plant with draws of its uncertainty.
 
     Parameters
     ----------
@@ -465,12 +465,12 @@ def drawn_plant(measured: MeasuredPlant, *, draws: int = DRAWS, seed: int = 0) -
 
 
 GUSTS_FLOOR = 0.1
-"""Error of a plant that gusts alone show, everywhere: what they move holds feedback. With the floor of other plants
-58 % of the crossovers and 67 % of the phase margins of 24 such flights lay in their intervals, with this 90 and
-95 %."""
+"""Error of a plant estimated from gusts alone, which contains feedback. With the floor of other plants 58 % of the
+crossovers and 67 % of the phase margins of 24 such flights were in their intervals, with this 90 and 95 %.
+"""
 
 LARGEST_CHI_SQUARE = 3.0
-"""For each degree of freedom; a lag that misses the plant by more says nothing of what lies beyond."""
+"""Largest misfit of a lag, per degree of freedom, that may extrapolate the plant."""
 
 _WITHOUT_SPEED_RAD_S = 3.0
 """Below it the speed of a vehicle acts, which a lag lacks."""
@@ -510,7 +510,7 @@ def _late_lag(plant: FrequencyResponse, sample_rate_hz: float, filters: tuple[Kn
     try:
         plant = corrected(plant, {plant.outputs[0]: filters}) if filters else plant
     except UsageError:
-        # A filter left too little at the end of the band to be taken off; then a lag has to stand in for it.
+        # A filter left too little at the end of the band to be removed; a lag replaces it.
         filters = ()
     found = _fitted(plant, sample_rate_hz, filters)
     fast = np.flatnonzero(plant.omega_rad_s >= _WITHOUT_SPEED_RAD_S)

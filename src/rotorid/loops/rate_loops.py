@@ -86,12 +86,12 @@ NUMBERS = (
     "sensitivity_peak",
     "disturbance_rejection_rad_s",
 )
-"""What is read of a rate loop, as far as the flight shows it."""
+"""Figures of a rate loop that a flight can show."""
 
 _FASTER = "Log commands and rates faster, and move the stick more quickly."
 
 RATE_LOOP = "measured vehicle times the gains in the log, rate loop alone"
-"""What the loop of every verb is."""
+"""Description of the loop for every verb."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -180,7 +180,7 @@ def rate_loop(
         _require_made(check)
     elif len(logs) > 1:
         raise PlantUnavailableError(
-            f"Nothing excited {axis} in these logs but the stick, and several ordinary flights are not joined.",
+            f"Only the stick excited {axis}, and several ordinary flights cannot be joined.",
             "Give one log.",
         )
     else:
@@ -228,12 +228,13 @@ def _require_logged(record: FlightRecord, axis: Axis) -> None:
     missing = [name for name in (command, rate) if name not in record.channel_names]
     if missing:
         raise PlantUnavailableError(
-            f"The log holds no {' and no '.join(missing)}.", logging_advice(record, 0.0, tuple(missing))
+            f"The log contains no {' and no '.join(missing)}.", logging_advice(record, 0.0, tuple(missing))
         )
     slowest_hz = min(record.rate_hz(command), record.rate_hz(rate))
     if slowest_hz < LOWEST_RATE_HZ:
         raise PlantUnavailableError(
-            f"Command and rate of {axis} are logged at {slowest_hz:.0f} Hz; {LOWEST_RATE_HZ:.0f} Hz is the least.",
+            f"Command and rate of {axis} are logged at {slowest_hz:.0f} Hz; at least {LOWEST_RATE_HZ:.0f} Hz is "
+            "required.",
             logging_advice(record, slowest_hz),
         )
 
@@ -249,12 +250,12 @@ def _require_same_gains(axis: Axis, records: Sequence[FlightRecord]) -> None:
     if changed or any(_made_of(controller) != _made_of(each[0]) for controller in each):
         where = "in the log" if changed else "between the logs"
         raise PlantUnavailableError(
-            f"The gains changed {where}, so no loop belongs to them.", "Give one log that was flown with one set."
+            f"The gains changed {where}, so the loop is ambiguous.", "Give one log flown with a single set of gains."
         )
 
 
 def _made_of(settings: AxisController | None) -> tuple[object, ...]:
-    """What makes a loop, whatever the firmware is called."""
+    """Composition of a loop, independent of the name of the firmware."""
     return () if settings is None else (settings.controller, dict(settings.ends))
 
 
@@ -268,7 +269,7 @@ def _settings(record: FlightRecord, axis: Axis) -> AxisController:
 
 
 def _require_made(check: ControllerCheck, *, in_doubt: bool = False) -> None:
-    """Refuse gains that did not fly; of a flight without a sweep also those of which the log shows nothing."""
+    """Refuse gains that did not fly; without a sweep also gains that could not be checked."""
     unseen = check.verdict == "not checked" and bool(check.setpoint) and check.unexplained is None
     if check.verdict == "not made" or (in_doubt and unseen):
         raise PlantUnavailableError(f"{check.why}.", check.remedy)
@@ -288,7 +289,7 @@ def _order_by_flown_derivative(settings: AxisController, check: ControllerCheck)
 
 
 def _integral_as_flown(controller: RateController, check: ControllerCheck) -> RateController | None:
-    """The controller with the integral that the flight shows of it; ``None`` where it shows none."""
+    """The controller with the integral of the flight; ``None`` if the flight shows none."""
     if "i" not in check.terms or not controller.proportional_s:
         return None
     return replace(controller, integral=controller.integral * min(max(check.terms["i"].slope, 0.0), 1.0))
@@ -358,13 +359,13 @@ _PLACES = {
     "sensitivity_peak": "sensitivity_peak_rad_s",
     "disturbance_rejection_rad_s": "rejection_bandwidth_rad_s",
 }
-"""Numbers to the field of :class:`LoopFigures` that holds the frequency at which each is read."""
+"""Numbers to the field of :class:`LoopFigures` with the frequency of each."""
 
 _BY_STICK = ("gain_margin_db", "sensitivity_peak")
-"""What a flight with an idle stick does not show, even where short maneuvers moved the set-point."""
+"""Numbers that a flight with an idle stick cannot show, even if short maneuvers moved the set-point."""
 
 _NOT_BY_GUSTS = (*_BY_STICK, "disturbance_rejection_rad_s")
-"""What gusts alone do not show: below the crossover they make the controller of the vehicle, not the plant."""
+"""Numbers that gusts alone cannot show: below the crossover they show the controller, not the plant."""
 
 _WIDEST_CROSSOVER = 3.0
 """Highest over lowest frequency of a crossover; where a gain lies along one for longer there is none to speak of."""
@@ -464,32 +465,32 @@ def _reasons(
     low, high = plant.band_rad_s
     sizes = np.abs(loop.values[0, 0])
     crossed = bool(sizes.max() > 1.0 > sizes.min())
-    cannot = f"The loop is seen in {low:.3g} to {high:.3g} rad/s"
-    crossing = "crosses one over a wide range" if crossed else "does not pass one there"
+    cannot = f"The loop was measured from {low:.3g} to {high:.3g} rad/s"
+    crossing = "crosses 1 over a wide range" if crossed else "does not cross 1 there"
     reasons = dict.fromkeys(
         ("crossover_rad_s", "phase_margin_deg", "delay_margin_s"), f"{cannot}, and its gain {crossing}."
     )
     bound = loop_margins(loop).bounds.get("gain_margin_up")
     least = f"; it is at least {20.0 * math.log10(bound.value):.1f} dB" if bound is not None else ""
-    refused = "" if plant.goes_on else " No model of the plant explains the flight well enough to go on from there."
+    refused = "" if plant.goes_on else " No model of the plant explains the flight well enough to extrapolate."
     reasons["gain_margin_db"] = f"{cannot}, and its phase does not pass −180° there{least}.{refused}"
     reasons["sensitivity_peak"] = f"{cannot}, and the sensitivity has no peak there.{refused}"
     reasons["disturbance_rejection_rad_s"] = f"{cannot}, and the sensitivity does not rise through −3 dB there."
-    reasons |= dict.fromkeys(withheld, "The stick hardly moved: gusts alone do not show it.")
+    reasons |= dict.fromkeys(withheld, "The stick barely moved, and gusts alone do not show it.")
     return {name: why for name, why in reasons.items() if name not in numbers}
 
 
 def remedy_of(loop: RateLoop) -> str:
-    """What would show the numbers that are missing."""
+    """Remedy for the missing numbers."""
     return MOVE if loop.measured.idle else _FASTER
 
 
-# The loops of ``response``: the same numbers under its names, the whole loop beside them, and the attitude.
+# The loops of ``response``: the same numbers under its names, with the whole loop and the attitude.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Beyond:
-    """What a lag fitted to the measured vehicle times the controller in the log says beyond the band.
+    """Extrapolation of the loop: a lag fitted to the measured vehicle times the logged controller.
 
     Parameters
     ----------
@@ -508,7 +509,7 @@ class Beyond:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisLoop:
-    """What a flight shows of the loop around one axis.
+    """The loop around one axis of a flight.
 
     Parameters
     ----------
@@ -539,12 +540,12 @@ class AxisLoop:
 
     @property
     def band_rad_s(self) -> tuple[float, float] | None:
-        """Lowest and highest frequency of the broken loop; ``None`` where it was not seen."""
+        """Lowest and highest frequency of the broken loop; ``None`` if not measured."""
         return None if self.loop is None else (float(self.loop.omega_rad_s[0]), float(self.loop.omega_rad_s[-1]))
 
     @property
     def numbers(self) -> dict[str, Estimated]:
-        """What was seen, by names that hold their units: margins, rejection of disturbances, bandwidths."""
+        """Measured numbers, by names with units: margins, rejection of disturbances, bandwidths."""
         found = {
             _public_name(part, item.name): value
             for part in self._parts
@@ -557,12 +558,12 @@ class AxisLoop:
 
     @property
     def not_seen(self) -> dict[str, str]:
-        """Names of what was not seen, to the reason."""
+        """Names of missing numbers, to the reason."""
         return {_public_name(part, name): reason for part in self._parts for name, reason in part.not_seen.items()}
 
     @property
     def bounds(self) -> dict[str, Bound]:
-        """Names of some of what was not seen, to what the end of the band says about it."""
+        """Names of some missing numbers, to their bound at the end of the band."""
         parts = [part for part in (self.margins, self.rejection) if part is not None]
         return {_public_name(part, name): bound for part in parts for name, bound in part.bounds.items()}
 
@@ -681,7 +682,7 @@ def _of_rate(found: RateLoop) -> AxisLoop:
         ),
         attitude=None,
         beyond=Beyond(
-            method="a lag with a delay fitted to the measured vehicle, times the controller in the log",
+            method="a lag plus delay fitted to the measured vehicle, times the logged controller",
             up_to_rad_s=found.plant.reach_rad_s,
             numbers={name: value for name, value in named.items() if name not in measured},
         )
@@ -738,7 +739,7 @@ def _estimated(quantity: Quantity, factor: float = 1.0) -> Estimated:
 
 
 INJECTED = "measured with {}, all loops closed"
-"""What a test signal at the mixer shows."""
+"""The loop from a test signal at the mixer."""
 
 
 def loop_by_injection(axis: Axis, records: Sequence[FlightRecord]) -> AxisLoop | None:
@@ -810,15 +811,15 @@ def _attitude(axis: Axis, measured: Measured, records: Sequence[TimeHistory]) ->
             windows_s=response.windows_s,
         )
     except InsufficientDataError:
-        # A command that rests, or an attitude that does: the flight has no answer to show.
+        # The command or the attitude does not move, so the flight shows no response.
         return None
     return attitude_bandwidth(with_model_error(answer, MODEL_ERROR))
 
 
 _BOUNDED = ("disturbance_rejection_peak", "phase_margin_rad", "gain_margin_up")
-"""What an end of the band bounds, as far as it is remarked on."""
+"""Numbers bounded by the end of the band that a finding names."""
 
-_BY_MODEL = "a model of the vehicle times the controller in the log gives beyond it"
+_BY_MODEL = "extrapolated with a vehicle model and the logged controller:"
 
 
 def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
@@ -830,7 +831,7 @@ def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
     end = next(iter(bounds.values())).omega_rad_s
     known = loop.beyond.numbers if loop.beyond else {}
     further = [f"{QUANTITIES[name].words} {_shown(name, known[name])}" for name in bounds if name in known]
-    go_on = f" {capital(_BY_MODEL)} {' and '.join(further)}; that was not measured." if further else ""
+    go_on = f" {capital(_BY_MODEL)} {' and '.join(further)}; this was not measured." if further else ""
     make = remark if set(bounds) == {"gain_margin_up"} else warn
     numbers = {name: bound.value for name, bound in bounds.items()}
     numbers |= {f"{name}_by_model": known[name].value for name in bounds if name in known}
@@ -838,9 +839,8 @@ def beyond_band(axis: Axis, loop: AxisLoop) -> tuple[Finding, ...]:
         make(
             "margin_beyond_band",
             axis,
-            f"The {loop.scope} loop of {axis} was measured up to "
-            f"{end:.3g} rad/s, and {', and '.join(bound_sentences)}.{go_on} "
-            "Sweep to higher frequencies to measure it.",
+            f"The {loop.scope} loop of {axis} was measured up to {end:.3g} rad/s, and "
+            f"{', and '.join(bound_sentences)}.{go_on} Sweep to higher frequencies to measure it.",
             omega_rad_s=end,
             **numbers,
         ),

@@ -144,7 +144,7 @@ def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs
     which = "its flight" if parts else "the whole flight"
     for flight in parts or _every_flight(records, axes, inputs):
         free = all(is_free([flight], name) for name in inputs)
-        trap = "" if free else " Where gusts and not the pilot move the vehicle, such a response shows the controller."
+        trap = "" if free else (" If gusts and not the pilot moved the vehicle, this response shows the controller.")
         name, start_s, stop_s = flight.record.source.name, flight.maneuver.start_s, flight.maneuver.stop_s
         candidates.append(_plain(flight))
         findings.append(
@@ -161,7 +161,7 @@ def _whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs
 
 
 def _every_flight(records: Sequence[FlightRecord], axes: Sequence[Axis], inputs: Sequence[str]) -> list[Flight]:
-    """Flights from take-off to landing; of set-points also records in which nothing tells these."""
+    """Flights from take-off to landing; of set-points also records that show neither."""
     if all(name.endswith("_setpoint") for name in inputs):
         return [whole_record(record, axes) for record in records]
     return whole_flights(records, axes)
@@ -206,9 +206,9 @@ def _by_coherence(candidates: Sequence[Candidate]) -> ManeuverChoice:
                     "low_coherence",
                     where,
                     f"{item.record.source.name}: the {item.maneuver.axis} {item.maneuver.kind} from "
-                    f"{item.maneuver.start_s:.1f} to {item.maneuver.stop_s:.1f} s has a mean coherence of "
-                    f"{_peak(item):.2f} and the best of its axis {top:.2f}; it was left out. Name it with --segment "
-                    "to use it.",
+                    f"{item.maneuver.start_s:.1f} to {item.maneuver.stop_s:.1f} s was left out: its mean "
+                    f"coherence is {_peak(item):.2f}, against {top:.2f} for the best of its axis. Use it with "
+                    "--segment.",
                     mean_coherence=_peak(item),
                     best=top,
                 )
@@ -222,12 +222,12 @@ def _peak(item: Candidate) -> float:
 
 
 _SPLIT_IS_GOOD, _SPLIT_IS_WORTHLESS = 0.5, 0.8
-"""Mean coherence between two inputs up to which their responses can be told apart well, and above which not at all."""
+"""Mean coherence between two inputs up to which their responses can be separated well, and above which not at all."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pair(Immutable):
-    """One response ``output/input`` and what of it can be used.
+    """One response ``output/input`` and its usable band.
 
     Parameters
     ----------
@@ -346,7 +346,7 @@ class Responses(Immutable):
 
     @property
     def processing(self) -> tuple[str, ...]:
-        """What was done to the responses since they were estimated, oldest first."""
+        """Processing of the responses since their estimation, oldest first."""
         return self.response.processing
 
     @cached_property
@@ -382,7 +382,7 @@ class Responses(Immutable):
         rows = []
         for name, pair in self.pairs.items():
             if pair.band_rad_s is None:
-                rows.append((name, "nothing", "nothing of it can be used"))
+                rows.append((name, "nothing", "no usable points"))
                 continue
             low, high = pair.band_rad_s
             means = f"coherence {pair.mean_coherence:.2f}, random error {100.0 * (pair.mean_random_error or 0.0):.1f} %"
@@ -502,15 +502,17 @@ def _require_channels(
     """Refuse names that no log can hold, and an output that is an input."""
     for name in outputs:
         if name in inputs:
-            raise UsageError(f"{name} came as an input and as an output", needed="different channels")
+            raise UsageError(f"{name} is both input and output", needed="different channels")
     if odd := [name for name in settings.input_windows_s if name not in inputs]:
-        raise UsageError(f"windows of {' and '.join(odd)} came", needed=f"windows of {' or '.join(inputs)}")
+        raise UsageError(
+            f"windows for {' and '.join(odd)}, which is no input", needed=f"windows of {' or '.join(inputs)}"
+        )
     known = {*STANDARD_UNITS, *(name for record in records for name in record.channel_names)}
     for name in (*inputs, *outputs, *settings.instruments):
         if name not in known:
             close = ", ".join(get_close_matches(name, sorted(known), n=3))
             raise UsageError(
-                f"there is no channel {name}",
+                f"unknown channel {name}",
                 needed="names such as roll_command, p, az, or those of the mapping",
                 remedy=f"did you mean {close}?" if close else "see the channels that rotorid inspect lists",
             )
@@ -537,7 +539,7 @@ def refused_response(
 
 
 def _split(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
-    """How well several inputs can be told apart."""
+    """How well several inputs can be separated."""
     diagnostics, inputs = measured.diagnostics, measured.response.inputs
     trusted = np.asarray(used.any(axis=(0, 1)))
     condition = float(diagnostics.condition[trusted].max())
@@ -545,16 +547,16 @@ def _split(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
     for name, mean in input_coherences(inputs, diagnostics.input_coherence, trusted).items():
         first, second = name.split(",")
         good = mean <= _SPLIT_IS_GOOD
-        verdict = "can be told apart well" if good else "can hardly be told apart"
+        verdict = "can be separated well" if good else "can barely be separated"
         if mean > _SPLIT_IS_WORTHLESS:
-            verdict = "cannot be told apart"
+            verdict = "cannot be separated"
         findings.append(
             (remark if good else warn)(
                 "correlated_inputs",
                 name,
                 f"{first} and {second} have a mean coherence of {mean:.2f} (up to {_SPLIT_IS_GOOD:g} is good, "
-                f"above {_SPLIT_IS_WORTHLESS:g} worthless) and their spectra a condition number of "
-                f"{condition:.3g} at most: their responses {verdict}.",
+                f"above {_SPLIT_IS_WORTHLESS:g} worthless) and a condition number of at most {condition:.3g}: "
+                f"their responses {verdict}.",
                 mean_coherence=mean,
                 condition=condition,
             )
@@ -563,7 +565,7 @@ def _split(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
 
 
 def _unusable(response: FrequencyResponse, used: BoolArray, limit: float) -> tuple[Finding, ...]:
-    """Pairs of which nothing can be used: a warning where an input shows in no output at all."""
+    """Pairs without usable points: a warning if an input shows in no output at all."""
     findings = []
     for y, u in np.argwhere(~used.any(axis=-1)):
         name = f"{response.outputs[y]}/{response.inputs[u]}"
@@ -572,7 +574,7 @@ def _unusable(response: FrequencyResponse, used: BoolArray, limit: float) -> tup
             (remark if used[:, u].any() else warn)(
                 "low_coherence",
                 name,
-                f"Nothing of {name} can be used: its coherence reaches {best:.2f}, and {limit:g} is needed.",
+                f"No point of {name} is usable: its coherence reaches {best:.2f}, {limit:g} needed.",
                 best_coherence=best,
                 limit=limit,
             )
@@ -587,7 +589,7 @@ def _nothing_usable(measured: Measured, findings: Sequence[Finding], limit: floa
     if causes:
         return InsufficientDataError(
             causes[0].message.rstrip("."),
-            needed="excitation that is stronger than gusts and noise",
+            needed="more excitation than gusts and noise",
             findings=findings,
         )
     remarks = [*findings, *_unusable(response, np.zeros(response.values.shape, dtype=bool), limit)]
@@ -600,7 +602,7 @@ def _nothing_usable(measured: Measured, findings: Sequence[Finding], limit: floa
 
 
 def pairs_of(measured: Measured, used: BoolArray) -> dict[str, Pair]:
-    """Every response ``output/input`` with what of it can be used; ``used`` has the shape ``(y, u, f)``."""
+    """Every response ``output/input`` with its usable band; ``used`` has the shape ``(y, u, f)``."""
     response = measured.response
     return {
         f"{output}/{input}": _pair(measured, used[y, u], (y, u))

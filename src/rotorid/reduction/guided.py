@@ -4,9 +4,9 @@ As in *System Identification of an S500 Quadrotor UAV*, section III, after Tisch
 insensitive parameter above 10 %, converge again; when none is left, the one of largest Cramér–Rao bound above 20 %;
 keep a parameter without which the mean cost rises by more than 2. What is essential to the structure is never dropped.
 
-Beside CIFER's percents, a standard deviation as large as the value and a partner that a parameter cannot be told from
-speak against it. At the end, what the cost does not miss is left out too, and what its bound has driven to zero. Every
-step keeps its numbers and its reason, and the way back.
+In addition to CIFER's percents, a standard deviation as large as the value and a partner that the data cannot separate
+speak against a parameter. At the end, what the cost does not miss is left out too, and what its bound has driven to
+zero. Every step keeps its numbers and its reason, and the way back.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Action: TypeAlias = Literal["dropped", "kept", "protected"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step(Immutable):
-    """One parameter that was looked at, and what became of it.
+    """One parameter that was considered, and the decision.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Step(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reduction(Immutable):
-    """A reduced model and how it came about.
+    """A reduced model with its steps.
 
     Parameters
     ----------
@@ -114,7 +114,9 @@ class Reduction(Immutable):
             There is no such step.
         """
         if not 0 <= index < len(self.steps):
-            raise UsageError(f"step {index} came", needed=f"one of the {len(self.steps)} steps, counted from zero")
+            raise UsageError(
+                f"there is no step {index}", needed=f"one of the {len(self.steps)} steps, counted from zero"
+            )
         return self.problem.with_parameters(self.steps[index].parameters_before)
 
 
@@ -160,12 +162,12 @@ class Evidence:
 
     @property
     def insensitive(self) -> bool:
-        """The cost hardly depends on it."""
+        """The cost barely depends on it."""
         return self.insensitivity_percent > INSENSITIVITY_GUIDELINE_PERCENT
 
     @property
     def uncertain(self) -> bool:
-        """It is not determined apart from the others."""
+        """The data do not separate it from the others."""
         return self.cramer_rao_percent > CRAMER_RAO_GUIDELINE_PERCENT
 
 
@@ -230,12 +232,14 @@ def _partners(jacobian: FloatArray) -> list[int]:
 
 
 CERTAIN = 5.0
-"""Standard deviations from zero beyond which a parameter is there, whatever the cost says: small errors of the model
-itself make two or three of them."""
+"""Standard deviations from zero beyond which a parameter is real, whatever the cost: small model errors make two or
+three of them.
+"""
 
 CERTAIN_LEAD = 3.0
-"""Standard deviations from zero below which a lead is none, whatever the cost says: what no model of one axis has looks
-like one, and it takes control power and damping with it."""
+"""Standard deviations from zero below which a lead is not real, whatever the cost: missing dynamics look like a lead,
+and it takes control power and damping with it.
+"""
 
 LARGEST_RISE = 2.0
 """A parameter is kept when leaving it out raises the mean cost by more than this (paper practice with CIFER)."""
@@ -243,7 +247,7 @@ LARGEST_RISE = 2.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reduced:
-    """A fit after what was not seen has been dropped.
+    """A fit after parameters without effect were dropped.
 
     Parameters
     ----------
@@ -367,12 +371,14 @@ def _may_be_zero(parameter: Parameter) -> bool:
 
 def _not_missed(parameter: Parameter, rise: float, *, inputs: int) -> Finding:
     # A lag that is not seen still delays; nothing else can take its place.
-    absorbed = f" and its effect is part of the {'delay' if inputs == 1 else 'delays'}" if parameter.unit == "s" else ""
+    absorbed = (
+        f" and its effect is included in the {'delay' if inputs == 1 else 'delays'}" if parameter.unit == "s" else ""
+    )
     return remark(
         "dropped_parameter",
         parameter.name,
-        f"The data do not show {parameter.name} beside the other parameters: leaving it out raises the cost by "
-        f"only {max(rise, 0.0):.2f} (limit {LARGEST_RISE:g}), so it is set to zero{absorbed}.",
+        f"The data do not show {parameter.name} in addition to the other parameters: dropping it raises the cost "
+        f"by only {max(rise, 0.0):.2f} (limit {LARGEST_RISE:g}), so it was set to zero{absorbed}.",
         cost_rise=rise,
         limit=LARGEST_RISE,
     )
@@ -382,8 +388,8 @@ def _no_lead(name: str, away: float, rise: float) -> Finding:
     return remark(
         "dropped_parameter",
         name,
-        f"{name} lies {away:.1f} standard deviations from zero, where a lead, which takes control power and damping "
-        f"with it, needs {CERTAIN_LEAD:g}. It was left out, although the cost rises by {rise:.1f}.",
+        f"{name} is {away:.1f} standard deviations from zero, but a lead, which adds control power and damping, "
+        f"needs {CERTAIN_LEAD:g}. It was dropped, although the cost rises by {rise:.1f}.",
         cost_rise=rise,
         deviations=away,
     )
@@ -393,7 +399,7 @@ def _without_lag(lead: str, lag: str) -> Finding:
     return warn(
         "dropped_parameter",
         lead,
-        f"{lead} was left out with {lag}, which the data put at zero: a lead is one only against a lag.",
+        f"{lead} was dropped with {lag}, which is zero by the data: a lead needs a lag.",
     )
 
 
@@ -401,11 +407,11 @@ def _at_zero(name: str) -> Finding:
     return warn(
         "dropped_parameter",
         name,
-        f"{name} was driven to its bound of zero and left out: the data would have it on the other side. "
+        f"{name} was dropped at its bound of zero: the data would make it negative. "
         + (
-            "A delay below zero means clocks that disagree, a filtered input, or a wrong channel."
+            "A negative delay points to clocks that disagree, a filtered input, or a wrong channel."
             if name.startswith("tau_")
-            else "The band reaches into speed modes or coupling that this structure leaves out, or is too narrow."
+            else "The band reaches into speed modes or coupling that this model lacks, or is too narrow."
         ),
     )
 
@@ -431,15 +437,15 @@ def dropped_because(
     distance = _stds(suspect.value, suspect.std)
     if distance > SIGNIFICANT_STDS:
         sentences.append(
-            f"It lies {distance:.1f} of its standard deviations from zero all the same: by these data it is real, "
-            "though it hardly matters to the cost."
+            f"It is nevertheless {distance:.1f} standard deviations from zero: by these data it is real, but it "
+            "barely affects the cost."
         )
     moves = _moves(before, after)
     doubtful = bool(moves) and moves[0][0] > SIGNIFICANT_STDS
     if doubtful:
         distance, old, new = moves[0]
         sentences.append(
-            f"Caution: {old.name} moved by {distance:.1f} of its standard deviations to take its place, from "
+            f"Caution: {old.name} moved by {distance:.1f} standard deviations to compensate, from "
             f"{old.value:.4g} to {new.value:.4g} {old.unit}."
         )
     return " ".join(sentences), doubtful
@@ -448,7 +454,7 @@ def dropped_because(
 def kept_because_of_cost(suspect: Evidence, cost_before: float, cost_after: float) -> str:
     """Why a parameter was kept without which the cost rises."""
     return (
-        f"{_case(suspect)}. It is kept, because without it the mean cost rises from {cost_before:.2f} to "
+        f"{_case(suspect)}. It was kept because without it the mean cost rises from {cost_before:.2f} to "
         f"{cost_after:.2f}, by more than {LARGEST_RISE:g}."
     )
 
@@ -456,38 +462,39 @@ def kept_because_of_cost(suspect: Evidence, cost_before: float, cost_after: floa
 def kept_because_certain(suspect: Evidence, distance: float) -> str:
     """Why a parameter was kept that the cost would not miss."""
     return (
-        f"{_case(suspect)}. It is kept, because it lies {distance:.0f} standard deviations from zero where errors are "
-        "weighed by their covariance: it is there, and dropping it would bias the others."
+        f"{_case(suspect)}. It was kept because it is {distance:.0f} standard deviations from zero with errors "
+        "weighed by their covariance; dropping it would bias the others."
     )
 
 
 def kept_because_of_obstacle(suspect: Evidence, obstacle: str) -> str:
     """Why a parameter was kept without which there is no model."""
-    return f"{_case(suspect)}. It is kept, because {obstacle}; {_remedy(suspect)}."
+    return f"{_case(suspect)}. It was kept because {obstacle}; {_remedy(suspect)}."
 
 
 def protected_because(suspect: Evidence) -> str:
-    """Why a parameter that the data hardly show is not dropped."""
-    return f"{_case(suspect)}. It is kept, because it is essential physics of this model; {_remedy(suspect)}."
+    """Why a parameter that the data barely show is kept."""
+    return f"{_case(suspect)}. It was kept because it is essential physics of this model; {_remedy(suspect)}."
 
 
 def _remedy(suspect: Evidence) -> str:
     if suspect.insensitive or suspect.partner is None:
-        return "give its value if it is known, or excite what shows it"
-    return f"give its value or that of {suspect.partner} if one is known, or excite what tells them apart"
+        return "give its value if known, or excite these dynamics"
+    return f"give its value or that of {suspect.partner} if one is known, or excite motion that separates them"
 
 
 def _case(suspect: Evidence) -> str:
-    """What speaks against a parameter, as the beginning of a sentence."""
+    """Evidence against a parameter, as the beginning of a sentence."""
     name, value = suspect.name, f"{suspect.value:.4g} {suspect.unit}".removesuffix(" 1")
     if math.isinf(suspect.std):
-        return f"{name} changes nothing in the fitted responses"
+        return f"{name} has no effect on the fitted responses"
     if suspect.value == 0.0:
         return f"The best value of {name} is zero"
     if suspect.insensitive:
         return (
-            f"The cost hardly depends on {name}: its insensitivity is {_percent_text(suspect.insensitivity_percent)} "
-            f"of the value {value} (guideline {INSENSITIVITY_GUIDELINE_PERCENT:g} %)"
+            f"The cost barely depends on {name}: its insensitivity is "
+            f"{_percent_text(suspect.insensitivity_percent)} of the value {value} (guideline "
+            f"{INSENSITIVITY_GUIDELINE_PERCENT:g} %)"
         )
     uncertain = (
         f"its Cramér–Rao bound is {_percent_text(suspect.cramer_rao_percent)} of the value {value} (guideline "
@@ -496,7 +503,7 @@ def _case(suspect: Evidence) -> str:
     if suspect.partner is None:
         return f"{name} is uncertain: {uncertain}"
     return (
-        f"{name} is seen, but not apart from {suspect.partner}, with which it is correlated most: {uncertain}, its "
+        f"{name} is hard to separate from {suspect.partner}, with which it is correlated most: {uncertain}, its "
         f"insensitivity only {_percent_text(suspect.insensitivity_percent)}"
     )
 
@@ -640,7 +647,7 @@ def _is_essential(problem: FrequencyProblem, name: str) -> bool:
 
 
 def _without(state: _State, name: str) -> tuple[_State | None, str]:
-    """The fit without one parameter, or ``None`` and what stands in its way."""
+    """The fit without one parameter, or ``None`` and the obstacle."""
     parameters = state.problem.parameters.unpack(state.solution.theta)
     if not parameters[name].lower <= 0.0 <= parameters[name].upper:
         return None, f"zero lies outside the bounds of {name}"
@@ -650,7 +657,7 @@ def _without(state: _State, name: str) -> tuple[_State | None, str]:
         smaller = state.problem.with_parameters(parameters.drop(name))
         obstacle = _obstacle(smaller)
     except ModelError as error:
-        return None, f"at a value of zero {error.came}"
+        return None, f"at zero {error.came}"
     except np.linalg.LinAlgError:
         obstacle = "without it the equations of the model have no solution"
     if obstacle:
@@ -662,7 +669,7 @@ def _without(state: _State, name: str) -> tuple[_State | None, str]:
 
 
 def _obstacle(problem: FrequencyProblem) -> str:
-    """What keeps a fit from starting: a measured response of which the model leaves nothing, or a singular model."""
+    """Obstacle to a fit: a measured response that vanishes from the model, or a singular model."""
     data, used = problem.data, problem.used
     model = problem.structure.response(problem.parameters.values, data.omega_rad_s)
     if not np.all(np.isfinite(model[used])):

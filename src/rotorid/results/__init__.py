@@ -1,4 +1,4 @@
-"""What a verb answers: an identified model with its uncertainty, its verdict and its history."""
+"""Results of the verbs: an identified model with its uncertainty, verdict and history."""
 
 from rotorid._faces import lazy
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from rotorid._faces import attached
 from rotorid.data.base import Immutable, optional, read_only
-from rotorid.data.display import cut, html_table, lines_of
+from rotorid.data.display import counted, cut, html_table, lines_of
 from rotorid.data.findings import Finding, Findings
 from rotorid.data.quantity import TWO_SIDED_95, error_columns, percent
 from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
@@ -137,7 +137,7 @@ class FittedData(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyCheck:
-    """What unseen sweeps say about a model.
+    """Scores of a model on unseen sweeps.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ class FrequencyCheck:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verifications:
-    """What unseen flights say about a model.
+    """Verifications of a model on unseen flights.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ class IdentifiedModel(Immutable):
     covered
         Ranges of speeds, angles and commands that the data covered.
     combinations
-        Parameters that the data cannot tell apart.
+        Parameters that the data cannot separate.
     motors
         Rotors and thrust, of ``physical.motors``.
     nonlinear
@@ -356,7 +356,7 @@ class IdentifiedModel(Immutable):
         return simulate_linear(self.system, inputs, sample_rate_hz=sample_rate_hz, x0=x0, hold=input_hold)
 
     def to_toml(self) -> str:
-        """The structure with the identified values and their standard deviations, as ``model.toml`` holds it."""
+        """The structure with the identified values and their standard deviations, as in ``model.toml``."""
         std = self.bounds.stds
         if self.nonlinear is not None:
             return nonlinear_to_toml(self.nonlinear, std)
@@ -497,7 +497,7 @@ class IdentifiedModel(Immutable):
         return rows if len(rows) <= most else [*rows[: most - 1], (f"… {len(rows) - most + 1} more", "", "", "", "")]
 
     def _summary_lines(self) -> list[str]:
-        """Cost or fit, what unseen flights say, and how many remarks there are."""
+        """Cost or fit, verdict on unseen flights, and number of findings."""
         lines = []
         found = verdict(self)
         lines.append(f"fit: {found.word}. {found.reason}")
@@ -514,14 +514,14 @@ class IdentifiedModel(Immutable):
             lines.append("not verified on unseen flights")
         words = {"error": "error", "warning": "warning", "info": "remark"}
         counts = {word: sum(finding.severity == kind for finding in self.findings) for kind, word in words.items()}
-        counted = [f"{count} {word}{'s' if count > 1 else ''}" for word, count in counts.items() if count]
-        lines.append(f"findings: {', '.join(counted) or 'none'}")
+        numbers = [counted(count, word) for word, count in counts.items() if count]
+        lines.append(f"findings: {', '.join(numbers) or 'none'}")
         return lines
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Refused(Immutable):
-    """An answer without numbers: the findings say why there are none.
+    """A result without numbers, with findings on why.
 
     Parameters
     ----------

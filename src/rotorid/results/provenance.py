@@ -1,4 +1,4 @@
-"""Where a result came from: logs with their hashes, choices, seed and stretches, enough to make it again."""
+"""Provenance of a result: logs with hashes, choices, seed and stretches, enough to reproduce it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Logged = TypeVar("Logged", bound=LoggedManeuver)
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance(Immutable):
-    """Where a result came from.
+    """Provenance of a result.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Provenance(Immutable):
 
 
 class Stretch(Protocol):
-    """A log and an interval of it, as :class:`rotorid.flights.flights.Flight` is."""
+    """An interval of a log."""
 
     @property
     def record(self) -> FlightRecord: ...
@@ -89,7 +89,7 @@ def provenance(
     response: FrequencyResponse | None = None,
     sources: Mapping[str, str] | None = None,
 ) -> Provenance:
-    """Where a result on ``records`` came from.
+    """Provenance of a result from ``records``.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def logged(
 
 
 def hashes(records: Sequence[FlightRecord]) -> dict[str, str]:
-    """Hash of each log by its name; logs of one name are told apart by a number."""
+    """Hash of each log by its name; logs of one name are distinguished by a number."""
     return {name: sha256 for (_, sha256), name in _names(records).items()}
 
 

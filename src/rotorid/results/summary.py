@@ -1,4 +1,4 @@
-"""What is said of an identified model, as values: the numbers of its result, each once.
+"""The numbers of an identified model, each once.
 
 They are what ``result.json`` holds. :mod:`rotorid.documents.result` writes them as they are.
 """
@@ -25,7 +25,7 @@ MethodName: TypeAlias = Literal["frequency", "output_error", "prediction_error",
 
 
 class MethodWords(NamedTuple):
-    """What pages call a method of fitting, and how it fitted, in a sentence."""
+    """Name of a fitting method on pages, and its description in a sentence."""
 
     name: str
     how: str = ""
@@ -36,23 +36,23 @@ METHODS: Mapping[str, MethodWords] = MappingProxyType(
         "frequency": MethodWords("frequency responses"),
         "output_error": MethodWords(
             "output error",
-            "Output error: the model was simulated from the inputs alone, and what is left of the outputs was "
-            "minimized, weighed by the covariance that it has.",
+            "Output error: the model was simulated from the inputs alone, and the remaining error of the outputs "
+            "was minimized, weighed by its covariance.",
         ),
         "prediction_error": MethodWords(
             "prediction error",
-            "Prediction error: the model predicted every sample from those before it, with a noise model that was "
-            "fitted too, so that feedback biases nothing.",
+            "Prediction error: the model predicted every sample from those before it, with a fitted noise model, "
+            "so feedback causes no bias.",
         ),
         "equation_error": MethodWords(
             "equation error",
-            "Equation error: the equations of motion were fitted to measured accelerations and states. Noise in the "
-            "states biases that.",
+            "Equation error: the equations of motion were fitted to measured accelerations and states. Noise in "
+            "the states biases the result.",
         ),
         "accelerations": MethodWords(
             "accelerations",
-            "Accelerations: the sum of their absolute errors up to 5 Hz was minimized, each over its own deviations "
-            "from the mean. Noise that the controller feeds back biases that.",
+            "Accelerations: the sum of their absolute errors up to 5 Hz was minimized, each relative to its own "
+            "spread. Noise fed back by the controller biases the result.",
         ),
     }
 )
@@ -73,7 +73,7 @@ class FitVerdict:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Range:
-    """What the fitted data covered of a quantity."""
+    """Range of a quantity in the fitted data."""
 
     unit: str
     lowest: float
@@ -133,7 +133,7 @@ class ClosedLoopScores:
 
     ``setpoints`` names the channel that drove the controller of each command, ``controller_tic`` says how well that
     controller alone makes the measured command of the measured rate. Rates flatter the model, because the controller
-    makes them; commands and accelerations tell more.
+    makes them; commands and accelerations show more.
     """
 
     setpoints: Mapping[str, str]
@@ -280,7 +280,7 @@ class MotorPhysics:
     of the flights (``thrust_hover``), its slope there, thrust at full output and that over weight; ``flown_outputs`` is
     the range of the outputs but for one percent at each end, beyond which thrust is extrapolated. ``scale`` names what
     fixed the scale of mass, thrust and inertia, or is ``null``: then all three are per kilogram. ``straightening`` is
-    what the autopilot does with demands, where its log says so. ``logs`` tells thrust over mass of each log where there
+    what the autopilot does with demands, where its log says so. ``logs`` has thrust over mass of each log where there
     are several, and ``voltage`` the power by which thrust follows the battery, where it sagged enough.
     """
 
@@ -315,7 +315,7 @@ class FoldParameter:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FoldSummary:
-    """One identification: on which records, and its scores by record and output, seen records included.
+    """One identification: its records, and its scores by record and output, fitted records included.
 
     ``mean_percent`` and ``spread_percent``, a standard deviation over records, are those of unseen records only.
     """
@@ -331,7 +331,7 @@ class FoldSummary:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BestFold:
-    """The record that is best to identify on, chosen by the very scores that stand here: optimistic."""
+    """The best record to identify on; optimistic, because the same scores chose it."""
 
     record: str
     mean_percent: float
@@ -415,7 +415,7 @@ class Checks:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class UnseenCombination:
-    """Parameters that the data cannot tell apart, in words and as a vector over parameter names."""
+    """Parameters that the data cannot separate, in words and as a vector over parameter names."""
 
     words: str
     vector: Mapping[str, float]
@@ -423,7 +423,7 @@ class UnseenCombination:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ReductionStep:
-    """One step of the reduction: a parameter that was looked at, what became of it, and why."""
+    """One step of the reduction: a parameter, the decision and its reason."""
 
     parameter: str
     action: Literal["dropped", "kept", "protected"]
@@ -445,7 +445,7 @@ class Correlation:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class KnownQuantity:
-    """A quantity that was given beside the logs, with one standard deviation."""
+    """A given quantity, with one standard deviation."""
 
     value: float
     std: float
@@ -477,7 +477,7 @@ class ThrustPoint:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DerivedSummary:
-    """What follows from the parameters and from what is known beside them.
+    """Results that follow from the parameters and from given quantities.
 
     ``correlation`` is that of ``quantities``; ``missing`` names what else must be known for a quantity of which the
     model has the derivatives. ``thrust`` is the thrust coefficient over the advance ratio, where its slope is there.
@@ -540,7 +540,7 @@ class Compared:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Minimum:
-    """Another place where a search came to rest: its sum of squares, outputs weighed by size, and its parameters."""
+    """Another local minimum of a search: its sum of squares, outputs weighed by size, and its parameters."""
 
     cost: float
     parameters: Mapping[str, float]
@@ -567,7 +567,7 @@ class RunSpread:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunTable:
-    """Where the runs ended: cost and parameters, and what each run said (``draws``, ``costs``), in their order."""
+    """End points of the runs: costs and parameters, and the results of each run (``draws``, ``costs``)."""
 
     cost: RunSpread
     parameters: Mapping[str, RunSpread]
@@ -656,7 +656,7 @@ class Spread:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BootstrapSummary:
-    """Refits to noise drawn anew: errors of the ``responses``, or noise of the ``outputs``.
+    """Refits to simulated noise: errors of the ``responses``, or noise of the ``outputs``.
 
     ``left_out`` says why runs do not count, and how many. ``correlation`` is that of the runs.
     """
@@ -671,7 +671,7 @@ class BootstrapSummary:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EquationFit:
-    """How well an equation of motion holds: ``q'`` for the derivative of a state, an output by its name.
+    """Fit of an equation of motion: ``q'`` for the derivative of a state, an output by its name.
 
     ``r_squared`` is the share of its left side that is explained, ``misfit`` the rms of its residual over that of its
     left side, ``press`` the squared error of predicting each of its rows by all others.
@@ -694,7 +694,7 @@ class Information:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class OrderRow:
-    """A black box of one order: ``unseen_percent`` is its mean score on records that were held out in their turn.
+    """A black box of one order: ``unseen_percent`` is its mean score on unseen records.
 
     ``unseen_std`` is the standard error of that mean, ``behind_percent`` how far it lies behind the best order and
     ``behind_std`` the standard error of this difference, record by record. ``color`` is the largest autocorrelation of

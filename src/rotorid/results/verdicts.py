@@ -46,7 +46,7 @@ class Verdict:
 
 
 class FindingLike(Protocol):
-    """What a verdict reads of a finding, be it a value or a part of a document."""
+    """Fields of a finding used by a verdict, for values and documents."""
 
     @property
     def kind(self) -> str: ...
@@ -80,9 +80,7 @@ def verdict(result: IdentifiedModel | Refused) -> FitVerdict:
 
 def refused_verdict(findings: Iterable[FindingLike]) -> FitVerdict:
     """The verdict where no number was stated: its color is neutral, for nothing is known of a model."""
-    reason = next(
-        (finding.message for finding in findings if finding.severity == "error"), "The data cannot support it."
-    )
+    reason = next((finding.message for finding in findings if finding.severity == "error"), "Not enough data.")
     return FitVerdict(word="no model", color="gray", reason=reason)
 
 
@@ -134,13 +132,13 @@ def fit_verdict(
 
 
 def _measure(method: str, cost: Cost | None, fit_percent: Mapping[str, float] | None) -> tuple[Verdict, str, str]:
-    """How well the data are followed: verdict, the number that says so, and what that means."""
+    """Fit to the data: verdict, number and explanation."""
     if fit_percent and (method != "frequency" or cost is None):
         name = min(fit_percent, key=lambda name: fit_percent[name])
         percent = fit_percent[name]
         level = percent_level(percent)
         words = {"good": "good", "fair": "weak", "poor": "poor"}[level]
-        worst = "" if len(fit_percent) == 1 else ", the worst output,"
+        worst = "" if len(fit_percent) == 1 else ", its worst output"
         reason = f"The model explains {percent:.1f} % of {name}{worst} ({GOOD_FIT_PERCENT:g} % and more is good)"
         return Verdict(level, words), f"{percent:.1f} %", reason
     if cost is not None:
@@ -149,29 +147,29 @@ def _measure(method: str, cost: Cost | None, fit_percent: Mapping[str, float] | 
         several = "average cost" if len(cost.pairs) > 1 else "cost"
         guide = f"up to {EXCELLENT_COST:g} is good, up to {ACCEPTABLE_COST:g} acceptable"
         return Verdict(found.level, words), f"cost {cost.average:.3g}", f"The {several} is {cost.average:.3g} ({guide})"
-    return Verdict("", "not judged"), "", "The fit states neither a cost nor a percent"
+    return Verdict("", "not judged"), "", "The fit has neither a cost nor a percentage"
 
 
 def _doubts(findings: Iterable[FindingLike]) -> Iterator[tuple[str, str]]:
-    """What takes the meaning from a low cost, the gravest first: a word, and a clause that goes on behind "but"."""
+    """Reasons to doubt a low cost, the most serious first: a word, and a clause to follow "but"."""
     by_kind: dict[str, list[FindingLike]] = {}
     for finding in findings:
         by_kind.setdefault(finding.kind, []).append(finding)
     if "not_converged" in by_kind:
-        yield "not settled", "the solver did not come to rest"
+        yield "not settled", "the solver did not converge"
     if "impossible_physics" in by_kind:
-        yield "not physical", f"no vehicle has such values ({_named(by_kind['impossible_physics'])})"
+        yield "not physical", f"no vehicle can have such values ({_named(by_kind['impossible_physics'])})"
     missed = by_kind.get("structure_error", [])
     if meaningless := [finding for finding in missed if "model_error_percent" in finding.numbers]:
         most = max(finding.numbers["model_error_percent"] for finding in meaningless)
         of_several = " at most" if len(meaningless) > 1 else ""
         yield (
             DATA_ONLY,
-            f"the structure misses {_named(meaningless)} by {most:.0f} %{of_several}: the values follow the data and "
+            f"the model misses {_named(meaningless)} by {most:.0f} %{of_several}: its values follow the data but "
             "have no physical meaning",
         )
     if others := [finding for finding in missed if "model_error_percent" not in finding.numbers]:
-        yield "holds in part", f"the structure does not describe {_named(others)}"
+        yield "partly valid", f"the model does not describe {_named(others)}"
 
 
 def _named(findings: Iterable[FindingLike]) -> str:
@@ -194,27 +192,27 @@ def badge(found: FitVerdict) -> Verdict:
 def cost_verdict(cost: float) -> Verdict:
     """Verdict on one frequency-domain cost, by Tischler and Remple's guidelines of 50 and 100."""
     if cost <= EXCELLENT_COST:
-        return Verdict("good", "hardly distinguishable from the flight")
+        return Verdict("good", "practically indistinguishable from the flight")
     if cost <= ACCEPTABLE_COST:
         return Verdict("fair", "acceptable")
-    return Verdict("poor", "the model misses what was measured")
+    return Verdict("poor", "the model misses the measurement")
 
 
 def response_verdict(pair: str, cost: float, findings: Iterable[FindingLike]) -> Verdict:
-    """Verdict on one fitted response: its cost, unless a finding says that the structure misses it.
+    """Verdict on one fitted response: its cost, unless a finding says that the model misses it.
 
     Examples
     --------
     >>> from rotorid.data.findings import warn
     >>> missed = warn("structure_error", "p/roll_command", "It misses.", model_error_percent=18.0)
     >>> response_verdict("p/roll_command", 7.3, [missed])
-    Verdict(level='fair', words='the structure misses it by 18 %')
+    Verdict(level='fair', words='the model misses it by 18 %')
     """
     by_cost = cost_verdict(cost)
     for finding in findings:
         if finding.kind == "structure_error" and finding.where == pair and by_cost.level != "poor":
             percent = finding.numbers.get("model_error_percent")
-            return Verdict("fair", f"the structure misses it{'' if percent is None else f' by {percent:.0f} %'}")
+            return Verdict("fair", f"the model misses it{'' if percent is None else f' by {percent:.0f} %'}")
     return by_cost
 
 

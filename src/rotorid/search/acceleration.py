@@ -165,7 +165,7 @@ def polished(problem: AccelerationProblem, start: FloatArray, points: FloatArray
 
 
 def error_sums(problem: AccelerationProblem, points: FloatArray | None) -> tuple[ErrorSum, ...]:
-    """Sum of errors of each acceleration by its gain, where the lag is held."""
+    """Sum of errors of each acceleration by its gain, at a fixed lag."""
     total = squared_sum if problem.error == "squared" else absolute_sum
     carried = problem.carried(problem.parameters.pack())
     return tuple(total(a, x, points) for a, x in zip(problem.made, carried, strict=True))
@@ -261,7 +261,7 @@ class _Cost:
     def residuals(self, theta: FloatArray, corner: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals ``(4 n,)`` whose squares add up to the cost with rounded corners, and derivatives ``(4 n, p)``."""
         errors = self.errors(theta)
-        # Rounding off leaves e^2 / (smooth + corner), the square of what stands here.
+        # Rounding off leaves e^2 / (smooth + corner), the square of this term.
         factor = self.root / np.sqrt(np.sqrt(errors**2 + corner**2) + corner) if self.absolute else self.root
         return (factor * errors).ravel(), self.derivatives(theta, errors, corner)
 
@@ -320,7 +320,7 @@ _DECADE = 10.0
 
 
 def hover_parameters(*, m: float, omega_max: float, T_motor: float) -> ParameterSet:
-    """What a small multirotor may have: ranges of decades, within which searches begin and end.
+    """Ranges of the parameters of a small multirotor, in decades, which bound searches.
 
     Parameters
     ----------
@@ -425,18 +425,20 @@ class AccelerationProblem(Problem):
         count, samples = self.layout.rotors, tilt.size
         if motors.shape != (count, samples) or accelerations.shape != (len(OUTPUTS), samples):
             raise UsageError(
-                f"outputs of shape {motors.shape}, accelerations of {accelerations.shape} and {samples} tilts came",
+                f"motor outputs of shape {motors.shape}, accelerations of shape {accelerations.shape} and "
+                f"{samples} tilts do not match",
                 needed=f"shapes ({count}, n), ({len(OUTPUTS)}, n) and (n,)",
             )
         if not all(np.isfinite(rows).all() for rows in (motors, accelerations, tilt)):
-            raise UsageError("data came that are not finite", needed="numbers", remedy="cut out the gaps")
+            raise UsageError("some samples are not finite", needed="numbers", remedy="cut out the gaps")
         if missing := [name for name in NAMES if name not in self.parameters.names]:
-            raise UsageError(f"parameters without {', '.join(missing)} came", needed=", ".join(NAMES))
+            raise UsageError(f"the parameters lack {', '.join(missing)}", needed=", ".join(NAMES))
         if self.error not in get_args(ErrorKind):
-            raise UsageError(f"error={self.error!r} came", needed=" or ".join(map(repr, get_args(ErrorKind))))
+            raise UsageError(f"unknown error={self.error!r}", needed=" or ".join(map(repr, get_args(ErrorKind))))
         if not self.layout.arm_known or np.any(self.layout.thrust_axes.T != UP):
             raise UsageError(
-                f"the layout {self.layout.name} came", needed="positions in meters and rotors that push straight up"
+                f"the layout {self.layout.name} is not supported",
+                needed="positions in meters and rotors that push straight up",
             )
         self._set(motors=motors, accelerations=accelerations, tilt=tilt)
         self._require_movement()
@@ -446,12 +448,12 @@ class AccelerationProblem(Problem):
         still = [name for name, size in zip(OUTPUTS, self._sizes.tolist(), strict=True) if size == 0.0]
         if still:
             raise InsufficientDataError(
-                f"{' and '.join(still)} stand still", needed="flight in which all accelerations move"
+                f"{' and '.join(still)} did not move", needed="a flight in which all accelerations move"
             )
 
     @property
     def name(self) -> str:
-        """What is fitted, for messages."""
+        """Name of the fit for messages."""
         return "accelerations from motor outputs"
 
     @cached_property
@@ -486,7 +488,7 @@ class AccelerationProblem(Problem):
         return np.where(np.isfinite(costs), costs, np.inf)
 
     def point_costs(self, thetas: FloatArray) -> FloatArray:
-        """What every sample adds to the cost, ``(b, p)`` to ``(b, n)``."""
+        """Cost of every sample, ``(b, p)`` to ``(b, n)``."""
         gains, kept = self._model(self._values(thetas))
         rows: list[FloatArray] = []
         for gain, share in zip(gains, kept.tolist(), strict=True):
@@ -496,7 +498,7 @@ class AccelerationProblem(Problem):
         return np.where(np.isfinite(costs), costs, np.inf)
 
     def modeled(self, theta: FloatArray) -> FloatArray:
-        """Accelerations of the model beside the measured ones, shape ``(4, n)``."""
+        """Modeled and measured accelerations, shape ``(4, n)``."""
         gains, kept = self._model(self._values(np.atleast_2d(theta)))
         model: FloatArray = gains[0][:, None] * self._settled(float(kept[0]))
         model[0] -= STANDARD_GRAVITY_M_S2
@@ -520,7 +522,7 @@ class AccelerationProblem(Problem):
         """
         weights = np.asarray(points, dtype=np.float64)
         if weights.shape != self.tilt.shape or not weights.min(initial=0.0) >= 0.0:
-            raise UsageError(f"weights of shape {weights.shape} came", needed="one for every sample, none negative")
+            raise UsageError(f"invalid weights of shape {weights.shape}", needed="one for every sample, none negative")
         return polished(self, start, weights)
 
     @cached_property
@@ -541,7 +543,7 @@ class AccelerationProblem(Problem):
         return self._model(self._values(thetas))[0]
 
     def carried(self, theta: FloatArray) -> FloatArray:
-        """What the motors carry at a vector ``(p,)``, with unit gains, shape ``(4, n)``."""
+        """Thrust and torque of the motors at a vector ``(p,)``, with unit gains, shape ``(4, n)``."""
         return self._settled(float(self._model(self._values(theta))[1][0]))
 
     def slopes(self, theta: FloatArray) -> FloatArray:
@@ -574,7 +576,7 @@ class AccelerationProblem(Problem):
 
     @cached_property
     def sums(self) -> tuple[ErrorSum, ...]:
-        """Sum of errors of each acceleration by its gain, where the lag is held."""
+        """Sum of errors of each acceleration by its gain, at a fixed lag."""
         return error_sums(self, None)
 
     def _sums_with_lags(self, gains: FloatArray, kept: FloatArray) -> FloatArray:
@@ -599,7 +601,7 @@ class AccelerationProblem(Problem):
 
     @cached_property
     def _columns(self) -> tuple[FloatArray, list[int], bool]:
-        """Present values, where the free ones stand, and whether others depend on them."""
+        """Present values, the places of the free ones, and whether others depend on them."""
         here = self.parameters.values
         tied = any(parameter.status == "tied" for parameter in self.parameters)
         return np.array([here[name] for name in NAMES]), [NAMES.index(name) for name in self.parameters.free], tied
@@ -632,11 +634,11 @@ class AccelerationProblem(Problem):
 
     @cached_property
     def _carried_at_fixed_lag(self) -> FloatArray:
-        """What the motors carry where their lag is held, shape ``(4, n)``."""
+        """Thrust and torque of the motors at a fixed lag, shape ``(4, n)``."""
         return self._carried(float(self._model(self._values(self.parameters.pack()))[1][0]))
 
     def _settled(self, kept: float) -> FloatArray:
-        """What the motors carry of the drives, the first row tilted, shape ``(4, n)``."""
+        """Thrust and torque of the motors from their drives, the first row tilted, shape ``(4, n)``."""
         return self._carried_at_fixed_lag if self.holds_lag else self._carried(kept)
 
     def _carried(self, kept: float) -> FloatArray:

@@ -10,7 +10,7 @@ from rotorid.typing import FloatArray
 
 @njit(cache=True, nogil=True)
 def lagged(drives: FloatArray, kept: float) -> FloatArray:
-    """First-order lag of held inputs ``(c, n)``, settled at first: ``x[k+1] = kept x[k] + (1 - kept) u[k]``."""
+    """First-order lag of inputs ``(c, n)``, settled at first: ``x[k+1] = kept x[k] + (1 - kept) u[k]``."""
     channels, samples = drives.shape
     states = np.empty((channels, samples))
     for c in range(channels):

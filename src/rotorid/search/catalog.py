@@ -69,7 +69,7 @@ _SEARCHES: Mapping[str, Callable[[str], Search]] = {
     "random": partial(multistart_from_text, "random"),
     "sobol": partial(multistart_from_text, "sobol"),
 }
-"""What makes each search from the text of its options."""
+"""Constructors of the searches from the text of their options."""
 
 
 POPULATIONS = ("cma", "evolution", "genetic")
@@ -93,7 +93,7 @@ def search(text: str) -> Search:
     Parameters
     ----------
     text
-        One of :func:`searches`, with the options that its file tells of.
+        One of :func:`searches`, with the options documented in its file.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def search(text: str) -> Search:
     if name not in names:
         near = difflib.get_close_matches(name, names, n=1)
         raise UsageError(
-            f"there is no search {name!r}",
+            f"unknown search {name!r}",
             needed=f"one of {', '.join(names)}",
             remedy=f"did you mean {near[0]}?" if near else "",
         )

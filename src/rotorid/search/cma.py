@@ -18,7 +18,7 @@ _STEP = 0.3
 _AT_REST = 1e-6
 _FEWEST_GENERATIONS = 20
 _WORST = 1e300
-"""Stands for an infinite cost, of which the strategy cannot form differences."""
+"""Finite substitute for an infinite cost, of which the strategy cannot form differences."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +59,7 @@ class CovarianceAdaptation:
 
     def __post_init__(self) -> None:
         if self.population is not None and self.population < 4:
-            raise UsageError(f"a population of {self.population} came", needed="four or more")
+            raise UsageError(f"a population of {self.population} is too small", needed="four or more")
 
     @property
     def name(self) -> str:
@@ -119,14 +119,13 @@ def _descend(
     tried: list[FloatArray],
     met: list[FloatArray],
 ) -> None:
-    """Generations until the costs are at rest, or the budget is spent."""
+    """Generations until the costs converge, or the budget is spent."""
     try:
         import cmaes
     except ImportError:
         raise UsageError(
-            "the search cma came, whose package is not installed",
-            needed="the package cmaes",
-            remedy="pip install 'rotorid[search]', or take the search evolution",
+            "the search cma needs the package cmaes",
+            remedy="pip install 'rotorid[search]', or use the search evolution",
         ) from None
 
     strategy = cmaes.CMA(mean=run.mean, sigma=run.step, population_size=run.population, seed=int(rng.integers(2**31)))

@@ -18,7 +18,7 @@ from rotorid.typing import FloatArray, IntArray
 
 _MOST_EXCHANGES = 10
 _DEAREST = 12
-"""What an exchange costs each candidate at most."""
+"""Largest cost of an exchange per candidate."""
 _OPTIONS = "kmeans:5 or kmeans:5:100"
 
 
@@ -90,7 +90,7 @@ class KMeans:
     def __post_init__(self) -> None:
         if self.candidates < 1 or not (self.acceptable is None or self.acceptable > 0.0):
             raise UsageError(
-                f"{self.candidates} candidates and an acceptable cost of {self.acceptable} came",
+                f"invalid {self.candidates} candidates with an acceptable cost of {self.acceptable}",
                 needed="positive numbers",
             )
 

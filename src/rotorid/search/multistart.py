@@ -128,5 +128,5 @@ class MultiStart:
 def multistart_from_text(design: Design, options: str) -> MultiStart:
     """``sobol`` and ``random``, or ``sobol:64`` with the number of starts; ``central``, which has no options."""
     if design == "central" and options:
-        raise UsageError(f"central:{options} came", needed="central, which has no options")
+        raise UsageError(f"invalid option in central:{options}", needed="central, which has no options")
     return MultiStart(design, whole_number(options, of=design, needed=f"{design}:64") if options else None)

@@ -61,7 +61,7 @@ _AT_REST = 1e-6
 _FEWEST_GENERATIONS = 20
 _FEWEST = 5
 _WORST = 1e100
-"""Stands for an infinite cost, of which no mean can be formed."""
+"""Finite substitute for an infinite cost, of which no mean can be formed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +105,7 @@ class Evolution:
 
     def __post_init__(self) -> None:
         if self.population < _FEWEST:
-            raise UsageError(f"a population of {self.population} came", needed=f"{_FEWEST} or more")
+            raise UsageError(f"a population of {self.population} is too small", needed=f"{_FEWEST} or more")
 
     @property
     def name(self) -> str:
@@ -228,10 +228,10 @@ class Genetic:
 
     def __post_init__(self) -> None:
         if self.population < 2:
-            raise UsageError(f"a population of {self.population} came", needed="two or more")
+            raise UsageError(f"a population of {self.population} is too small", needed="two or more")
         if not (0.0 <= self.crossover <= 1.0 and 0.0 <= self.mutation <= 1.0):
             raise UsageError(
-                f"the probabilities {self.crossover:g} of crossover and {self.mutation:g} of mutation came",
+                f"invalid probabilities {self.crossover:g} of crossover and {self.mutation:g} of mutation",
                 needed="numbers from zero to one",
             )
 

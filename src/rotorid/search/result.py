@@ -1,4 +1,4 @@
-"""What a search answers, and how it counts: evaluations, local searches, and the minima that these end in.
+"""Result of a search, and its counts: evaluations, local searches, and their minima.
 
 A search knows nothing of frequency responses, simulations or forces. It works on a few verbs of a
 :class:`rotorid.fitting.problem.Problem`: costs of many vectors, whole or point by point, and a local search. Costs are
@@ -177,7 +177,7 @@ class Evaluations:
         return self._recorded(thetas, np.concatenate(self._map(partial(_costs, self.problem), self._chunks(thetas))))
 
     def point_costs(self, thetas: FloatArray) -> FloatArray:
-        """What every point adds to these costs, ``(b, p)`` to ``(b, n)``."""
+        """Cost of every point, ``(b, p)`` to ``(b, n)``."""
         costs = np.concatenate(self._map(partial(_point_costs, self.problem), self._chunks(thetas)))
         self._recorded(thetas, costs.sum(axis=1))
         return costs
@@ -258,7 +258,7 @@ _SAME_PLACE = 0.1
 def basins(found: Sequence[Solution], *, name: str) -> tuple[Solution, tuple[Basin, ...]]:
     """The best of many local searches, and every minimum that they ended in, lowest first.
 
-    Two ends are one minimum when their costs agree and the residuals cannot tell the places apart. Searches that came
+    Two ends are one minimum when their costs agree and the residuals do not distinguish the places. Searches that came
     to no rest ended in no minimum and do not count, unless one of them is the best of all.
 
     Parameters
@@ -336,7 +336,7 @@ def worth_polishing(
     of_all = _by_promise(shares, costs)
     chosen = of_all[: count - reserved]
     for index in (*_by_promise(shares[:early], costs[:early]), *of_all):
-        # What lies beside a place that was chosen would lead to where that one leads.
+        # Neighbors of a chosen place would lead to the same minimum.
         if len(chosen) < count and (_distance(shares[chosen].T, shares[index]) > _SAME_PLACE).all():
             chosen.append(index)
     return np.array(sorted(chosen, key=lambda index: (costs[index], index)), dtype=np.int64)
@@ -415,7 +415,7 @@ def whole_number(text: str, *, of: str, needed: str) -> int:
     64
     """
     if not text.isascii() or not text.isdigit() or int(text) < 1:
-        raise UsageError(f"{text!r} came as an option of the search {of}", needed=f"positive numbers as in {needed}")
+        raise UsageError(f"invalid option {text!r} of the search {of}", needed=f"positive numbers as in {needed}")
     return int(text)
 
 
@@ -428,4 +428,4 @@ def require_budget(budget: int, least: int) -> None:
         It is too small.
     """
     if budget < least:
-        raise UsageError(f"a budget of {budget} evaluations came", needed=f"{least} or more")
+        raise UsageError(f"a budget of {budget} evaluations is too small", needed=f"{least} or more")

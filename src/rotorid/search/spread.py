@@ -1,4 +1,4 @@
-"""How far the answers of a search lie apart when it is started again: the study behind a table of a hundred runs."""
+"""Spread of the results of a repeated search: the study behind a table of a hundred runs."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Share(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SearchSpread(Immutable):
-    """What many runs of one search ended at, before and after the local search.
+    """End points of many runs of one search, before and after the local search.
 
     Where two minima have one cost, as those of a structure whose poles can change places, runs end in either; the
     parameters then lie far apart although every run succeeded.
@@ -98,12 +98,12 @@ class SearchSpread(Immutable):
 
     @property
     def success_before(self) -> Share:
-        """Share of the runs that came within the tolerance without the local search."""
+        """Share of the runs within the tolerance before the local search."""
         return self._share(self.costs_before)
 
     @property
     def success(self) -> Share:
-        """Share of the runs that came within the tolerance with it. A run that failed counts as one that did not."""
+        """Share of the runs within the tolerance after it. A failed run counts as one that did not reach it."""
         return self._share(self.costs_after)
 
     def _share(self, costs: FloatArray) -> Share:
@@ -123,7 +123,7 @@ def spread_over_starts(
     executor: Executor | None = None,
     progress: RunProgress | None = None,
 ) -> SearchSpread:
-    """Run a search from many seeds, and tell how far its answers lie apart and how often it succeeds.
+    """Run a search from many seeds, and return how far its answers differ and how often it succeeds.
 
     On one set of data this is the scatter of the search alone, of which a good one that ends in a local search has
     none; it says nothing about the errors of the parameters. With noise that is drawn from the seed it is both.
@@ -155,7 +155,7 @@ def spread_over_starts(
         Fewer than two runs had an answer.
     """
     if not 0.0 <= tolerance < math.inf:
-        raise UsageError(f"a tolerance of {tolerance:g} came", needed="zero or a positive number")
+        raise UsageError(f"the tolerance {tolerance:g} is not zero or positive")
     done = each_run(_Seeded(run_search, target), runs=runs, seed=seed, executor=executor, progress=progress)
     found = [run for run in done if not isinstance(run, LeftOut)]
     best = min(found, key=lambda run: run.cost_after, default=None)
@@ -201,7 +201,7 @@ def wilson(found: int, runs: int) -> Share:
 
 
 class _Run(NamedTuple):
-    """What is kept of a search; ``began`` is the cost after its first evaluations."""
+    """Record of a search; ``began`` is the cost after its first evaluations."""
 
     seed: int
     before: FloatArray

@@ -51,12 +51,12 @@ def central_composite(box: StartBox, *, centers: int = 1) -> FloatArray:
     k = box.lower.size
     if k > MOST_IN_COMPOSITE:
         raise UsageError(
-            f"a central composite design of {k} parameters came, which has {2**k + 2 * k + centers} points",
+            f"a central composite design of {k} parameters has {2**k + 2 * k + centers} points, too many",
             needed=f"{MOST_IN_COMPOSITE} parameters or fewer",
-            remedy="use a Sobol or a random design, or hold some parameters",
+            remedy="use a Sobol or a random design, or fix some parameters",
         )
     if centers < 1:
-        raise UsageError(f"{centers} centers came", needed="one or more")
+        raise UsageError(f"{centers} centers are too few", needed="one or more")
     cube = np.stack(np.meshgrid(*[[-1.0, 1.0]] * k, indexing="ij"), axis=-1).reshape(-1, k)
     star = np.concatenate([-np.eye(k), np.eye(k)])
     points = np.concatenate([np.zeros((centers, k)), cube / 2.0 ** (k / 4.0), star])
@@ -95,4 +95,4 @@ def at_random(box: StartBox, count: int, *, rng: np.random.Generator) -> FloatAr
 
 def _require(count: int) -> None:
     if count < 1:
-        raise UsageError(f"{count} starts came", needed="one or more")
+        raise UsageError(f"{count} starts are too few", needed="one or more")

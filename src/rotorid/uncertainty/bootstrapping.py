@@ -1,4 +1,4 @@
-r"""Bootstrap: the spread of a fit over data that are drawn anew, and remarks where it contradicts the stated errors.
+r"""Bootstrap: the spread of refits to simulated data, and findings if it contradicts the stated errors.
 
 A new flight of the identified vehicle would show :math:`\log T_b = \log \hat T + e_b`. With logarithmic residuals the
 refit to it is the same problem beside an offset,
@@ -41,10 +41,12 @@ from rotorid.uncertainty.resampling import (
     resample_together,
 )
 
-NO_VALUE = "The model has no value where the run begins."
+NO_VALUE = "The model has no finite value at the start of the run."
 
 _NEAR = 1e-4
-"""A refit rests where the cost falls by no more than this part of a mean squared residual: 0.01 standard deviations."""
+"""A refit has converged if the cost falls by no more than this part of a mean squared residual: 0.01 standard
+deviations.
+"""
 
 _JITTER = 1e-10
 _FLAT = 1e-8
@@ -61,7 +63,7 @@ def bootstrap(
     executor: Executor | None = None,
     progress: RunProgress | None = None,
 ) -> SpreadTable:
-    """Spread of a fit over errors of its data that are drawn anew.
+    """Spread of a fit over simulated errors of its data.
 
     Errors that the data state, as responses do, are drawn as :func:`rotorid.uncertainty.cramer_rao.bounds` believes
     them, with the smooth errors of the structure and the clocks that it finds. What they leave out, the bias by
@@ -97,7 +99,7 @@ def bootstrap(
     Raises
     ------
     InsufficientDataError
-        Parameters cannot be told apart, or fewer than two runs came to rest.
+        Parameters cannot be separated, or fewer than two runs came to rest.
     UsageError
         The problem has no data that could be drawn anew: an innovation of a prediction-error fit under feedback moves
         all later inputs, so that flights of its own would be needed.
@@ -354,7 +356,7 @@ def judge_spread(table: SpreadTable, std: FloatArray) -> tuple[Finding, ...]:
     ((), ['bootstrap_disagrees'])
     """
     if std.shape != table.estimate.shape:
-        raise UsageError(f"{std.size} standard deviations came", needed=f"{len(table.names)}, one for each parameter")
+        raise UsageError(f"{std.size} standard deviations", needed=f"{len(table.names)}, one for each parameter")
     larger, smaller = np.maximum(table.std, std), np.minimum(table.std, std)
     runs = len(table.draws)
     chance = np.maximum(table.std_error, larger / np.sqrt(2.0 * (runs - 1)))
@@ -368,7 +370,7 @@ def _incomplete(table: SpreadTable) -> tuple[Finding, ...]:
     if out <= _MANY * table.runs:
         return ()
     reasons = " ".join(f"{count} times: {reason}" for reason, count in table.left_out.items())
-    message = f"{out} of {table.runs} runs of the bootstrap had no answer, so that the spread is understated. {reasons}"
+    message = f"{out} of {table.runs} bootstrap runs failed, so the spread is too small. {reasons}"
     return (warn("bootstrap_incomplete", "bootstrap", message, runs=table.runs, left_out=out),)
 
 
@@ -378,12 +380,13 @@ def _disagrees(table: SpreadTable, std: FloatArray, place: int) -> Finding:
     _, ends = with_interval(row.mean, row.low, row.high)
     # A narrower spread may be that of a bound or of too few runs: it is no reason to claim more.
     wider = row.std > std[place]
-    advice = f"Take the interval from {ends}." if wider else f"95 % of the runs lie from {ends}."
+    advice = f"Use the interval {ends} instead." if wider else f"95 % of the runs lie from {ends}."
     return warn(
         "bootstrap_disagrees",
         row.name,
-        f"Over {len(table.draws)} runs {row.name} scatters by {row.std:.3g} about {row.mean:.4g}; its value is "
-        f"{row.estimate:.4g} and its stated standard deviation {std[place]:.3g}. {advice}",
+        f"Over {len(table.draws)} runs {row.name} has a mean of {row.mean:.4g} and a standard deviation of "
+        f"{row.std:.3g}; its value is {row.estimate:.4g} and its stated standard deviation {std[place]:.3g}. "
+        f"{advice}",
         std=row.std,
         stated_std=float(std[place]),
         bias=moved,

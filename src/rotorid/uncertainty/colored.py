@@ -22,7 +22,7 @@ _SAMPLES_PER_LAG = 10
 _ROUNDS = 4
 _NEGLIGIBLE = 0.02
 _SAME_RATE = 1.1
-"""Records whose sample rates are no further apart share an autoregression."""
+"""Largest ratio of sample rates at which records share an autoregression."""
 
 
 class ColoredCovariance(NamedTuple):
@@ -122,7 +122,7 @@ def residual_processes(parts: Sequence[Part]) -> tuple[Process, ...]:
 
 
 def _of_each(parts: Sequence[Part], missing: Sequence[FloatArray] | None) -> tuple[Process, ...]:
-    """The autoregression of each part, of which all parts of about one sample rate are draws."""
+    """The autoregression of each part, shared by all parts of about one sample rate."""
     found: dict[int, Process] = {}
     for places in _by_rate([part.sample_rate_hz for part in parts]):
         lacks = None if missing is None else np.sum([missing[place] for place in places], axis=0)
@@ -189,7 +189,7 @@ class Process(NamedTuple):
 
 
 def _matters(taken: Sequence[FloatArray], parameters: int) -> bool:
-    """Whether a fit takes a noticeable share of the power within as narrow a band as the longest memory tells apart."""
+    """Whether a fit takes a noticeable share of the power within as narrow a band as the longest memory resolves."""
     numbers = parameters + sum(basis.shape[2] - parameters for basis in taken)
     return bool(numbers * _LONGEST_MEMORY > _NEGLIGIBLE * sum(basis[:, :, 0].size for basis in taken))
 
@@ -198,7 +198,7 @@ _MOST_NUMBERS = 4_000_000
 
 
 def _missing(taken: Sequence[FloatArray], processes: Sequence[Process], parameters: int) -> list[FloatArray]:
-    """What a fit took from the sums of products of its residuals: for each record all lags, shape ``(lags, y, y)``."""
+    """Loss of the sums of products of residuals by a fit: for each record all lags, shape ``(lags, y, y)``."""
     late = [_colored(basis, process) for basis, process in zip(taken, processes, strict=True)]
     inner = [np.einsum("nya,nyb->ab", basis, lagged) for basis, lagged in zip(taken, late, strict=True)]
     # Parameters are shared by all records, unknowns are not.
@@ -237,7 +237,7 @@ def _lagged_products(one: FloatArray, other: FloatArray, longest: int) -> FloatA
         product = a @ np.conj(np.swapaxes(b, 1, 2))
         spectrum += product + np.conj(np.swapaxes(product, 1, 2))
     found = irfft(spectrum, size, axis=0)[: longest + 1]
-    # Beyond the record there are no products; what stands there is rounding.
+    # Beyond the record there are no products, only rounding.
     found[samples:] = 0.0
     return np.asarray(found)
 
@@ -275,7 +275,7 @@ def autoregression(residuals: Sequence[FloatArray], *, missing: FloatArray | Non
     sums = np.stack(lags)
     together = _fitted(sums, count)
     separate = [_fitted(sums[:, output : output + 1, output : output + 1], count) for output in range(outputs)]
-    # Outputs that hardly go together are better described each by itself, with a memory as long as it is.
+    # Barely correlated outputs are better described separately, each with its own memory.
     if sum(fitted.criterion for fitted in separate) < together.criterion:
         return _stacked([fitted.process for fitted in separate])
     return together.process
@@ -338,7 +338,7 @@ def _middle(slopes: FloatArray, process: Process) -> FloatArray:
 
 
 def _colored(columns: FloatArray, process: Process) -> FloatArray:
-    r""":math:`\Sigma` times columns ``(n, y, m)``: the covariance of a stationary process, as its spectrum says."""
+    r""":math:`\Sigma` times columns ``(n, y, m)``: the covariance of a stationary process from its spectrum."""
     from scipy.fft import irfft, next_fast_len, rfft
 
     samples, outputs, _ = columns.shape

@@ -1,4 +1,4 @@
-r"""Bounds of identified parameters: CIFER's two percents, and a standard deviation that holds.
+r"""Bounds of identified parameters: CIFER's two percentages, and a reliable standard deviation.
 
 CIFER's numbers come from the curvature of the cost, :math:`H = \partial^2 (\sum J) / \partial\theta^2 = 2 J_r^T J_r`:
 Cramér–Rao :math:`CR_i = 2 \sqrt{(H^{-1})_{ii}}` and insensitivity :math:`I_i = 1 / \sqrt{H_{ii}}`, in percent of the
@@ -102,7 +102,7 @@ class Bounds(Immutable):
 
     @property
     def random_std(self) -> FloatArray:
-        """The random part of it, shape ``(p,)``."""
+        """Its random part, shape ``(p,)``."""
         return np.asarray(np.sqrt(np.diag(self.random)))
 
     @property
@@ -121,7 +121,7 @@ def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer", 
 
     Where the data state their errors, as responses do, these are believed, and what the structure leaves out is seen in
     what they do not explain; a direct estimate in closed loop is biased, and no bound here shows that. Otherwise the
-    residuals tell, see :func:`bounds_of_parts`.
+    residuals show, see :func:`bounds_of_parts`.
 
     A direction in which the cost is flat has no bound at all. It is given one by the rounding of the Jacobian, some
     :math:`10^8` of what its parameters would have alone, so that it shows as what it is.
@@ -142,7 +142,7 @@ def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer", 
     Raises
     ------
     InsufficientDataError
-        A parameter has no effect on the cost at all, or several cannot be told apart at all.
+        A parameter has no effect on the cost at all, or several cannot be separated at all.
     """
     errors = problem.stated_errors(solution.theta, weights=weights)
     if errors is None:
@@ -219,7 +219,7 @@ def bounds_of_parts(parts: Sequence[Part], names: tuple[str, ...], *, alike: boo
     Raises
     ------
     InsufficientDataError
-        A parameter has no effect, or several cannot be told apart at all.
+        A parameter has no effect, or several cannot be separated at all.
     """
     count = len(names)
     slopes = np.concatenate([part.slopes.reshape(-1, part.slopes.shape[2]) for part in parts])
@@ -251,7 +251,7 @@ def bounds_of_parts(parts: Sequence[Part], names: tuple[str, ...], *, alike: boo
 
 
 def _mixed(slopes: FloatArray, names: Sequence[str]) -> list[str]:
-    """Parameters of which one does what others do, so that only their sum is seen; all where none stands out."""
+    """Parameters whose effects cannot be separated; all if none is clear."""
     length = np.sqrt(np.sum(slopes**2, axis=0))
     _, singular, right = np.linalg.svd(slopes / np.where(length > 0.0, length, 1.0), full_matrices=False)
     flat = np.abs(right[singular <= _SAME_MOTION * singular.max(initial=0.0), : len(names)])
@@ -262,8 +262,8 @@ def _not_determined(names: Sequence[str]) -> InsufficientDataError:
     message = f"The records do not determine {', '.join(names)}."
     return InsufficientDataError(
         message,
-        needed="parameters that the data can see",
-        remedy="fix some with --fix NAME=VALUE, or take a smaller model",
+        needed="parameters that affect the data",
+        remedy="fix some with --fix NAME=VALUE, or use a smaller model",
         findings=[refusal("not_identifiable", name, message) for name in names],
     )
 
@@ -277,8 +277,8 @@ def _inverse_root(problem: Problem, jacobian: FloatArray) -> tuple[FloatArray, F
     if not length.all():
         silent = [name for name, size in zip(problem.parameters.free, length, strict=True) if size == 0.0]
         raise InsufficientDataError(
-            f"{', '.join(silent)} {'change' if len(silent) > 1 else 'changes'} nothing in the fitted responses",
-            needed="parameters that the data can see",
+            f"{', '.join(silent)} {'have' if len(silent) > 1 else 'has'} no effect on the fitted responses",
+            needed="parameters that affect the data",
             remedy=f"fix {'them' if len(silent) > 1 else 'it'} with --fix NAME=VALUE, or fit a wider band",
         )
     left_vectors, singular, right = np.linalg.svd(jacobian / length, full_matrices=False)

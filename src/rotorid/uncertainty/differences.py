@@ -162,7 +162,7 @@ def scale_of(parameter: str, values: AnyArray, stds: AnyArray) -> Scale:
 
 
 def distance(parameter: str, before: tuple[float, float], after: tuple[float, float]) -> float:
-    """How many standard deviations two independent estimates differ by; nan where that cannot be said.
+    """Distance of two independent estimates in standard deviations; nan if unknown.
 
     That is where neither has an error, and where one of both lies at a bound of zero.
 

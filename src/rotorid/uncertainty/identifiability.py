@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.data.base import Immutable
+from rotorid.data.display import listed
 from rotorid.models.parameter import ParameterSet
 from rotorid.typing import FloatArray, IntArray
 from rotorid.uncertainty.cramer_rao import Bounds
@@ -46,7 +47,7 @@ _NUMBERS = ("none", "one", "two", "three", "four", "five")
 
 @dataclass(frozen=True, kw_only=True)
 class Combination(Immutable):
-    """A direction in which the parameters can move with hardly a change of the response.
+    """A direction in which the parameters can move with barely a change of the response.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ class Combination(Immutable):
     relative_std
         One standard deviation along it, relative to the values.
     names
-        Parameters that cannot be told apart; read from the vector if empty.
+        Parameters that cannot be separated; read from the vector if empty.
     seen
         Products or sums of them that the data do see, with their values: ``K_f/J_x = 2.32``.
     what_to_do
@@ -77,23 +78,23 @@ class Combination(Immutable):
         return self.relative_std > _FLAT
 
     def words(self) -> str:
-        """What is seen and what to do, for a person."""
+        """The identifiable combination and the remedy, in words."""
         parts = self.names or self._parts()
         # Beyond a factor of ten the number says nothing more.
         percent = f"{100.0 * min(self.relative_std, 10.0):.0f} %"
         if len(parts) < 2:
-            return f"{parts[0]} is known to no better than {percent}."
+            return f"{parts[0]} is very uncertain (±{percent})."
         if not self.seen:
             return (
-                f"{_listed(parts)} can hardly be told apart: moved together they may change by {percent} "
-                f"and the response stays the same. {self.what_to_do}."
+                f"{listed(parts)} can barely be separated: together they may change by {percent} without "
+                f"changing the response. {self.what_to_do}."
             )
         verb = "is" if len(self.seen) == 1 else "are"
         if self.flat:
-            return f"Only {_listed(self.seen)} {verb} seen; {_listed(parts)} cannot be told apart. {self.what_to_do}."
+            return f"The data show only {listed(self.seen)}, so {listed(parts)} cannot be separated. {self.what_to_do}."
         return (
-            f"{_listed(parts)} can hardly be told apart: they are known to no better than {percent}, while "
-            f"{_listed(self.seen)} {verb} seen well. {self.what_to_do}."
+            f"{listed(parts)} can barely be separated: each is uncertain by {percent}, although "
+            f"{listed(self.seen)} {verb} well known. {self.what_to_do}."
         )
 
     def _parts(self) -> tuple[str, ...]:
@@ -103,7 +104,7 @@ class Combination(Immutable):
 
 
 def unseen_combinations(parameters: ParameterSet, bounds: Bounds) -> tuple[Combination, ...]:
-    """Groups of parameters of which some direction has a relative standard deviation above one half, worst first.
+    """Groups of parameters with a direction whose relative standard deviation is above one half, worst first.
 
     Parameters at zero are left out: relative changes of them mean nothing.
 
@@ -154,7 +155,7 @@ def _groups(null: FloatArray, *, flat: bool) -> list[list[int]]:
 def _explain(
     parameters: ParameterSet, free: tuple[str, ...], relative: FloatArray, group: list[int], *, flat: bool
 ) -> list[Combination]:
-    """One combination for a group whose seen products or sums are found, else one for each direction of it."""
+    """One combination for a group with identifiable products or sums, else one for each direction."""
     least = _FLAT if flat else _UNSEEN
     for members in _with_other_times(parameters, free, group):
         names = tuple(free[i] for i in members)
@@ -172,7 +173,7 @@ def _explain(
         )
         return [worst]
     if flat and unseen == 1 and len(names) > 1:
-        # No band tells apart what is exactly one; the shares would hide the small parts of it.
+        # No band separates parameters that act exactly as one; the shares would hide the small parts of it.
         advice = _advice(parameters, names, vectors[:, -1:], flat=flat)
         return [Combination(vector=shares[0], relative_std=float(stds[0]), names=names, what_to_do=advice)]
     return [Combination(vector=shares[i], relative_std=float(stds[i])) for i in range(unseen)]
@@ -195,7 +196,7 @@ def _determined_terms(
     *,
     flat: bool,
 ) -> tuple[str, ...]:
-    """Texts of ``count`` products or sums that span what is seen of a group; empty if no simple ones do."""
+    """Texts of ``count`` identifiable products or sums of a group; empty if there are no simple ones."""
     values = np.array([parameters[name].value for name in names])
     root = vectors * np.sqrt(np.maximum(variances, 0.0))
     units = {parameters[name].unit for name in names}
@@ -210,7 +211,7 @@ def _determined_terms(
 
 
 def _integer_rows(root: FloatArray, count: int, tolerance: float) -> Sequence[IntArray]:
-    """The simplest ``count`` independent whole-number rows that a covariance ``root @ root.T`` hardly moves."""
+    """The simplest ``count`` independent whole-number rows that a covariance ``root @ root.T`` barely moves."""
     size = len(root)
     if count < 1 or size > _LARGEST_GROUP:
         return ()
@@ -261,29 +262,24 @@ def _sum(names: tuple[str, ...], values: FloatArray, factors: IntArray) -> str:
 
 
 def _advice(parameters: ParameterSet, names: tuple[str, ...], null: FloatArray, *, flat: bool) -> str:
-    """Which parameters to give so that the rest follow, and how they are measured."""
+    """Parameters to give so that the others follow, and how to measure them."""
     count = null.shape[1]
     units = [_NOT_LENGTHS.get(name, parameters[name].unit) for name in names]
     easiest = list(_MEASUREMENTS)
     effort = [easiest.index(unit) if unit in easiest else len(easiest) for unit in units]
     subsets = list(itertools.combinations(range(len(names)), count))
-    # Given parameters settle the rest only if no unseen direction leaves all of them alone.
+    # Given parameters determine the others only if every unobservable direction changes one of them.
     settled = [subset for subset in subsets if abs(np.linalg.det(null[list(subset)])) > _COUPLED**count]
     best = min(settled or subsets, key=lambda subset: sum(effort[i] for i in subset))
     chosen = tuple(names[i] for i in best)
     number = _NUMBERS[count] if count < len(_NUMBERS) else str(count)
     among = f"{number} of them" if len(names) == 2 else f"{number} of {', '.join(names)}"
     options = " ".join(f"--fix {name}=VALUE" for name in chosen)
-    text = f"Give {among} ({options})" if len(settled) == len(subsets) else f"Give {_listed(chosen)} ({options})"
+    text = f"Give {among} ({options})" if len(settled) == len(subsets) else f"Give {listed(chosen)} ({options})"
     ways = [f"{names[i]} can be measured {_MEASUREMENTS[units[i]]}" for i in best if units[i] in _MEASUREMENTS]
     if set(units) == {"s"}:
-        ways = ["a signal logged between them, such as the motor speeds, tells them apart"]
-        ways += [] if flat else ["so does a band that reaches higher"]
+        ways = ["a signal logged between them, such as the motor speeds, separates them"]
+        ways += [] if flat else ["so does a wider band"]
     elif not flat:
-        ways = [*ways, "a wider band may tell them apart"]
+        ways = [*ways, "a wider band may separate them"]
     return f"{text}; {' and '.join(ways)}" if ways else text
-
-
-def _listed(names: Sequence[str]) -> str:
-    *first, last = names
-    return f"{', '.join(first)} and {last}" if first else last

@@ -1,4 +1,4 @@
-r"""Model error beside random error: what a structure leaves out of a response, as a smooth unknown over frequency.
+r"""Model error in addition to random error: the missing dynamics of a structure, as a smooth unknown over frequency.
 
 Random errors shrink with every minute of flight, and soon the structure is what a fit is wrong by: a rotor that lags a
 little differently, a drag that grows with speed, a stamp that is late by a tenth of a sample. None of this scatters
@@ -46,8 +46,9 @@ SMALLEST_MODEL_ERROR, LARGEST_MODEL_ERROR = 0.005, 0.3
 
 _OWN_SHARE = 0.1
 _OWN_ERRORS = (0.002, 0.005, 0.01, 0.02, 0.05)
-"""What no measured covariance knows of itself, independent from residual to residual: a part of its variance, and a
-relative error of which the likelihood chooses one for each group."""
+"""Least independent error of a measured covariance: a part of its variance, and a relative error chosen by the
+likelihood for each group.
+"""
 
 _FOLLOWED = 1e-9
 _TYPICAL, _NORMAL = 0.75, 0.8693
@@ -62,7 +63,7 @@ _COARSE = 9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelError(Immutable):
-    """What the structure leaves out, as a fit shows it.
+    """Missing dynamics of a structure, estimated from a fit.
 
     Parameters
     ----------
@@ -231,7 +232,7 @@ class _Likelihood:
         return np.asarray(D * np.linalg.solve(np.eye(D.size) + D[:, None] * self.S * D, D * self.y))
 
     def shares(self, logs: FloatArray) -> FloatArray:
-        """Of the size that each column may have, what the residuals leave of it: root mean square, at most one."""
+        """Share of the prior size of each column left in the residuals: root mean square, at most one."""
         D = self._sizes(logs)
         left = np.linalg.inv(np.eye(D.size) + D[:, None] * self.S * D)
         return np.asarray(np.sqrt(np.minimum((left @ (D * self.y)) ** 2 + np.diag(left), 1.0)))

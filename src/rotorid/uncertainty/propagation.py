@@ -1,4 +1,4 @@
-r"""What the uncertainty of the parameters makes uncertain: tied parameters, poles, the response itself.
+r"""Propagation of the uncertainty of the parameters to tied parameters, poles and responses.
 
 All of it is first order: a quantity :math:`g` has the variance :math:`\nabla g^T \, \mathrm{Cov}\,\theta \, \nabla g`,
 with exact derivatives. For a pole :math:`\lambda` with :math:`F x = \lambda M x` and :math:`y^H F = \lambda y^H M`
@@ -37,7 +37,7 @@ from rotorid.uncertainty.cramer_rao import Bounds
 # Poles a +- sqrt(d) lie 2 sqrt(d) apart, known to std(d) / sqrt(d): four of these make d two of its own from zero.
 _DISTINCT_STDS = 4.0
 _COINCIDENT = 1e-6
-# Points that stand for a normal distribution of the errors; second moments are then good to a few percent.
+# Sigma points of a normal distribution of the errors; second moments are then good to a few percent.
 _POINTS = 512
 _FLAT = 1e-9
 _DEFECTIVE = 1e10
@@ -107,7 +107,7 @@ class Pole(Immutable):
         Examples
         --------
         >>> Pole(value=-2.0 + 0j, covariance=np.diag([0.01, 0.0])).words()
-        'The pole at -2 1/s is known to 0.1 1/s.'
+        'The pole at -2 1/s is uncertain by 0.1 1/s.'
         """
         real, imaginary = self.value.real, self.value.imag
         place = f"{real:.4g} 1/s" if imaginary == 0.0 else f"{real:.4g}{imaginary:+.4g}j 1/s"
@@ -116,11 +116,11 @@ class Pole(Immutable):
         if self.meets:
             spread = math.sqrt(float(np.trace(self.covariance)))
             return (
-                f"The pole at {place} is known to {spread:.2g} 1/s in the plane: it lies so near to another one that "
-                "within the uncertainty of the parameters they may meet."
+                f"The pole at {place} is uncertain by {spread:.2g} 1/s in the plane: it is so close to another "
+                "one that they may coincide within the uncertainty of the parameters."
             )
         if imaginary == 0.0 or not self.value:
-            return f"The pole at {place} is known to {np.sqrt(self.covariance[0, 0]):.2g} 1/s."
+            return f"The pole at {place} is uncertain by {np.sqrt(self.covariance[0, 0]):.2g} 1/s."
         return (
             f"The pole at {place} has a natural frequency of "
             f"{with_error(self.frequency_rad_s, self.frequency_std_rad_s)} rad/s and a damping ratio of "
@@ -239,7 +239,7 @@ class _Cluster(NamedTuple):
 
 
 def _closest_pair(poles: ComplexArray, clusters: Sequence[_Cluster]) -> tuple[int, int] | None:
-    """The two clusters, nearest first, that do not stay apart within the errors of the parameters."""
+    """The two clusters, nearest first, that may coincide within the errors of the parameters."""
     together = []
     for one, two in itertools.combinations(range(len(clusters)), 2):
         first, second = clusters[one], clusters[two]
@@ -359,7 +359,7 @@ def _root(parameters: ParameterSet, bounds: Bounds) -> FloatArray:
     """
     if bounds.names != parameters.free:
         raise UsageError(
-            f"bounds of {', '.join(bounds.names) or 'no parameters'} came",
+            f"the bounds are for {', '.join(bounds.names) or 'no parameters'}",
             needed=f"bounds of {', '.join(parameters.free) or 'no parameters'}",
         )
     scale = np.where(bounds.std > 0.0, bounds.std, 1.0)

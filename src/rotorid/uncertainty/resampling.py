@@ -1,9 +1,9 @@
-r"""Many runs of one estimate on data drawn anew: one loop for every Monte Carlo study and every bootstrap.
+r"""Repeated estimates on simulated data: one loop for every Monte Carlo study and every bootstrap.
 
 Run k draws from a generator of its own, child k of the seed. What a run draws therefore depends neither on the other
 runs nor on how they are shared out, and a study of 100 runs is the first part of one of 1000.
 
-A table tells how far the answers lie apart, parameter by parameter.
+A table shows how far the answers differ, parameter by parameter.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Generic, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
+from rotorid.data.display import counted
 from rotorid.errors import InsufficientDataError, RotoridError, UsageError
 from rotorid.typing import FloatArray, IntArray
 
@@ -25,7 +26,7 @@ FEWEST_RUNS = 2
 
 
 class SpreadRow(NamedTuple):
-    """One parameter of a spread table, in its unit unless it says percent.
+    """One parameter of a spread table, in its unit unless the name ends in percent.
 
     Parameters
     ----------
@@ -102,16 +103,17 @@ class SpreadTable(Immutable):
         units = tuple(self.units) or ("",) * len(self.names)
         if not len(self.names) == len(units) == estimate.size == draws.shape[1]:
             raise UsageError(
-                f"{len(self.names)} names, {len(units)} units, {estimate.size} values, draws of {draws.shape[1]} came",
+                f"{len(self.names)} names, {len(units)} units, {estimate.size} values and draws of "
+                f"{draws.shape[1]} do not match",
                 needed="one of each for each parameter",
             )
         if len(draws) < FEWEST_RUNS:
             reasons = "; ".join(f"{count} times: {reason}" for reason, count in self.left_out.items())
             raise InsufficientDataError(
-                f"{len(draws)} of {len(draws) + sum(self.left_out.values())} runs came to rest"
+                f"only {len(draws)} of {len(draws) + sum(self.left_out.values())} runs converged"
                 + f" ({reasons})" * bool(reasons),
                 needed="at least two",
-                remedy="ask for more runs, or free fewer parameters",
+                remedy="request more runs, or free fewer parameters",
             )
         self._set(names=tuple(self.names), units=units, estimate=estimate, draws=draws, left_out=self.left_out)
 
@@ -132,7 +134,7 @@ class SpreadTable(Immutable):
 
     @property
     def std_error(self) -> FloatArray:
-        r"""What chance makes of the standard deviations, because the runs are not infinitely many, shape ``(p,)``.
+        r"""Standard error of the standard deviations from the finite number of runs, shape ``(p,)``.
 
         .. math:: \sigma_s = s \sqrt{(\kappa - 1) / (4 n)}
 
@@ -190,7 +192,7 @@ FEWEST_RECORDS = 5
 
 
 class LeftOut(NamedTuple):
-    """A run without an answer, and the sentence that says why."""
+    """A failed run, with its reason in a sentence."""
 
     reason: str
 
@@ -323,9 +325,10 @@ def resample_records(
     """
     if count < FEWEST_RECORDS:
         raise UsageError(
-            f"{count} record{'' if count == 1 else 's'} to draw from came",
+            f"{counted(count, 'record')} to draw from",
             needed=f"{FEWEST_RECORDS} or more",
-            remedy="cut records into pieces, long against the slowest motion of the model, or draw new noise instead",
+            remedy="cut records into pieces that are long compared with the slowest motion of the model, or draw new "
+            "noise instead",
         )
     return resample(
         _DrawnRecords(estimator, count),
@@ -356,7 +359,7 @@ def each_run(
     executor: Executor | None = None,
     progress: RunProgress | None = None,
 ) -> list[Value | LeftOut]:
-    """What every run gives, in order, where a run is any work that draws: the loop below all of this module.
+    """Results of every run, in order: the common loop of this module.
 
     Parameters
     ----------
@@ -423,7 +426,7 @@ def _gathered(
     chunk: _Chunk[Value], size: int, runs: int, executor: Executor | None, progress: RunProgress | None
 ) -> list[Value | LeftOut]:
     if runs < FEWEST_RUNS:
-        raise UsageError(f"{runs} runs came", needed="two or more, and some hundred for percentiles")
+        raise UsageError(counted(runs, "run"), needed="two or more, some hundred for percentiles")
     pieces = [range(first, min(first + size, runs)) for first in range(0, runs, size)]
     done: list[Value | LeftOut] = []
     for piece, found in zip(pieces, (map if executor is None else executor.map)(chunk, pieces), strict=True):

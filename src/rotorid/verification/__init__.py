@@ -1,4 +1,4 @@
-"""Judge a model on data it has not seen."""
+"""Validation of a model on unseen data."""
 
 from rotorid._faces import lazy
 

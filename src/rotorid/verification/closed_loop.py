@@ -144,7 +144,7 @@ def closed_loop(
 
     An unstable airframe can be judged so for as long as one likes. But a good controller makes the rate follow its
     set-point with almost any airframe: the rate flatters the model. The command shows what the controller had to do
-    for it, and accelerations what the airframe made of that; they tell more (Niermeyer, Raffler and Holzapfel,
+    for it, and accelerations what the airframe made of that; they show more (Niermeyer, Raffler and Holzapfel,
     *Open-Loop Quadrotor Flight Dynamics Identification in Frequency Domain via Closed-Loop Flight Testing*, section
     V.B).
 

@@ -13,6 +13,7 @@ from typing import Generic, Literal, TypeAlias, TypeVar, get_args
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
+from rotorid.data.display import counted
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.time.output_error import InitialCondition, TimeData, TimeProblem, moving
 from rotorid.models.structure import LinearStructure
@@ -175,7 +176,7 @@ def _scores(structure: LinearStructure, record: TimeData, predicted: FloatArray)
 def _score(measured: FloatArray, predicted: FloatArray) -> OutputScore:
     mean = measured.mean()
     return OutputScore(
-        # What stands still but for rounding has no motion to explain.
+        # An output that is constant but for rounding has no motion to explain.
         nrmse_fit_percent=nrmse_fit_percent(measured, predicted) if moving(measured[None])[0] else -math.inf,
         tic=theil_inequality(measured - mean, predicted - mean),
         rms=rms(measured - predicted),
@@ -288,22 +289,22 @@ class CrossValidation(Immutable, Generic[Model]):
 
     @property
     def unseen(self) -> BoolArray:
-        """Where a record was scored that the fold has not seen, shape ``(f, r)``."""
+        """Whether a record was scored and is unseen by the fold, shape ``(f, r)``."""
         return np.array([[name not in fold.identified for name in self.records] for fold in self.folds])
 
     @property
     def fold_means(self) -> FloatArray:
-        """Mean fit percent on what each fold has not seen, shape ``(f,)``; not a number for one without a score."""
+        """Mean fit percent of each fold on unseen records, shape ``(f,)``; not a number without a score."""
         return np.array([_mean(row[new]) for row, new in zip(self.table, self.unseen, strict=True)])
 
     @property
     def fold_spreads(self) -> FloatArray:
-        """Standard deviation over the records that each fold has not seen, shape ``(f,)``."""
+        """Standard deviation over the unseen records of each fold, shape ``(f,)``."""
         return np.array([_spread(row[new]) for row, new in zip(self.table, self.unseen, strict=True)])
 
     @property
     def best(self) -> int | None:
-        """The fold with the highest mean, where each stands for one record.
+        """The fold with the highest mean, if each has one record.
 
         Choosing it by the very scores that are then reported is optimistic; :attr:`mean` is not.
         """
@@ -388,9 +389,9 @@ def cross_validate(
     if np.isnan(found.fold_means).all():
         causes = "; ".join(dict.fromkeys(fold.cause.rstrip(".") for fold in folds if fold.cause))
         raise InsufficientDataError(
-            causes or "no model could be scored on a record that it has not seen",
-            needed="records that support the model one without the other",
-            remedy="give more of them, or leave one out instead of identifying on each",
+            causes or "no model could be scored on an unseen record",
+            needed="records that each support the model",
+            remedy="give more records, or leave one out instead of identifying on each",
         )
     return found
 
@@ -460,15 +461,15 @@ def _scored(
 
 def _require(groups: Sequence[Group], names: Sequence[str], kind: Kind) -> None:
     if kind not in get_args(Kind):
-        raise UsageError(f"the cross-validation {kind!r} came", needed=f"one of {', '.join(get_args(Kind))}")
+        raise UsageError(f"unknown cross-validation {kind!r}", needed=f"one of {', '.join(get_args(Kind))}")
     if len(groups) < 2:
         raise UsageError(
-            f"{len(groups)} record came to cross-validate",
+            f"only {counted(len(groups), 'record')} to cross-validate",
             needed="at least two: one to identify on, one to score on",
             remedy="give more logs, or more segments of one",
         )
     if len(set(names)) != len(groups) or len(names) != len(groups):
-        raise UsageError(f"the records are called {', '.join(names)}", needed=f"{len(groups)} different names")
+        raise UsageError(f"the record names {', '.join(names)} are not unique", needed=f"{len(groups)} different names")
 
 
 def _mean(values: FloatArray) -> float:

@@ -1,4 +1,4 @@
-r"""The order of a black box: models of rising order judged by what they have not seen.
+r"""Choice of the order of a black box: models of rising order are scored on unseen data.
 
 Each order is fitted to all records, and again to all but one of them, which it then simulates with every parameter
 frozen. Records that are seen always prefer the higher order; records that are not seen prefer the one that will serve.
@@ -35,10 +35,10 @@ HIGHEST_ORDER = 4
 """Orders beyond are those of a fit to noise or of a delay, for the vehicles and rates that this is made for."""
 
 _PIECES = 5
-"""Parts that few records are cut into, so that each is scored by a model that has not seen it."""
+"""Number of parts of few records, each scored by a model that has not seen it."""
 
 _FEWEST_LOGS = 3
-"""From so many records on each is held out whole."""
+"""Number of records from which each is left out as a whole."""
 
 _SHORTEST_PIECE = 60
 """Samples of such a part; half as many are the least."""
@@ -133,7 +133,7 @@ class OrderComparison(Immutable):
 
 
 def held_out(records: Sequence[TimeData]) -> tuple[TimeData, ...]:
-    """What is held out in its turn: records where there are three and more, or else five pieces of what there is.
+    """Parts to leave out in turn: records if there are three or more, else five pieces.
 
     Pieces of one flight share its battery, wind and trim, and are the weaker test.
 
@@ -159,9 +159,9 @@ def held_out(records: Sequence[TimeData]) -> tuple[TimeData, ...]:
     pieces = [piece for record in records for piece in _pieces(record, max(1, round(record.samples / length)))]
     if len(pieces) < 2 or min(record.samples for record in pieces) < _SHORTEST_PIECE // 2:
         raise InsufficientDataError(
-            f"{total} samples came to compare orders on parts of them that were not seen",
+            f"{total} samples are too few to compare orders on unseen parts",
             needed=f"at least two pieces of {_SHORTEST_PIECE} samples",
-            remedy="give longer or more records, or name an order with black_box:N",
+            remedy="give longer or more records, or set the order with black_box:N",
         )
     return tuple(pieces)
 
@@ -194,7 +194,7 @@ def compare_orders(
     plan: StartPlan | None = None,
     progress: Callable[[int], None] = lambda _: None,
 ) -> OrderComparison:
-    r"""Fit black boxes of rising order, score each on what it has not seen, and propose one.
+    r"""Fit black boxes of rising order, score each on unseen data, and propose one.
 
     Orders are tried from one up; after two in a row that lie behind the best by more than their standard error no
     higher one is. Starts of every order come from subspaces and drawn poles on all records; a fold begins where all
@@ -224,7 +224,7 @@ def compare_orders(
 
     Notes
     -----
-    The initial state and shifts of a record that is scored are estimated there, as nothing else can tell them, and take
+    The initial state and shifts of a record that is scored are estimated there, as nothing else shows them, and take
     from its errors what k numbers of N take from noise: errors are enlarged by :math:`\sqrt{N / (N - k)}`, or higher
     orders would seem the better. Of errors with a memory they take more than that.
     With a handful of records a standard error is itself known to a half.
@@ -249,7 +249,7 @@ def compare_orders(
     (2, [2, 4, 6])
     """
     if not 1 <= highest <= 20:
-        raise UsageError(f"orders up to {highest} came", needed="a highest order from 1 to 20")
+        raise UsageError(f"a highest order of {highest} is not possible", needed="one from 1 to 20")
     parts = held_out(records)
     whole = _Posed(tuple(inputs), tuple(outputs), delays, hold, unknowns, plan or StartPlan())
     posed = whole.single_pairs() if decoupled else [(slice(None), whole)]
@@ -262,7 +262,7 @@ def compare_orders(
     known = [score for score in scores if not score.refused]
     if not known:
         raise InsufficientDataError(
-            "no order has a black box that could be scored: " + "; ".join(dict.fromkeys(s.refused for s in scores)),
+            "no black box of any order could be scored: " + "; ".join(dict.fromkeys(s.refused for s in scores)),
             needed="longer or more records",
         )
     best = max(known, key=lambda score: score.unseen_percent)
@@ -280,7 +280,7 @@ def compare_orders(
 
 @dataclass(frozen=True)
 class _Posed:
-    """What is fitted for every order."""
+    """Problem common to all orders."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -319,7 +319,7 @@ def _rows(records: Sequence[TimeData], rows: slice) -> list[TimeData]:
 def _scored(
     order: int, records: Sequence[TimeData], parts: Sequence[TimeData], posed: Sequence[tuple[slice, _Posed]]
 ) -> OrderScore:
-    """Black boxes of one order, each on its own rows; what is said of all is the sum or the mean of each."""
+    """Black boxes of one order, each on its own rows, with the sum or mean over all."""
     try:
         fits = [(item, rows, item.fitted(_rows(records, rows), order)) for rows, item in posed]
         unseen = np.mean([_unseen(fit, _rows(parts, rows), posed) for posed, rows, fit in fits], axis=0)
@@ -366,7 +366,7 @@ def _unseen(whole: BlackBoxFit, parts: Sequence[TimeData], posed: _Posed) -> Flo
     means = np.asarray(found.fold_means, dtype=np.float64)
     if not np.isfinite(means).all():
         causes = "; ".join(dict.fromkeys(fold.cause for fold in found.folds if fold.cause))
-        raise InsufficientDataError(causes or "a part that was not seen has no score")
+        raise InsufficientDataError(causes or "an unseen part has no score")
     size = np.array([record.samples * len(posed.outputs) for record in parts], dtype=np.float64)
     states = len(whole.structure.states) if "initial_state" in posed.unknowns else 0
     shifts = len(posed.outputs) if "output_shift" in posed.unknowns else 0

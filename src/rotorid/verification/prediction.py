@@ -25,7 +25,7 @@ _LEAST_WINDOW = 12
 """Samples of that window at least."""
 
 _LEAST_RESTARTS = 20
-"""Predictions that a score at the longest reach is made of at least."""
+"""Least number of predictions for a score at the longest horizon."""
 
 _REWEIGHTED = 3
 _UNSEEN = 1e-6
@@ -48,7 +48,7 @@ class HorizonScores:
     skill
         One minus the error over that of the trivial predictor "stays as it is": 1 is perfect, 0 no better than that.
     over_quiet
-        The error over that before the maneuver, or ``None`` where that cannot be told.
+        The error over that before the maneuver, or ``None`` where it is unknown.
     over_quiet_limit
         What the same gusts in both would exceed in one of twenty cases.
     """
@@ -128,7 +128,7 @@ def predict_ahead(
     horizons_s: Sequence[float] = HORIZONS_S,
     maneuver_s: tuple[float, float] = (-math.inf, math.inf),
 ) -> Prediction:
-    r"""Predict a record k steps ahead from every sample of it.
+    r"""Predict a record k steps ahead from each of its samples.
 
     At each restart the state is the one that fits the last 0.3 s best, in least squares weighted with the errors that
     it leaves; from there the model runs on the measured inputs alone. Constant biases in the state equations and
@@ -168,7 +168,7 @@ def predict_ahead(
     least = window + round(horizons_s[0] * rate) + _LEAST_RESTARTS
     if time_s.size < least:
         raise InsufficientDataError(
-            f"{time_s.size / rate:.2f} s of data came",
+            f"{time_s.size / rate:.2f} s of data are too short",
             needed=f"at least {least / rate:.2f} s to predict {horizons_s[0]:g} s ahead",
         )
     furthest = min(time_s.size - _LEAST_RESTARTS, window + 1 + round(_LOOK_AHEAD * max(horizons_s) * rate))
@@ -212,7 +212,7 @@ class _Ahead:
         return len(self.free) - 1
 
     def at(self, steps: int) -> FloatArray:
-        """Outputs so many steps after each restart, as far as the record goes, shape ``(y, restarts inside)``."""
+        """Outputs so many steps after each restart within the record, shape ``(y, restarts inside)``."""
         late = self.whole[steps:]
         predicted: FloatArray = late + self.start_offsets[: len(late)] @ self.free[steps].T + self.constant[steps]
         return predicted.T
@@ -327,7 +327,7 @@ def _scores(
 
 
 def _limit(scored: float, quiet: float) -> float:
-    """What the ratio of two errors of the same gusts exceeds in one of twenty cases, by Fisher's distribution.
+    """Ratio of two errors of the same gusts that is exceeded in one of twenty cases, by Fisher's distribution.
 
     Both arguments are numbers of independent errors; infinite where there is not even one before the maneuver.
     """

@@ -1,4 +1,4 @@
-"""A model on the samples of a record, and what a prediction may adjust of it.
+"""A model on the samples of a record, and the adjustments of a prediction.
 
 The initial state, steady biases and reference shifts are what no model can know, and they enter linearly. Measurement
 and prediction pass the same filters before they are compared. Of an unstable model growing motions are computed
@@ -137,7 +137,7 @@ def _direct(system: StateSpace, D: FloatArray, u: FloatArray, past: FloatArray, 
 
 
 def _weights(lag: float) -> tuple[int, FloatArray]:
-    """How many samples back the oldest of some samples stands, and the weights of them, oldest first."""
+    """Age of the oldest of some samples, and their weights, oldest first."""
     whole = int(np.floor(lag + WHOLE_SAMPLE))
     share = lag - whole
     if share < WHOLE_SAMPLE:
@@ -149,7 +149,7 @@ def _weights(lag: float) -> tuple[int, FloatArray]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoundedResponses(Immutable):
-    """What a model does with the inputs, and with each thing that no model can know.
+    """Responses of a model to the inputs, and to each of its unknowns.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def bounded_states(model: Sampled) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Motions:
-    """A recursion in a basis that sets what decays, ``slow``, apart from what grows, ``fast``."""
+    """A recursion in a basis that separates decaying (``slow``) from growing (``fast``) states."""
 
     basis: FloatArray
     inverse: FloatArray
@@ -271,7 +271,7 @@ LEAST_REMAINDER = 1e-3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Adjustment(Immutable):
-    """What was added to the response of a model, and with which coefficients.
+    """Adjustments of the response of a model, with their coefficients.
 
     Parameters
     ----------
@@ -441,7 +441,7 @@ def low_pass(cutoff_rad_s: float, rate_hz: float) -> Filter:
 
     if not 0.0 < cutoff_rad_s < np.pi * rate_hz:
         raise UsageError(
-            f"a low-pass at {cutoff_rad_s:.4g} rad/s came",
+            f"a low-pass at {cutoff_rad_s:.4g} rad/s is not possible",
             needed=f"between 0 and the Nyquist frequency of {np.pi * rate_hz:.4g} rad/s",
         )
     b, a = butter(1, cutoff_rad_s / (np.pi * rate_hz))

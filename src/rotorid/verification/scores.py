@@ -1,4 +1,4 @@
-"""Numbers that say how well a prediction follows a measurement."""
+"""Scores of a prediction against a measurement."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ _QUIET_S = 0.5
 """Time before a maneuver with which its motion is compared, at least."""
 
 _SETTLED_S = 0.8
-"""The first motion of a record is what the maneuver before it left, and the filter's end; only the rest is quiet."""
+"""Initial quiet part to skip: it contains the end of the maneuver before and of the filter."""
 
 
 def verify_in_time(
@@ -48,7 +48,7 @@ def verify_in_time(
 
     What the model cannot know is estimated by linear least squares, everything else is frozen: reference shifts
     :math:`c` of the outputs, the initial state :math:`x_0`, and a constant bias :math:`b` of every dynamic state
-    equation (trim, steady wind), as far as they can be told apart, see :func:`rotorid.verification.sampled.adjust`,
+    equation (trim, steady wind), where they can be separated, see :func:`rotorid.verification.sampled.adjust`,
 
     .. math:: \hat y = y_{model}(u) + c + \Phi(t) x_0 + \Psi(t) b
 
@@ -86,7 +86,7 @@ def verify_in_time(
     u = np.stack([history[name] for name in inputs])
     u = u - u.mean(axis=1, keepdims=True)
     measured = filtered(raw)
-    # What came before is not known; that an input began as it first shows costs a late one the least.
+    # The input before the record is unknown; a constant first value is the best guess for a delayed input.
     responses = bounded_responses(sampled(system, u, sample_rate_hz=rate, before=u[:, 0]))
     forced = filtered(responses.forced)
     adjustment = adjust(responses, measured - forced, weights=_weights(measured), filtered=filtered)
@@ -159,7 +159,7 @@ def _scores(measured: FloatArray, predicted: FloatArray, *, bias: float, shift: 
 def _moved(
     history: TimeHistory, maneuver: Maneuver, outputs: tuple[str, ...], band_rad_s: tuple[float, float]
 ) -> tuple[str, ...]:
-    """Outputs that move clearly more in a maneuver than before it, within the band; all, where that cannot be seen."""
+    """Outputs that move clearly more in a maneuver than before it, within the band; all if unknown."""
     time_s, rate = history.time_s, history.sample_rate_hz
     settled_s = min(history.start_s + _SETTLED_S, maneuver.start_s - _QUIET_S)
     quiet = (time_s >= settled_s) & (time_s < maneuver.start_s)
@@ -181,7 +181,7 @@ def _ahead(
     growth_1_s: float,
 ) -> Prediction | None:
     rate = history.sample_rate_hz
-    # The model is linear, so filtered inputs drive it to filtered outputs; only the ends of the record tell them apart.
+    # The model is linear, so filtered inputs drive it to filtered outputs; only the ends of the record separate them.
     band = band_pass(band_rad_s, rate, history.duration_s)
     u = np.stack([history[name] for name in inputs])
     u = band(u - u.mean(axis=1, keepdims=True))

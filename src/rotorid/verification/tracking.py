@@ -1,4 +1,4 @@
-r"""Does a model still hold, moment by moment: its gain followed through a flight, and steps of it found.
+r"""Tracking of the gain of a model through a flight, with detection of its steps.
 
 The model predicts the body rate from the logged command; prediction :math:`z` and rate :math:`p` pass the same
 band-pass, and both are whitened by what the reference leaves unexplained. Under feedback the command answers gusts, so
@@ -10,8 +10,8 @@ reference). In blocks of half a second
 two cumulative sums of :math:`(\pm \delta N D - \delta^2 D^2 / 2) / v`, each step held within :math:`\pm 3` and each sum
 above zero, ask whether the gain rose or fell by the share :math:`\delta`. A block without excitation counts nothing.
 One is an alarm beyond :math:`\ln` of twice the blocks of an hour: about one false alarm an hour, if the noise is what
-it is held to be. After one the gain is measured anew, over eight seconds that can tell. What is not known to hold, a
-stick that hardly moves or air that became rougher than that of the reference, makes a block one that cannot tell.
+it is held to be. After one the gain is measured anew, over eight seconds of usable blocks. What is not known to hold, a
+stick that hardly moves or air that became rougher than that of the reference, makes a block unusable.
 
 References
 ----------
@@ -34,13 +34,13 @@ from rotorid.errors import InsufficientDataError
 from rotorid.typing import FloatArray
 
 RATE_HZ = 50.0
-"""Of the signals; the band ends well below half of it."""
+"""Sample rate of the signals; the band ends well below half of it."""
 
 BAND_HZ = (0.5, 6.0)
-"""What of the prediction and of the rate is compared."""
+"""Band in which prediction and rate are compared."""
 
 LEAST_LEVEL = 0.15
-"""Stick below which nothing is told."""
+"""Stick motion below which a block is unusable."""
 
 THRESHOLD = math.log(2.0 * 3600.0 / 0.5)
 """Of a cumulative sum: one false alarm an hour by the blocks of an hour, both directions counted."""
@@ -55,7 +55,7 @@ _RIDGE = 1e-3
 _WHITENING = 8
 
 _SHAPE_SHARE = 0.02
-"""Share of the prediction by which the model may err in shape, beside noise; it does not average out."""
+"""Share of the prediction by which the model may err in shape, in addition to noise; it does not average out."""
 
 _CLIP = 3.0
 """The most by which one block moves a cumulative sum."""
@@ -67,7 +67,7 @@ _NOISE_BLOCKS = 40
 """Blocks over which the noise is remembered: 20 s."""
 
 _NEW_GAIN_BLOCKS = 16
-"""Blocks that can tell over which the gain is measured anew after an alarm: 8 s."""
+"""Usable blocks over which the gain is measured again after an alarm: 8 s."""
 
 _ROUGHER, _CALM_AGAIN = 2.0, 1.3
 """Power of what is unexplained over that of the reference from which air is too rough, and below which it
@@ -85,7 +85,7 @@ _LEAST_REFERENCE_S, _LEAST_AFTER_S = 30.0, 5.0
 """Seconds of the reference at least, and of the flight after it."""
 
 Why: TypeAlias = Literal["", "reference", "stick", "air"]
-"""Why a block cannot tell: it is part of the reference, the stick hardly moves, the air is rougher than then."""
+"""Why a block is unusable: it is part of the reference, the stick barely moves, or the air is rougher."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,13 +119,13 @@ class Tracking(Immutable):
     ratio, std
         Gain over that of the reference, followed with a time constant of 8 s, and its standard deviation.
     cannot_tell
-        Why a block says nothing; empty where it tells.
+        Why a block is unusable; empty where it is usable.
     steps
         What was found.
     reference_gain
         Gain of the reference over that of the model.
     thrust_exponent
-        Power of the thrust command that schedules the gain; ``None`` where it could not be told.
+        Power of the thrust command that schedules the gain; ``None`` where it is unknown.
     level
         Largest stick of the last 15 s at each block.
     rougher
@@ -148,7 +148,7 @@ class Tracking(Immutable):
 
     @property
     def told_s(self) -> float:
-        """Seconds that could tell."""
+        """Usable seconds."""
         return BLOCK_S * sum(not why for why in self.cannot_tell)
 
 
@@ -196,9 +196,9 @@ def track_gain(
     level = _levels(stick[:whole])
     if float(np.quantile(level[: first // _BLOCK], 0.9)) < LEAST_LEVEL:
         raise InsufficientDataError(
-            f"the stick moved by {float(level[: first // _BLOCK].max()):.2f} of full in the reference",
+            f"the stick moved only {float(level[: first // _BLOCK].max()):.2f} of full in the reference",
             needed=f"{LEAST_LEVEL:g} and more",
-            remedy="lengthen the reference with --first, or follow another axis with --model",
+            remedy="lengthen the reference with --first, or track another axis with --model",
         )
     logs = _log_thrust(thrust, whole, first)
     moved = command[:whole] - float(np.median(command[:whole]))
@@ -250,9 +250,9 @@ def require_length(flight_s: float, reference_s: float, *, what: str = "flight")
     """
     if not reference_s >= _LEAST_REFERENCE_S or flight_s < reference_s + _LEAST_AFTER_S:
         raise InsufficientDataError(
-            f"{flight_s:.0f} s of {what} came with a reference of {reference_s:g} s",
-            needed=f"a reference of {_LEAST_REFERENCE_S:g} s and more, and {_LEAST_AFTER_S:g} s of flight after it",
-            remedy="name another length of it with --first",
+            f"{flight_s:.0f} s of {what} are too short for a reference of {reference_s:g} s",
+            needed=f"a reference of {_LEAST_REFERENCE_S:g} s or more, and {_LEAST_AFTER_S:g} s of flight after it",
+            remedy="set another length with --first",
         )
 
 
@@ -281,7 +281,7 @@ def _log_thrust(thrust: FloatArray | None, whole: int, first: int) -> FloatArray
 def _exponent(
     predicted: FloatArray, of_thrust: FloatArray, measured: FloatArray, moved: float, first: int
 ) -> float | None:
-    """Power of thrust, by least squares over the reference; zero where the throttle rested all the time."""
+    """Power of thrust, by least squares over the reference; zero if the throttle did not move."""
     if moved < 0.02:
         return None if float(np.std(of_thrust)) > 0.02 * float(np.std(predicted)) else 0.0
     z, zt, p = (_banded(values)[:first] for values in (predicted, of_thrust, measured))
@@ -409,7 +409,7 @@ class _Sums:
 
 
 def _steps(blocks: _Blocks, noise: FloatArray, why: tuple[Why, ...], share: float, start_s: float) -> Iterator[Step]:
-    """Alarms of both sums; after each the gain is taken anew, from what came since it changed."""
+    """Alarms of both sums; after each the gain is measured again from the data since the change."""
     v = noise * blocks.w2 + blocks.shape**2
     sums = _Sums(1.0)
     found: tuple[int, int] | None = None
@@ -455,7 +455,7 @@ def _step(
 
 
 def _followed(blocks: _Blocks, noise: FloatArray, why: tuple[Why, ...]) -> tuple[FloatArray, FloatArray]:
-    """The gain with exponential forgetting of what could tell, over that of the reference."""
+    """The gain with exponential forgetting of usable blocks, over that of the reference."""
     keep = math.exp(-BLOCK_S / _FOLLOW_S)
     up = down = spread = 0.0
     ratio, std = np.ones(len(why)), np.full(len(why), np.inf)

@@ -1,6 +1,6 @@
-"""A verification: what was measured, what the model predicted, and how far apart they are.
+"""A verification: measurement, prediction, and the difference between them.
 
-:func:`verdict` reads its numbers: a good model, a poor one, a disturbance that does not let the maneuver tell, or an
+:func:`verdict` reads its numbers: a good model, a poor one, a disturbance that does not let the maneuver decide, or an
 unstable airframe, whose open loop leaves the measurement although its prediction ahead is good.
 """
 
@@ -35,7 +35,7 @@ class Scores:
         Root mean square of the error, in the unit of the output.
     bias
         Estimated constant input to the first dynamic state equation. 0 where none was estimated: where it cannot be
-        told from a reference shift or the initial state, or where the filter removes what it does.
+        separated from a reference shift or the initial state, or where the filter removes what it does.
     reference_shift
         Estimated constant offset of the output, in its unit, 0 where the filter removes it.
     """
@@ -76,7 +76,7 @@ class Verification(Immutable):
     low_pass_rad_s
         Matched low-pass that measurement and prediction passed beside the fitted band, or ``None``.
     moved
-        Outputs that the maneuver moved clearly more than they moved before it: those that tell about the model.
+        Outputs that the maneuver moved clearly more than they moved before it: those that test the model.
     ahead
         Predictions over short horizons, restarted at every sample, or ``None`` where the record is too short.
     closed_loop

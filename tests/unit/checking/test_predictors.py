@@ -77,7 +77,7 @@ def test_identify_and_verify_refuse_a_log_in_one_sentence(
     after = verify(motors, [speeds, motor_log(2)])
     first, second = (_not_verified(one.findings) for one in (within, after))
     assert first == second
-    assert "speeds.csv tells motors as speed" in first[0]
+    assert "speeds.csv logs motors as speed" in first[0]
 
 
 def test_a_log_with_its_rotors_in_other_places_judges_nothing(
@@ -86,7 +86,7 @@ def test_a_log_with_its_rotors_in_other_places_judges_nothing(
     vehicle = identified_motors(motors)
     assert vehicle is not None
     wider = replace(vehicle, choices=replace(CHOICES, arm_m=2.0 * ARM_M))
-    with pytest.raises(rotorid.InsufficientDataError, match=r"rotors of flight2\.csv are in other places"):
+    with pytest.raises(rotorid.InsufficientDataError, match=r"rotor positions of flight2\.csv differ"):
         wider.data(motor_log(2), ())
     assert vehicle.data(motor_log(2), ()).layout is vehicle.layout
 

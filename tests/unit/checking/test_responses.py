@@ -63,7 +63,7 @@ def test_a_log_in_which_nothing_moves_says_why_it_does_not_verify() -> None:
     found = identified(replace(record, topics=(still,)))
     assert found.verifications.maneuvers == ()
     (finding,) = [one for one in result_document(found).findings if one.kind == "not_verified"]
-    assert finding.message == "flight7.csv did not verify the model: phi_setpoint does not move in flight7.csv."
+    assert finding.message == "flight7.csv could not verify the model: phi_setpoint does not move in flight7.csv."
 
 
 def test_a_model_that_diverges_over_an_unseen_log_stays_identified(monkeypatch: pytest.MonkeyPatch) -> None:

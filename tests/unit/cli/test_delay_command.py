@@ -36,7 +36,7 @@ def test_a_person_gets_a_table(flight: Path, tmp_path: Path) -> None:
     ran = rotorid("delay", flight, *PAIR, "--out", tmp_path)
     assert ran.code == 0
     assert "p/roll_command" in ran.out
-    assert "dead time beside a lag of" in ran.out
+    assert "dead time plus a lag of" in ran.out
     assert str(tmp_path / "delay.json") in ran.out.replace("\n", "")
 
 
@@ -48,11 +48,11 @@ def test_quiet_says_nothing(flight: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        (("--input", "roll_command"), 2, "came alone"),
+        (("--input", "roll_command"), 2, "was given alone"),
         (("--input", "roll_comand", "--output", "p"), 2, "did you mean roll_command"),
         ((*PAIR, "--instrument", "roll_excitatoin"), 2, "did you mean roll_excitation"),
         ((*PAIR, "--segment", "roll:9:5"), 2, "AXIS:START:STOP"),
-        ((*PAIR, "--segment", "roll:900:990"), 2, "inside no log"),
+        ((*PAIR, "--segment", "roll:900:990"), 2, "outside every log"),
         (("--input", "roll_command", "--output", "motor_1"), 1, "motor_1"),
     ],
     ids=["alone", "slip", "instrument", "backward", "outside", "no channel"],

@@ -46,11 +46,11 @@ def test_a_refusal_exits_with_one_and_says_why(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--band", "1:10"], "--band came with physical.motors"),
-        (["--method", "output_error"], "--method output_error came with physical.motors"),
-        (["--starts", "central"], "--starts came with physical.motors"),
-        (["--cross-validate", "each"], "--cross-validate came with physical.motors"),
-        (["--decoupled"], "--decoupled came with physical.motors"),
+        (["--band", "1:10"], "--band does not apply to physical.motors"),
+        (["--method", "output_error"], "--method output_error does not apply to physical.motors"),
+        (["--starts", "central"], "--starts does not apply to physical.motors"),
+        (["--cross-validate", "each"], "--cross-validate does not apply to physical.motors"),
+        (["--decoupled"], "--decoupled does not apply to physical.motors"),
         (["--curve", "cubic"], "the curve 'cubic' came"),
         (["--arm", "-1"], "an arm of -1 m came"),
     ],
@@ -64,7 +64,7 @@ def test_options_that_do_not_belong_are_refused(log: Path, words: list[str], sai
 def test_its_options_are_refused_by_other_models(log: Path) -> None:
     ran = rotorid("identify", log, "--model", "rate.roll", "--arm", "0.2")
     assert ran.code == 2
-    assert "--arm came with rate.roll; expected them with physical.motors alone" in " ".join(ran.err.split())
+    assert "--arm does not apply to rate.roll; leave it out, or use physical.motors" in " ".join(ran.err.split())
 
 
 @pytest.mark.parametrize("name", ["", "result.json", "model.toml"])

@@ -92,7 +92,7 @@ def test_a_log_that_supports_nothing_says_what_each_model_lacks(tmp_path: Path) 
     write_csv(log, time_s, {"roll_command": 0.0 * time_s, "p": 0.0 * time_s})
     ran = rotorid("identify", log, "--model", "all", "--out", tmp_path / "out", "--json")
     assert ran.code == 1
-    assert "no model is supported by still.csv" in ran.err
+    assert "not enough data in still.csv for any model" in ran.err
     told = json.loads(ran.out)
     assert told["results"] == []
     assert {"no_excitation", "missing_channel"} <= {finding["kind"] for finding in told["findings"]}

@@ -73,7 +73,7 @@ def test_quiet_says_nothing(flight: Path, tmp_path: Path) -> None:
         ((*PAIR, "--windows", "0"), "lengths above 0"),
         ((*PAIR, "--shift", "p:later"), "CHANNEL:SECONDS"),
         ((*PAIR, "--segment", "roll:9:5"), "AXIS:START:STOP"),
-        ((*PAIR, "--segment", "roll:900:990"), "inside no log"),
+        ((*PAIR, "--segment", "roll:900:990"), "outside every log"),
     ],
     ids=[
         "twins",
@@ -118,8 +118,8 @@ def test_data_that_cannot_answer_are_a_sentence_and_one(
     ("options", "words"),
     [
         (("--inputs", "roll_comand", "--outputs", "p"), "did you mean roll_command"),
-        (("--inputs", "roll_command", "--outputs", "roll_command"), "as an input and as an output"),
-        ((*PAIR, "--instrument", "foo"), "there is no channel foo"),
+        (("--inputs", "roll_command", "--outputs", "roll_command"), "is both input and output"),
+        ((*PAIR, "--instrument", "foo"), "unknown channel foo"),
         ((*PAIR, "--segment", "pitch:10:40"), "another axis"),
         ((*PAIR, "--seed", "-1"), "the seed -1 came"),
     ],

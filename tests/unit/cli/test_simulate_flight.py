@@ -228,14 +228,14 @@ def test_the_rig_as_a_new_user_would(tmp_path: Path) -> None:
     ("given", "words"),
     [
         ((), "does not describe its rotors; expected --layout"),
-        (("--layout", "quad.x"), "physical.hover came without m, D, l, rho, k_n, which no flight tells"),
-        (("--layout", "quad.x", "--fix", "m=1", "--arm", "0.2"), "came without D, rho, k_n"),
+        (("--layout", "quad.x"), "physical.hover needs m, D, l, rho, k_n, which no flight shows"),
+        (("--layout", "quad.x", "--fix", "m=1", "--arm", "0.2"), "physical.hover needs D, rho, k_n"),
         (("--layout", "quad.x", "--arm", "-0.2", "--rotor-diameter", "0.2", "--fix", "m=1", "--fix", "rho=1.2",
-          "--fix", "k_n=100"), "l = -0.2 came; expected a positive arm"),
-        (("--layout", "quad.x", "--arm", "0.2", "--fix", "l=0.2"), "l came with --arm and with --fix"),
+          "--fix", "k_n=100"), "l = -0.2 is not positive; expected a positive arm"),
+        (("--layout", "quad.x", "--arm", "0.2", "--fix", "l=0.2"), "l was given with --arm and with --fix"),
         (("--layout", "x8", "--arm", "0.2", "--rotor-diameter", "0.2", "--fix", "m=1", "--fix", "rho=1.2",
           "--fix", "k_n=100"), "above one another"),
-        (("--layout", "quad.x", "--curve", "linear"), "all but --curve with physical.hover"),
+        (("--layout", "quad.x", "--curve", "linear"), "leave it out, or use physical.motors or physical.hover"),
     ],
 )  # fmt: skip
 def test_geometry_that_no_flight_tells_is_asked_for(given: tuple[str, ...], words: str, tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_times_are_those_of_the_log_behind_a_gap(log: Path, tmp_path: Path) -> N
 def test_a_flight_whose_pieces_are_all_too_short_is_exit_1(log: Path, tmp_path: Path) -> None:
     ran = rotorid("track", with_gap(log, tmp_path, 57.0, 83.0), "--first", "60", "--out", tmp_path / "out", "--json")
     assert ran.code == 1
-    assert "57 s of flight without a gap came with a reference of 60 s" in ran.err
+    assert "57 s of flight without a gap are too short for a reference of 60 s" in ran.err
 
 
 def test_too_short_a_rest_is_exit_1(log: Path, tmp_path: Path) -> None:

@@ -158,9 +158,7 @@ def test_pictures_of_values() -> None:
 )
 def test_a_package_that_is_not_installed_is_named(package: str, ask: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(
-        rotorid.UsageError, match=f"this needs {package}, which is not installed; pip install {package}"
-    ):
+    with pytest.raises(rotorid.UsageError, match=f"{package} is not installed; pip install {package}"):
         ask()
 
 

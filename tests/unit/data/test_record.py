@@ -46,7 +46,7 @@ def test_samples_that_are_no_numbers_are_refused(name: str) -> None:
     shape = {"outputs": (4, 10), "rates": (3, 10)}.get(name, (10,))
     values = np.ones(shape)
     values[..., 4] = np.nan
-    with pytest.raises(UsageError, match="hover holds samples that are no numbers"):
+    with pytest.raises(UsageError, match="hover contains samples that are not finite"):
         record(**{name: values})
 
 

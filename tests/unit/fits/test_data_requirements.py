@@ -21,15 +21,15 @@ def bounds(std: float) -> Any:
 
 def test_a_gain_that_noise_leaves_open_is_refused() -> None:
     require_known_gain("L_roll", PARAMETERS, bounds(60.0))
-    with pytest.raises(InsufficientDataError, match="the data do not show L_roll") as refusal:
+    with pytest.raises(InsufficientDataError, match="the sign of L_roll is uncertain") as refusal:
         require_known_gain("L_roll", PARAMETERS, bounds(80.0))
     assert [one.kind for one in refusal.value.findings] == ["not_identifiable"]
 
 
 def test_logs_of_two_vehicles_leave_no_gain() -> None:
-    apart = warn("logs_disagree", "L_roll", "Each log alone says another L_roll: 117 in a, 440 in b.")
-    other = warn("logs_disagree", "L_p", "Each log alone says another L_p.")
-    with pytest.raises(InsufficientDataError, match="not even the sign of L_roll is certain") as refusal:
+    apart = warn("logs_disagree", "L_roll", "The logs disagree about L_roll: 117 in a, 440 in b.")
+    other = warn("logs_disagree", "L_p", "The logs disagree about L_p.")
+    with pytest.raises(InsufficientDataError, match="even the sign of L_roll is uncertain") as refusal:
         require_known_gain("L_roll", PARAMETERS, bounds(229.0), [apart, other])
     assert [(one.kind, one.severity, one.where) for one in refusal.value.findings] == [
         ("logs_disagree", "error", "L_roll")

@@ -39,7 +39,7 @@ def spread(parameters: ParameterSet, percent: float, *, correlation: float = 0.0
 
 def test_a_gain_within_two_standard_deviations_of_zero_is_refused() -> None:
     require_known_gain("L_roll", FOUND, spread(FOUND, 49.0))
-    with pytest.raises(InsufficientDataError, match=r"do not show L_roll: \d+ ± \d+ rad/s\^2") as refused:
+    with pytest.raises(InsufficientDataError, match=r"the sign of L_roll is uncertain: \d+ ± \d+ rad/s\^2") as refused:
         require_known_gain("L_roll", FOUND, spread(FOUND, 51.0))
     (finding,) = refused.value.findings
     assert (finding.kind, finding.where) == ("not_identifiable", "L_roll")

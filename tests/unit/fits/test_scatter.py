@@ -124,7 +124,7 @@ def test_what_grows_with_the_swing_is_told_with_its_value_at_none() -> None:
     (found,) = amplitude_dependences(swung([0.3, 0.1, 0.2], [-4.5, -3.5, -4.0]))
     assert found.at_rest == pytest.approx(-3.0, rel=1e-3)
     assert [swing for _, _, swing in found.estimates.values()] == pytest.approx([1.0, 2.0, 3.0])
-    assert "at 0 s (3 times the swing)" in found.finding("1/s").message
+    assert "at 0 s (3 times the amplitude)" in found.finding("1/s").message
     assert disagreements(swung([0.3, 0.1, 0.2], [-4.5, -3.5, -4.0])) == ()
 
 

@@ -288,7 +288,7 @@ def test_a_search_finds_what_the_starts_of_a_model_do_not() -> None:
     ("choices", "came"),
     [
         ({"search": "evolutoin"}, "did you mean evolution"),
-        ({"search": "sobol:0"}, "option of the search sobol"),
+        ({"search": "sobol:0"}, "invalid option '0' of the search sobol"),
         ({"evaluations": 100}, "without a search"),
         ({"search": "cma", "evaluations": 0}, "a budget of 0"),
         ({"search": "cma", "starts": "sobol:4"}, "--search and --starts"),
@@ -303,7 +303,7 @@ def test_what_has_nothing_to_search_is_refused(records: TimeRecords) -> None:
     box = named_model("black_box:1", inputs=["phi_setpoint"], outputs=["phi"])
     for choices in ({"search": "cma"}, {"starts": "sobol:4"}):
         settings = IdentifySettings(**choices)  # type: ignore[arg-type]
-        with pytest.raises(UsageError, match="a black box begins at subspaces"):
+        with pytest.raises(UsageError, match="a black box starts from subspace identification"):
             fit_in_time(box, records, settings, method="output_error")
         with pytest.raises(UsageError, match="regression has one minimum"):
             identify([flight(samples=400)], MODEL, settings=replace(settings, method="equation_error"))

@@ -38,7 +38,7 @@ def test_a_nonlinear_model_takes_one_start() -> None:
     ended = fit(problem, starts=[problem.start])
     np.testing.assert_array_equal(ended.solution.theta, fit_nonlinear(problem).solution.theta)
     assert ended.parameters.free == problem.parameters.free
-    with pytest.raises(UsageError, match="2 starts came"):
+    with pytest.raises(UsageError, match="2 start values for a nonlinear model"):
         fit(problem, starts=[problem.start, problem.start])
 
 

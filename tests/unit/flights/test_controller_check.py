@@ -133,7 +133,7 @@ OLDER = {name: value for name, value in BETAFLIGHT.items() if not name.startswit
     [
         (without(WHOLE, "p_setpoint"), "The log has no p_setpoint"),
         (without(WHOLE, "roll_command"), "The log has no roll_command"),
-        (thinned(WHOLE, 25), "are logged at 10 Hz, not 20 Hz or more"),
+        (thinned(WHOLE, 25), "are logged at 10 Hz, below 20 Hz"),
         (until(WHOLE, 8.0), "The flight has no 10 s of roll command and rate without a gap"),
         (made(PX4, NEW, noise=3.0), "Set-point and rate of roll explain too little of its command"),
     ],
@@ -144,18 +144,18 @@ def test_what_was_not_checked_is_neither_good_nor_bad(record: FlightRecord, why:
     assert why in check.why
     (finding,) = check.findings
     assert finding.kind == "controller_unchecked"
-    assert finding.message == f"{check.why}: whether these gains made the commands was not checked."
+    assert finding.message == f"{check.why}, so the logged gains could not be checked against the flight."
     assert set(verdicts(record, "roll").values()) == {"not checked"}
 
 
 @pytest.mark.parametrize(
     ("parameters", "firmware", "why"),
     [
-        ({}, NEW, "The log has no gains of the roll controller that are known"),
+        ({}, NEW, "The log has no known gains for the roll controller"),
         ({"MC_ROLLRATE_P": 0.15, "MC_ROLLRATE_D": 0.0}, NEW, "lack MC_ROLLRATE_I"),
         ({"ATC_RAT_RLL_P": 0.1}, "ArduCopter V4.6", "lack ATC_RAT_RLL_D and ATC_RAT_RLL_I"),
-        (OLDER, "", "does not name the version of its firmware"),
-        (OLDER, "Betaflight 3.1.5", "older than 4.0"),
+        (OLDER, "", "does not name its firmware version"),
+        (OLDER, "Betaflight 3.1.5", "older than version 4.0"),
     ],
 )
 def test_an_unknown_controller_has_one_reason(parameters: dict[str, float], firmware: str, why: str) -> None:
@@ -190,7 +190,7 @@ def test_unknown_gains_are_the_reason_whatever_the_excitations_show(monkeypatch:
         raise InsufficientDataError("the sweep is too short")
 
     monkeypatch.setattr("rotorid.loops.rate_loops.swept_plant", nothing)
-    with pytest.raises(PlantUnavailableError, match="no gains of the roll controller"):
+    with pytest.raises(PlantUnavailableError, match="no known gains for the roll controller"):
         rate_loop("roll", replace(WHOLE, parameters={}))
 
 
@@ -217,7 +217,7 @@ def test_gains_are_the_same_whatever_the_clock_and_the_throttle_of_a_flight(
     assert one is not None
     assert other is not None
     assert one.controller != other.controller
-    with pytest.raises(PlantUnavailableError, match="Nothing excited roll in these logs"):
+    with pytest.raises(PlantUnavailableError, match="Only the stick excited roll"):
         rate_loop("roll", [first, second])
     with pytest.raises(PlantUnavailableError, match="The gains changed between the logs"):
         rate_loop("roll", [first, replace(second, parameters=scaled(parameters, 1.2))])
@@ -226,7 +226,7 @@ def test_gains_are_the_same_whatever_the_clock_and_the_throttle_of_a_flight(
 def test_gains_that_contradict_each_other_are_named_with_the_verdict() -> None:
     changed = warn("parameters_changed", "parameters", "MC_ROLLRATE_P 0.15 to 0.3.")
     record = replace(made(PX4, NEW, logged=scaled(PX4, 2.0)), findings=(changed,))
-    assert check_controller(record, "roll").why.endswith(", and the log says that parameters changed")
+    assert check_controller(record, "roll").why.endswith("; parameters changed during the log")
     (roll, pitch) = controller_findings(record)
     assert (roll.kind, roll.where, pitch.where) == ("controller_unexplained", "roll", "pitch")
 

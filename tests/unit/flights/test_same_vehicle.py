@@ -24,7 +24,7 @@ def test_two_autopilots_are_two_vehicles() -> None:
 
 def test_two_frames_are_two_vehicles() -> None:
     quad, hexa = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}, {"FRAME_CLASS": 2.0, "FRAME_TYPE": 1.0}
-    with pytest.raises(UsageError, match="are of two vehicles"):
+    with pytest.raises(UsageError, match="are from two vehicles"):
         require_one_vehicle([log("ArduPilot DataFlash", "a.bin", quad), log("ArduPilot DataFlash", "b.bin", hexa)])
 
 

@@ -26,7 +26,7 @@ def log(format: str, *, sha256: str = "2" * 64) -> FlightRecord:
 
 @pytest.mark.parametrize("format", ["ArduPilot DataFlash", "Betaflight blackbox"])
 def test_a_model_of_another_autopilot_is_refused(format: str) -> None:
-    with pytest.raises(UsageError, match=r"rate\.roll was identified on first\.ulg of PX4, and second is of"):
+    with pytest.raises(UsageError, match=r"rate\.roll was identified on first\.ulg of PX4, but second is from"):
         require_one_autopilot([model()], [log("PX4 ULog"), log(format)])
 
 
@@ -36,7 +36,7 @@ def test_a_model_of_another_autopilot_is_refused(format: str) -> None:
 def test_a_model_of_another_log_is_said_to_be_one(known: str | None, format: str) -> None:
     (said,) = require_one_autopilot([model(known)], [log(format)])
     assert (said.kind, said.severity, said.where) == ("other_log", "warning", "rate.roll")
-    assert "identified on first.ulg and not on second" in said.message
+    assert "identified on first.ulg, not on second" in said.message
 
 
 def test_of_the_log_of_the_model_nothing_is_said() -> None:

@@ -66,7 +66,7 @@ def test_an_acceleration_is_reconstructed_beside_what_is_logged() -> None:
     np.testing.assert_allclose(segment.history["p_dot"][inside], np.cos(segment.history.time_s)[inside], atol=1e-8)
     (finding,) = (f for f in findings if f.kind == "reconstructed")
     assert (finding.where, finding.severity) == ("p_dot", "info")
-    assert finding.message == "p_dot is not in the log; it was reconstructed from p."
+    assert finding.message == "p_dot is not logged; it was computed from p."
     assert segment.history.processing[-1] == "p_dot reconstructed"
 
 
@@ -100,5 +100,5 @@ def test_a_shift_moves_one_channel_and_is_written_down() -> None:
 
 
 def test_a_shift_longer_than_the_maneuver_is_refused() -> None:
-    with pytest.raises(UsageError, match="a shift of p by 90 s came, and a maneuver of 50 s"):
+    with pytest.raises(UsageError, match="a shift of p by 90 s is too long for a maneuver of 50 s"):
         cut([Flight(record(p=np.sin(TIME_S)), roll(5.0, 55.0))], channels=("p",), shifts={"p": 90.0})

@@ -32,9 +32,7 @@ from rotorid.settings.parsing import parse_segment
 from rotorid.settings.verifying import VerifySettings
 
 OUTSIDE = (parse_segment("roll:900:990"),)
-SAYS = (
-    r"the segment roll:900:990 lies inside no log; expected a segment within [03]\.0 to .* s of .*; see the excitations"
-)
+SAYS = r"the segment roll:900:990 lies outside every log; expected a segment within [03]\.0 to .* s of .*; see the"
 FIRST = response_model("response.first_order", [("phi_setpoint", "phi")])
 
 
@@ -108,7 +106,7 @@ def test_of_several_logs_those_that_it_does_not_reach_take_no_part(linear: Ident
     flown = fly_log(linear, [near, far], segments=within)
     assert [one.record for one in flown.stretches] == [near.source.name]
     (left,) = [one for one in flown.findings if one.kind == "not_verified"]
-    assert left.message == f"{far.source.name} was not flown: it holds no given segment."
+    assert left.message == f"{far.source.name} was not flown: it contains no given segment."
 
 
 def test_a_missing_channel_within_the_segment_is_about_the_data() -> None:

@@ -73,7 +73,7 @@ def test_every_log_keeps_its_rate_and_its_held_commands() -> None:
     assert [one.sample_rate_hz for one in records.data] == pytest.approx([50.0, 25.0])
     for data, log in zip(records.data, (fast, slow), strict=True):
         np.testing.assert_array_equal(data.outputs[0], log.topics[0].values[1])
-    assert not any("were brought to" in finding.message for finding in records.findings)
+    assert not any("were resampled to" in finding.message for finding in records.findings)
 
 
 def test_the_delay_is_the_same_from_logs_of_two_rates() -> None:
@@ -90,7 +90,7 @@ def test_the_delay_is_the_same_from_logs_of_two_rates() -> None:
 def test_logs_of_which_one_is_held_ask_for_a_hold() -> None:
     held, joined = flight(seed=0, samples=500), late(flight(seed=1, samples=500))
     assert records_of(joined).hold == "first"
-    with pytest.raises(UsageError, match=r"flight0\.csv at 3\.0 s sample by sample.*late_flight1\.csv.*--hold"):
+    with pytest.raises(UsageError, match=r"flight0\.csv at 3\.0 s but continuous in .*late_flight1\.csv.*--hold"):
         records_of(held, joined)
     assert records_of(held, joined, hold="first").hold == "first"
 

@@ -120,7 +120,7 @@ def test_given_segments_replace_what_is_found_and_what_they_cover_is_not_unseen(
 
 def test_a_segment_of_another_axis_is_not_left_out_silently() -> None:
     given = (parse_segment("roll:50:90"), parse_segment("pitch:1:2"))
-    with pytest.raises(UsageError, match="pitch:1:2 is of another axis"):
+    with pytest.raises(UsageError, match="pitch:1:2 is on another axis"):
         select_maneuvers([record(SWEEP)], ["roll"], IdentifySettings(segments=given))
 
 
@@ -141,7 +141,7 @@ def test_the_same_data_twice_are_refused_and_other_data_are_not() -> None:
     assert len(select_maneuvers([log, other], ["roll"], IdentifySettings()).fitted) == 2
     with pytest.raises(UsageError, match=r"flight\.csv was given twice"):
         select_maneuvers([log, other, log], ["roll"], IdentifySettings())
-    with pytest.raises(UsageError, match="no record came"):
+    with pytest.raises(UsageError, match="no log was given"):
         select_maneuvers([], ["roll"], IdentifySettings())
 
 

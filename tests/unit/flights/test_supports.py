@@ -14,7 +14,7 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver,
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.selection import select_records
 from rotorid.flights.supports import supported_models, supporting_logs, supports, unsupported
-from rotorid.identifying.identify_many import identify_several, none_stands
+from rotorid.identifying.identify_many import identify_several, none_identified
 from rotorid.models.library import rate_model as structure_of
 from rotorid.proposing.plants import rate_model
 from rotorid.results.model import IdentifiedModel
@@ -38,7 +38,7 @@ def _by_all(record: FlightRecord) -> IdentifiedModel | str:
     found = several.get(MODEL)
     if isinstance(found, IdentifiedModel):
         return found
-    findings = found.findings if found is not None else none_stands(several, [record]).findings
+    findings = found.findings if found is not None else none_identified(several, [record]).findings
     return " ".join(finding.message for finding in findings)
 
 
@@ -97,14 +97,14 @@ MADE: dict[str, Callable[[dict[str, FloatArray]], FlightRecord]] = {
     "rover": lambda flown: _record(flown, status=replace(IN_AIR, vehicle="rover", named_in="FRAME_CLASS")),
 }
 SAYS = {
-    "stick at rest": "no roll stick moves in its flights",
-    "no stick": "no roll stick moves in its flights",
+    "stick at rest": "the roll stick does not move in flight",
+    "no stick": "the roll stick does not move in flight",
     "no rate": "the log lacks p",
     "no command": "the log lacks roll_command",
     "slow": "roll_command at 25 Hz and p at 25 Hz is too slow",
     "short flight": "no flight lasts 20 s",
     "never flew": "the vehicle never flew",
-    "rover": "the vehicle is a rover, as FRAME_CLASS says, and no multirotor",
+    "rover": "the vehicle is a rover, not a multirotor, according to FRAME_CLASS",
 }
 
 
@@ -181,7 +181,7 @@ def test_a_sweep_that_was_logged_slowly_is_possible_and_identified_right(rate_hz
     record = _slow_sweep(rate_hz)
     support = inspect(record).supports[MODEL]
     assert (support.possible, support.by) == (True, "excitation")
-    assert "hides motor lag and delay" in support.because
+    assert "too slow for motor lag and delay" in support.because
     found = identify(record, MODEL)
     for name, truth in TRUTH.items():
         assert (std := found[name].std) is not None
@@ -212,7 +212,7 @@ def test_several_logs_support_what_one_of_them_does(flown: dict[str, FloatArray]
     assert unsupported([poor, good], MODEL) is None
     refused = unsupported([poor, MADE["stick at rest"](flown)], MODEL)
     assert refused is not None
-    assert "no roll stick moves" in str(refused)  # it comes closer than a log without a rate
+    assert "the roll stick does not move" in str(refused)  # it comes closer than a log without a rate
 
 
 def test_a_log_of_another_vehicle_takes_no_part_beside_one_that_serves(flown: dict[str, FloatArray]) -> None:
@@ -221,7 +221,7 @@ def test_a_log_of_another_vehicle_takes_no_part_beside_one_that_serves(flown: di
     assert [one is good for one in kept] == [True]
     assert [finding.kind for finding in findings] == ["other_vehicle"]
     assert "made.csv was left out: the vehicle is a rover" in findings[0].message
-    with pytest.raises(InsufficientDataError, match="no multirotor"):
+    with pytest.raises(InsufficientDataError, match="not a multirotor"):
         supporting_logs([rover], MODEL)
 
 

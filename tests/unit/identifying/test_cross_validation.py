@@ -116,7 +116,7 @@ def test_a_record_without_motion_is_named_instead_of_scored() -> None:
     assert all("flight_3.csv" not in fold.scores for fold in document.folds)
     assert document.mean_percent is not None
     assert document.mean_percent > 90.0
-    assert [("lacks scores" in one.message, "is empty" in one.message) for one in found.findings] == [
+    assert [("has no scores" in one.message, "is empty" in one.message) for one in found.findings] == [
         (True, False),
         (True, False),
         (False, True),
@@ -133,8 +133,8 @@ def at_rest(record: FlightRecord) -> FlightRecord:
 def test_only_that_nothing_is_unseen_is_answered_by_a_cross_validation() -> None:
     records = [flight(1), flight(2)]
     for verify, before, after in (
-        ((), "Everything that was flown was fitted", []),
-        ((at_rest(flight(3)),), "flight_3.csv did not verify the model", ["flight_3.csv"]),
+        ((), "All maneuvers were used for the fit", []),
+        ((at_rest(flight(3)),), "flight_3.csv could not verify the model", ["flight_3.csv"]),
     ):
         identified = identify(records, SECOND, verify=verify)
         (finding,) = [one for one in identified.findings if one.kind == "not_verified"]

@@ -75,9 +75,9 @@ def test_a_shift_moves_the_delay(record: FlightRecord) -> None:
 @pytest.mark.parametrize(
     ("input", "output", "words"),
     [
-        (INPUT, None, "came alone"),
-        (None, OUTPUT, "came alone"),
-        (INPUT, INPUT, "as input and as output"),
+        (INPUT, None, "was given alone"),
+        (None, OUTPUT, "was given alone"),
+        (INPUT, INPUT, "is both input and output"),
         ("phi_setpiont", OUTPUT, "did you mean phi_setpoint"),
     ],
 )
@@ -88,7 +88,7 @@ def test_slips_are_named(input: str | None, output: str | None, words: str, reco
 
 def test_segments_outside_of_the_log_are_refused(record: FlightRecord) -> None:
     settings = MeasureSettings(segments=(parse_segment("roll:900:950"),))
-    with pytest.raises(UsageError, match="inside no log"):
+    with pytest.raises(UsageError, match="outside every log"):
         delay([record], input=INPUT, output=OUTPUT, settings=settings)
 
 
@@ -104,7 +104,7 @@ def test_logs_of_different_rates_keep_their_own() -> None:
     assert pair.hold == "held"
     assert pair.recommended.std_s is not None
     assert abs(pair.recommended.delay_s - DELAY_SAMPLES / RATE_HZ) < 4.0 * pair.recommended.std_s
-    assert not any("were brought to" in finding.message for finding in result.findings)
+    assert not any("were resampled to" in finding.message for finding in result.findings)
 
 
 def test_feedback_in_logs_of_different_rates_is_refused() -> None:
@@ -114,7 +114,7 @@ def test_feedback_in_logs_of_different_rates_is_refused() -> None:
         for one, name in ((fast, "fast"), (slower(fast), "slow"))
     ]
     settings = MeasureSettings(instruments=("p",))
-    with pytest.raises(UsageError, match="each rate by themselves"):
+    with pytest.raises(UsageError, match="each rate separately"):
         delay(logs, input=INPUT, output=OUTPUT, settings=settings)
 
 
@@ -151,7 +151,7 @@ def test_why_there_is_no_joint_response_is_said(record: FlightRecord) -> None:
     found = delay([record], input=INPUT, output=OUTPUT, settings=settings)
     (finding,) = [finding for finding in found.findings if finding.kind == "closed_loop_bias"]
     assert found.pairs[f"{OUTPUT}/{INPUT}"].recommended.method == "records"
-    assert "no joint frequency response could be used (" in finding.message
+    assert "no joint frequency response was usable (" in finding.message
 
 
 @pytest.mark.slow

@@ -151,5 +151,5 @@ def test_what_is_no_known_quantity_is_refused(text: str) -> None:
 
 
 def test_motors_take_no_known_quantity() -> None:
-    with pytest.raises(UsageError, match=r"known came with physical\.motors"):
+    with pytest.raises(UsageError, match=r"known does not apply to physical\.motors"):
         require_choices("physical.motors", IdentifySettings(known={"I_zz": (0.006, 0.0)}))

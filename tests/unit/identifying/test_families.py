@@ -49,14 +49,16 @@ def test_a_structure_of_a_family_that_waits_for_logs_is_fitted_as_it_is() -> Non
 
 def test_each_family_says_what_it_does_not_take() -> None:
     for model, said in (
-        ("rate.roll", "--arm came with rate.roll; expected them with physical.motors alone"),
-        ("drag.linear", "--arm came with drag.linear, which is nonlinear and has no such choice"),
+        ("rate.roll", "--arm does not apply to rate.roll; leave it out, or use physical.motors"),
+        ("drag.linear", "--arm does not apply to drag.linear, a nonlinear model"),
     ):
         with pytest.raises(UsageError, match=said):
             require_choices(model, IdentifySettings(arm_m=0.2))
-    with pytest.raises(UsageError, match=r"--inputs and --decoupled came with drag\.linear, which is nonlinear"):
+    with pytest.raises(UsageError, match=r"--inputs and --decoupled does not apply to drag\.linear, a nonlinear"):
         require_choices("drag.linear", IdentifySettings(), options={"--inputs": "u", "--decoupled": True})
-    with pytest.raises(UsageError, match=r"^--tie, --inputs, --decoupled came with physical\.motors, which has no"):
+    with pytest.raises(
+        UsageError, match=r"^--tie, --inputs, --decoupled does not apply to physical\.motors; leave it out"
+    ):
         require_choices(
             "physical.motors", IdentifySettings(ties={"a": "b"}), options={"--inputs": "u", "--decoupled": True}
         )
@@ -65,7 +67,7 @@ def test_each_family_says_what_it_does_not_take() -> None:
 def test_a_file_is_called_by_its_whole_path(tmp_path: Path) -> None:
     path = tmp_path / "model.toml"
     path.write_text(library_text("axis.roll"), encoding="utf-8")
-    with pytest.raises(UsageError, match=f"--arm came with {re.escape(str(path))}"):
+    with pytest.raises(UsageError, match=f"--arm does not apply to {re.escape(str(path))}"):
         require_choices(path, IdentifySettings(arm_m=0.2))
 
 
@@ -73,7 +75,7 @@ def test_a_method_of_motors_alone_is_no_choice_to_leave_out_for_others() -> None
     asked = IdentifySettings(method="accelerations")
     assert own_settings("physical.motors", asked).method == "accelerations"
     for model in ("rate.roll", "response.first_order"):
-        with pytest.raises(UsageError, match="--method accelerations came with"):
+        with pytest.raises(UsageError, match="--method accelerations does not apply to"):
             require_choices(model, own_settings(model, asked))
 
 

@@ -141,7 +141,7 @@ def test_without_an_arm_inertia_is_per_meter(log: Path, found: IdentifiedModel) 
 
 def test_gusts_and_a_controller_alone_are_refused(tmp_path: Path) -> None:
     calm = flight(tmp_path / "calm.csv", size=0.0)
-    with pytest.raises(InsufficientDataError, match="explain its motion along no axis") as refused:
+    with pytest.raises(InsufficientDataError, match="explain its motion on no axis") as refused:
         identify_motors([read(calm)], choices())
     assert "no_excitation" in {finding.kind for finding in refused.value.findings}
 
@@ -194,7 +194,7 @@ def test_the_same_choices_give_the_same_answer(log: Path, found: IdentifiedModel
 
 
 def test_a_wrong_layout_is_told(log: Path) -> None:
-    with pytest.raises(UsageError, match=r"4 motors, and hexa\.x has 6 rotors"):
+    with pytest.raises(UsageError, match=r"4 motors, but hexa\.x has 6 rotors"):
         identify_motors([read(log)], choices(layout="hexa.x"))
 
 

@@ -58,5 +58,5 @@ def test_what_does_not_go_together_is_refused(options: dict[str, object], came: 
 
 
 def test_the_method_is_of_motors_alone() -> None:
-    with pytest.raises(UsageError, match="--method accelerations came with"):
+    with pytest.raises(UsageError, match="--method accelerations does not apply to"):
         identify([], "rate.roll", method="accelerations")

@@ -47,5 +47,5 @@ def test_motors_take_the_options_of_a_search() -> None:
     chosen = motor_settings(IdentifySettings(search="genetic:15x50", evaluations=50))
     assert chosen is not None
     assert (chosen.search, chosen.evaluations) == ("genetic:15x50", 50)
-    with pytest.raises(UsageError, match="there is no search"):
+    with pytest.raises(UsageError, match="unknown search"):
         MotorSettings(search="genetics")

@@ -95,7 +95,7 @@ def test_own_equations(tmp_path: Path) -> None:
 def test_values_that_nothing_bounds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """By the rule of all fits in time."""
     monkeypatch.setattr(refusals, "unbounded_parameters", lambda parameters, limits: ["k_Dx"])
-    with pytest.raises(InsufficientDataError, match="nothing bounds k_Dx"):
+    with pytest.raises(InsufficientDataError, match="not enough data for k_Dx"):
         identify([large_motion(seed=4)], "drag.linear")
 
 
@@ -110,8 +110,8 @@ def test_comparison_has_one_row_for_a_flight(flight: IdentifiedModel) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"band_rad_s": (1.0, 2.0), "reduce": True}, "--band, --reduce came with drag.linear, .* no such choice"),
-        ({"method": "frequency"}, "--method frequency came .* no such choice"),
+        ({"band_rad_s": (1.0, 2.0), "reduce": True}, "--band, --reduce does not apply to drag.linear"),
+        ({"method": "frequency"}, "--method frequency does not apply to"),
         ({"outputs": ("nothing",)}, "no output"),
         ({"fix": {"nothing": 1.0}}, "no parameter"),
     ],
@@ -124,7 +124,7 @@ def test_choices_that_it_does_not_have(options: dict[str, object], words: str) -
 
 
 def test_a_log_without_its_outputs_is_refused() -> None:
-    with pytest.raises(InsufficientDataError, match="holds none of"):
+    with pytest.raises(InsufficientDataError, match="contains none of"):
         identify([roll_flight()], "drag.linear")
 
 

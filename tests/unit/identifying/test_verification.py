@@ -247,7 +247,7 @@ class TestReading:
         (tmp_path / "mine.json").write_text(json.dumps(table | {"cost": None}))
         assert read_candidate(tmp_path / "mine.json").band_rad_s is None
         (tmp_path / "mine.json").write_text(json.dumps(table | {"parameters": {"L_roll": {"value": 1.0}}}))
-        with pytest.raises(UsageError, match="holds other values"):
+        with pytest.raises(UsageError, match="has other values"):
             read_candidate(tmp_path / "mine.json")
 
     def test_a_model_alone_has_no_band(self, tmp_path: Path) -> None:

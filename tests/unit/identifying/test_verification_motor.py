@@ -61,7 +61,7 @@ def test_what_cannot_judge_a_fit_is_said_and_refuses_nothing(log: FlightRecord, 
     found = identify_motors([log], CHOICES, verify=[log, speeds, nothing, unseen(log)])
     said = {(finding.where, finding.kind): finding.message for finding in found.findings}
     assert ("flight.csv", "seen_data") in said
-    assert "tells motors as speed" in said["speeds.csv", "not_verified"]
+    assert "logs motors as speed" in said["speeds.csv", "not_verified"]
     assert ("other.csv", "not_verified") in said
     assert {one.record for one in found.verifications.maneuvers} == {"other.csv"}
 
@@ -77,7 +77,7 @@ def test_results_are_scored_side_by_side(model: IdentifiedModel, log: FlightReco
 
 
 def test_options_of_responses_do_not_go_with_motors(model: IdentifiedModel, log: FlightRecord) -> None:
-    with pytest.raises(UsageError, match="--band came with a result of physical"):
+    with pytest.raises(UsageError, match="--band does not apply to a result of physical"):
         verify(model, [log], band_rad_s=(1.0, 10.0))
 
 

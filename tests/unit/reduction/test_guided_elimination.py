@@ -142,7 +142,7 @@ def test_a_lag_that_two_inputs_share_is_judged_by_both(lag_s: float) -> None:
     assert reduced.problem.parameters["T_motor"].status == ("free" if lag_s else "dropped")
     for name, value in truth.items():
         assert found(reduced)[name] == pytest.approx(value, rel=1e-5, abs=1e-9)
-    assert [finding.message.endswith("its effect is part of the delays.") for finding in reduced.findings] == (
+    assert [finding.message.endswith("its effect is included in the delays.") for finding in reduced.findings] == (
         [] if lag_s else [True]
     )
 

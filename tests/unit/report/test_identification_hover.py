@@ -83,8 +83,8 @@ class TestSummary:
             "Thrust: −13.80 ± 0.05 m/s² per unit command, delay 39.70 ± 0.14 ms.",
             "Pitch oscillates at 5.02 rad/s and grows, doubling in 0.27 s, as multirotors do without an autopilot.",
             "Fit: good. The average cost is 25.6 (up to 50 is good, up to 100 acceptable). "
-            "The worst of 10 responses is az/pitch_command with a cost of 120: the model misses what was measured.",
-            "Unseen sweeps: cost at worst 4.7, hardly distinguishable from the flight.",
+            "The worst of 10 responses is az/pitch_command with a cost of 120: the model misses the measurement.",
+            "Unseen sweeps: cost at worst 4.7, practically indistinguishable from the flight.",
         )
 
     def test_a_lag_that_axes_share_is_said_once(self) -> None:

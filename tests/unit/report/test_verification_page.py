@@ -28,7 +28,7 @@ def test_the_verdicts_come_first() -> None:
         "of 50 % and more).",
         "In closed loop, under the controller that flew, the roll command comes out with a TIC of 0.17 at worst; the "
         "controller alone, on the measured rate, with one of 0.03.",
-        "Unseen sweeps: cost 12.3 in p/roll_command: hardly distinguishable from the flight.",
+        "Unseen sweeps: cost 12.3 in p/roll_command: practically indistinguishable from the flight.",
     )
 
 

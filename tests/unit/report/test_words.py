@@ -104,7 +104,7 @@ def test_summary_speaks_of_gain_lag_delay_and_cost() -> None:
         "Unseen flight: 1 maneuver predicted well.",
         "In open loop the output is roll rate p with a TIC of 0.041 and a fit of 92 % (good: TIC up to 0.25 and a fit "
         "of 50 % and more).",
-        "Unseen sweeps: cost at worst 12.3, hardly distinguishable from the flight.",
+        "Unseen sweeps: cost at worst 12.3, practically indistinguishable from the flight.",
     )
 
 
@@ -129,7 +129,7 @@ def test_summary_names_the_worst_prediction() -> None:
 
 def test_an_unseen_sweep_counts_as_unseen_flight() -> None:
     sentences = summary(verified(p=4313.0))
-    assert sentences[-1] == "Unseen sweeps: cost at worst 4.31·10³, the model misses what was measured."
+    assert sentences[-1] == "Unseen sweeps: cost at worst 4.31·10³, the model misses the measurement."
     assert not any("Not verified" in sentence for sentence in sentences)
 
 

@@ -52,7 +52,7 @@ CASES = [
     (model(cost=141.0), "poor", "red"),
     (model(cost=7.3, findings=(MISSED,)), "follows the data only", "yellow"),
     (model(cost=141.0, findings=(MISSED,)), "poor", "red"),
-    (model(cost=7.3, findings=(COSTLY,)), "holds in part", "yellow"),
+    (model(cost=7.3, findings=(COSTLY,)), "partly valid", "yellow"),
     (model(cost=0.2, findings=(RESTLESS, MISSED)), "not settled", "yellow"),
     (model(cost=0.2, findings=(IMPOSSIBLE,)), "not physical", "yellow"),
     (model(cost=0.2, findings=(remark("structure_error", "p", "Said only."),)), "good", "green"),

@@ -37,7 +37,7 @@ def test_what_cannot_be_told_apart_is_said(error: str) -> None:
     theta = problem.polish(truth_of(problem)).theta
     (one,) = unseen_combinations(problem.parameters.unpack(theta), acceleration_bounds(problem, theta))
     assert set(one.names) == {"kappa", "I_zz"}
-    assert one.words().startswith("Only kappa/I_zz = 1.6")
+    assert one.words().startswith("The data show only kappa/I_zz = 1.6")
     held = posed(KAPPA_HELD, error=error)
     theta = held.polish(truth_of(held)).theta
     assert unseen_combinations(held.parameters.unpack(theta), acceleration_bounds(held, theta)) == ()

@@ -134,7 +134,7 @@ def test_a_failed_run_is_counted_and_no_success() -> None:
 def test_wrong_use_is_refused() -> None:
     with pytest.raises(UsageError, match="tolerance"):
         spread_over_starts(two_valleys, names=["a"], runs=3, seed=0, tolerance=-0.1)
-    with pytest.raises(UsageError, match="1 runs came"):
+    with pytest.raises(UsageError, match="1 run;"):
         spread_over_starts(two_valleys, names=["a"], runs=1, seed=0)
 
 

@@ -89,9 +89,9 @@ def test_without_gains_a_finding_says_what_to_give(doublets: FlightRecord) -> No
 
 def test_what_is_missing_of_a_controller_is_said() -> None:
     known = Controllers(record=EMPTY, given={"roll": GivenController(controller=ROLL)})
-    assert "the log has no gains of the pitch controller that are known" in no_controller(known, ["pitch"]).message
+    assert "the log has no known gains for the pitch controller" in no_controller(known, ["pitch"]).message
     driven = no_controller(known, ["roll"]).message
-    assert "holds the gains of the roll controller and not what drives it, phi_setpoint or p_setpoint" in driven
+    assert "contains the gains of the roll controller but not its set-point, phi_setpoint or p_setpoint" in driven
 
 
 def test_with_gains_the_model_flies_in_closed_loop(doublets: FlightRecord) -> None:

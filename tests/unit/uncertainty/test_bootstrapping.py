@@ -152,9 +152,9 @@ def never(rng: np.random.Generator) -> FloatArray:
 
 
 def test_a_study_without_answers_or_runs_is_refused() -> None:
-    with pytest.raises(InsufficientDataError, match=r"0 of 20 runs came to rest \(20 times: no answer"):
+    with pytest.raises(InsufficientDataError, match=r"0 of 20 runs converged \(20 times: no answer"):
         resample(never, names=["a"], estimate=np.zeros(1), runs=20, seed=0)
-    with pytest.raises(UsageError, match="1 runs came"):
+    with pytest.raises(UsageError, match="1 run;"):
         resample(mean_of_ten, names=["a"], estimate=np.zeros(1), runs=1, seed=0)
     with pytest.raises(UsageError, match="2 names"):
         SpreadTable(names=("a", "b"), estimate=np.zeros(1), draws=np.zeros((3, 1)), seed=0)
@@ -219,7 +219,7 @@ def test_a_spread_of_twice_or_half_shows_and_the_narrower_is_never_advised(state
     # A ratio of two against 3 / sqrt(2 * 29) = 0.39 of the larger: it takes less than 0.11 of it to hide, once in ten.
     assert len(found) > 0.7 * parameters * tables
     for one in found:
-        assert ("Take the interval" in one.message) == (one.numbers["std"] > one.numbers["stated_std"])
+        assert ("Use the interval" in one.message) == (one.numbers["std"] > one.numbers["stated_std"])
 
 
 def test_a_stated_deviation_without_limit_is_no_contradiction() -> None:

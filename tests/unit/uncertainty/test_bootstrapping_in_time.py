@@ -124,7 +124,7 @@ def test_a_record_drawn_twice_counts_twice() -> None:
 
 def test_one_record_cannot_be_drawn_from() -> None:
     fit = flown(1, 100, noise=0.1)
-    with pytest.raises(UsageError, match="1 record to draw from came; expected 5 or more"):
+    with pytest.raises(UsageError, match="1 record to draw from; expected 5 or more"):
         bootstrap_records(fit.problem, fit.solution, runs=10, seed=0)
 
 
@@ -162,7 +162,7 @@ def test_motors_scatter_as_their_bounds_say() -> None:
 def test_a_problem_that_cannot_be_drawn_anew_says_so() -> None:
     fit = flown(1, 300, noise=0.1)
     problem = InnovationsProblem(structure=STRUCTURE, parameters=fit.parameters, records=fit.problem.records)
-    with pytest.raises(UsageError, match=f"drawn anew were asked for of {STRUCTURE.name}"):
+    with pytest.raises(UsageError, match=f"{STRUCTURE.name} cannot simulate new data"):
         bootstrap(problem, fit_prediction_error(problem).solution, runs=2, seed=0)
 
 

@@ -236,7 +236,7 @@ def test_a_pair_that_cannot_be_told_apart_is_named() -> None:
     assert shares["J"] == pytest.approx(shares["K"], abs=1e-3)
     assert shares["T_motor"] == pytest.approx(0.0, abs=1e-3)
     assert found[0].relative_std > 1e3
-    assert found[0].words().startswith("Only K/J = ")
+    assert found[0].words().startswith("The data show only K/J = ")
     assert limits.insensitivity[0] < 1e-3 * limits.cramer_rao[0]
 
 
@@ -251,16 +251,16 @@ def test_a_parameter_without_effect_is_refused_by_name() -> None:
     posed = problem(response(EXACT), structure)
     solution = fit_frequency(posed)
     blind = solution.jacobian * np.array([1.0, 1.0, 0.0])
-    with pytest.raises(InsufficientDataError, match="T_motor changes nothing in the fitted responses"):
+    with pytest.raises(InsufficientDataError, match="T_motor has no effect on the fitted responses"):
         bounds(posed, replace(solution, jacobian=blind))
 
 
 @pytest.mark.parametrize(
     ("vector", "start"),
     [
-        ({"a": 1.0, "b": 0.0}, "a is known to no better than 70 %"),
-        ({"a": 0.6, "b": -0.8}, "a and b can hardly be told apart"),
-        ({"a": 0.577, "b": 0.577, "c": 0.577}, "a, b and c can hardly be told apart"),
+        ({"a": 1.0, "b": 0.0}, "a is very uncertain (±70 %)"),
+        ({"a": 0.6, "b": -0.8}, "a and b can barely be separated"),
+        ({"a": 0.577, "b": 0.577, "c": 0.577}, "a, b and c can barely be separated"),
         ({f"p{k}": 0.25 for k in range(16)}, "p0, p1, p2"),
     ],
 )

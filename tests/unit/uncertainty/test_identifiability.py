@@ -83,7 +83,7 @@ def words(structure: LinearStructure, values: Mapping[str, float], omega: FloatA
 def test_of_inertia_and_rotor_constant_only_the_ratio_is_seen() -> None:
     values = {"J_x": 0.047, "K_f": 0.109, "d": 0.5}
     assert words(first_order("K_f/J_x", values, RIG_UNITS), values) == (
-        "Only K_f/J_x = 2.319 is seen; J_x and K_f cannot be told apart. Give one of them (--fix J_x=VALUE); "
+        "The data show only K_f/J_x = 2.319, so J_x and K_f cannot be separated. Give one of them (--fix J_x=VALUE); "
         "J_x can be measured by swinging the vehicle on two cords."
     )
 
@@ -92,7 +92,7 @@ def test_of_three_factors_two_must_be_given() -> None:
     values = {"L": 0.197, "K_f": 0.109, "J_x": 0.047, "d": 0.5}
     (combination,) = found(first_order("L*K_f/J_x", values, RIG_UNITS), values)
     assert combination.words() == (
-        "Only L*K_f/J_x = 0.4569 is seen; L, K_f and J_x cannot be told apart. "
+        "The data show only L*K_f/J_x = 0.4569, so L, K_f and J_x cannot be separated. "
         "Give two of L, K_f, J_x (--fix L=VALUE --fix J_x=VALUE); L can be measured with a ruler and "
         "J_x can be measured by swinging the vehicle on two cords."
     )
@@ -121,14 +121,17 @@ def test_of_three_factors_two_must_be_given() -> None:
 def test_any_small_power_product_is_found(gain: str, product: str) -> None:
     values = {"a": 3.0, "b": 2.0, "c": 5.0, "e": 7.0}
     values = {name: value for name, value in values.items() if name in gain} | {"d": 0.5}
-    assert words(first_order(gain, values, {}), values).startswith(f"Only {product} is seen; ")
+    assert words(first_order(gain, values, {}), values).startswith(f"The data show only {product}, so ")
 
 
 def test_two_pairs_are_two_sentences() -> None:
     values = {"a": 3.0, "b": 2.0, "d": 0.5, "s": 1.6}
     structure = first_order("a*b", values, {}, damping="d/s")
     sentences = sorted(combination.words() for combination in found(structure, values))
-    assert [sentence.split(" is seen")[0] for sentence in sentences] == ["Only a*b = 6", "Only d/s = 0.3125"]
+    assert [sentence.split(", so ")[0] for sentence in sentences] == [
+        "The data show only a*b = 6",
+        "The data show only d/s = 0.3125",
+    ]
 
 
 def test_of_two_delays_only_the_sum_is_seen() -> None:
@@ -136,8 +139,8 @@ def test_of_two_delays_only_the_sum_is_seen() -> None:
     units = {"t_motor": "s", "t_link": "s"}
     structure = first_order("k", values, units, delay="t_motor + t_link")
     assert words(structure, values) == (
-        "Only t_motor + t_link = 0.012 is seen; t_motor and t_link cannot be told apart. Give one of them "
-        "(--fix t_motor=VALUE); a signal logged between them, such as the motor speeds, tells them apart."
+        "The data show only t_motor + t_link = 0.012, so t_motor and t_link cannot be separated. Give one of them "
+        "(--fix t_motor=VALUE); a signal logged between them, such as the motor speeds, separates them."
     )
 
 
@@ -145,29 +148,29 @@ def test_equal_delays_are_a_sum_and_no_product() -> None:
     """At equal values a sum and a product have the same relative sensitivities."""
     values = {"k": 40.0, "d": 0.5, "t_motor": 0.01, "t_link": 0.01}
     structure = first_order("k", values, {"t_motor": "s", "t_link": "s"}, delay="t_motor + t_link")
-    assert words(structure, values).startswith("Only t_motor + t_link = 0.02 is seen; ")
+    assert words(structure, values).startswith("The data show only t_motor + t_link = 0.02, so ")
 
 
 def test_lag_and_delay_of_a_low_band_are_seen_as_their_sum() -> None:
     values = {"L_roll": 60.0, "L_p": -3.0, "T_motor": 0.02, "tau_roll": 0.02}
     structure = rate_model("rate.roll")
     low = words(structure, values, np.geomspace(1.0, 8.0, 25))
-    assert low.startswith("T_motor and tau_roll can hardly be told apart: they are known to no better than ")
-    assert "while T_motor + tau_roll = 0.04 is seen well. Give one of them" in low
-    assert low.endswith("tells them apart and so does a band that reaches higher.")
+    assert low.startswith("T_motor and tau_roll can barely be separated: each is uncertain by ")
+    assert "although T_motor + tau_roll = 0.04 is well known. Give one of them" in low
+    assert low.endswith("separates them and so does a wider band.")
     assert found(structure, values, np.geomspace(1.0, 120.0, 60)) == ()
 
 
 def test_without_a_simple_relation_the_parameters_are_named_all_the_same() -> None:
     values = {"a": 3.0, "b": 2.0, "d": 0.5}
     sentence = words(first_order("2.71828*a + 0.7321*b", values, {"a": "N", "b": "m"}), values)
-    assert sentence.startswith("a and b can hardly be told apart: moved together they may change by 1000 % ")
+    assert sentence.startswith("a and b can barely be separated: together they may change by 1000 % ")
 
 
 def test_parameters_of_one_unit_may_form_a_sum() -> None:
     values = {"a": 3.0, "b": 1.7, "d": 0.5}
     sentence = words(first_order("2*a - b", values, {"a": "N", "b": "N"}), values)
-    assert sentence.startswith("Only 2*a - b = 4.3 is seen; ")
+    assert sentence.startswith("The data show only 2*a - b = 4.3, so ")
 
 
 def test_what_is_to_be_given_settles_the_rest() -> None:
@@ -175,5 +178,5 @@ def test_what_is_to_be_given_settles_the_rest() -> None:
     values = {"a": 3.0, "b": 2.0, "c": 5.0, "e": 0.7}
     structure = first_order("a*b*c", values, {"c": "kg", "e": "kg"}, damping="c*e")
     sentence = words(structure, values)
-    assert sentence.startswith("Only c*e = 3.5 and a*b*c = 30 are seen; a, b, c and e cannot be told apart. ")
+    assert sentence.startswith("The data show only c*e = 3.5 and a*b*c = 30, so a, b, c and e cannot be separated. ")
     assert "Give a and c (--fix a=VALUE --fix c=VALUE); c can be measured by weighing." in sentence

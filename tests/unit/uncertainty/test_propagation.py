@@ -155,7 +155,7 @@ def test_poles_that_may_meet_move_as_far_as_predicted(share: float) -> None:
         assert pole.frequency_std_rad_s is not None
         damping = -(pole.value + column).real / np.abs(pole.value + column)
         assert pole.damping_std == pytest.approx(np.sqrt(np.mean((damping - pole.damping) ** 2)), rel=0.7)
-        assert "they may meet" in pole.words()
+        assert "they may coincide" in pole.words()
 
 
 TWO_AND_ONE = """
@@ -336,7 +336,7 @@ def test_bounds_of_another_problem_are_refused() -> None:
     structure = oscillator(SPRING)
     bounds = correlated(structure.parameters, 1.0)
     other = structure.parameters.fix("tau", 0.03)
-    with pytest.raises(UsageError, match=r"bounds of m, k, c, b, tau came; expected bounds of m, k, c, b\."):
+    with pytest.raises(UsageError, match=r"the bounds are for m, k, c, b, tau; expected bounds of m, k, c, b\."):
         covariance_of_all(other, bounds)
     with pytest.raises(UsageError):
         response_confidence(structure, other, bounds, np.ones(1))

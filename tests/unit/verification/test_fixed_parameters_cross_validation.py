@@ -92,7 +92,7 @@ def test_without_any_model_there_is_no_result() -> None:
     def fit(groups: Sequence[float]) -> float:
         raise InsufficientDataError("nothing moved.")
 
-    with pytest.raises(InsufficientDataError, match="nothing moved; needed"):
+    with pytest.raises(InsufficientDataError, match="nothing moved; this needs"):
         cross_validate(GROUPS, names=NAMES, kind="each", fit=fit, score=near)
 
 

@@ -82,9 +82,9 @@ def test_responses_side_by_side_have_one_order() -> None:
 
 
 def test_too_little_to_hold_out_is_refused() -> None:
-    with pytest.raises(InsufficientDataError, match="40 samples came to compare orders"):
+    with pytest.raises(InsufficientDataError, match="40 samples are too few to compare orders"):
         compare_orders([record(1, samples=40)], inputs=["u"], outputs=["y"])
-    with pytest.raises(UsageError, match="orders up to 0 came"):
+    with pytest.raises(UsageError, match="a highest order of 0 is not possible"):
         compare_orders([record(1)], inputs=["u"], outputs=["y"], highest=0)
 
 

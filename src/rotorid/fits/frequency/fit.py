@@ -101,7 +101,7 @@ class FrequencyFit:
 
     @property
     def structure(self) -> LinearStructure:
-        """What the values belong to, without states that a dropped lag has left without dynamics."""
+        """Structure of the values, without states that a dropped lag has left without dynamics."""
         return self.problem.structure.condensed(self.parameters)
 
     @property
@@ -176,7 +176,7 @@ def fit_with_bounds(
     measured: Measured,
     settings: IdentifySettings | None = None,
 ) -> FrequencyFit:
-    """Fit, drop what the data do not show, bound the rest, and remark on all of it.
+    """Fit, drop parameters that the data do not show, bound the others, and add findings.
 
     The fit in CIFER's cost comes first, from the best of a search where one was asked for, and the reduction judges by
     it. Of several outputs the errors go together; then
@@ -244,7 +244,7 @@ _UNBOUND = 10.0
 """Deviations over the value beyond which a parameter counts as one without a bound."""
 
 _UNBOUND_COUPLING = 0.5
-"""The same of a coupling, which is zero unless known better: beyond it its interval holds zero."""
+"""The same limit for a coupling, which is zero unless known better: beyond it its interval contains zero."""
 
 _LOOP = 30.0
 """Deviation over that with all others known, beyond which parameters grow against each other. Both must be passed."""
@@ -348,12 +348,12 @@ def _nothing_bounds(names: Sequence[str], parameters: ParameterSet, limits: Boun
     combination_words = " ".join(found.words() for found in unseen_combinations(parameters, limits) if found.flat)
     together = ", ".join(names)
     message = (
-        combination_words or f"The responses do not determine {together}: other parameters take over whatever they do."
+        combination_words or f"The responses do not determine {together}: other parameters compensate for any change."
     )
     return InsufficientDataError(
-        f"nothing bounds {together}. {message}",
-        needed="responses that tell them apart from the other parameters",
-        remedy="give some values with --fix NAME=VALUE, take a smaller model, or excite what shows them",
+        f"not enough data for {together}. {message}",
+        needed="responses that separate them from the other parameters",
+        remedy="give some values with --fix NAME=VALUE, use a smaller model, or excite these dynamics",
         findings=[refusal("not_identifiable", together, message)],
     )
 
@@ -362,7 +362,8 @@ def _unbound(name: str, value: float, std: float) -> Finding:
     return warn(
         "dropped_parameter",
         name,
-        f"{name} was left out: at {with_error(value, std)} nothing bounds it, and other parameters grew against it.",
+        f"{name} was dropped: at {with_error(value, std)} the data do not bound it, and other parameters grew to "
+        "compensate it.",
         value=value,
         std=min(std, NO_BOUND),
     )
@@ -370,11 +371,11 @@ def _unbound(name: str, value: float, std: float) -> Finding:
 
 def _fixed_at_zero(coupling: UnseenCoupling) -> Finding:
     would = coupling.shown_by
-    shown = f"{' or '.join(would)} would, where {'it is' if len(would) == 1 else 'they are'} coherent"
+    shown = f"{' or '.join(would)} would, if coherent"
     return remark(
         "dropped_parameter",
         coupling.name,
-        f"{coupling.name} is held at zero: no response that could be used shows it"
+        f"{coupling.name} was set to zero: no usable response shows it"
         + (f"; {shown}." if would else ", and no other response of these channels would."),
     )
 

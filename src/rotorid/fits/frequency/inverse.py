@@ -37,13 +37,13 @@ _FED_BACK: Mapping[str, tuple[str, float]] = {
 _VEHICLE_FROM_RAD_S = dict.fromkeys(("p", "q", "r"), 10.0)
 """Above it a rate follows its command by damping, lag and delay alone: below, drag and speed move the vehicle too."""
 
-_NEEDED = "points that show the vehicle: excitation that is stronger than gusts and noise"
+_NEEDED = "points that show the vehicle, with more excitation than gusts and noise"
 _REMEDY = (
-    "fly a sweep with the excitation logged (ArduPilot: SYSTEMID mode; PX4: the sticks), stronger or in calmer air, "
-    "and identify that maneuver"
+    "fly a sweep with the excitation logged (ArduPilot: SYSTEMID mode; PX4: the sticks), larger or in calmer "
+    "air, and identify that maneuver"
 )
-_NOTHING_LEFT = "Nothing else is left to fit."
-_NOTHING_LEFT_TO_USE = "Nothing else is left to use."
+_NOTHING_LEFT = "Nothing is left to fit."
+_NOTHING_LEFT_TO_USE = "Nothing usable is left."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,7 +137,7 @@ def without_inverse_controller(
         for output in range(used.shape[0]):
             kept[output, trap.input] = _longest_rest(used[output, trap.input], trap.inverse)
         gone = not kept[trap.output, trap.input].any()
-        consequence = _NOTHING_LEFT_TO_USE if gone else "It is not counted as usable."
+        consequence = _NOTHING_LEFT_TO_USE if gone else "It was not counted as usable."
         findings.append(_finding(data, trap, "error" if gone else "warning", consequence))
     return kept, tuple(findings)
 
@@ -200,7 +200,7 @@ def _find_inverse(
         sign * data.values[output, index, tested],
         data.coherence[output, index, tested],
         controllers=_controllers(flights, measured, name, fed_back),
-        # An instrument keeps the controller out, unless it contains feedback itself: that only its own gains may tell.
+        # An instrument keeps the controller out, unless it contains feedback itself: which only its own gains may show.
         unknown_gains=data.estimate == "direct",
         vehicle_from_rad_s=_VEHICLE_FROM_RAD_S.get(fed_back, np.inf)
         if data.estimate == "direct" and not open_loop(flights, name)
@@ -253,24 +253,24 @@ def _require_rest(
 def _left(omega_rad_s: FloatArray) -> str:
     if omega_rad_s.size == 0:
         return _NOTHING_LEFT
-    return f"What is left, {omega_rad_s[0]:.2g} to {omega_rad_s[-1]:.3g} rad/s, is too little to fit."
+    return f"The rest, {omega_rad_s[0]:.2g} to {omega_rad_s[-1]:.3g} rad/s, is too little to fit."
 
 
 def _sentence(data: FrequencyResponse, trap: _InversePart) -> str:
-    """What was seen, and why it is no vehicle."""
+    """Description of the inverse controller, with the evidence."""
     omega, numbers = data.omega_rad_s[trap.inverse], _numbers(data, trap)
     what = "a mixture of the vehicle with the inverse" if all(band.mixed for band in trap.bands) else "the inverse"
     upward = " of the acceleration upward" if _sign(data, trap) < 0.0 else ""
     return (
-        f"What was measured as {_name(data, trap)} between {omega[0]:.2g} and {omega[-1]:.3g} rad/s is {what} of "
-        f"the controller (about 1/{numbers['gain']:.3g}, phase{upward} {numbers['lowest_phase_deg']:.0f}° to "
-        f"{numbers['highest_phase_deg']:.0f}°), not the vehicle: {_evidence(trap)}. There gusts and noise moved the "
-        "vehicle, not the excitation."
+        f"Between {omega[0]:.2g} and {omega[-1]:.3g} rad/s, {_name(data, trap)} is {what} of the controller "
+        f"(about 1/{numbers['gain']:.3g}, phase{upward} {numbers['lowest_phase_deg']:.0f}° to "
+        f"{numbers['highest_phase_deg']:.0f}°), not the vehicle: {_evidence(trap)}. Gusts and noise moved the "
+        "vehicle there, not the excitation."
     )
 
 
 def _finding(data: FrequencyResponse, trap: _InversePart, severity: Severity, consequence: str) -> Finding:
-    message = f"{_sentence(data, trap)} {consequence} To see the vehicle, {_REMEDY}."
+    message = f"{_sentence(data, trap)} {consequence} To measure the vehicle, {_REMEDY}."
     found = warn("inverse_controller", _name(data, trap), message, **_numbers(data, trap))
     return replace(found, severity=severity)
 
@@ -309,7 +309,7 @@ def _evidence(trap: _InversePart) -> str:
     known, fitted = _costs(trap)
     if min(known, fitted) >= EXCELLENT_COST:
         vehicle, controller = min(band.vehicle_cost for band in trap.bands), min(known, fitted)
-        return f"no vehicle explains it (cost {vehicle:.0f}), the controller about as well (cost {controller:.0f})"
+        return f"no vehicle explains it (cost {vehicle:.0f}), but the controller almost does (cost {controller:.0f})"
     if known < EXCELLENT_COST:
-        return f"it agrees with the gains in the log (cost {known:.1f})"
+        return f"it matches the logged gains (cost {known:.1f})"
     return f"a controller with P, I and D explains it (cost {fitted:.1f})"

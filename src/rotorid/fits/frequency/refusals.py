@@ -79,8 +79,7 @@ def fit_or_refuse(problem: FrequencyProblem, measured: Measured, settings: Ident
     name = problem.structure.name
     raise InsufficientDataError(
         f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
-        needed="a model that follows the responses it is fitted to",
-        remedy="take a structure with the missing dynamics, narrow --band, or choose responses with --pair",
+        remedy="use a model with the missing dynamics, narrow --band, or choose responses with --pair",
         findings=reasons,
     )
 
@@ -126,9 +125,9 @@ def _without_speed_modes(above: FrequencyFit, whole: FrequencyFit) -> FrequencyF
     finding = warn(
         "speed_modes_left_out",
         name,
-        f"Below {low:.2g} rad/s the vehicle's own speed turns it too, which {name} has no place for: the cost of a fit "
-        f"to all that was measured is {before:.0f}, from there on {cost:.0f} ({ACCEPTABLE_COST:g} is acceptable). "
-        "That part alone was fitted. An axis or hover model describes both.",
+        f"Below {low:.2g} rad/s the vehicle's speed affects rotation, which {name} does not model: fitted to "
+        f"everything the cost is {before:.0f}, above that frequency {cost:.0f} ({ACCEPTABLE_COST:g} is "
+        "acceptable). Only that part was fitted. An axis or hover model describes both.",
         low_rad_s=low,
         average_cost=cost,
         whole_cost=before,
@@ -152,8 +151,7 @@ def _poor_pairs(fitted: FrequencyFit) -> dict[tuple[int, int], Finding]:
             poor[y, u] = warn(
                 "structure_error",
                 str(names[y, u]),
-                f"The model does not describe {names[y, u]}, with a cost of {costs[y, u]:.0f}: it is off by "
-                f"{off_db:.1f} dB and {off_deg:.0f}°.",
+                f"The model misses {names[y, u]} by {off_db:.1f} dB and {off_deg:.0f}° (cost {costs[y, u]:.0f}).",
                 cost=float(costs[y, u]),
                 off_db=off_db,
                 off_deg=off_deg,
@@ -174,9 +172,7 @@ def _reasons_to_refuse(fitted: FrequencyFit) -> list[Finding]:
     reasons += _endless_spin_up(fitted)
     reasons += _pushed_on_by_speed(fitted)
     if fitted.average_cost > ACCEPTABLE_COST:
-        message = (
-            f"The average cost is {fitted.average_cost:.0f}, above the {ACCEPTABLE_COST:g} of an acceptable model."
-        )
+        message = f"The average cost is {fitted.average_cost:.0f}, above the acceptable {ACCEPTABLE_COST:g}."
         reasons.append(refusal("poor_fit", name, message, average_cost=fitted.average_cost))
     return reasons
 
@@ -186,8 +182,8 @@ def faster_than_sampled(name: str, system: StateSpace, sample_rate_hz: float | N
     fastest = float(np.abs(system.poles()).max(initial=0.0))
     if sample_rate_hz is not None and fastest > 2.0 * np.pi * sample_rate_hz:
         message = (
-            f"The model has a pole at {fastest:.3g} rad/s ({fastest / (2.0 * np.pi):.3g} Hz), beyond the sample rate "
-            f"of {sample_rate_hz:.3g} Hz: no sample shows it."
+            f"The model has a pole at {fastest:.3g} rad/s ({fastest / (2.0 * np.pi):.3g} Hz), above the sample "
+            f"rate of {sample_rate_hz:.3g} Hz, so the data cannot show it."
         )
         yield refusal("impossible_physics", name, message, pole_rad_s=fastest, sample_rate_hz=sample_rate_hz)
 
@@ -197,7 +193,7 @@ _NO_MODEL = 0.99
 
 
 def _led_by_feedback(fitted: FrequencyFit) -> Iterator[Finding]:
-    """A direct estimate whose model error is as large as any may be: part of it is the controller, not the vehicle."""
+    """The finding on a direct estimate with the largest model error: part of it is the controller, not the vehicle."""
     problem, found = fitted.problem, fitted.bounds.model_error
     if problem.data.estimate != "direct" or found is None:
         return
@@ -206,8 +202,8 @@ def _led_by_feedback(fitted: FrequencyFit) -> Iterator[Finding]:
         share = found.sizes.get(name, 0.0)
         if share >= _NO_MODEL * LARGEST_MODEL_ERROR:
             message = (
-                f"The structure misses {name}, estimated without an instrument, by {100.0 * share:.0f} % or more: in "
-                "closed loop such a response lies between the vehicle and the inverse of its controller."
+                f"The model misses {name} by {100.0 * share:.0f} % or more. It was estimated without an "
+                "instrument, so feedback biases it toward the inverse of the controller."
             )
             yield refusal("structure_error", name, message, model_error_percent=100.0 * share)
 
@@ -222,8 +218,8 @@ def _endless_spin_up(fitted: FrequencyFit) -> Iterator[Finding]:
         yield refusal(
             "impossible_physics",
             "N_spin",
-            f"N_spin is {lead_s:.2g} s of N_yaw, and no rotor reacts for longer than {LONGEST_SPIN_UP_S:g} s. A "
-            "damping and a lag of the motors explain this response alike: leave it out with --fix N_spin=0.",
+            f"N_spin is {lead_s:.2g} s of N_yaw, longer than any rotor reacts ({LONGEST_SPIN_UP_S:g} s). Damping "
+            "plus motor lag explain this response equally well: leave it out with --fix N_spin=0.",
             lead_s=lead_s,
         )
 
@@ -239,9 +235,9 @@ def _pushed_on_by_speed(fitted: FrequencyFit) -> Iterator[Finding]:
             yield refusal(
                 "impossible_physics",
                 name,
-                f"{name} is {with_error(value, std)} 1/s: no air pushes a hovering vehicle along its own speed. What "
-                "turns with it, or a speed that was not measured, has no place in this model: take a hover model, or "
-                "hold the value with --fix.",
+                f"{name} is {with_error(value, std)} 1/s, but air cannot push a hovering vehicle along its own "
+                "speed. The model misses a rotation or a speed that was not measured: use a hover model, or set "
+                "the value with --fix.",
                 value=value,
                 std=std,
             )

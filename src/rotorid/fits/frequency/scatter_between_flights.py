@@ -1,4 +1,4 @@
-"""Parts of the flights that a frequency fit is of, each fitted alone: whether they say the same."""
+"""Consistency of the flights of a frequency fit: each part is fitted alone and compared."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 
 
 def with_scatter(fitted: FrequencyFit, flights: Sequence[Flight], settings: IdentifySettings) -> FrequencyFit:
-    """The fit with intervals that hold how parts of the flights scatter, each of which shows every input by itself.
+    """The fit with intervals that cover the scatter between flights, each of which shows every input.
 
     Parts are logs, or the repetitions of its maneuvers where one log holds all. Each is measured alone and fitted at
     the structure that all together ended with; one that cannot be is not compared. Repetitions with different swings
@@ -79,7 +79,7 @@ def _flights_by_part(flights: Sequence[Flight], axes: Sequence[Axis]) -> dict[st
 def _separate_estimates(
     fitted: FrequencyFit, name: str, flights: Sequence[Flight], settings: IdentifySettings
 ) -> Iterator[LogEstimate]:
-    """What some of the flights say of the parameters of a fit, if its structure describes them."""
+    """Parameters of a fit estimated from some of the flights, if its structure describes them."""
     whole = fitted.problem
     measured = measure(flights, inputs=whole.data.inputs, outputs=whole.data.outputs, settings=settings)
     posed = pose_screened(whole.structure, measured, settings, flights).problem

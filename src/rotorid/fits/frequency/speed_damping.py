@@ -1,4 +1,4 @@
-r"""Speed damping in two steps, as it is often done: X_u and Y_v first, from one response each, then the rest.
+r"""Speed damping in two steps: X_u and Y_v first, from one response each, then the other parameters.
 
 .. math:: \frac{\dot u}{\theta} = \frac{-s g}{s - X_u}, \qquad \frac{\dot v}{\phi} = \frac{s g}{s - Y_v}
 
@@ -35,14 +35,14 @@ _NEGLECTED = {"X_u": "X_pitch", "Y_v": "Y_roll"}
 
 @dataclass(frozen=True, kw_only=True)
 class FirstStep:
-    """What the first step found: parameters to hold, with the remark on each."""
+    """Result of the first step: parameters to fix, with a finding on each."""
 
     fix: dict[str, float]
     findings: tuple[Finding, ...]
 
 
 def first_step(structure: LinearStructure, flights: Sequence[Flight], settings: IdentifySettings) -> FirstStep:
-    """X_u and Y_v, as far as the structure has them, each from the sweeps of its own axis.
+    """X_u and Y_v, if the structure has them, each from the sweeps of its own axis.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def first_step(structure: LinearStructure, flights: Sequence[Flight], settings: 
     names = [name for name in FIRST_RESPONSES if name in structure.parameters.free]
     if not names:
         raise UsageError(
-            f"--speed-damping two_step came with {structure.name}, which has no free X_u and no free Y_v",
+            f"{structure.name} has neither a free X_u nor a free Y_v for --speed-damping two_step",
             needed="a model with one of them, such as hover.longitudinal",
         )
     found = {name: _speed_damping_of(name, flights, settings) for name in names}
@@ -89,10 +89,10 @@ def _speed_damping_of(name: str, flights: Sequence[Flight], settings: IdentifySe
     return value, warn(
         "speed_damping_biased",
         name,
-        f"{name} = {with_error(value, std)} 1/s was taken from {output}/{source} between {omega[0]:.2g} and "
-        f"{omega[-1]:.3g} rad/s, at a cost of {cost:.0f}, and held. It leaves out {_NEGLECTED[name]}: "
-        f"where the command pushes the vehicle sideways, {name} is off several times, too small from slow "
-        "responses and too large from fast ones. The joint fit of all responses has no such bias.",
+        f"{name} = {with_error(value, std)} 1/s was estimated from {output}/{source} between {omega[0]:.2g} and "
+        f"{omega[-1]:.3g} rad/s (cost {cost:.0f}) and then fixed. This neglects {_NEGLECTED[name]}: if the "
+        f"command pushes the vehicle sideways, {name} is wrong by a factor, too small from slow responses and "
+        "too large from fast ones. The joint fit of all responses has no such bias.",
         value=value,
         std=std,
         cost=cost,

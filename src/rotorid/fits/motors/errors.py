@@ -1,4 +1,4 @@
-r"""What intervals of motor physics hold beside random errors: what no repetition of the flight would show.
+r"""Systematic errors of motor physics, which no repetition of the flight would show.
 
 Random errors of a long flight are small, and the structure is what a fit is wrong by: rotors that speed up faster than
 they slow down, a drag that the rates do not know, a curve of thrust that is no parabola. Where that is so, one part of
@@ -53,8 +53,9 @@ SENSOR_SHARE = 0.005
 """Scale of gyros, which no flight with the same sensors shows."""
 
 THRUST_SHARE = 0.01
-"""Slope of thrust, as far as it depends on how fast and how far rotors are moved and on the air they move in: on
-flights of rotors that feel their inflow, or that speed up faster than they slow down, it is one to two percent low."""
+"""Error of the slope of thrust, which depends on the speed and size of rotor motion and on the air: where rotors feel
+their inflow, or speed up faster than they slow down, the slope is one to two percent low.
+"""
 
 _GAINS = {"az": ("m", "c_0", "c_1", "c_2"), "p": ("I_xx",), "q": ("I_yy",), "r": ("kappa_per_I_zz",)}
 _INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
@@ -66,14 +67,15 @@ _DRAG_1_S = 0.3
 """Of a small multirotor, drag over mass: what it was asked for longer ago has no speed any more."""
 
 LEFT_OUT_SHARE = 0.02
-"""Of what motors do to a rate, that a model of rotors with one lag may leave out without being another model. Nearly
-collinear with lag and damping, more of it could always be had for a little less error."""
+"""Share of the motors' effect on a rate that a one-lag rotor model may leave out. It is nearly collinear with lag and
+damping, so more of it always lowers the error a little.
+"""
 
 _INFLOW_1_S, _SECOND_1_S = 10.0, 30.0
 """Where thrust may come late, and where a second lag would show: within what flying excites."""
 
 _LEAST_SHOWN = 1e-4
-"""Share of a motion that no parameter follows, below which nothing is to be seen of it."""
+"""Share of a motion not followed by any parameter, below which it is invisible."""
 
 _LEAST_PIECE_LENGTH = 100
 """Samples that a piece has at least."""
@@ -113,7 +115,7 @@ def motor_model_error(fit: MotorFit, random: FloatArray) -> FloatArray:
 
 
 def _slow_step(normal: FloatArray, score: FloatArray, inverse: FloatArray) -> FloatArray:
-    """The step to the values of slow motion, without what chance alone would make of it (Hausman's difference)."""
+    """The step to the values of slow motion, minus the step expected by chance (Hausman's difference)."""
     of_slow = _inverse(normal)
     step: FloatArray = of_slow @ score
     length = np.sqrt(np.maximum(of_slow.diagonal(), 1e-300))
@@ -215,7 +217,7 @@ def _blocks(fit: MotorFit) -> Iterator[_Block]:
 
 
 def _more(axis: Axis, problem: MotorProblem, values: Mapping[str, float], record: MotorRecord) -> Iterator[FloatArray]:
-    """What the motors contribute, and what might be there beside it, each up to a factor, shape ``(n,)``."""
+    """Contribution of the motors, and possible additions to it, each up to a factor, shape ``(n,)``."""
     made = _made_by_motors(axis, problem, values, record.w)
     made = made - made.mean()
     yield made
@@ -265,7 +267,7 @@ def with_model_errors(
       up to :data:`SENSOR_SHARE`, and the slope of thrust is not the same in all air (:data:`THRUST_SHARE`).
     - Where within a sample a value belongs is known to 0.15 of it, of motors and of sensors: delays, and motor lag.
     - Where thrust was not moved, its slope is a guess (:data:`CURVE_SHARE`), and inertia follows it.
-    - Motors that were logged too slowly did between their samples what the log does not tell. Errors of the outputs
+    - Motors that were logged too slowly did between their samples what the log does not show. Errors of the outputs
       pull gains toward zero by up to :math:`r^2`, errors of the motion push them away by as much: half the way from one
       regression to the other, :math:`(1/r^2 - 1)/2`, counts as one standard deviation; of lag and delays, half a step.
     - A controller that answers to gusts moves thrust with the specific force that they cause, and errors of the force
@@ -290,7 +292,7 @@ def with_model_errors(
 
 
 def _of_slope(values: Mapping[str, float], share: float) -> dict[str, float]:
-    """What an error of the slope of thrust does to the others."""
+    """Effect of an error of the thrust slope on the other parameters."""
     signs = {"c_0": 1.0, "c_1": 1.0, "c_2": 1.0, "I_xx": 1.0, "I_yy": 1.0, "kappa_per_I_zz": -1.0}
     return {name: share * sign * values[name] for name, sign in signs.items() if name in values}
 
@@ -305,7 +307,7 @@ def _by_sensors(values: Mapping[str, float]) -> Iterator[Mapping[str, float]]:
 
 
 def _by_clocks(data: MotorData) -> Iterator[Mapping[str, float]]:
-    """A shift of either end of a delay; lag and delay are told apart by less than a sample."""
+    """A shift of either end of a delay; lag and delay are separated by less than a sample."""
     late_s = CLOCK_SAMPLES / min(record.sample_rate_hz for record in data.records)
     yield dict.fromkeys(DELAYS, late_s)
     yield from ({name: late_s} for name in ("T_motor", *DELAYS))
@@ -347,7 +349,7 @@ def _by_gusts(values: Mapping[str, float], fit: MotorFit) -> Iterator[Mapping[st
     if not force.whitened:
         yield _of_slope(values, force.between)
     if values.get("Z_w") and force.damped > 0.0:
-        # What is left stands for gusts; they pull the damping toward zero.
+        # The residuals are gusts; they pull the damping toward zero.
         yield {"Z_w": 0.5 * min(force.left / force.damped, 2.0) * abs(values["Z_w"])}
 
 
@@ -390,6 +392,6 @@ class _Force(NamedTuple):
 
 
 def slow_rows(rows: FloatArray, rate_hz: float) -> FloatArray:
-    """Rows as far as flying makes them, up to a few hertz."""
+    """Rows limited to frequencies of flight, up to a few hertz."""
     passed: FloatArray = Filter(slow_taps(rate_hz), 1.0)(rows)
     return passed

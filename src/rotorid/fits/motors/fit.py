@@ -74,9 +74,9 @@ def motor_bounds(fit: MotorFit) -> tuple[Bounds, int]:
     if weakest.eigenvalues[0] <= _FLAT:
         mixed = [name for name, part in zip(fit.moving, weakest.eigenvectors[:, 0], strict=True) if abs(part) > 0.1]
         raise InsufficientDataError(
-            f"the flights do not determine {' and '.join(mixed)} apart",
-            needed="motion that tells them apart",
-            remedy="choose a curve with fewer terms with --curve, or hold a parameter with --fix",
+            f"the flights do not separate {' and '.join(mixed)}",
+            needed="motion that separates them",
+            remedy="choose a curve with fewer terms with --curve, or set a parameter with --fix",
         )
     colored = colored_by_part(parts)
     inverse = np.linalg.inv(even).diagonal() / length**2
@@ -111,7 +111,7 @@ def _acceleration_bounds(fit: MotorFit, problem: AccelerationErrors) -> tuple[Bo
 
 _GUSTY = 0.05
 """Share by which gusts under feedback may pull thrust, above which their color counts in the fit: ten times what a
-calibrated accelerometer is off by. Below, what is slow and large tells the curve of thrust better as it is."""
+calibrated accelerometer is off by. Below, what is slow and large shows the curve of thrust better as it is."""
 
 _LEAST_EXPLAINED = 50.0
 """Percent of an axis that the motors must explain: less than that, and they leave more than they explain."""
@@ -120,7 +120,7 @@ _LEAST_OF_GUSTY = 100.0 * (1.0 - 0.5**0.5)
 """The same in power, for specific force among gusts."""
 
 _LARGEST_STD = 1.0
-"""Of an inertia or of the slope of thrust, as a share of the value: beyond, nothing is known of it."""
+"""Largest useful error of an inertia or of the slope of thrust, as a share of the value."""
 
 _LAST_MOVE = 0.5
 """Stated deviations by which values may still move in the last round of a fit that has come to its end."""
@@ -134,7 +134,7 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
 
     Axes of which the motors then explain less than they leave are left out: what was seen there was the controller, or
     motors that were logged too slowly. So are those whose inertia is not positive or no better known than nothing, and
-    a motor lag that the data do not tell from zero, or from a delay. Then the rest is fitted again.
+    a motor lag that the data do not separate from zero, or from a delay. Then the rest is fitted again.
 
     Raises
     ------
@@ -160,17 +160,17 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
         axes = tuple(axis for axis in axes if axis not in wrong)
         if not axes:
             raise _nothing_explained(data, left_out)
-    found_apart = disagreements(_fit_each_log(fitted, choices))
+    disagreeing = disagreements(_fit_each_log(fitted, choices))
     fitted = replace(
         fitted,
-        bounds=widened(fitted.bounds, {disagreement.parameter: disagreement.scatter for disagreement in found_apart}),
-        disagreeing=found_apart,
+        bounds=widened(fitted.bounds, {disagreement.parameter: disagreement.scatter for disagreement in disagreeing}),
+        disagreeing=disagreeing,
     )
     _require_end(fitted, choices)
     again = None
     if choices.bootstrap is not None:
         fixed = fit.problem.with_parameters(fitted.parameters)
-        # What is drawn anew is noise: model errors and the scatter of logs are no part of its spread.
+        # Only noise is simulated: its spread contains neither model errors nor the scatter of logs.
         random = replace(fitted.bounds, covariance=fitted.bounds.random)
         again = bootstrap(fixed, replace(fit.solution, theta=fitted.parameters.pack()), random, choices)
     return replace(fitted, bootstrap=again, left_out=tuple(left_out))
@@ -181,7 +181,7 @@ _COMPARED = ("I_xx", "I_yy", "kappa_per_I_zz", "L_p", "M_q", "N_r", "Z_w", "T_mo
 
 
 def _fit_each_log(fitted: FittedMotors, choices: MotorSettings) -> list[LogEstimate]:
-    """What each log says by itself, of those that share an axis with another one."""
+    """The fit of each log alone, for logs that share an axis with another one."""
     data, problem = fitted.data, fitted.fit.problem
     counted: dict[str, set[str]] = {}
     for record, filters in zip(problem.records, problem.filters, strict=True):
@@ -215,7 +215,7 @@ def _bounded(data: MotorData, choices: MotorSettings, fit: MotorFit, curve: Curv
     model = motor_model_error(fit, random.random)
     assumed = choices.curve == "auto" and "az" not in fit.problem.axes and not data.straightened
     assumed = assumed and data.kind != "speed"
-    # The weight tells thrust at hover whatever the curve is; its slope is another matter.
+    # The weight gives thrust at hover whatever the curve is; its slope is another matter.
     at_hover = with_model_errors(random, parameters, fit, data, curve_assumed=False, model=model)
     bounds = with_model_errors(random, parameters, fit, data, curve_assumed=assumed, model=model)
     hover = float(np.mean([record.outputs.mean() for record in data.records]))
@@ -247,7 +247,7 @@ _PER_MASS = {"kg": "1", "N": "m/s^2", "N s/rad": "m/(s rad)", "N s^2/rad^2": "m/
 
 
 def _units(parameters: ParameterSet, *, scaled: bool, arm_known: bool, speeds: bool) -> dict[str, str]:
-    """Units of what is identified: without a mass all is per kilogram, without an arm inertia is per meter of it."""
+    """Units of the identified values: without a mass all are per kilogram, without an arm inertia is per meter."""
     units = {parameter.name: parameter.unit for parameter in parameters}
     if speeds:
         # By the speed that was measured, and not by a share of full output.
@@ -264,7 +264,7 @@ def _units(parameters: ParameterSet, *, scaled: bool, arm_known: bool, speeds: b
 
 
 def _useless(fitted: FittedMotors) -> dict[str, Finding]:
-    """Axes of which nothing can be said, although motors and motion moved together, and why."""
+    """Axes without a usable result although motors and motion moved together, with the reason."""
     channels = {CHANNELS[axis]: axis for axis in fitted.axes}
     found: dict[str, Finding] = {}
     for name, percent in fit_percents(fitted.moved, list(channels)).items():
@@ -274,8 +274,8 @@ def _useless(fitted: FittedMotors) -> dict[str, Finding]:
             found[channels[name]] = warn(
                 "poor_fit",
                 name,
-                f"The motors explain {percent:.0f} % of {name} up to 5 Hz, less than they leave: nothing is stated of "
-                f"{AXIS_WORDS[channels[name]]}.",
+                f"The motors explain only {percent:.0f} % of {name} up to 5 Hz, so no "
+                f"{AXIS_WORDS[channels[name]]} parameters are given.",
                 fit_percent=percent,
             )
     std = dict(zip(fitted.bounds.names, fitted.bounds.std.tolist(), strict=True))
@@ -286,8 +286,8 @@ def _useless(fitted: FittedMotors) -> dict[str, Finding]:
                 found[axis] = warn(
                     "not_identifiable",
                     name,
-                    f"{name} is {with_error(value, std[name])} {fitted.parameters[name].unit}, no better than nothing: "
-                    f"nothing is stated of {AXIS_WORDS[axis]}.",
+                    f"{name} is {with_error(value, std[name])} {fitted.parameters[name].unit}, consistent with "
+                    f"zero, so no {AXIS_WORDS[axis]} parameters are given.",
                     value=value,
                     std=std[name],
                 )
@@ -304,7 +304,7 @@ def last_move(fitted: FittedMotors) -> float:
 
 
 def _require_end(fitted: FittedMotors, choices: MotorSettings) -> None:
-    """Refuse a fit that has not come to its end, or came to one that physics does not allow.
+    """Refuse a fit that has not converged, or converged to impossible values.
 
     Raises
     ------
@@ -315,20 +315,20 @@ def _require_end(fitted: FittedMotors, choices: MotorSettings) -> None:
     wrong: list[Finding] = []
     moved = last_move(fitted)
     if not fit.settled and not moved <= _LAST_MOVE:
-        message = (
-            f"Values and color of the errors still moved by {moved:.1f} standard deviations after {fit.rounds} rounds."
-        )
+        message = f"Values and noise color still changed by {moved:.1f} standard deviations after {fit.rounds} rounds."
         wrong.append(refusal("not_converged", "physical.motors", message, moved=moved))
     numbers = [*fitted.parameters.values.values(), *fitted.bounds.covariance.ravel().tolist()]
     numbers += [number for derived in fitted.derived.values() for number in (derived.value, derived.std)]
     if not np.isfinite(numbers).all():
-        wrong.append(refusal("not_converged", "physical.motors", "Values or deviations of the fit are not finite."))
+        wrong.append(
+            refusal("not_converged", "physical.motors", "The values or standard deviations of the fit are not finite.")
+        )
     else:
         slope = fitted.derived["thrust_slope"]
         if not slope.std <= _LARGEST_STD * slope.value:
             message = (
-                f"The slope of thrust is {with_error(slope.value, slope.std)} {slope.unit}: the flights do not tell "
-                "what a rotor lifts."
+                f"The slope of thrust is {with_error(slope.value, slope.std)} {slope.unit}: not enough data to "
+                "estimate the thrust of a rotor."
             )
             wrong.append(refusal("not_identifiable", "thrust", message, value=slope.value, std=slope.std))
         impossible = (
@@ -337,9 +337,9 @@ def _require_end(fitted: FittedMotors, choices: MotorSettings) -> None:
         wrong += [replace(finding, severity="error") for finding in impossible if finding.severity == "warning"]
     if wrong:
         raise InsufficientDataError(
-            f"what was identified from {names} is no vehicle: {wrong[0].message}",
-            needed="sweeps on each axis, motors logged at 40 Hz and more, and the layout of the vehicle that flew",
-            remedy="look at the layout, at what was given with --fix, and at the findings",
+            f"the values identified from {names} are not physical: {wrong[0].message}",
+            needed="sweeps on each axis, motors logged at 40 Hz or more, and the layout of the vehicle that flew",
+            remedy="check the layout, the values given with --fix, and the findings",
             findings=[*wrong, *fitted.data.findings],
         )
 
@@ -350,12 +350,12 @@ def _fitted(
     levers: FloatArray,
     axes: tuple[str, ...],
 ) -> tuple[MotorFit, Curve, Searched | None]:
-    """The fit of some axes, with a motor lag where the data tell one, and the search that it went on from."""
+    """The fit of some axes, with a motor lag where the data show one, and the search that it went on from."""
     curve = _curve(choices, data, axes)
     if choices.method == "accelerations":
         return _by_accelerations(data, choices, levers, axes, curve)
 
-    # Rotors so heavy that yaw follows what they gain of their speed, and hardly their torque.
+    # Rotors so heavy that yaw follows their acceleration more than their torque.
     heavy = "r" in axes and "r" not in excited_axes(excitations(data.records, levers))
     others = tuple(axis for axis in axes if axis != "r")
     if heavy and others:
@@ -374,7 +374,7 @@ def _by_increments(
     Raises
     ------
     InsufficientDataError
-        Yaw was to be explained by the spin-up of rotors, and is not, or the data do not tell the parameters apart.
+        Yaw was to be explained by the spin-up of rotors, and is not, or the data do not separate the parameters.
     """
 
     def posed(parts: _Parts) -> MotorProblem:
@@ -399,7 +399,7 @@ def _by_increments(
     # What motors that were logged too slowly do not explain is no gust.
     gusty = not data.slow and gusts_between(fit) > _GUSTY
     if gusty:
-        _PROGRESS.info("gusts move the vehicle as thrust does: fitting with their color")
+        _PROGRESS.info("gusts move the vehicle as thrust does: fitting with noise color")
         fit = fit_motors(posed(parts), white_force=True, start=start)
     if _lag_unseen(fit):
         # Without a lag of the motors their spin-up is a delay.
@@ -413,7 +413,7 @@ def _by_increments(
         more = _with_yaw_parameter(parts, name, fit, data, choices)
         begin = None if more is None else _start_of_yaw_parameter(fit, alone, posed(more), name)
         if more is not None and begin is not None:
-            _PROGRESS.info(f"yaw asks for {name}: fitting with it")
+            _PROGRESS.info(f"yaw needs {name}: fitting with it")
             again = fit_motors(posed(more), white_force=gusty, start=begin)
             if _yaw_parameter_is_certain(again, name, data, choices, curve):
                 fit, parts = again, more
@@ -426,7 +426,7 @@ def _by_increments(
 
 @dataclass(frozen=True, kw_only=True)
 class _Parts:
-    """What the model has besides thrust, inertia and damping."""
+    """Parts of the model in addition to thrust, inertia and damping."""
 
     lag: bool
     yaw: bool = True
@@ -435,7 +435,7 @@ class _Parts:
 
 
 _CERTAIN = 3.0
-"""Deviations from nothing of what yaw has beside torque: less is no spin-up, and no delay of its own."""
+"""Standard deviations from zero at which yaw has a spin-up or a delay of its own."""
 
 
 def _may_spin_up(choices: MotorSettings) -> bool:
@@ -450,7 +450,7 @@ def _with_yaw_parameter(
     if "r" not in fit.problem.axes or name in fit.parameters.names:
         return None
     if name == SPIN_UP:
-        # Without a lag of the motors their spin-up is a delay; speeds that were measured have none to tell.
+        # Without a lag of the motors their spin-up is a delay; speeds that were measured have none.
         separable = parts.lag or data.kind == "speed"
         return replace(parts, spin_up=True) if separable and _may_spin_up(choices) else None
     return replace(parts, yaw_delay=True) if {"p", "q"} & set(fit.problem.axes) else None
@@ -562,7 +562,7 @@ def _lag_unseen(fit: MotorFit) -> bool:
     lag_s = fit.parameters["T_motor"].value
     if lag_s <= bounds.std[place]:
         return True
-    # A delay below zero that takes the lag away again is no delay: both stand for stamps that are off.
+    # A delay below zero that takes the lag away again is no delay: both come from wrong time stamps.
     late_s = fit.parameters["tau_gyro"].value if "tau_gyro" in fit.moving else 0.0
     return late_s < 0.0 and lag_s + late_s <= 0.5 / min(record.sample_rate_hz for record in fit.problem.records)
 
@@ -580,11 +580,11 @@ def _curve(choices: MotorSettings, data: MotorData, axes: tuple[str, ...]) -> Cu
 def _nothing_explained(data: MotorData, left_out: Sequence[Finding]) -> InsufficientDataError:
     names = ", ".join(dict.fromkeys(record.name for record in data.records))
     slow = [finding for finding in data.findings if finding.kind == "rate_too_low"]
-    message = f"The motors of {names} move with the vehicle, and explain less than half of its motion along every axis"
+    message = f"The motors of {names} explain less than half of its motion on every axis"
     return InsufficientDataError(
         message,
-        needed="motor outputs logged faster than the motors answer, 40 Hz and more",
-        remedy=slow[0].message if slow else "look at the layout of the rotors and at the stamps of the log",
+        needed="motor outputs logged faster than the motors respond, at 40 Hz or more",
+        remedy=slow[0].message if slow else "check the rotor layout and the time stamps of the log",
         findings=[refusal("poor_fit", names, f"{message}."), *left_out, *data.findings],
     )
 
@@ -595,12 +595,12 @@ def _nothing_excited(data: MotorData, found: tuple[Mapping[str, Excitation], ...
     names = ", ".join(dict.fromkeys(record.name for record in data.records))
     slow = [finding for finding in data.findings if finding.kind == "rate_too_low"]
     message = (
-        f"The motors of {names} explain its motion along no axis: correlation of torque and acceleration up to 5 Hz "
-        f"is {correlation_words}, and {LEAST_CORRELATION:g} is needed"
+        f"The motors of {names} explain its motion on no axis: the correlation of torque and acceleration up to "
+        f"5 Hz is {correlation_words}, {LEAST_CORRELATION:g} needed"
     )
     return InsufficientDataError(
         message,
-        needed="sweeps or doublets, and motor outputs logged faster than the motors answer",
+        needed="sweeps or doublets, and motor outputs logged faster than the motors respond",
         remedy=slow[0].message if slow else "fly excitations on each axis",
         findings=[
             refusal("no_excitation", names, f"{message}.", **best),
@@ -639,7 +639,7 @@ def _std(bounds: Bounds, gradient: Mapping[str, float]) -> float:
 
 
 def physical_contradictions(identified: FittedMotors, choices: MotorSettings) -> list[Finding]:
-    """What no vehicle is: inertia, thrust and torque that contradict each other or the weight that flew."""
+    """Contradictions in inertia, thrust and torque, or with the weight that flew."""
     data, values = identified.data, identified.parameters.values
     if scale_of(choices.known, identified.axes) is None:
         # All others are per kilogram.

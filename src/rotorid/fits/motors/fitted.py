@@ -38,7 +38,7 @@ from rotorid.uncertainty.cramer_rao import Bounds
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FittedMotors(Immutable):
-    """Physical parameters of a vehicle, as far as its flights tell them.
+    """Physical parameters of a vehicle that its flights determine.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class FittedMotors(Immutable):
 
     @cached_property
     def voltage(self) -> VoltageExponent | None:
-        """The power by which thrust follows the battery, where that can be told."""
+        """The power by which thrust follows the battery, where it is known."""
         return voltage_exponent(self.flown, self.fit.solution.theta, self.data.reference_v)
 
 
@@ -214,7 +214,7 @@ def _delays(identified: FittedMotors) -> list[str]:
 
 
 def _delayed(identified: FittedMotors) -> tuple[str, ...]:
-    """The delay that stands for all: to the gyros, or where no rate was excited to the accelerometer."""
+    """The delay that contains all others: to the gyros, or to the accelerometer if no rate was excited."""
     names = [delay for delay in ("tau_gyro", "tau_accel") if delay in identified.parameters.names]
     return tuple(names[:1])
 

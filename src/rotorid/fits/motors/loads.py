@@ -1,11 +1,11 @@
-r"""What the weight says between logs and over a flight: payload, and thrust over the voltage of the battery.
+r"""Payload between logs, and thrust over battery voltage, both from the weight in flight.
 
 The specific force along z is thrust over mass. Over pieces of some seconds b of a log j, the ratio of measured to
 modeled force
 
 .. math:: k_{jb} = \frac{\overline{a_z}}{\overline{\hat a_z}} = \kappa_j \, (V_b / V_0)^{n - 2}
 
-tells how far thrust over mass of that log differs from that of the whole, and by which power n thrust follows the
+shows how far thrust over mass of that log differs from that of the whole, and by which power n thrust follows the
 voltage, where the model takes the square. Two logs whose ratios differ by more than their errors carry another mass, or
 rotors and battery changed: :math:`m_B / m_A = \kappa_A / \kappa_B`. The exponent comes from within each log, so that a
 payload between two logs is not taken for it.
@@ -34,7 +34,7 @@ _FEWEST_PIECES = 4
 _SIGMAS = 3.0
 _LEAST_STEP = 0.02
 _LEAST_SWING = 0.03
-"""Of the voltage over a log, below which it says nothing of an exponent."""
+"""Least change of the voltage over a log for an exponent."""
 
 _LARGEST_STD = 1.0
 _SQUARE = 2.0
@@ -145,9 +145,9 @@ def judge_loads(logs: Sequence[LogThrust], exponent: VoltageExponent | None) -> 
             yield warn(
                 "payload_step",
                 log.record,
-                f"For the same thrust {log.record} carries {with_error(100.0 * abs(ratio - 1.0), 100.0 * std)} % "
-                f"{heavier} mass than {first.record}: the payload changed, or rotors or battery did. What was "
-                "identified from both lies between; identify each by itself with its own --fix m=KILOGRAMS.",
+                f"{log.record} has {with_error(100.0 * abs(ratio - 1.0), 100.0 * std)} % {heavier} mass than "
+                f"{first.record} at the same thrust: the payload, rotors or battery changed. The identified "
+                "values are a mixture; identify each log separately, with its own --fix m=KILOGRAMS.",
                 mass_ratio=ratio,
                 std=std,
             )
@@ -155,7 +155,7 @@ def judge_loads(logs: Sequence[LogThrust], exponent: VoltageExponent | None) -> 
         contradicts_square = abs(exponent.exponent - _SQUARE) > max(_SIGMAS * exponent.std, 0.5)
         message = (
             f"Thrust follows the voltage by the power {with_error(exponent.exponent, exponent.std)} from "
-            f"{exponent.lowest_v:.3g} to {exponent.highest_v:.3g} V; the model takes the square."
+            f"{exponent.lowest_v:.3g} to {exponent.highest_v:.3g} V; the model assumes the square."
         )
         numbers = {"exponent": exponent.exponent, "std": exponent.std}
         yield (warn if contradicts_square else remark)("voltage_exponent", "thrust", message, **numbers)

@@ -1,4 +1,4 @@
-"""Accelerations measured and modeled, as far as motors make them: up to a few hertz. By them a fit is judged."""
+"""Measured and modeled accelerations up to a few hertz, by which a fit is judged."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CHANNELS: Mapping[str, str] = {"p": "p_dot", "q": "q_dot", "r": "r_dot", "az": "
 
 
 class Motion(NamedTuple):
-    """A stretch: what was measured and what the motors make of it.
+    """A stretch: measured and modeled motion.
 
     Parameters
     ----------

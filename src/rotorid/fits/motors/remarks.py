@@ -1,4 +1,4 @@
-"""What a careful engineer would remark on the physics of motors."""
+"""Findings on a fit of motor physics."""
 
 from __future__ import annotations
 
@@ -73,9 +73,9 @@ def _unexcited(identified: FittedMotors) -> Iterator[Finding]:
     yield warn(
         "no_excitation",
         ", ".join(AXIS_WORDS[axis] for axis in missing),
-        f"Nothing was identified of {' and '.join(AXIS_WORDS[axis] for axis in missing)}: the correlation of motors "
-        f"and motion is {words}, and {LEAST_CORRELATION:g} is needed. Where a controller only answers "
-        "gusts and noise, motors show the controller. Fly a sweep or doublets on these axes.",
+        f"Not enough data for {' and '.join(AXIS_WORDS[axis] for axis in missing)}: the correlation of motors "
+        f"and motion is {words}, {LEAST_CORRELATION:g} needed. Without excitation the motors show the "
+        "controller, not the vehicle. Fly a sweep or doublets on these axes.",
         **{AXIS_WORDS[axis]: correlation for axis, correlation in best.items()},
     )
 
@@ -88,9 +88,9 @@ def _turned_around(identified: FittedMotors) -> Iterator[Finding]:
             yield warn(
                 "rotor_layout",
                 word,
-                f"Motors and {word} motion go together with a correlation of {lowest:.2f}: the motors do not "
-                f"stand, are not numbered, or do not turn as {identified.data.layout.name} has them. Name the "
-                "layout with --layout.",
+                f"Motors and {word} motion have a correlation of {lowest:.2f}: the positions, numbers or spin "
+                f"directions of the motors differ from {identified.data.layout.name}. Name the layout with "
+                "--layout.",
                 correlation=lowest,
             )
 
@@ -101,9 +101,9 @@ def _assumed(identified: FittedMotors) -> Iterator[Finding]:
     yield warn(
         "assumed_curve",
         "thrust",
-        f"Thrust was not moved, so that its curve is not seen: a {identified.curve} one is assumed, and inertia "
-        f"follows its slope. The deviations of thrust and inertia hold {100.0 * CURVE_SHARE:.0f} % for that. Fly a "
-        "sweep of the throttle, or say with --curve what is known of the motors.",
+        f"Thrust did not change, so a {identified.curve} thrust curve was assumed; inertia depends on its slope. "
+        f"The errors of thrust and inertia include {100.0 * CURVE_SHARE:.0f} % for that. Fly a throttle sweep, "
+        "or give the known curve with --curve.",
         share=CURVE_SHARE,
     )
 
@@ -118,9 +118,9 @@ def _doubted(identified: FittedMotors, choices: MotorSettings) -> Iterator[Findi
     yield warn(
         "assumed_curve",
         "thrust",
-        f"The {identified.curve} curve of thrust does not fit: {100.0 * share:.0f} % of the specific force that it "
-        "misses still follows the outputs. Inertia, which rests on its slope, is off too. Leave "
-        "--curve out, or give --curve polynomial.",
+        f"The {identified.curve} thrust curve does not fit: {100.0 * share:.0f} % of the unexplained specific "
+        "force still follows the outputs. Inertia, which depends on its slope, is wrong too. Leave --curve out, "
+        "or use --curve polynomial.",
         share=share,
     )
 
@@ -131,8 +131,8 @@ def _unused(identified: FittedMotors, choices: MotorSettings) -> Iterator[Findin
         yield warn(
             "unused_choice",
             ", ".join(names),
-            f"{' and '.join(names)} {'was' if len(names) == 1 else 'were'} given and used nowhere: what the "
-            "logs excite does not show it.",
+            f"{' and '.join(names)} {'was' if len(names) == 1 else 'were'} given but not used: the logs do not "
+            "excite it.",
         )
 
 
@@ -142,8 +142,8 @@ def _scale(identified: FittedMotors, choices: MotorSettings) -> Iterator[Finding
     yield warn(
         "not_identifiable",
         "m",
-        "Accelerations tell ratios of mass, thrust and inertia alone: thrust and inertia are those of a vehicle of "
-        "1 kg, to be multiplied with its mass. Weigh it and give --fix m=KILOGRAMS, or a thrust from a bench.",
+        "Accelerations determine only ratios of mass, thrust and inertia: thrust and inertia are for a vehicle "
+        "of 1 kg and scale with its mass. Weigh it and give --fix m=KILOGRAMS, or a thrust from a bench.",
     )
 
 
@@ -153,8 +153,8 @@ def _arm(identified: FittedMotors) -> Iterator[Finding]:
     yield warn(
         "not_identifiable",
         "I_xx, I_yy",
-        "The log does not tell the size of the vehicle: I_xx and I_yy are those of an arm of 1 m, to be multiplied "
-        "with its length. Measure from the center to the farthest rotor and give --arm METERS.",
+        "The log does not show the size of the vehicle: I_xx and I_yy are for an arm of 1 m and scale with its "
+        "length. Measure from the center to the farthest rotor and give --arm METERS.",
     )
 
 
@@ -169,31 +169,35 @@ def _yaw(identified: FittedMotors) -> Iterator[Finding]:
     if {"I_xx", "I_yy"} <= set(parameters.names) and identified.data.layout.arm_known:
         inertia, torque = yaw_range(parameters.values)
         bound = (
-            f"No body has an I_zz beyond I_xx + I_yy = {inertia.high:.4g} kg m^2, so that kappa is {torque.high:.4g} m "
-            "at most; a flat vehicle comes close to both. "
+            f"I_zz cannot exceed I_xx + I_yy = {inertia.high:.4g} kg m^2, so kappa is at most {torque.high:.4g} "
+            "m; a flat vehicle comes close to both. "
         )
         numbers |= {"I_zz_at_most": inertia.high, "kappa_at_most": torque.high}
     yield remark(
         "not_identifiable",
         "kappa, I_zz",
-        f"Yaw tells kappa over I_zz alone, {ratio:.4g} 1/(kg m). {bound}{known}",
+        f"Yaw determines only kappa over I_zz, {ratio:.4g} 1/(kg m). {bound}{known}",
         **numbers,
     )
 
 
 def _yaw_besides_torque(identified: FittedMotors) -> Iterator[Finding]:
-    """What yaw shows besides torque: rotors that speed up, and a delay that is not that of roll and pitch."""
+    """Findings on yaw: rotors that speed up, and a delay other than that of roll and pitch."""
     parameters = identified.parameters
     if SPIN_UP in parameters.free:
         value = parameters[SPIN_UP].value
         lead_s = value / (parameters["kappa_per_I_zz"].value * identified.derived["thrust_slope"].value)
         speeds = identified.data.kind == "speed"
-        of_one = f"{value:.3g} of what one gains" if speeds else f"{value:.3g} rad/s for one from rest to full output"
+        of_one = (
+            f"{value:.3g} of the speed gained by one"
+            if speeds
+            else (f"{value:.3g} rad/s for a rotor from standstill to full output")
+        )
         yield remark(
             "spin_up",
             SPIN_UP,
-            f"Rotors that speed up turn the vehicle too, by {of_one}: beyond {1.0 / lead_s:.2g} rad/s that makes more "
-            "of yaw than the torque of the rotors.",
+            f"Accelerating rotors turn the vehicle too, by {of_one}: above {1.0 / lead_s:.2g} rad/s this moves "
+            "yaw more than rotor torque does.",
             lead_s=lead_s,
             **({"share": value} if speeds else {"rad_s": value}),
         )
@@ -202,8 +206,9 @@ def _yaw_besides_torque(identified: FittedMotors) -> Iterator[Finding]:
         yield remark(
             "delay_of_yaw",
             YAW_DELAY,
-            f"Yaw is late by {1e3 * own_s:.3g} ms, roll and pitch by {1e3 * other_s:.3g} ms: gyros of one sensor are "
-            "late alike, so that something turns the vehicle that the model does not have, or its sensors are several.",
+            f"Yaw lags by {1e3 * own_s:.3g} ms, roll and pitch by {1e3 * other_s:.3g} ms. Axes of one gyro have "
+            "the same delay, so the model lacks something that turns the vehicle, or the axes come from "
+            "different sensors.",
             yaw_s=own_s,
             roll_pitch_s=other_s,
         )
@@ -238,18 +243,20 @@ def _ended(identified: FittedMotors) -> Iterator[Finding]:
             yield (remark if value == 0.0 else warn)(
                 "parameter_at_bound",
                 name,
-                f"{name} went to its bound, {value:g} {fit.parameters[name].unit}, and is held there.",
+                f"{name} reached its bound, {value:g} {fit.parameters[name].unit}, and was fixed there.",
                 value=value,
             )
     if identified.data.kind != "speed" and "T_motor" not in identified.parameters.names:
-        both = "; tau_gyro stands for both" if "tau_gyro" in identified.parameters.names else ""
-        yield remark("lag_plus_delay", "T_motor", f"The data do not tell a motor lag from none, or from a delay{both}.")
+        both = "; tau_gyro contains both" if "tau_gyro" in identified.parameters.names else ""
+        yield remark(
+            "lag_plus_delay", "T_motor", f"The data do not separate a motor lag from zero, or from a delay{both}."
+        )
     if not fit.settled:
         moved = last_move(identified)
         yield warn(
             "not_converged",
             "physical.motors",
-            f"Values and color of the errors still moved after {fit.rounds} rounds, by {moved:.2g} stated deviations.",
+            f"Values and noise color still changed by {moved:.2g} standard deviations after {fit.rounds} rounds.",
             moved=moved,
         )
 
@@ -258,5 +265,5 @@ def _poor(fit_percent: Mapping[str, float]) -> Iterator[Finding]:
     for name, percent in fit_percent.items():
         if percent < _GOOD_PERCENT:
             yield warn(
-                "poor_fit", name, f"The motors explain {percent:.0f} % of {name} up to 5 Hz.", fit_percent=percent
+                "poor_fit", name, f"The motors explain only {percent:.0f} % of {name} up to 5 Hz.", fit_percent=percent
             )

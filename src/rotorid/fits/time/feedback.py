@@ -129,10 +129,9 @@ def _biased(following: Following) -> Finding:
     return warn(
         "closed_loop_bias",
         f"{following.output}/{following.input}",
-        f"{following.input} follows what the model could not explain "
-        f"in {following.output} ({100.0 * following.share:.0f} % of what "
-        "its own past leaves), so a controller moved it. Plain output error is biased by that; --method "
-        "prediction_error models the noise and is not.",
+        f"{following.input} follows the unexplained part of {following.output} (it explains "
+        f"{100.0 * following.share:.0f} % more than its own past does), so a controller moved it. That biases "
+        "plain output error; --method prediction_error models the noise and avoids the bias.",
         share=following.share,
         chance=following.chance,
     )

@@ -145,7 +145,7 @@ class TimeFit(Immutable):
 
     @property
     def structure(self) -> LinearStructure:
-        """What the values belong to, without states that a dropped lag has left without dynamics."""
+        """Structure of the values, without states that a dropped lag has left without dynamics."""
         return self.problem.structure.condensed(self.parameters)
 
     @property
@@ -335,8 +335,8 @@ def _by_equations(
     """Equation error, over the band of the responses where there are any; the records are simulated to show it."""
     if family_of(structure).opaque:
         raise UsageError(
-            f"the method equation_error came with {structure.name}",
-            needed="output_error or prediction_error for a black box, whose states nothing measures",
+            f"equation_error does not work with {structure.name}, a black box whose states are not measured",
+            remedy="use --method output_error or prediction_error",
         )
     band_rad_s = settings.band_rad_s or (frequency.band_rad_s if frequency is not None else None)
     domain = InTime() if band_rad_s is None else InBand(band_rad_s=band_rad_s)
@@ -376,12 +376,15 @@ def _black_box(
 
     if settings.fix or settings.ties or settings.free:
         raise UsageError(
-            f"--fix, --tie or --free came with {structure.name}",
-            needed="a black box with values, as a model.toml holds one",
+            f"--fix, --tie and --free do not work with {structure.name}, which has no values yet",
+            remedy="give a black box with values, such as a model.toml",
         )
-    refuse_search(settings, structure.name, "none: a black box begins at subspaces")
+    refuse_search(settings, structure.name, "a black box starts from subspace identification; leave it out")
     if settings.pieces_s is not None:
-        raise UsageError(f"--pieces came with {structure.name}", needed="none: a black box is fitted to whole records")
+        raise UsageError(
+            f"--pieces does not work with {structure.name}",
+            remedy="a black box is fitted to whole records; leave it out",
+        )
     plan = StartPlan(seed=settings.seed)
     delays = any(name.startswith("tau") for name in structure.parameters.names)
     if len(structure.states) > order:
@@ -404,7 +407,7 @@ def _black_box(
 
 
 def unknowns_of(structure: LinearStructure) -> tuple[InitialCondition, ...]:
-    """What is estimated beside the parameters: for commands also their trim, which a vehicle integrates."""
+    """Unknowns estimated with the parameters: for commands also their trim, which a vehicle integrates."""
     if all(is_command(name) for name in structure.inputs) and not family_of(structure).opaque:
         return ("initial_state", "output_shift", "state_bias")
     return ("initial_state", "output_shift")

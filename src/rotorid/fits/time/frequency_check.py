@@ -1,4 +1,4 @@
-"""A fit in time beside the responses of the same data: its start, what they add to its errors, whether both agree."""
+"""Comparison of a fit in time with the responses of the same data: start values, added errors and agreement."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 
 
 class FrequencySide(NamedTuple):
-    """What the frequency domain says about the same data.
+    """Result of the frequency domain for the same data.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def frequency_side(
     fits: bool = True,
     searches: bool = False,
 ) -> FrequencySide:
-    """Measure responses and fit them, as far as the data support that.
+    """Measure responses and fit them, if the data support that.
 
     Parameters
     ----------
@@ -139,13 +139,13 @@ def compare_with(
 def with_model_error(
     fitted: TimeFit, frequency: FrequencyFit, structure: LinearStructure, records: TimeRecords
 ) -> TimeFit:
-    r"""The fit with what the structure leaves out beside its random errors, as the frequency domain shows it.
+    r"""The fit with its model error from the frequency domain in addition to the random errors.
 
     .. math:: C = C_{random} + C_{model, f} + d d^T
 
-    Records in time do not tell model error from noise. What the residuals of responses show of it, see
+    Records in time do not separate model error from noise. What the residuals of responses show of it, see
     :mod:`rotorid.uncertainty.model_error`, bends a fit of the same data in time as well, though not alike: with the
-    distance :math:`d` between both where it exceeds what they state, hold of the inputs apart. Nothing tells which of
+    distance :math:`d` between both where it exceeds what they state, hold of the inputs apart. It is unknown which of
     the two is right. Where responses leave a parameter without a bound they have run away with it: then their errors
     are taken at the values of the fit in time.
 
@@ -176,7 +176,7 @@ def with_model_error(
 
 
 def _bounds_by_responses(fitted: TimeFit, frequency: FrequencyFit, records: TimeRecords) -> Bounds:
-    """What the responses of the same flights know of parameters at the values of a fit in time."""
+    """Information of the responses of the same flights about the parameters, at the values of a fit in time."""
     problem, theta = responses_without_hold(fitted, frequency, records)
     residual, jacobian = problem.residuals(theta)
     there = replace(frequency.final, theta=theta, residual=residual, jacobian=jacobian)
@@ -202,14 +202,14 @@ def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
     if abs(here.value) >= CERTAIN_SIGN * std:
         return
     sentence = (
-        f"{gain} is {with_error(here.value, std)} {here.unit} in time and "
-        f"{significant(there.value, digits=4)} {here.unit} by the responses"
+        f"{gain} is {with_error(here.value, std)} {here.unit} in the time domain but "
+        f"{significant(there.value, digits=4)} {here.unit} in the frequency domain"
     )
     others = " or ".join(name for name in ("frequency", "output_error") if name != fitted.method)
     raise InsufficientDataError(
         f"{sentence} of the same flights",
-        needed="methods that agree on it, within a half of its size at least",
-        remedy=f"take --method {others}, or hold what trades against it with --fix NAME=VALUE",
+        needed="methods that agree within half of the value",
+        remedy=f"try --method {others}, or fix a correlated parameter with --fix NAME=VALUE",
         findings=[
             refusal("not_identifiable", gain, f"{sentence}.", value=here.value, std=std, by_responses=there.value)
         ],
@@ -229,7 +229,8 @@ def judge_agreement(fitted: TimeFit, others: Mapping[str, Compared]) -> tuple[Fi
         if distance > _DISTINCT_SIGMAS:
             unit = fitted.parameters[name].unit
             hold_note = (
-                f" Of that, {1e3 * other.hold_s:.3g} ms are the hold of the input, which the response contains."
+                f" Of that, {1e3 * other.hold_s:.3g} ms come from the sample-and-hold of the input, which the "
+                "response includes."
                 if other.hold_s
                 else ""
             )
@@ -237,11 +238,10 @@ def judge_agreement(fitted: TimeFit, others: Mapping[str, Compared]) -> tuple[Fi
                 warn(
                     "methods_disagree",
                     name,
-                    f"{name} is {with_error(value, std[name])} {unit} in the time domain and "
-                    f"{with_error(other.value, other.std)} {unit} in the frequency domain, {distance:.1f} standard "
-                    f"deviations apart.{hold_note} They weigh what the "
-                    f"structure leaves out differently, or feedback biases "
-                    "one of them.",
+                    f"{name} is {with_error(value, std[name])} {unit} in the time domain but "
+                    f"{with_error(other.value, other.std)} {unit} in the frequency domain, {distance:.1f} "
+                    f"standard deviations apart.{hold_note} The two methods weigh missing dynamics differently, "
+                    "or feedback biases one of them.",
                     time=value,
                     frequency=other.value,
                     distance_std=distance,

@@ -19,7 +19,7 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 def chosen_order(
     structure: LinearStructure, records: TimeRecords, settings: IdentifySettings
 ) -> tuple[LinearStructure, OrderChoice]:
-    """A black box of the order that does best on what it has not seen, and the table that led to it.
+    """A black box of the order that predicts unseen data best, and the table that led to it.
 
     Parameters
     ----------

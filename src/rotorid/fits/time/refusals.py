@@ -26,7 +26,7 @@ LEAST_EXPLAINED_PERCENT = 100.0 * (1.0 - math.sqrt(0.5))
 """Below it a simulation leaves more of the variance of an output than it explains."""
 
 _SIGNIFICANT = 3.0
-"""Errors that responses state, as root mean square, within which their cost says nothing."""
+"""Largest errors, in units of those of the responses (rms), at which a high cost does not count."""
 
 
 def require_time_fit_explains(fitted: TimeFit, frequency: FrequencyFit | None, records: TimeRecords) -> None:
@@ -36,7 +36,7 @@ def require_time_fit_explains(fitted: TimeFit, frequency: FrequencyFit | None, r
     sample shows, but for black boxes, whose single numbers mean nothing; derivatives of a vehicle that miss the
     responses of the same flights by what no fit of responses may, and by many times what these responses state. A fit
     in time has its least errors where noise is least and none of its own for what the structure lacks: nothing else
-    would tell.
+    would show.
 
     Parameters
     ----------
@@ -64,9 +64,9 @@ def require_time_fit_explains(fitted: TimeFit, frequency: FrequencyFit | None, r
     if reasons:
         too_large = all(reason.kind == "impossible_physics" for reason in reasons)
         remedy = (
-            "take a model of an order less, whose lags all show"
+            "use a model of one order less"
             if too_large
-            else "take a structure with the missing dynamics, or segments in which the inputs move the vehicle"
+            else "use a model with the missing dynamics, or segments in which the inputs move the vehicle"
         )
         raise does_not_describe(name, reasons, remedy)
 
@@ -79,7 +79,7 @@ def unexplained(fit_percent: Mapping[str, float]) -> list[Finding]:
         refusal(
             "poor_fit",
             output,
-            f"Simulated, the model leaves more of {output} than it explains: its fit is {percent:.0f} %.",
+            f"In simulation the model misses more of {output} than it explains: its fit is {percent:.0f} %.",
             fit_percent=percent,
         )
         for output, percent in fit_percent.items()
@@ -87,7 +87,7 @@ def unexplained(fit_percent: Mapping[str, float]) -> list[Finding]:
 
 
 def out_of_iterations(name: str, solution: Solution) -> list[Finding]:
-    """The refusal of a search that came to no rest."""
+    """The refusal of a search that did not converge."""
     if solution.outcome is not Outcome.OUT_OF_ITERATIONS:
         return []
     return [refusal("not_converged", name, f"The fit did not converge: {solution.outcome.value}")]
@@ -97,7 +97,6 @@ def does_not_describe(name: str, reasons: Sequence[Finding], remedy: str) -> Ins
     """The error of a model that does not hold, with its reasons."""
     return InsufficientDataError(
         f"{name} does not describe these flights: " + " ".join(reason.message for reason in reasons),
-        needed="a model that follows the records it is fitted to",
         remedy=remedy,
         findings=reasons,
     )
@@ -118,8 +117,8 @@ def _missed_responses(fitted: TimeFit, frequency: FrequencyFit, records: TimeRec
     worst = np.unravel_index(np.argmax(np.where(used, costs, -np.inf)), costs.shape)
     pair = np.array(pair_names(problem.data)).reshape(costs.shape)[worst]
     message = (
-        f"Beside the responses of the same flights the average cost of these values is {average:.0f}, above the "
-        f"{ACCEPTABLE_COST:g} of an acceptable model; {pair} costs most, {costs[worst]:.0f}."
+        f"In the frequency domain the average cost of these values is {average:.0f}, above the acceptable "
+        f"{ACCEPTABLE_COST:g}; {pair} is worst with {costs[worst]:.0f}."
     )
     yield refusal("poor_fit", fitted.problem.structure.name, message, average_cost=average)
 
@@ -147,8 +146,10 @@ def require_bounds(parameters: ParameterSet, bounds: Bounds, couplings: Collecti
         f"{name} is {with_error(parameters[name].value, stds[name])} {parameters[name].unit}" for name in loose
     )
     raise InsufficientDataError(
-        f"nothing bounds {', '.join(loose)}: {found}",
-        needed="records that tell them apart from the other parameters",
-        remedy="take a smaller model, such as one of an order less, or hold one of them with --fix NAME=VALUE",
-        findings=[refusal("not_identifiable", ", ".join(loose), f"{found}: other parameters take over what they do.")],
+        f"not enough data for {', '.join(loose)}: {found}",
+        needed="records that separate them from the other parameters",
+        remedy="use a smaller model, such as one order less, or fix one of them with --fix NAME=VALUE",
+        findings=[
+            refusal("not_identifiable", ", ".join(loose), f"{found}: other parameters compensate for any change.")
+        ],
     )

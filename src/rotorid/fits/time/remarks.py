@@ -1,4 +1,4 @@
-"""What a careful engineer would remark on a fit in time: on its pieces, its fits, its residuals and its solver."""
+"""Findings on a fit in time: its pieces, fits, residuals and solver."""
 
 from __future__ import annotations
 
@@ -44,19 +44,20 @@ def _pieces(fitted: TimeFit) -> list[Finding]:
         return []
     rate = growth(fitted.problem.structure, fitted.parameters)
     why = (
-        f"The fastest mode grows e-fold in {1.0 / rate:.2g} s, and over a whole record any error would explode."
+        f"The fastest mode grows by a factor of e in {1.0 / rate:.2g} s, so over a whole record any error would "
+        "explode."
         if rate > 0.0
-        else "Pieces were asked for."
+        else "Pieces were requested."
     )
     count = len(fitted.problem.records)
-    cut = f"in {count} pieces of about {fitted.pieces_s:.2g} s, each with an initial state of its own"
+    cut = f"in {count} pieces of about {fitted.pieces_s:.2g} s, each with its own initial state"
     return [
         remark(
             "fitted_in_pieces",
             fitted.problem.structure.name,
-            f"{why} The records were fitted {cut}; fits in percent are those of the pieces."
+            f"{why} The records were fitted {cut}; fits in percent are for the pieces."
             if fitted.method == "output_error"
-            else f"{why} The fit takes the records whole; to show it they were simulated {cut}.",
+            else f"{why} Whole records were fitted; to show the fit they were simulated {cut}.",
             pieces=float(count),
             length_s=fitted.pieces_s,
             growth_1_s=rate,
@@ -67,15 +68,15 @@ def _pieces(fitted: TimeFit) -> list[Finding]:
 def judge_explained(fit_percent: Mapping[str, float], *, simulated: bool = True) -> list[Finding]:
     """A remark on each output that a simulation explains badly; a warning where the simulation was what was fitted."""
     why = (
-        "Dynamics are missing, or other things than the inputs move it."
+        "The model lacks dynamics, or something other than its inputs moves the vehicle."
         if simulated
-        else "The fit looks at each sample by itself; in a simulation gusts add up, and so does what is missing."
+        else "The fit looks at each sample separately; in a simulation gusts and missing dynamics add up."
     )
     return [
         (warn if simulated else remark)(
             "poor_fit",
             name,
-            f"Simulated, the model explains {percent:.0f} % of {name} in the records it was fitted to (good: "
+            f"In simulation the model explains {percent:.0f} % of {name} in the fitted records (good: "
             f"{GOOD_FIT_PERCENT:g} % and more). {why}",
             fit_percent=percent,
         )
@@ -90,15 +91,15 @@ def judge_colors(name: str, bounds: Bounds, step_s: float) -> list[Finding]:
     if factor < _COLORED:
         return []
     color = (
-        f"Residuals remember their past over some {memory} samples ({memory * step_s:.2g} s), as in every real flight."
+        f"Residuals are correlated over about {memory} samples ({memory * step_s:.2g} s), as in every real flight."
         if memory
-        else "Errors of the equations are not white, as in every real flight."
+        else "Residuals of the equations are correlated, as in every real flight."
     )
     return [
         remark(
             "colored_residuals",
             name,
-            f"{color} Standard deviations count that: they are {factor:.2g} times as large as for white residuals.",
+            f"{color} Standard deviations include this: they are {factor:.2g} times as large as for white residuals.",
             factor=factor,
             memory=float(memory),
         )
@@ -108,7 +109,7 @@ def judge_colors(name: str, bounds: Bounds, step_s: float) -> list[Finding]:
 def judge_solver(
     name: str, solution: Solution, parameters: ParameterSet, input_delays: Sequence[Expression]
 ) -> list[Finding]:
-    """Parameters that ended on a bound, and a search that did not come to rest."""
+    """Findings on parameters at a bound, and on a search that did not converge."""
     delays = {str(entry) for entry in input_delays}
     findings = [
         _at_bound(parameter, late=parameter in delays and parameters[parameter].value == 0.0)
@@ -122,13 +123,13 @@ def judge_solver(
 
 def _at_bound(name: str, *, late: bool) -> Finding:
     why = (
-        " The outputs answer no later than they are asked, or earlier: so do outputs that passed a zero-phase filter "
-        "which the inputs did not, or commands that were stamped late."
+        " The outputs respond no later than the command, or earlier. A zero-phase filter on the outputs alone or "
+        "late time stamps of the commands cause this."
         if late
         else ""
     )
     return warn(
-        "parameter_at_bound", name, f"{name} ended on a bound of the search; its value says no more than that.{why}"
+        "parameter_at_bound", name, f"{name} ended at a bound of the search, so its value is only a limit.{why}"
     )
 
 
@@ -143,10 +144,9 @@ def left_to_gain(solution: Solution) -> float:
 
 
 def nothing_unseen(names: Sequence[str]) -> Finding:
-    """What to say where a model was judged on nothing that it had not seen."""
+    """The warning that no maneuver is left to validate the model."""
     return warn(
         "not_verified",
         ", ".join(names),
-        "Everything that was flown was fitted, so nothing is left to judge the model on. Give another log with "
-        "--verify.",
+        "All maneuvers were used for the fit; none is left to validate the model. Give another log with --verify.",
     )

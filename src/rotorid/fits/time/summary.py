@@ -1,4 +1,4 @@
-"""What the document of a fit in time holds beside parameters: fits of records, information, residuals, equations."""
+"""Contents of the document of a fit in time: fits of records, information, residuals and equations."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _autocorrelation(errors: Sequence[FloatArray], lags: int) -> tuple[float, ..
 
 
 def equation_fits(fitted: TimeFit) -> tuple[EquationFit, ...]:
-    """How well each equation of motion holds, where those were fitted."""
+    """Fit of each equation of motion, if equations were fitted."""
     return tuple(
         EquationFit(name=score.name, r_squared=score.r_squared, press=score.press, misfit=score.misfit)
         for score in fitted.equations

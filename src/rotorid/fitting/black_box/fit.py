@@ -2,7 +2,7 @@
 
 Starts are subspaces with several methods and horizons, and drawn poles; they are brought from the samples back to
 continuous time by the exact inverse of the zero-order or the first-order hold, written in parallel sections, and fitted
-by output error. Information criteria and the gap between singular values tell which order the data support.
+by output error. Information criteria and the gap between singular values show which order the data support.
 """
 
 from __future__ import annotations
@@ -83,13 +83,13 @@ def continuous_from_discrete(A: FloatArray, B: FloatArray, *, step_s: float, hol
     transition, replaced = _with_logarithm(A)
     rate = np.asarray(logm(transition)) / step_s
     if not np.isfinite(rate).all() or np.abs(rate.imag).max() > _ROUNDING * np.abs(rate).max():
-        raise ModelError("the discrete system has no continuous one", remedy="take a lower order")
+        raise ModelError("the discrete system has no continuous equivalent", remedy="use a lower order")
     system = np.asarray(rate.real, dtype=np.float64)
     order = len(A)
     taps = discretize(system, np.eye(order), delays_s=np.zeros(order), step_s=step_s, hold=hold).taps
     reached = taps[1].T + transition @ taps[2].T
     if np.linalg.cond(reached) > 1.0 / _ROUNDING:
-        raise ModelError("an input cannot be traced back through its hold", remedy="take a lower order")
+        raise ModelError("the sample-and-hold of an input cannot be inverted", remedy="use a lower order")
     return Continuous(system, np.asarray(np.linalg.solve(reached, B), dtype=np.float64), replaced)
 
 
@@ -199,7 +199,7 @@ def black_box_starts(records: Sequence[TimeData], order: int, plan: StartPlan, *
                 reasons.append(attempt)
     if not found:
         raise InsufficientDataError(
-            f"no start of order {order} could be made: {'; '.join(sorted(set(reasons))) or 'none was asked for'}",
+            f"no starting model of order {order}: {'; '.join(sorted(set(reasons))) or 'none was asked for'}",
             needed="longer records, or a lower order",
         )
     return tuple(found)
@@ -253,7 +253,7 @@ def _with_gains(A: FloatArray, C: FloatArray, records: Sequence[TimeData], hold:
     inputs = len(records[0].inputs)
     gains = simulated_gains(transition, C, records, direct=inputs if hold == "first" else 0)
     system = continuous_from_discrete(transition, gains.B, step_s=step_s, hold=hold)
-    return Start(A, system.B, C, np.full(inputs, delay_s), "drawn poles", 0, np.zeros(0))
+    return Start(A, system.B, C, np.full(inputs, delay_s), "random poles", 0, np.zeros(0))
 
 
 def _decaying(start: Start, records: Sequence[TimeData], hold: Hold) -> Start:
@@ -386,7 +386,7 @@ def fit_black_box(
     sets = list(_sets(starts, structure, delays=delays))
     if not sets:
         raise InsufficientDataError(
-            f"no start of order {order} can be written in sections", remedy="take another order"
+            f"no starting model of order {order} can be written in sections", remedy="use another order"
         )
     problem = TimeProblem(structure=structure, parameters=sets[0], records=tuple(records), hold=hold, unknowns=unknowns)
     fit = fit_output_error(problem, starts=[parameter_set.pack() for parameter_set in sets], solver=solver or _SEARCH)
@@ -535,8 +535,8 @@ def _remarks(starts: Sequence[Start], name: str) -> tuple[Finding, ...]:
             warn(
                 "order_too_high",
                 name,
-                "Every subspace of this order has a mode that changes its sign with each sample: "
-                "it describes noise, or a delay that the model has no parameter for.",
+                "Every subspace model of this order has a mode that changes its sign at each sample: it "
+                "describes noise, or a delay without a parameter in the model.",
                 starts=float(len(subspaces)),
                 replaced=float(min(start.replaced for start in lost)),
             )
@@ -599,12 +599,12 @@ def information_criteria(residuals: FloatArray, parameters: int) -> InformationC
     (20.0, True)
     """
     if residuals.ndim != 2 or not np.isfinite(residuals).all():
-        raise UsageError(f"residuals of shape {residuals.shape} came", needed="finite numbers of shape (y, n)")
+        raise UsageError(f"invalid residuals of shape {residuals.shape}", needed="finite numbers of shape (y, n)")
     outputs, samples = residuals.shape
     sign, determinant = np.linalg.slogdet(residuals @ residuals.T / max(samples, 1))
     if samples <= outputs or sign <= 0:
         raise InsufficientDataError(
-            "the covariance of the residuals has no determinant", needed="more samples than outputs, and noise"
+            "the covariance of the residuals is singular", needed="more samples than outputs, and noise"
         )
     fit, count = samples * float(determinant), samples * outputs
     left = count - parameters - 1

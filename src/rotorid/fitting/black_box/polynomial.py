@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
+from rotorid.data.display import counted
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.least_squares import LevenbergMarquardt
 from rotorid.fitting.time.output_error import TimeData
@@ -48,9 +49,9 @@ class PolynomialOrders:
 
     def __post_init__(self) -> None:
         if self.denominator < 0 or min(self.numerators, default=0) < 1 or min(self.delays, default=0) < 0:
-            raise UsageError(f"the orders {self} came", needed="at least one coefficient for each input")
+            raise UsageError(f"invalid orders {self}", needed="at least one coefficient for each input")
         if len(self.numerators) != len(self.delays):
-            raise UsageError(f"{len(self.numerators)} numerators and {len(self.delays)} delays came")
+            raise UsageError(f"{counted(len(self.numerators), 'numerator')} but {counted(len(self.delays), 'delay')}")
 
     @property
     def coefficients(self) -> int:
@@ -73,7 +74,7 @@ class PolynomialOrders:
             They are too short.
         """
         if not records:
-            raise UsageError("no record came", needed="at least one")
+            raise UsageError("no records were given", needed="at least one")
         for record in records:
             if (len(record.inputs), len(record.outputs)) != (len(self.numerators), 1):
                 raise UsageError(
@@ -82,7 +83,7 @@ class PolynomialOrders:
                 )
         usable = sum(max(record.samples - self.first, 0) for record in records)
         if usable <= self.coefficients:
-            raise InsufficientDataError(f"{usable} usable samples came", needed=f"more than {self.coefficients}")
+            raise InsufficientDataError(f"{usable} usable samples are too few", needed=f"more than {self.coefficients}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,7 +114,7 @@ class PolynomialModel(Immutable):
             covariance=read_only(self.covariance, np.float64, ndim=2),
         )
         if self.denominator.size == 0 or self.denominator[0] != 1.0:
-            raise UsageError("the denominator does not begin with one", needed="1, f1, f2, ...")
+            raise UsageError("the denominator does not start with 1", needed="1, f1, f2, ...")
 
     @classmethod
     def given(cls, denominator: Sequence[float], numerators: Sequence[Sequence[float]]) -> PolynomialModel:
@@ -137,7 +138,7 @@ class PolynomialModel(Immutable):
         )
 
     def simulate(self, inputs: FloatArray) -> FloatArray:
-        """The output from rest, without noise, shape ``(n,)``, for inputs ``(u, n)``.
+        """The output from zero initial state, without noise, shape ``(n,)``, for inputs ``(u, n)``.
 
         Examples
         --------
@@ -147,7 +148,7 @@ class PolynomialModel(Immutable):
         from scipy.signal import lfilter
 
         if len(inputs) != len(self.numerators):
-            raise UsageError(f"{len(inputs)} inputs came", needed=f"{len(self.numerators)}")
+            raise UsageError(counted(len(inputs), "input"), needed=f"{len(self.numerators)}")
         driven = sum(
             (lfilter(b, [1.0], u) for b, u in zip(self.numerators, inputs, strict=True)), np.zeros(inputs.shape[1])
         )
@@ -207,7 +208,7 @@ def fit_arx(records: Sequence[TimeData], orders: PolynomialOrders, *, offset: bo
 
 
 def regressors(record: TimeData, orders: PolynomialOrders, past: FloatArray | None = None) -> FloatArray:
-    """What each coefficient multiplies, shape ``(samples - first, coefficients)``, denominator first.
+    """Factors of each coefficient, shape ``(samples - first, coefficients)``, denominator first.
 
     Parameters
     ----------
@@ -237,7 +238,7 @@ def fit_polynomial_output_error(
     offset: bool = False,
     solver: LevenbergMarquardt | None = None,
 ) -> PolynomialModel:
-    """Minimize the error of the simulation from rest over several records.
+    """Minimize the error of the simulation from zero initial state over several records.
 
     The starts are an ARX model, instrumental variables made from it, and the iterations of Steiglitz and McBride; the
     best end counts. The covariance is right where the output error is white; the values are unbiased where it does not
@@ -288,7 +289,7 @@ def fit_polynomial_output_error(
     best = min(ends, key=lambda end: end.cost, default=None)
     if best is None or not np.isfinite(best.cost):
         raise InsufficientDataError(
-            "no start of the output-error model is stable", remedy="take lower orders or another delay"
+            "no starting point of the output-error model is stable", remedy="use lower orders or another delay"
         )
     variance = best.cost / (best.residual.size - orders.coefficients - offset * len(records))
     covariance = variance * np.linalg.pinv(best.jacobian.T @ best.jacobian, hermitian=True)
@@ -376,7 +377,7 @@ def _instrumented(
 
 
 def _filtered(records: Sequence[TimeData], orders: PolynomialOrders, start: PolynomialModel) -> PolynomialModel:
-    """ARX models of records filtered by the denominator before, until it rests; the best of them."""
+    """ARX models of records filtered by the previous denominator, until it converges; the best of them."""
     from scipy.signal import lfilter
 
     model, best = start, start

@@ -59,7 +59,7 @@ class Predictor(NamedTuple):
         return len(self.coefficients)
 
     def innovations(self, record: TimeData) -> FloatArray:
-        """What the past did not predict, shape ``(y, n)``; zero for the first samples, which have no past."""
+        """Prediction errors, shape ``(y, n)``; zero for the first samples, which have no past."""
         past = np.vstack([record.outputs, record.inputs])
         errors = record.outputs - self.direct @ record.inputs
         errors[:, : self.lags] = 0.0
@@ -90,9 +90,9 @@ def fit_predictor(records: Sequence[TimeData], lags: int, *, feedthrough: bool =
     columns = regressors if feedthrough else regressors[:, : lags * (u + y)]
     if len(columns) < columns.shape[1]:
         raise InsufficientDataError(
-            f"{len(columns)} samples came for {columns.shape[1]} coefficients of a predictor",
+            f"{len(columns)} samples are too few for {columns.shape[1]} predictor coefficients",
             needed="longer records",
-            remedy="take a shorter horizon",
+            remedy="use a shorter horizon",
         )
     # A record without noise holds its own future, and its columns depend on each other.
     found = np.asarray(np.linalg.lstsq(columns, outputs, rcond=_EXACT)[0].T, dtype=np.float64)
@@ -126,7 +126,7 @@ def predictor_lags(records: Sequence[TimeData], *, most: int) -> int:
     shortest = min(record.samples for record in records)
     most = min(most, samples // (_ROWS_PER_COEFFICIENT * (u + y)), shortest // 2)
     if most < 1:
-        raise InsufficientDataError(f"{samples} samples came for {u + y} channels", needed="longer records")
+        raise InsufficientDataError(f"{samples} samples are too few for {u + y} channels", needed="longer records")
     regressors, outputs = _rows(records, most, most)
     past = regressors[:, : most * (u + y)]
     factor = triangle(np.hstack([past, outputs]))[:, past.shape[1] :]
@@ -214,7 +214,9 @@ def stacked(values: FloatArray, rows: int) -> FloatArray:
     """
     count = values.shape[1] - rows + 1
     if count < 1:
-        raise InsufficientDataError(f"{values.shape[1]} samples came for a horizon of {rows}", needed="longer records")
+        raise InsufficientDataError(
+            f"{values.shape[1]} samples are too few for a horizon of {rows}", needed="longer records"
+        )
     return np.vstack([values[:, row : row + count] for row in range(rows)])
 
 
@@ -289,7 +291,7 @@ def simulated_gains(A: FloatArray, C: FloatArray, records: Sequence[TimeData], *
 def predicted_gains(
     A: FloatArray, C: FloatArray, K: FloatArray, records: Sequence[TimeData], *, direct: int = 0
 ) -> tuple[FloatArray, FloatArray, Gains]:
-    r"""Gains that bring the prediction one sample ahead closest to the measurement; gives A and K anew with them.
+    r"""Gains that bring the one-step prediction closest to the measurement; returns A and K recomputed with them.
 
     .. math:: \hat x_{k+1} = (A - K C) \hat x_k + (B - K D) u_k + K y_k
 
@@ -469,7 +471,7 @@ def fit_subspace(
     horizon = _horizon(scaled, order) if horizon is None else horizon
     outputs, direct = len(sizes_y), len(sizes_u) if feedthrough else 0
     if (horizon - 1) * outputs < order:
-        raise UsageError(f"a horizon of {horizon} samples came", needed=f"one that shows {order} states")
+        raise UsageError(f"a horizon of {horizon} samples is too short", needed=f"one long enough for {order} states")
     if method == "predictor":
         found = predicted_states(scaled, order, horizon, feedthrough=feedthrough)
         A, C, values = found.A, found.C, found.singular_values
@@ -493,11 +495,11 @@ def fit_subspace(
 
 def _check(records: Sequence[TimeData], order: int, method: str) -> None:
     if method not in get_args(Subspace):
-        raise UsageError(f"the subspace method {method!r} came", needed=f"one of {', '.join(get_args(Subspace))}")
+        raise UsageError(f"unknown subspace method {method!r}", needed=f"one of {', '.join(get_args(Subspace))}")
     if order < 1:
-        raise UsageError(f"a state space of order {order} was asked for", needed="at least one state")
+        raise UsageError(f"order {order} is not possible for a state space", needed="at least one state")
     if not records:
-        raise UsageError("no record came", needed="at least one")
+        raise UsageError("no records were given", needed="at least one")
     shapes = {(len(record.inputs), len(record.outputs), record.sample_rate_hz) for record in records}
     if len(shapes) > 1:
         raise UsageError("the records have different channels or rates", needed="one rate and the same channels")
@@ -530,7 +532,9 @@ def _horizon(records: Sequence[TimeData], order: int) -> int:
     room = min(record.samples for record in records) // 4
     allowed = min(room, sum(record.samples for record in records) // (6 * (u + y)))
     if allowed < needed:
-        raise InsufficientDataError(f"records of {room * 4} samples came for order {order}", needed="longer records")
+        raise InsufficientDataError(
+            f"records of {room * 4} samples are too short for order {order}", needed="longer records"
+        )
     return min(lags, allowed)
 
 
@@ -547,9 +551,9 @@ def _observed(records: Sequence[TimeData], horizon: int, *, weighted: bool) -> t
     rows = np.vstack([future_u, past, future_y])
     if rows.shape[1] < rows.shape[0]:
         raise InsufficientDataError(
-            f"a horizon of {horizon} samples needs {rows.shape[0]} columns and there are {rows.shape[1]}",
+            f"a horizon of {horizon} samples needs {rows.shape[0]} columns, but there are {rows.shape[1]}",
             needed="longer records",
-            remedy="take a shorter horizon",
+            remedy="use a shorter horizon",
         )
     L = triangle(rows.T).T
     start, stop = len(future_u), len(future_u) + len(past)

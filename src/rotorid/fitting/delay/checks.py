@@ -120,7 +120,7 @@ def _fall(u: FloatArray, y: FloatArray, sample_rate_hz: float) -> tuple[float, f
 
 
 def _ahead(u: FloatArray, y: FloatArray) -> tuple[float, FloatArray] | None:
-    """Wald statistic of the response before the input, and each part of it in standard deviations, farthest first."""
+    """Wald statistic of the response before the input, and each component in standard deviations, largest first."""
     lags = np.arange(-_LEADS, _LAGS + 1)
     k = np.arange(_LAGS, y.size - _LEADS)
     if k.size < 2 * lags.size:
@@ -214,7 +214,7 @@ def _losses(inputs: Sequence[FloatArray], outputs: Sequence[FloatArray], tried: 
     own = np.linalg.qr(past)[0]
 
     def beyond(signals: Sequence[FloatArray], lag: int) -> FloatArray:
-        """What the past of the output does not tell of a late signal."""
+        """The part of a late signal that the past of the output does not predict."""
         late = np.concatenate([signal[k - lag] for signal, k in zip(signals, spans, strict=True)])
         return np.asarray(late - own @ (own.T @ late))
 
@@ -228,6 +228,6 @@ def _losses(inputs: Sequence[FloatArray], outputs: Sequence[FloatArray], tried: 
 
 
 def _without(values: FloatArray, other: FloatArray) -> FloatArray:
-    """What is left of ``values`` beside ``other``; all of them where the other is nothing but rounding."""
+    """``values`` with ``other`` projected out; all of them if the other is only rounding."""
     power = float(other @ other)
     return values - other * (float(other @ values) / power) if power > _NOTHING else values

@@ -6,7 +6,7 @@ taken its part of the phase, as the equivalent delay of handling-qualities work 
 information criterion, and the delay that each of the others would have stands beside it.
 
 A pair of channels is asked by the records, by its frequency response and in whole samples; where these disagree, or the
-data cannot tell, a finding says so.
+data do not suffice, a finding says so.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class DelayEstimate(Immutable):
     orders
         Fits of all orders that were tried, under one spectrum of the noise, so that they compare.
     unseen
-        Why the number tells no delay; empty where it does.
+        Why the number is no delay; empty where it is one.
     """
 
     method: Method
@@ -93,14 +93,14 @@ class DelayEstimate(Immutable):
 
     @property
     def meaning(self) -> str:
-        """What the number is, for a person."""
+        """Explanation of the number for a person."""
         if self.order is None:
-            return "whole samples by which an ARX model of second order predicts best"
+            return "whole samples at which a second-order ARX model predicts best"
         source = "fitted to the records" if self.method == "records" else "fitted to the frequency response"
-        return f"dead time beside a lag of {self.order.words}, {source}"
+        return f"dead time plus a lag of {self.order.words}, {source}"
 
     def with_clocks(self, std_s: float) -> DelayEstimate:
-        """The same estimate of a log whose stamps and holds are known to a standard deviation."""
+        """The same estimate with known standard deviations of stamps and holds."""
         if self.interval_s is None:
             return self
         low_s, high_s = (abs(end - self.delay_s) for end in self.interval_s)
@@ -137,7 +137,7 @@ def by_records(
     lines = data.count // 2
     if lines < _FEWEST_LINES:
         raise InsufficientDataError(
-            f"{lines} lines of the spectrum came", needed=f"{_FEWEST_LINES} and more", remedy="use a longer record"
+            f"only {lines} spectral lines", needed=f"{_FEWEST_LINES} or more", remedy="use a longer record"
         )
     scale = float(np.sqrt(np.prod(data.band_rad_s)))
 
@@ -162,13 +162,13 @@ def by_records(
     parameters = chosen.criterion - chosen.solution.cost
     if found.unseen or problem.evidence() > parameters + NO_EVIDENCE:
         return found
-    return replace(found, unseen=f"{pair[1]} does not follow {pair[0]} more than noise does by chance")
+    return replace(found, unseen=f"{pair[1]} does not follow {pair[0]} more than noise would by chance")
 
 
 def whole_band(
     histories: Sequence[TimeHistory], pair: tuple[str, str], *, holds: Sequence[InputHold], limits: Limits
 ) -> DelayEstimate:
-    """What a second order fitted to the whole band says, every line counting alike as least squares in time do."""
+    """The delay of a second-order model fitted to the whole band, all lines weighted alike as in the time domain."""
     data = record_spectra(histories, input=pair[0], output=pair[1], holds=holds, delays_s=limits.delays_s)
     scale = float(np.sqrt(np.prod(data.band_rad_s)))
     model = _lag(Order(0, 2), scale, data.parts[0].hold, data.parts[0].sample_s)
@@ -188,7 +188,7 @@ def by_response(
     hold: InputHold,
     sample_s: float,
 ) -> DelayEstimate | None:
-    """The delay by the frequency response, or ``None`` where too little of it is coherent."""
+    """The delay by the frequency response, or ``None`` if too little of it is coherent."""
     if filtered is not None:
         used = used & (response.omega_rad_s <= filtered.passed_rad_s)
     if np.count_nonzero(used[0, 0]) < _FEWEST_POINTS:
@@ -236,13 +236,13 @@ def _consistent(std_s: float, ends: tuple[float, float]) -> float | None:
 
 
 def _at_limit(delay_s: float, ends: tuple[float, float], limits: Limits) -> str:
-    """What to say where the search ended at one of its limits."""
+    """The finding that the search ended at one of its limits."""
     least, most = limits.delays_s
     if min(delay_s, *ends) > least + _AT_LIMIT_S and max(delay_s, *ends) < most - _AT_LIMIT_S:
         return ""
     return (
-        f"delays from {1e3 * ends[0]:.0f} to {1e3 * ends[1]:.0f} ms fit alike, of those from {1e3 * least:.0f} to "
-        f"{1e3 * most:.0f} ms that were tried"
+        f"delays from {1e3 * ends[0]:.0f} to {1e3 * ends[1]:.0f} ms fit equally well, out of {1e3 * least:.0f} "
+        f"to {1e3 * most:.0f} ms"
     )
 
 
@@ -297,24 +297,24 @@ def contradicted(
         return ""
     input, output = pair
     came = (
-        f"it comes out as {with_ends(1e3 * estimate.delay_s, 1e3 * low_s, 1e3 * high_s, 'ms')}, and {output} "
-        f"cannot answer before {input} moves"
+        f"the estimate is {with_ends(1e3 * estimate.delay_s, 1e3 * low_s, 1e3 * high_s, 'ms')}, but {output} "
+        f"cannot respond before {input} moves"
     )
     if feedback and not joint:
-        return f"{came}: {input} contains feedback of {output}, which runs the other way"
+        return f"{came}: {input} contains feedback from {output}, in the opposite direction"
     if estimate.order is not None and estimate.order.zeros:
         return f"{came}: {_zeros(estimate)}"
-    return f"{came}: their stamps are not of one clock, or {output} was filtered without phase"
+    return f"{came}: their time stamps come from different clocks, or {output} passed a zero-phase filter"
 
 
 def _zeros(estimate: DelayEstimate) -> str:
     plain = [fit for fit in estimate.orders if fit.order.zeros == 0]
     order = estimate.order.words if estimate.order else ""
-    sentence = f"zeros of the lag of {order} take the place of a delay"
+    sentence = f"zeros of the {order} lag replace a delay"
     if not plain:
         return sentence
     best = min(plain, key=lambda fit: fit.criterion)
-    return f"{sentence}, and without zeros the data are not explained as well ({1e3 * best.delay_s:.1f} ms)"
+    return f"{sentence}, and without zeros the data fit worse ({1e3 * best.delay_s:.1f} ms)"
 
 
 _CLEARLY_BETTER = 0.05
@@ -323,14 +323,14 @@ _WORDS = {"records": "the records", "response": "the frequency response"}
 
 
 def unseen_finding(input: str, output: str, why: str) -> list[Finding]:
-    """An estimate that tells no delay, and why."""
+    """The finding on an estimate that shows no delay, and why."""
     if not why:
         return []
     return [
         warn(
             "no_delay",
             f"{output}/{input}",
-            f"No delay of {output} behind {input} can be seen: {why}. Use an input that moves {output} more, or a "
+            f"No delay from {input} to {output} was found: {why}. Use an input that moves {output} more, or a "
             "longer record.",
         )
     ]
@@ -343,16 +343,16 @@ def acausal_finding(
     if filtered is None or as_filtered_s is None:
         return []
     hidden_s = delay_s - as_filtered_s
-    tail = f": the filter hides about {1e3 * hidden_s:.0f} ms from it" if hidden_s > 0.0 else ""
+    tail = f": the filter hides about {1e3 * hidden_s:.0f} ms" if hidden_s > 0.0 else ""
     return [
         warn(
             "acausal_output",
             f"{output}/{input}",
-            f"Above {filtered.cutoff_rad_s:.3g} rad/s {output} falls by {filtered.fall_db:.0f} dB in an octave, as "
-            "no vehicle does, and it answers too early for a filter in flight. A low-pass filter without phase "
-            f"went over {output} and not over {input}. Below {filtered.passed_rad_s:.3g} rad/s, where it does "
-            f"little, the delay is {1e3 * delay_s:.0f} ms; a model of second order on all of the band finds "
-            f"{1e3 * as_filtered_s:.0f} ms{tail}. Use outputs as they were measured, or filter the inputs alike.",
+            f"Above {filtered.cutoff_rad_s:.3g} rad/s {output} falls by {filtered.fall_db:.0f} dB per octave, "
+            "more than any vehicle, yet responds too early for a filter in flight. A zero-phase low-pass was "
+            f"applied to {output} but not to {input}. Below {filtered.passed_rad_s:.3g} rad/s, where it has "
+            f"little effect, the delay is {1e3 * delay_s:.0f} ms; a second-order model over the whole band finds "
+            f"{1e3 * as_filtered_s:.0f} ms{tail}. Use the outputs as measured, or filter the inputs alike.",
             cutoff_rad_s=filtered.cutoff_rad_s,
             fall_db=filtered.fall_db,
             lead_s=filtered.lead_s,
@@ -388,10 +388,10 @@ def lag_or_delay(
         remark(
             "delay_or_lag",
             f"{output}/{input}",
-            f"A lag of {other.order.words} fits {output}/{input} better and leaves a delay of "
-            f"{1e3 * other.delay_s:.1f} ms, where one of {order.words} leaves {1e3 * chosen.delay_s:.1f} ms. "
-            "The total is the same: what a model of low order calls delay is partly lag. Use each delay with its "
-            "own order.",
+            f"A lag of {other.order.words} fits {output}/{input} better, with a delay of "
+            f"{1e3 * other.delay_s:.1f} ms instead of {1e3 * chosen.delay_s:.1f} ms for {order.words}. The total "
+            "is the same: what a low-order model calls delay is partly lag. Use each delay only with its own "
+            "order.",
             delay_s=chosen.delay_s,
             other_delay_s=other.delay_s,
             other_poles=other.order.poles,
@@ -402,7 +402,7 @@ def lag_or_delay(
 def disagreement(
     input: str, output: str, estimates: Sequence[tuple[str, float, tuple[float, float] | None]]
 ) -> list[Finding]:
-    """Two estimates beside one lag whose intervals do not touch."""
+    """The finding on two estimates with the same lag whose intervals do not overlap."""
     with_interval = [(method, delay_s, ends) for method, delay_s, ends in estimates if ends is not None]
     if len(with_interval) < 2:
         return []
@@ -413,9 +413,9 @@ def disagreement(
         warn(
             "delays_disagree",
             f"{output}/{input}",
-            f"By {_WORDS[first]} the delay is {with_ends(1e3 * first_s, 1e3 * a[0], 1e3 * a[1], 'ms')}, by "
-            f"{_WORDS[second]} {with_ends(1e3 * second_s, 1e3 * b[0], 1e3 * b[1], 'ms')}. Feedback of noise "
-            "or another band does this, or a lag that is not of this order; the first is recommended.",
+            f"The delay is {with_ends(1e3 * first_s, 1e3 * a[0], 1e3 * a[1], 'ms')} from {_WORDS[first]} but "
+            f"{with_ends(1e3 * second_s, 1e3 * b[0], 1e3 * b[1], 'ms')} from {_WORDS[second]}. Noise in the "
+            "feedback, another band or a lag of another order causes this; use the first.",
             delay_s=first_s,
             other_delay_s=second_s,
         )
@@ -432,7 +432,7 @@ LONGEST_S, EARLIEST_S = 0.3, -0.15
 """Delays of multirotors are below; negative ones are for outputs that were filtered."""
 
 FASTEST_GROWTH_RAD_S = 10.0
-"""No loop with the delay of a multirotor holds an airframe that diverges faster."""
+"""No loop with the delay of a multirotor can stabilize an airframe that diverges faster."""
 
 _SHORTEST_SHARE = 0.2
 _SAME_RATE = 1.02
@@ -471,7 +471,7 @@ class DelayAnalysis(Immutable):
     findings: tuple[Finding, ...]
 
     def with_clocks(self, std_s: float) -> DelayAnalysis:
-        """The same, of logs whose stamps and holds are known to a standard deviation."""
+        """The same, for logs with known standard deviations of stamps and holds."""
         return replace(
             self,
             recommended=self.recommended.with_clocks(std_s),
@@ -546,7 +546,7 @@ def estimate_delay(
         as_filtered = None
     if response is not None:
         joint = response[0].estimate == "joint"
-        # A direct response stands beside the records, and compares only with the same lag.
+        # A direct response is compared with the records, with the same lag only.
         lags = orders if feedback and joint else tuple(o for o in orders if o == estimates[0].order)
         pooled = hold or input_hold(histories, input)
         if found := by_response(
@@ -580,11 +580,11 @@ def estimate_delay(
 
 
 def input_hold(histories: Sequence[TimeHistory], input: str) -> InputHold:
-    """``held`` where the input rests from most samples to the next and moves in jumps: steps, binary signals."""
+    """``held`` if the input is constant from most samples to the next and jumps: steps, binary signals."""
     steps = np.concatenate([np.abs(np.diff(history[input])) for history in histories])
     span = max(float(np.ptp(history[input])) for history in histories)
     jumps = float(steps[steps > _JUMP * span].sum())
-    # A command at rest repeats too, however it is sent; only one that moves in jumps alone is surely held.
+    # An idle command repeats too; only one that moves in jumps is surely constant between samples.
     still = float(np.mean(steps <= _STILL * span))
     return "held" if still > 0.5 and jumps > _IN_JUMPS * float(steps.sum()) else "smooth"
 
@@ -598,15 +598,15 @@ def same_rate(histories: Sequence[TimeHistory]) -> bool:
 def _no_common_response(histories: Sequence[TimeHistory]) -> UsageError:
     rates = [history.sample_rate_hz for history in histories]
     return UsageError(
-        f"records of {min(rates):.4g} to {max(rates):.4g} Hz came with a frequency response",
-        needed="records of one rate, because a faster one would have to be resampled, which moves its delay",
-        remedy="give the logs of each rate by themselves",
+        f"records of {min(rates):.4g} to {max(rates):.4g} Hz cannot give one frequency response",
+        needed="records of one rate, because resampling changes the delay",
+        remedy="give the logs of each rate separately",
     )
 
 
 def _require(histories: Sequence[TimeHistory], input: str, output: str) -> None:
     if not histories:
-        raise InsufficientDataError("no record came", needed="at least one")
+        raise InsufficientDataError("no records were given", needed="at least one")
     for name in (input, output):
         if all(np.ptp(history[name]) == 0.0 for history in histories):
             raise InsufficientDataError(f"{name} does not move", needed="records in which input and output move")

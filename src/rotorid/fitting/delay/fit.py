@@ -1,4 +1,4 @@
-r"""A late lag: a delay in series with a lag of low order, as delays are told apart from what only looks like one.
+r"""A late lag: a delay in series with a lag of low order, to separate delays from what only looks like one.
 
 .. math:: G(s) = \frac{b_0 + b_1 x + \dots + b_m x^m}{(x + d)\,(x^2 + c_1 x + c_0)} \, e^{-\tau s},
     \qquad x = s / \omega_0
@@ -18,7 +18,7 @@ profile of the cost for an interval. To a frequency response :math:`H` the resid
 
 .. math:: r = \ln \frac{H(\omega)}{G(j\omega)}
 
-with real part the error of the magnitude and imaginary part that of the phase, whose slope tells the delay, weighed by
+with real part the error of the magnitude and imaginary part that of the phase, whose slope is the delay, weighed by
 the covariance of the response between its points; records are fitted in :mod:`rotorid.fitting.delay.record`.
 """
 
@@ -60,7 +60,7 @@ class Order(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The order as a person says it.
+        """The order in words.
 
         Examples
         --------
@@ -185,7 +185,7 @@ class DelayedLag:
 
 
 def hold_spectrum(omega_rad_s: FloatArray, sample_s: float) -> ComplexArray:
-    r"""What holding a sample does to its spectrum, :math:`(1 - e^{-j\omega T}) / (j\omega T)`; same shape."""
+    r"""Effect of a sample-and-hold on the spectrum, :math:`(1 - e^{-j\omega T}) / (j\omega T)`; same shape."""
     half = 0.5 * omega_rad_s * sample_s
     return np.asarray(np.sinc(half / np.pi) * np.exp(-1j * half), dtype=np.complex128)
 
@@ -198,12 +198,13 @@ _CHI_SQUARED_95 = 3.841
 _PROFILE_STEPS = 12
 _PROFILE_ACCURACY = 0.02
 _NEGLIGIBLE, NO_EVIDENCE = 0.02, 6.0
-"""An order is worth its parameters only where it lowers the misfit by more than this share of it, and the criterion by
-more than what counts as strong evidence (Kass and Raftery, *Bayes Factors*, 1995)."""
+"""Least relative reduction of the misfit for another parameter; the criterion must also show strong evidence (Kass and
+Raftery, *Bayes Factors*, 1995).
+"""
 
 
 class DelayProblem(Protocol):
-    """What a late lag is fitted to: records or a frequency response."""
+    """Data for the fit of a delayed lag: records or a frequency response."""
 
     @property
     def model(self) -> DelayedLag: ...

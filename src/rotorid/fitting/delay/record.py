@@ -42,7 +42,7 @@ _CACHED = 64
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Equations(Immutable):
-    """What one record says at one shift of its input: ``output = drive * G(nodes) + ends * E(nodes)``.
+    """Equations of one record at one shift of its input: ``output = drive * G(nodes) + ends * E(nodes)``.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ class RecordPart(Immutable):
         return np.asarray(coefficients[0] * nodes[..., low] + coefficients[1] * nodes[..., high])
 
     def input_lines(self, samples: int) -> ComplexArray:
-        """Transform of the input that came ``samples`` earlier than the output, shape ``(f,)``."""
+        """Transform of the input ``samples`` before the output, shape ``(f,)``."""
         if self.lines * abs(samples) > self.count:
             begin = self.first - samples
             return np.asarray(np.fft.rfft(self.input[begin : begin + self.count])[self.bins], dtype=np.complex128)
@@ -171,7 +171,7 @@ class RecordPart(Immutable):
         return np.asarray(phase * unmoved + (change if samples > 0 else 0.0), dtype=np.complex128)
 
     def equations(self, samples: int) -> Equations:
-        """The equations for an input that came ``samples`` earlier than the output."""
+        """The equations for an input ``samples`` before the output."""
         return self._equations(samples)
 
     def thinned(self, step: int) -> RecordPart:

@@ -12,7 +12,7 @@ domain; and where a controller answers to gusts, gusts go together with states a
 that this is the domain to prefer. The values are starts for output error and prediction error, and quick answers.
 
 The covariance counts what equations share, whatever the color of their residuals. Findings name noise in regressors and
-what could not be estimated. Which states and inputs an equation needs at all, stepwise regression on records can tell.
+what could not be estimated. Which states and inputs an equation needs at all, stepwise regression on records shows.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ _SEED = 1
 
 
 def left_findings(parameters: ParameterSet, left: Sequence[str], fixed_names: Sequence[str]) -> tuple[Finding, ...]:
-    """What was not estimated, and why.
+    """Findings on parameters that were not estimated.
 
     Parameters
     ----------
@@ -121,14 +121,14 @@ def left_findings(parameters: ParameterSet, left: Sequence[str], fixed_names: Se
     left, fixed_names
         Free parameters that were not estimated, and those that states were simulated with.
     """
-    simulated = "it shapes a state that no sensor measures; --method output_error estimates it"
-    nowhere = "no equation whose states were all measured holds it, or it was not searched"
+    simulated = "it shapes a state that is not measured; --method output_error estimates it"
+    nowhere = "it appears in no equation whose states were all measured, or it was not searched"
     return tuple(
         warn(
             "not_in_measured_equations",
             name,
-            f"{name} was not estimated and stays at {parameters[name].value:.4g} {parameters[name].unit}: "
-            f"{simulated if name in fixed_names else nowhere}.",
+            f"{name} was not estimated and keeps its value of {parameters[name].value:.4g} "
+            f"{parameters[name].unit}: {simulated if name in fixed_names else nowhere}.",
             value=parameters[name].value,
         )
         for name in left
@@ -158,8 +158,8 @@ def noise_findings(
         (warn if share > _LARGE_SHARE else remark)(
             "noisy_regressors",
             state,
-            f"About {100.0 * share:.2g} % of the power of {state} is noise of its sensor, which pulls the "
-            "derivatives with respect to it toward zero.",
+            f"About {100.0 * share:.2g} % of the power of {state} is sensor noise, which pulls its derivatives "
+            "toward zero.",
             share=share,
         )
         for state, share in noise_shares(rows).items()
@@ -173,8 +173,8 @@ def noise_findings(
                 warn(
                     "biased_by_noise",
                     name,
-                    f"White noise of the sensors moves {name} = {theta[k]:.4g} by about {pull:.2g}, which is "
-                    f"{abs(pull) / std:.2g} of its standard deviations.",
+                    f"White sensor noise shifts {name} = {theta[k]:.4g} by about {pull:.2g}, "
+                    f"{abs(pull) / std:.2g} times its standard deviation.",
                     value=theta[k],
                     bias=pull,
                     std=std,
@@ -228,7 +228,7 @@ def noise_shares(rows: EquationRows) -> dict[str, float]:
 def noise_bias(
     rows: EquationRows, theta: FloatArray, weights: FloatArray, inverse: FloatArray, moving: Sequence[int]
 ) -> FloatArray:
-    r"""What white noise of the sensors moves the estimates by, to first order, shape ``(p,)``.
+    r"""Shift of the estimates by white sensor noise, to first order, shape ``(p,)``.
 
     .. math:: \delta\theta = -(J^T J)^{-1} \, E[J_\nu^T e_\nu], \qquad e_\nu = A \dot\nu - B \nu
 
@@ -256,7 +256,7 @@ _LONGEST_SHARE = 0.95
 
 
 class EquationScore(NamedTuple):
-    """How well one equation holds.
+    """Fit of one equation.
 
     Parameters
     ----------
@@ -346,7 +346,7 @@ def fit_equation_error(
     Raises
     ------
     InsufficientDataError
-        No equation has all its states among what the outputs show, or parameters cannot be told apart.
+        No equation has all its states among what the outputs show, or parameters cannot be separated.
 
     Notes
     -----
@@ -389,7 +389,7 @@ def fit_equation_error(
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """What is searched: some of the free parameters, the others as they start.
+    """Searched parameters: some of the free ones, the others at their start values.
 
     Parameters
     ----------
@@ -417,7 +417,7 @@ class _Search:
             np.array([parameter.upper for parameter in free]),
         )
         late: BoolArray = np.any(slopes.input_delays_s, axis=1)
-        # Half a sample of a held input and a nudge to see what a delay does must fit into what is left out.
+        # Half a sample of hold and a small shift for the derivative by the delay must fit into the margin.
         longest_s = _LONGEST_SHARE * rows.domain.longest_delay_s - max(
             1.0 / record.sample_rate_hz for record in rows.records
         )
@@ -462,7 +462,7 @@ class _Search:
         return solver.minimize(residuals, theta[moving], self.box[0][moving], self.box[1][moving])
 
     def with_delays(self, theta: FloatArray) -> FloatArray:
-        """Values at which each delay fits best on a grid, one after the other, the rest solved for."""
+        """Values at which each delay fits best on a grid, one after the other, with the other parameters solved for."""
         for k in self.delays:
             tried = [self._linear(theta, k, value) for value in np.linspace(self.box[0][k], self.box[1][k], _SECTIONS)]
             theta = min(tried, key=lambda item: item[0])[1]
@@ -497,7 +497,7 @@ def _ended(search: _Search, theta: FloatArray, weights: FloatArray, solution: So
     if values[0] < _RANK_TOLERANCE:
         mixed = [name for name, share in zip(names, np.abs(vectors[:, 0]), strict=True) if share > 0.1]
         raise InsufficientDataError(
-            f"the equations do not tell {', '.join(mixed)} apart",
+            f"the equations do not separate {', '.join(mixed)}",
             needed="records in which states and inputs move independently",
             remedy="fix some with --fix NAME=VALUE, or excite the axes independently",
         )
@@ -586,11 +586,11 @@ def stepwise_equation(
     ('constant', 'r_setpoint', 'r')
     """
     rows = EquationRows(ParameterMap(structure, parameters), tuple(records), domain or InTime(), hold).checked()
-    # A derivative is written as the state in the call, and with a stroke where outputs stand beside it.
+    # A derivative is written as the state in the call, and with a prime among outputs.
     names = [name.removesuffix("'") for name in rows.names]
     if equation not in names:
         raise UsageError(
-            f"{structure.name} has no equation {equation} whose states were all measured",
+            f"{structure.name} has no equation {equation} with all states measured",
             needed=f"one of {', '.join(names)}",
         )
     row = names.index(equation)

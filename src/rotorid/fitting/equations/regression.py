@@ -57,7 +57,7 @@ _LONGEST_LAG_SHARE = 0.2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Regression(Immutable):
-    """A regression with everything that a report shows of it.
+    """A regression with all numbers of a report.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ class Regression(Immutable):
 
     @property
     def partial_f(self) -> FloatArray:
-        r"""What leaving out each regressor would cost, in units of the residual variance, shape ``(p,)``.
+        r"""Cost of leaving out each regressor, in units of the residual variance, shape ``(p,)``.
 
         :math:`F_j = (SSE_{-j} - SSE) / s^2 = t_j^2`.
         """
@@ -241,25 +241,25 @@ def _checked(
     X, y = np.asarray(regressors, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if X.ndim != 2 or y.shape != (X.shape[0],) or X.shape[1] != len(names):
         raise UsageError(
-            f"regressors of shape {X.shape}, {len(names)} names and a target of shape {y.shape} came",
+            f"regressors of shape {X.shape}, {len(names)} names and a target of shape {y.shape} do not match",
             needed="shapes (n, p), p and (n,)",
         )
     if not (np.isfinite(X).all() and np.isfinite(y).all()):
-        raise UsageError("samples that are not finite came", needed="finite samples", remedy="cut the stretch there")
+        raise UsageError("some samples are not finite", needed="finite samples", remedy="cut the data there")
     labels = tuple(names)
     if constant:
         X, labels = np.column_stack([X, np.ones(len(X))]), (*labels, CONSTANT)
     if len(set(labels)) < len(labels):
-        raise UsageError(f"the regressors {', '.join(labels)} came", needed="each name once")
+        raise UsageError(f"duplicate regressors among {', '.join(labels)}", needed="each name once")
     if X.shape[0] <= X.shape[1]:
-        raise InsufficientDataError(f"{X.shape[0]} samples came", needed=f"more than {X.shape[1]}")
+        raise InsufficientDataError(f"{X.shape[0]} samples are too few", needed=f"more than {X.shape[1]}")
     return X, y, labels
 
 
 def _dependent(name: str) -> InsufficientDataError:
     return InsufficientDataError(
         f"the regressor {name} is zero or a combination of the others",
-        needed="regressors that the data can tell apart",
+        needed="regressors that the data can separate",
         remedy="leave it out, or excite the axes independently",
     )
 
@@ -371,12 +371,10 @@ def stepwise(
     [('start', ''), ('enter', 'c'), ('enter', 'a')]
     """
     if f_to_enter < f_to_remove:
-        raise UsageError(
-            f"F to enter {f_to_enter:g} and F to remove {f_to_remove:g} came", needed="F to enter not below the other"
-        )
+        raise UsageError(f"F to enter ({f_to_enter:g}) is below F to remove ({f_to_remove:g})")
     columns = {name: np.asarray(regressors, dtype=np.float64)[:, index] for index, name in enumerate(names)}
     if unknown := [name for name in keep if name not in columns]:
-        raise UsageError(f"{unknown[0]} is no candidate", needed=f"some of {', '.join(names)}")
+        raise UsageError(f"unknown candidate {unknown[0]}", needed=f"some of {', '.join(names)}")
     search = _Search(columns, np.asarray(target, dtype=np.float64), constant, ordered)
     terms = tuple(keep)
     met = [search.fit(terms)] if terms or constant else []
@@ -428,7 +426,7 @@ class _Search:
         return name, float(model.partial_f[model.names.index(name)]), model
 
     def _remainder(self, name: str, terms: tuple[str, ...]) -> FloatArray | None:
-        """What a candidate has that the terms do not, with unit length; ``None`` where that is nothing."""
+        """Component of a candidate orthogonal to the terms, with unit length; ``None`` if there is none."""
         basis = [self.columns[term] for term in terms] + ([np.ones(self.target.size)] if self.constant else [])
         column, length = self.columns[name], float(np.linalg.norm(self.columns[name]))
         if basis:
@@ -500,7 +498,7 @@ def finite_transform(values: FloatArray, *, sample_rate_hz: float, omega_rad_s: 
         total = values @ np.exp(-1j * step * np.outer(np.arange(count), omega))
     s = 1j * omega
     end = np.exp(-s * (count - 1) * step)
-    # A sample inside stands for a whole hat, one at an end for half of it.
+    # An inner sample has the weight of a whole hat function, an end sample half of it.
     hat = step * np.sinc(0.5 * omega * step / np.pi) ** 2
     half = 1.0 / s - (1.0 - np.exp(-s * step)) / (s**2 * step)
     first, last = values[..., :1], values[..., -1:]
@@ -551,7 +549,7 @@ def late_transform(
 
 @lru_cache(maxsize=_CACHED)
 def _chirp(count: int, lines: int, turn: complex, begin: complex) -> CZT:
-    """What a chirp transform needs that does not depend on the values; nothing changes it afterwards."""
+    """Constants of a chirp transform that do not depend on the values; read-only."""
     from scipy.signal import CZT
 
     return CZT(count, lines, turn, begin)
@@ -676,17 +674,18 @@ class InBand(Immutable):
         return first, history.values.shape[1] - first
 
     def _lines(self, history: TimeHistory) -> FloatArray:
-        """Frequencies no closer than the record tells apart."""
+        """Frequencies no closer than the record resolves."""
         low, high = self.band_rad_s
         duration_s = self._window(history)[1] / history.sample_rate_hz
-        told_apart = int((high - low) * duration_s / (2.0 * np.pi))
-        if told_apart < 2 or high > np.pi * history.sample_rate_hz:
+        resolved = int((high - low) * duration_s / (2.0 * np.pi))
+        if resolved < 2 or high > np.pi * history.sample_rate_hz:
             raise InsufficientDataError(
-                f"a record of {duration_s:.3g} s at {history.sample_rate_hz:.4g} Hz came for {low:g} to {high:g} rad/s",
-                needed="a band below the Nyquist frequency in which the record tells frequencies apart",
+                f"{duration_s:.3g} s at {history.sample_rate_hz:.4g} Hz are too short or slow for {low:g} to "
+                f"{high:g} rad/s",
+                needed="a band below the Nyquist frequency and above the resolution of the record",
                 remedy="choose another band or a longer record",
             )
-        return np.linspace(low, high, min(told_apart + 1, _LINES))
+        return np.linspace(low, high, min(resolved + 1, _LINES))
 
 
 def equation_error(
@@ -721,7 +720,7 @@ def equation_error(
     Raises
     ------
     InsufficientDataError
-        Regressors cannot be told apart, or the records are too short.
+        Regressors cannot be separated, or the records are too short.
     UsageError
         A channel is not in a record, or a delay is longer than the domain allows.
 
@@ -744,10 +743,10 @@ def _equation(
 ) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
     """Rows of all records below each other: right sides ``(n, p)``, left side ``(n,)``, names."""
     if not histories:
-        raise InsufficientDataError("no record came", needed="at least one")
+        raise InsufficientDataError("no records were given", needed="at least one")
     for name in (target, *regressors, *delays_s):
         if any(name not in history.names for history in histories):
-            raise UsageError(f"there is no channel {name}", needed=f"some of {', '.join(histories[0].names)}")
+            raise UsageError(f"unknown channel {name}", needed=f"some of {', '.join(histories[0].names)}")
     blocks, lefts = [], []
     for history in histories:
         columns = [domain.level(history, name, delays_s.get(name, 0.0)) for name in regressors]

@@ -208,7 +208,7 @@ def _slope(values: FloatArray, step_s: float) -> FloatArray:
 
 
 def _lagged(drive: FloatArray, pole_1_s: float, step_s: float) -> FloatArray:
-    r"""Solution of :math:`\dot x = \lambda x + d` for a drive that goes straight between samples, from rest."""
+    r"""Solution of :math:`\dot x = \lambda x + d` for a drive linear between samples, from zero initial state."""
     from scipy.signal import lfilter
 
     turn = pole_1_s * step_s
@@ -348,13 +348,13 @@ class EquationRows:
         )
 
     def known_levels(self, system: Matrices) -> FloatArray:
-        """What of the left sides of outputs is known of the states, shape ``(e, x)``: gravity, as a rule."""
+        """Known contributions to the left sides of outputs from the states, shape ``(e, x)``: gravity, as a rule."""
         outputs = [output for output, _ in self.output_rows]
         return np.concatenate([np.zeros((len(self.state_rows), system.H0.shape[1])), system.H0[outputs]])
 
     @cached_property
     def _still(self) -> list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]:
-        """Slopes, levels and outputs of each record, which no delay moves, and a basis of what is not known of it."""
+        """Slopes, levels and outputs of each record that no delay moves, and a basis of its unknowns."""
         found = []
         for history in self.histories:
             sizes = [len(self.start[0].F), len(self.start[0].H0)]
@@ -402,7 +402,7 @@ class EquationRows:
         return {}
 
     def errors(self, theta: FloatArray) -> list[Errors]:
-        """Errors of the equations and their derivatives, for each record, beside constants that are not known.
+        """Errors of the equations and their derivatives, for each record, with unknown constants removed.
 
         Parameters
         ----------
@@ -438,14 +438,14 @@ class EquationRows:
             return self
         known = [name for name, had in zip(self.map.structure.states, self.plan.known, strict=True) if had]
         raise InsufficientDataError(
-            f"the outputs of {self.map.structure.name} show the states {', '.join(known) or '(none)'}",
+            f"the outputs of {self.map.structure.name} measure only the states {', '.join(known) or '(none)'}",
             needed="all states of an equation with free parameters",
             remedy="fit by output error, which needs no measured states",
         )
 
 
 def _orthogonal_to(basis: FloatArray, values: FloatArray) -> FloatArray:
-    """What is left of rows ``(..., n)`` beside a basis ``(n, k)``."""
+    """Rows ``(..., n)`` with a basis ``(n, k)`` projected out."""
     return np.asarray(values - (values @ basis) @ basis.T)
 
 

@@ -1,10 +1,10 @@
-r"""Shapes of the errors of frequency responses that are no noise: smooth model errors, clocks, sensors, thrust, lean.
+r"""Shapes of systematic errors of frequency responses: smooth model errors, clocks, sensors, thrust and tilt.
 
 Each shape is a column in the residuals, with a size of its own.
 
 - *Model error*. A structure that leaves something out errs alike at neighboring frequencies: in magnitude and in phase
   a Gaussian process over :math:`\ln \omega` with the kernel :math:`\exp(-\frac12 (\Delta \ln\omega / 0.7)^2)`, one
-  octave. How large it is, the residuals of a fit tell (:mod:`rotorid.uncertainty.model_error`).
+  octave. The residuals of a fit show how large it is (:mod:`rotorid.uncertainty.model_error`).
 - *Clocks*. No log says where within a sample a value belongs: every input and every output may be late by
   :math:`0.15 \, \Delta t`.
 - *Sensors*. One that contradicts the kinematics of its log may be the wrong one of the two: its response may be off by
@@ -34,7 +34,7 @@ _OCTAVE = 0.7
 """Length of smooth errors over the natural logarithm of frequency: ln 2, rounded."""
 
 _TWO_OCTAVES = 1.4
-"""Length of errors by lean, thrust and feedback over the natural logarithm of frequency."""
+"""Length of errors by tilt, thrust and feedback over the natural logarithm of frequency."""
 
 _KEPT = 1e-3
 """Share of the largest eigenvalue of the kernel, below which columns are left out."""

@@ -53,8 +53,8 @@ def fit_frequency(
 
     The structure's own start values are tried first, where they are any good, then those that the data give. A start
     that ends no lower than the best so far, and no higher, ends the search if the cost is acceptable. Of minima with
-    one cost the first counts, so that the data do not swap two poles that the structure tells apart. Other minima that
-    were met are kept in ``others`` of the solution.
+    one cost the first counts, so that the data do not swap two poles of the structure. Other minima that were met
+    are kept in ``others`` of the solution.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def fit_frequency(
     points = problem.points.values.size
     if 2 * points <= len(problem.parameters.free):
         raise InsufficientDataError(
-            f"{points} usable frequencies came", needed=f"more than {len(problem.parameters.free) // 2}"
+            f"only {points} usable frequencies", needed=f"more than {len(problem.parameters.free) // 2}"
         )
     acceptable = ACCEPTABLE_COST * np.count_nonzero(problem.used.any(axis=-1))
     found: list[Solution] = []
@@ -173,7 +173,7 @@ def minimize_many(
     Parameters
     ----------
     residuals
-        Residuals and derivatives of some of the searches; it is told which, as indices into ``starts``.
+        Residuals and derivatives of some of the searches; it receives which, as indices into ``starts``.
     starts
         Shape ``(b, p)``; they are brought into the box first.
     lower, upper
@@ -234,7 +234,7 @@ class _Search:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """What is minimized, in which box, with how many residuals each."""
+    """Objective and box of a search, with the number of residuals."""
 
     residuals: ManyResiduals
     lower: FloatArray
@@ -290,7 +290,7 @@ def _promised(now: _Search, step: FloatArray) -> FloatArray:
 
 
 def _steps(now: _Search, damping: FloatArray, at_bound: BoolArray) -> FloatArray:
-    """Damped steps, zero along parameters that are held on a bound."""
+    """Damped steps, zero for parameters at a bound."""
     size = now.theta.shape[1]
     diagonal = np.einsum("bii->bi", now.normal)
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
@@ -303,7 +303,7 @@ def _steps(now: _Search, damping: FloatArray, at_bound: BoolArray) -> FloatArray
 
 
 _ROUNDS = 2
-"""Errors are taken about the model of the round before; after two they stand still."""
+"""Errors are evaluated at the model of the round before; they are frozen after two rounds."""
 
 
 def weights_of(

@@ -135,7 +135,7 @@ def _same(matrices: Matrices, other: Matrices) -> bool:
 
 
 def _constants(system: Matrices, slopes: Matrices, theta: FloatArray) -> Matrices:
-    """What is left of the matrices at parameters of zero; rounding of their sums is not left over."""
+    """Constant part of the matrices, with rounding of their sums removed."""
     parts = []
     for matrix, slope in zip(system, slopes, strict=True):
         rest = matrix - np.tensordot(theta, slope, axes=1)

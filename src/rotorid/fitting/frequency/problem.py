@@ -2,8 +2,8 @@ r"""A structure fitted to measured frequency responses: CIFER's cost, as residua
 
 .. math:: J = \frac{20}{n_\omega} \sum W \left[ (\Delta |T|_{dB})^2 + 0.01745 \, (\Delta \angle T_{deg})^2 \right]
 
-Up to 100 is acceptable, up to 50 hardly to be told from the flight (Tischler and Remple, *Aircraft and Rotorcraft
-System Identification*, chapter 11).
+Up to 100 is acceptable, up to 50 practically indistinguishable from the flight (Tischler and Remple, *Aircraft and
+Rotorcraft System Identification*, chapter 11).
 
 Residuals are the logarithmic errors of a model at measured points, for many parameter vectors in one sweep. A parameter
 stands in few entries of the matrices. With :math:`A = j\omega M - F`, :math:`X = A^{-1} G` and
@@ -47,10 +47,10 @@ ACCEPTABLE_COST = 100.0
 """Average cost up to which a model is acceptable: the guideline of CIFER."""
 
 EXCELLENT_COST = 50.0
-"""Average cost up to which a model can hardly be told from the flight: the same guideline."""
+"""Average cost up to which a model is practically indistinguishable from the flight: the same guideline."""
 
 PHASE_WEIGHT = 0.01745
-"""Of a squared degree beside a squared decibel, in CIFER's cost."""
+"""Weight of a squared degree relative to a squared decibel, in CIFER's cost."""
 
 DB_PER_NEPER = 20.0 / np.log(10.0)
 DEG_PER_RAD = 180.0 / np.pi
@@ -74,7 +74,7 @@ def point_weights(data: FrequencyResponse, used: BoolArray) -> FloatArray:
     r"""Weights of all points, shape ``(y, u, f)``; zero where a point is not used.
 
     Direct estimates are weighted by coherence, as CIFER does. Joint estimates are weighted by the variance of the
-    instrument-variable estimate, :math:`1/(\varepsilon^2 + \varepsilon_0^2)`, because no coherence of theirs tells how
+    instrument-variable estimate, :math:`1/(\varepsilon^2 + \varepsilon_0^2)`, because their coherence does not show how
     good a point is; the weights are scaled to the same sum, so that costs stay comparable. The floor
     :math:`\varepsilon_0 = 2\,\%` stands for what random errors leave out: leakage, calibration, the model itself.
     """
@@ -192,7 +192,7 @@ def _one_hot(channel: IntArray, count: int) -> tuple[ComplexArray, ...]:
 
 
 class _Response(NamedTuple):
-    """Response at the points, shape ``(b, n)``, with what its derivatives are made of.
+    """Response at the points, shape ``(b, n)``, with the parts of its derivatives.
 
     The inverse of :math:`A` at all frequencies, ``(b, f, x, x)``, rows of :math:`L` and columns of :math:`X` at the
     points, ``(b, x, n)``, and the delays as a factor, ``(b, n)``.
@@ -358,7 +358,7 @@ def pair_index(data: FrequencyResponse, name: str) -> tuple[int, int]:
     if name not in names:
         near = difflib.get_close_matches(name, names, n=1)
         raise UsageError(
-            f"there is no response {name!r}",
+            f"unknown response {name!r}",
             needed=f"one of {', '.join(names)}",
             remedy=f"did you mean {near[0]}?" if near else "",
         )
@@ -407,14 +407,14 @@ def within_bands(used: BoolArray, data: FrequencyResponse, bands: Mapping[str, t
     for name, (low, high) in bands.items():
         pair = pair_index(data, name)
         if not 0.0 <= low < high:
-            raise UsageError(f"the band {low:g} to {high:g} rad/s of {name} came", needed="0 <= low < high")
+            raise UsageError(f"the band {low:g} to {high:g} rad/s of {name} is empty", needed="0 <= low < high")
         omega = data.omega_rad_s
         kept[pair] &= (omega >= low * (1.0 - _ROUNDING)) & (omega <= high * (1.0 + _ROUNDING))
     return kept
 
 
 _JITTER = 1e-9
-"""Outputs of which one is the integral of another err alike to the last digit; a factor needs some distance."""
+"""Outputs that are integrals of others have errors equal to the last digit; a factor needs some distance."""
 
 
 def residual_errors(
@@ -538,22 +538,23 @@ class FrequencyProblem(Problem):
     def __post_init__(self) -> None:
         if self.data.inputs != self.structure.inputs or self.data.outputs != self.structure.outputs:
             raise UsageError(
-                f"responses of {', '.join(self.data.outputs)} to {', '.join(self.data.inputs)} came",
+                f"the data are responses of {', '.join(self.data.outputs)} to {', '.join(self.data.inputs)}",
                 needed=f"{', '.join(self.structure.outputs)} to {', '.join(self.structure.inputs)}",
             )
         used = read_only(self.used, np.bool_, ndim=3)
         if used.shape != self.data.values.shape:
-            raise UsageError(f"a selection of shape {used.shape} came", needed=f"shape {self.data.values.shape}")
+            raise UsageError(
+                f"a selection of shape {used.shape} does not fit the data", needed=f"shape {self.data.values.shape}"
+            )
         for name, weight in self.pair_weights.items():
             pair_index(self.data, name)
             if not 0.0 < weight < np.inf:
                 raise UsageError(
-                    f"the weight {weight:g} of {name} came",
-                    needed="a positive number",
-                    remedy="leave the response out of the points that count instead",
+                    f"the weight {weight:g} of {name} is not a positive number",
+                    remedy="leave the response out of the counted points instead",
                 )
         if not 0.0 <= self.phase_weight < np.inf:
-            raise UsageError(f"the phase weight {self.phase_weight:g} came", needed="zero or a positive number")
+            raise UsageError(f"the phase weight {self.phase_weight:g} is not zero or positive")
         self._set(used=used, pair_weights=self.pair_weights)
 
     @property
@@ -593,11 +594,11 @@ class FrequencyProblem(Problem):
 
     @cached_property
     def errors(self) -> ResidualErrors:
-        """What the errors of the data make of the residuals."""
+        """Covariance of the residuals from the errors of the data."""
         return residual_errors(self.data, self.used, self.point_scales)
 
     def errors_about(self, theta: FloatArray) -> ResidualErrors:
-        """What the errors of the data make of the residuals, about the model at ``theta``."""
+        """Covariance of the residuals from the errors of the data, about the model at ``theta``."""
         model = self.structure.response(self.parameters.unpack(theta).values, self.data.omega_rad_s)
         return residual_errors(self.data, self.used, self.point_scales, model=model)
 
@@ -629,7 +630,7 @@ class FrequencyProblem(Problem):
         return replace(shapes, known=known, largest=1)
 
     def _displaced(self, theta: FloatArray) -> FloatArray:
-        """What an accelerometer beside the center of gravity does to the residuals, to first order, shape ``(2 n,)``.
+        """Effect of an accelerometer off the center of gravity on the residuals, to first order, shape ``(2 n,)``.
 
         To first order, because the derivatives by which the fit follows it are: the logarithm of what a centimeter adds
         to a small force is none of their combinations, and would be laid on parameters that have no part in it.

@@ -1,4 +1,4 @@
-r"""What measured responses can show of a structure, before anything is fitted.
+r"""Parameters of a structure that measured responses can show, found before anything is fitted.
 
 A structure holds more than a flight shows. A response that no parameter can produce says nothing to it. A coupling that
 none of the usable responses shows is worse: it acts through products with other such couplings alone, a fit drives them
@@ -85,7 +85,7 @@ class UnseenCoupling(NamedTuple):
 
 
 def without_unseen_couplings(problem: FrequencyProblem) -> tuple[FrequencyProblem, tuple[UnseenCoupling, ...]]:
-    """The problem with couplings held at zero that its responses cannot show.
+    """The problem with couplings set to zero that its responses cannot show.
 
     A coupling, see :func:`is_coupling`, stays free if, to first order about the model in hover without any coupling, it
     changes a usable response of an output that shows the equation in which it stands. The first condition leaves out
@@ -146,7 +146,7 @@ def _known_well(problem: FrequencyProblem) -> BoolArray:
 
 
 def _shown(problem: FrequencyProblem, couplings: Sequence[str], there: Collection[str]) -> BoolArray:
-    """Which responses show which coupling to first order beside those that are there, shape ``(c, y, u)``."""
+    """Responses that show each coupling to first order, given the others, shape ``(c, y, u)``."""
     parameters = problem.parameters
     structure = problem.structure.with_constants({name: 0.0 for name in _TRIM if name in problem.structure.constants})
     omega = problem.data.omega_rad_s[problem.used.any(axis=(0, 1))]
@@ -170,7 +170,7 @@ def _shown(problem: FrequencyProblem, couplings: Sequence[str], there: Collectio
 
 
 def _equations(structure: LinearStructure, values: Mapping[str, float], directions: FloatArray) -> BoolArray:
-    """Which outputs show an equation in which a free parameter stands, or are one themselves, shape ``(p, y)``."""
+    """Outputs that show an equation with a free parameter, or are one themselves, shape ``(p, y)``."""
     system, (M, F, G, H0, H1, *_) = structure.matrices_and_jacobian(values, directions)
     stands = (np.abs(M).sum(axis=2) + np.abs(F).sum(axis=2) + np.abs(G).sum(axis=2)) > 0.0
     shows = (np.abs(system.H0) + np.abs(system.H1)) > 0.0

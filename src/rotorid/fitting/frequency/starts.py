@@ -71,7 +71,7 @@ def fraction_starts(problem: FrequencyProblem, thetas: FloatArray) -> tuple[Floa
 
 
 def delays(problem: FrequencyProblem) -> BoolArray:
-    """Which free parameters stand in a delay, shape ``(p,)``."""
+    """Which free parameters are part of a delay, shape ``(p,)``."""
     _, slopes = problem.parameter_map.tangent(problem.parameters.pack())
     found = slopes.input_delays_s.any(axis=-1) | slopes.output_delays_s.any(axis=-1)
     return np.asarray(found, dtype=np.bool_)
@@ -98,7 +98,7 @@ _UNSEEN = 1e-10
 
 
 class Roles(NamedTuple):
-    """Which state equations hold as they stand, shape ``(x,)``, and which parameters the others give, ``(p,)``."""
+    """State equations that are known, shape ``(x,)``, and parameters that the others give, ``(p,)``."""
 
     known: BoolArray
     linear: BoolArray
@@ -254,7 +254,7 @@ LONGEST_DELAY_S = 0.3
 """Delays of multirotors are below; a grid goes further where the present values do."""
 
 _LONGEST_GRID_S = 3.0
-"""What is later than this is no delay of a vehicle, and its grid would have no end."""
+"""Largest delay of a vehicle, which limits the grid."""
 
 _RADIANS_PER_STEP = 0.5
 _LAGS_S = (0.01, 0.03, 0.1)
@@ -264,7 +264,7 @@ _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 def delay_grid_s(problem: FrequencyProblem) -> FloatArray:
-    """Delays from zero up, at most half a radian apart at the highest frequency, shape ``(g,)``."""
+    """Delays from zero, at most half a radian apart at the highest frequency, shape ``(g,)``."""
     highest = float(problem.points.omega_rad_s.max(initial=1.0))
     present = np.abs(problem.parameters.pack()[delays(problem)]).max(initial=0.0)
     longest = min(max(LONGEST_DELAY_S, 1.5 * float(present)), _LONGEST_GRID_S)
@@ -306,7 +306,7 @@ def equation_error_start(problem: FrequencyProblem) -> FloatArray | None:
 
 
 def _lags(problem: FrequencyProblem, role: Roles) -> IntArray:
-    """Times that stand before a derivative and that equation error cannot give."""
+    """Time constants of a derivative, which equation error cannot estimate."""
     _, slopes = problem.parameter_map.tangent(problem.parameters.pack())
     seconds = np.array([problem.parameters[name].unit == "s" for name in problem.parameters.free], dtype=np.bool_)
     chosen: BoolArray = seconds & slopes.M.any(axis=(-1, -2)) & ~role.linear
@@ -314,7 +314,7 @@ def _lags(problem: FrequencyProblem, role: Roles) -> IntArray:
 
 
 def _thinned(problem: FrequencyProblem) -> FrequencyProblem:
-    """The problem at some of its frequencies, of which each response keeps its share."""
+    """The problem at some of its frequencies, with the same share of each response."""
     columns = np.flatnonzero(problem.used.any(axis=(0, 1)))
     every = 1 + (columns.size - 1) // _SCAN_FREQUENCIES
     kept = np.zeros(problem.used.shape[-1], dtype=np.bool_)
@@ -420,7 +420,7 @@ def own_starts(
 ) -> tuple[FloatArray, ...]:
     """The best few of the parameters' own values and a coarse grid over their ``starts``, where they mean anything.
 
-    They know what the author of a structure knew and data cannot tell: of a fast and a slow pole in a row, which is the
+    They know what the author of a structure knew and data do not show: of a fast and a slow pole in a row, which is the
     motor. Those are left out that are off by more than a factor of e or a radian, in the rms over all points: a search
     from there could end anywhere.
 

@@ -82,7 +82,7 @@ class AccelerationErrors(MotorProblem):
 
     @property
     def name(self) -> str:
-        """What is fitted, for messages."""
+        """Name of the fit for messages."""
         return "accelerations from motor outputs"
 
     def channels(self, theta: FloatArray) -> Iterator[Channel]:
@@ -111,7 +111,7 @@ class AccelerationErrors(MotorProblem):
 
     @staticmethod
     def _slow(row: FloatArray, shape: Filter, name: str) -> FloatArray:
-        """What the filter leaves of an error, a torque that stays taken out."""
+        """An error filtered by the low-pass, with a constant torque removed."""
         passed = np.convolve(row, shape.taps / shape.scale, mode="valid")
         return passed if name in FORCES else passed - passed.mean()
 
@@ -169,7 +169,7 @@ class AccelerationErrors(MotorProblem):
                     sizes[axis.name] = sizes.get(axis.name, 0.0) + float(np.sum(np.abs(slow)))
         if still := [name for name, size in sizes.items() if size == 0.0]:
             raise InsufficientDataError(
-                f"{' and '.join(still)} stand still", needed="flight in which all accelerations move"
+                f"{' and '.join(still)} did not move", needed="a flight in which all accelerations move"
             )
         return sizes
 

@@ -58,7 +58,7 @@ _MEMORY_S = 0.12
 _LEAST_ORDER, _MOST_ORDER = 6, 60
 _SOLVER = LevenbergMarquardt(iterations=80, tolerance=1e-8)
 LEAST_SAMPLES = 10 * _LEAST_ORDER
-"""Fewer in a record do not tell motors from noise."""
+"""Fewer in a record do not separate motors from noise."""
 
 _AT_REST = 0.05
 
@@ -166,7 +166,7 @@ def fit_motors(
     """
     shortest = min(record.samples for record in problem.records)
     if shortest < LEAST_SAMPLES:
-        raise InsufficientDataError(f"a record of {shortest} samples came", needed=f"{LEAST_SAMPLES} or more")
+        raise InsufficientDataError(f"a record of {shortest} samples is too short", needed=f"{LEAST_SAMPLES} or more")
     found = problem.excitations
     if missing := set(problem.axes) - {"weight", *excited_axes(found)}:
         raise InsufficientDataError(
@@ -188,7 +188,7 @@ def fit_motors(
         moved = float(np.max(_deviations(following, solution.theta), initial=0.0))
         last = following.theta - solution.theta
         solution, settled = following, moved <= _AT_REST
-        progress(f"motors, round {count}: values moved by {moved:.2g} standard deviations")
+        progress(f"motors, round {count}: values changed by {moved:.2g} standard deviations")
         if settled:
             break
     return MotorFit(

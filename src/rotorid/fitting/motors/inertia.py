@@ -12,7 +12,7 @@ The second is too small by all that gusts and noise add to the acceleration; the
 controller answers to them, so that they appear in the torque. Both biases go: errors are whitened, what is left of
 them, :math:`\epsilon`, is independent of the past and of the motors, which depend on the past alone, and the regression
 of whitened acceleration on whitened torque is consistent. Torque on acceleration takes an instrument :math:`z`, what
-the past of the motors, or an injected excitation, tells of the present torque,
+the past of the motors, or an injected excitation, predicts the present torque,
 
 .. math:: I_{reverse} = \frac{\sum z \tau}{\sum z \dot p}.
 
@@ -29,6 +29,7 @@ import numpy as np
 
 from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable
+from rotorid.data.display import counted
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import TWO_SIDED_95, with_error
 from rotorid.errors import UsageError
@@ -59,7 +60,7 @@ class InertiaRegression(Immutable):
     unit
         Of all values.
     plain
-        By acceleration on torque, and by torque on acceleration, as differences of the measured rate tell it.
+        By acceleration on torque, and by torque on acceleration, from differences of the measured rate.
     corrected
         The same two without their bias.
     deviations
@@ -80,7 +81,7 @@ class InertiaRegression(Immutable):
 
     @property
     def biases(self) -> tuple[float, float]:
-        """By how much the plain answers differ from the corrected first one, as a share of it."""
+        """Differences between the plain results and the corrected ones, as a share."""
         return self.plain[0] / self.corrected[0] - 1.0, self.plain[1] / self.corrected[0] - 1.0
 
     @property
@@ -126,8 +127,8 @@ def inertia_regressions(
     -----
     Deviations hold for any color that is left in the products of instrument and error (Newey and West, *A Simple,
     Positive Semi-Definite, Heteroskedasticity and Autocorrelation Consistent Covariance Matrix*, Econometrica 55(3),
-    1987). Lag and delay are held. Where motors move without lag and without slow excitation, their past tells little,
-    and the second answer is wide; see :attr:`InertiaRegression.telling`.
+    1987). Lag and delay are kept fixed. Where motors move without lag and slow excitation, their past predicts
+    little, and the second answer is wide; see :attr:`InertiaRegression.telling`.
     """
     injected = list(excitations) or [None] * len(fit.problem.records)
     _require(fit, injected)
@@ -148,7 +149,7 @@ def inertia_regressions(
 
 
 def compare_regressions(found: Sequence[InertiaRegression]) -> list[Finding]:
-    """What an engineer should know of plain and corrected regressions.
+    """Findings on plain and corrected regressions.
 
     Parameters
     ----------
@@ -223,7 +224,7 @@ def _without_known(rows: FloatArray, known: FloatArray) -> FloatArray:
 
 
 def _explained_by(torque: FloatArray, regressors: FloatArray) -> FloatArray:
-    """What the tellers say of the torque."""
+    """Torque explained by the instruments."""
     size = np.linalg.norm(regressors, axis=1, keepdims=True)
     scaled = regressors / np.where(size > 0.0, size, 1.0)
     fitted: FloatArray = np.linalg.lstsq(scaled.T, torque, rcond=_LEAST_SHARE)[0] @ scaled
@@ -277,12 +278,15 @@ def _spread(products: FloatArray, memory: int) -> float:
 
 def _require(fit: MotorFit, injected: Sequence[FloatArray | None]) -> None:
     if len(injected) != len(fit.problem.records):
-        raise UsageError(f"{len(injected)} excitations came for {len(fit.problem.records)} records", needed="as many")
+        raise UsageError(
+            f"{counted(len(injected), 'excitation')} for {counted(len(fit.problem.records), 'record')}",
+            needed="one for each record",
+        )
     for record, signal in zip(fit.problem.records, injected, strict=True):
         if signal is not None and np.atleast_2d(signal).shape[-1] != record.samples:
             raise UsageError(
-                f"{np.atleast_2d(signal).shape[-1]} samples of an excitation came for {record.name}",
-                needed=f"{record.samples}, as the record has",
+                f"an excitation of {np.atleast_2d(signal).shape[-1]} samples for {record.name}",
+                needed=f"{record.samples}, as in the record",
             )
 
 
@@ -291,10 +295,9 @@ def _noisy(regression: InertiaRegression) -> Finding:
     return remark(
         "noisy_acceleration",
         regression.parameter,
-        f"Plain regression would state {regression.parameter} {_off(direct)} from acceleration on torque and "
-        f"{_off(reverse)} from torque on acceleration: torque "
-        f"explains {100.0 * regression.explained:.3g} % of the measured "
-        f"acceleration, noise and gusts the rest. Corrected, the two state {_pair(regression)}.",
+        f"Plain regression would give {regression.parameter} {_off(direct)} from acceleration on torque and "
+        f"{_off(reverse)} from torque on acceleration: torque explains {100.0 * regression.explained:.3g} % of "
+        f"the measured acceleration, noise and gusts the rest. Corrected, they give {_pair(regression)}.",
         bias_direct=direct,
         bias_reverse=reverse,
         explained=regression.explained,
@@ -309,10 +312,10 @@ def _disagreeing(regression: InertiaRegression) -> Finding:
     return warn(
         "both_ways_disagree",
         regression.parameter,
-        f"Acceleration on torque and torque on acceleration state {_pair(regression)} for {regression.parameter}, "
-        f"{abs(regression.distance_sigmas):.1f} standard deviations "
-        f"apart: slow and fast motion state different values; "
-        "lag, delay or damping are not as modeled, or the logged outputs are not what the motors received.",
+        f"Regression of acceleration on torque and of torque on acceleration gives {_pair(regression)} for "
+        f"{regression.parameter}, {abs(regression.distance_sigmas):.1f} standard deviations apart, so slow and "
+        "fast motion disagree. Lag, delay or damping differ from the model, or the motors did not receive the "
+        "logged outputs.",
         direct=regression.corrected[0],
         reverse=regression.corrected[1],
         direct_std=regression.deviations[0],

@@ -46,7 +46,7 @@ _SHORT = 0.1
 
 
 class Filter(NamedTuple):
-    """What makes errors of one axis white: taps of a causal filter, and the size of what it leaves."""
+    """Whitening filter of the errors of one axis: taps of a causal filter, and the size of its output."""
 
     taps: FloatArray
     scale: float
@@ -121,16 +121,16 @@ class MotorProblem(Problem):
         for record in self.records:
             if levers.shape != (3, record.outputs.shape[0]):
                 came = f"{record.name} has {record.outputs.shape[0]} motors"
-                raise UsageError(came, needed=f"{levers.shape[1]}, as the layout of the rotors has")
+                raise UsageError(came, needed=f"{levers.shape[1]}, as in the rotor layout")
         if not self.records:
-            raise UsageError("no record came", needed="one at least")
+            raise UsageError("no records were given", needed="at least one")
         plain = dict.fromkeys(self.axes, Filter(np.ones(1), 1.0))
         filters = self.filters or tuple(plain for _ in self.records)
         self._set(records=tuple(self.records), levers=levers, axes=tuple(self.axes), filters=tuple(filters))
 
     @property
     def name(self) -> str:
-        """What is fitted, for messages."""
+        """Name of the fit for messages."""
         return "motors"
 
     @cached_property
@@ -161,7 +161,7 @@ class MotorProblem(Problem):
     def determined(self, solution: Solution) -> BoolArray:
         """Which free parameters have an uncertainty, shape ``(p,)``: those that did not end on a bound.
 
-        A lag far shorter than the samples is not told from a delay, and has none.
+        A lag far shorter than the samples is not separated from a delay, and has none.
         """
         fastest_hz = max(record.sample_rate_hz for record in self.records)
         values = zip(self.parameters.free, solution.theta, strict=True)
@@ -298,13 +298,13 @@ class _DelayedMotors(NamedTuple):
         return slopes | {name: slope * moved.level for name, moved in self.moved.items()}
 
     def gained(self, record: MotorRecord) -> dict[str, FloatArray]:
-        """What each rotor gains of its speed over a sample, and derivatives by lag and delay, ``(motors, n - 1)``."""
+        """Speed gained by each rotor over a sample, with derivatives by lag and delay, ``(motors, n - 1)``."""
         gains = {SPIN_UP: _gained(self.here, record)}
         return gains | {name: _gained(moved, record) for name, moved in self.moved.items()}
 
 
 def _gained(motors: MotorSpeed, record: MotorRecord) -> FloatArray:
-    """What each rotor gains of its speed over a sample; thrust goes with the square of the voltage, speed with it."""
+    """Speed gained by each rotor over a sample; thrust goes with the square of the voltage, speed with it."""
     gained: FloatArray = np.diff(motors.level * np.sqrt(record.strength), axis=1)
     return gained
 
@@ -356,7 +356,7 @@ def _passed(row: FloatArray, taps: FloatArray) -> FloatArray:
 
 
 def _mean(force: Axis) -> Axis:
-    """What carries the weight on average."""
+    """Mean thrust that carries the weight."""
     mean = (row.mean(axis=-1, keepdims=True) for row in (force.measured, force.predicted, force.slopes))
     return Axis("weight", *mean)
 

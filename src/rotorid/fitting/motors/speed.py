@@ -92,7 +92,7 @@ def measured_speed(speeds: FloatArray, *, delay_s: float, step_s: float, moved: 
     ago = [speeds[:, np.clip(np.arange(samples) - whole - row, 0, samples - 1)] for row in (0, 1)]
     slope = (ago[1] - ago[0]) / step_s
     level = ago[0] + slope * rest
-    # The late clock passes a sample `rest` after each of the early one.
+    # The late clock has a sample `rest` after each of the early one.
     here, passed, following, span = level[:, :-1], ago[0][:, :-1], level[:, 1:], step_s - rest
     first = 0.5 * (rest * (here + passed) + span * (passed + following))
     squares = here**2 + here * passed + passed**2, passed**2 + passed * following + following**2

@@ -25,7 +25,7 @@ def lagged(
     second = np.empty((kinds, motors, samples - 1))
     span_s = step_s - rest_s
     decay, early, late = np.exp(-step_s / lag_s), np.exp(-rest_s / lag_s), np.exp(-span_s / lag_s)
-    # Integrals of what is left of a step to the input, and of its square, in a stretch where the input stands.
+    # Integrals of the remaining step to the input, and of its square, while the input is constant.
     once_early, once_late = lag_s * (1.0 - early), lag_s * (1.0 - late)
     twice_early, twice_late = 0.5 * lag_s * (1.0 - early**2), 0.5 * lag_s * (1.0 - late**2)
     decay_by_lag = decay * step_s / lag_s**2
@@ -39,7 +39,7 @@ def lagged(
         for k in range(samples):
             before = outputs[i, min(max(k - whole - 1, 0), samples - 1)]
             after = outputs[i, min(max(k - whole, 0), samples - 1)]
-            # A sample of the clock of the inputs lies `rest` before one of the record.
+            # A sample of the clock of the inputs is `rest` before one of the record.
             gap = reached - before
             here = before + gap * late
             following = before + gap * decay

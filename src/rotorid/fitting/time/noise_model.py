@@ -1,4 +1,4 @@
-r"""What moves a vehicle and its sensors besides the inputs: the noise model of a prediction-error fit.
+r"""Noise model of a prediction-error fit: disturbances of the vehicle and noise of its sensors.
 
 .. math:: M \dot x = F x + G u(t - \tau) + S (g + n), \qquad \dot g = -g / T + m, \qquad y = H_0 x + H_1 \dot x + v
 
@@ -104,13 +104,15 @@ class NoiseModel(Immutable):
     def __post_init__(self) -> None:
         if not self.disturbed or not (self.gusts or self.jolts):
             raise UsageError(
-                "a noise model without disturbances came",
+                "the noise model has no disturbances",
                 needed="gusts or jolts on at least one equation",
-                remedy="use the output-error fit where only the sensors are noisy",
+                remedy="use the output-error fit if only the sensors are noisy",
             )
         forces, sensors = (read_only(values, np.float64, ndim=1) for values in (self.forces, self.sensors))
         if not (min(forces.min(), sensors.min()) > 0.0 and np.isfinite([*forces, *sensors]).all()):
-            raise UsageError("a natural size of noise is not above zero", remedy="leave out what never changes")
+            raise UsageError(
+                "the typical size of a noise is not positive", remedy="leave out signals that never change"
+            )
         self._set(disturbed=tuple(int(row) for row in self.disturbed), forces=forces, sensors=sensors)
 
     @cached_property
@@ -128,7 +130,7 @@ class NoiseModel(Immutable):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """What each parameter is."""
+        """Names of the parameters."""
         gusts = [f"gust_{i + 1}" if i == j else f"gust_{i + 1}_with_{j + 1}" for i, j in self._triangle]
         jolts = [f"jolt_{i + 1}" for i in range(len(self.disturbed))] if self.jolts else []
         ratios = [f"sensor_ratio_{i + 1}" for i in range(self._ratios.shape[1])]
@@ -249,19 +251,19 @@ def noise_model(
     rows = [i for i, (F, G) in enumerate(equations) if _moves(parameters, [*F, *G])]
     if not rows:
         raise ModelError(
-            f"no equation of {structure.name} holds a parameter", needed="an equation of a force or moment"
+            f"no equation of {structure.name} contains a parameter", needed="an equation of a force or moment"
         )
     system = structure.matrices(parameters.values)
     A, _, C, _ = system.proper()
     if len(A) < len(structure.states):
-        raise ModelError("a state follows the input at once", remedy="drop its lag, so that the state is left out")
+        raise ModelError("a state follows the input without lag", remedy="drop its lag, which removes the state")
     inverse = np.asarray(np.linalg.inv(system.M), dtype=np.float64)[:, rows]
     step = discretize(A, inverse, delays_s=np.zeros(len(rows)), step_s=_ONSET_S, hold="zero")
     shown = np.abs(C @ step.taps.sum(axis=0).T) + np.abs(system.H1 @ inverse)
     largest = (shown / sensors[:, None]).max(axis=0)
     if not (largest > 0.0).all():
         unseen = structure.states[rows[int(np.argmin(largest))]]
-        raise ModelError(f"no output shows what disturbs {unseen}", remedy="measure it or a motion that it causes")
+        raise ModelError(f"no output shows the disturbance of {unseen}", remedy="measure it or a motion that it causes")
     return NoiseModel(disturbed=tuple(rows), forces=1.0 / largest, sensors=sensors, gusts=gusts, jolts=jolts)
 
 
@@ -272,7 +274,7 @@ def _moves(parameters: ParameterSet, entries: Sequence[Expression]) -> bool:
 
 def _sensor_noise(records: Sequence[TimeData]) -> FloatArray:
     if min(record.samples for record in records) < 6:
-        raise UsageError("a record of fewer than six samples came", needed="records of some seconds")
+        raise UsageError("a record has fewer than six samples", needed="records of a few seconds")
     rough = np.hstack([np.diff(record.outputs, n=4) for record in records]).std(axis=1) / _FOURTH_DIFFERENCE
     whole = np.hstack([record.outputs - record.outputs.mean(axis=1, keepdims=True) for record in records])
     return np.asarray(np.maximum(rough, _LEAST_NOISE * whole.std(axis=1)), dtype=np.float64)
@@ -366,9 +368,9 @@ def steady_predictor(
 
 def _unseen() -> ModelError:
     return ModelError(
-        "there is no stable predictor of this model",
-        needed="every motion that does not decay seen by an output and moved by a disturbance",
-        remedy="let a disturbance act on its equation, or measure it",
+        "this model has no stable predictor",
+        needed="every undamped motion measured by an output and excited by a disturbance",
+        remedy="add a disturbance to its equation, or measure it",
     )
 
 

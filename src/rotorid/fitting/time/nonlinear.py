@@ -19,7 +19,7 @@ from rotorid.simulation.nonlinear import NonlinearSensitivities, Scheme, nonline
 from rotorid.typing import BoolArray, FloatArray
 
 NonlinearUnknown: TypeAlias = Literal["initial_state", "output_shift"]
-"""What no model can know of a record: where it began, and offsets of its sensors."""
+"""Unknowns of a record besides parameters: its initial state, and offsets of its sensors."""
 
 _SAME_DIRECTION = 1e-9
 _ABOUT_START = 0.1
@@ -27,7 +27,7 @@ _LEAST_START = 1e-3
 
 
 class Estimate(NamedTuple):
-    """What a vector of a problem stands for.
+    """Contents of a vector of a problem.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class NonlinearProblem(OutputErrorProblem):
     unknowns
         What is estimated beside the parameters, for each record. Without ``initial_state`` only those initial states
         are unknown of which the first sample says nothing; the others are taken as measured, noise and all. The shift
-        of an output that only counts from its own start, such as a position, cannot be told from that start.
+        of an output that only counts from its own start, such as a position, cannot be separated from that start.
     scheme
         How the model is integrated.
 
@@ -81,12 +81,12 @@ class NonlinearProblem(OutputErrorProblem):
 
     def __post_init__(self) -> None:
         if missing := [name for name in self.structure.parameters.names if name not in self.parameters.names]:
-            raise UsageError(f"{self.structure.name} has {', '.join(missing)}, which the parameters lack")
+            raise UsageError(f"the parameters lack {', '.join(missing)} of {self.structure.name}")
         super().__post_init__()
 
     @cached_property
     def _measured(self) -> FloatArray:
-        """What the first samples say of the initial states, shape ``(r, x)``."""
+        """Initial states from the first samples, shape ``(r, x)``."""
         return np.stack([self.structure.measured_start(r.outputs[:, 0], r.inputs[:, 0]) for r in self.records])
 
     @cached_property
@@ -103,7 +103,7 @@ class NonlinearProblem(OutputErrorProblem):
 
     @property
     def most_unknowns(self) -> int:
-        """The numbers that are estimated beside the parameters, over all records."""
+        """Number of unknowns other than parameters, over all records."""
         return self._nuisances * len(self.records)
 
     @cached_property
@@ -124,13 +124,13 @@ class NonlinearProblem(OutputErrorProblem):
 
     @cached_property
     def start(self) -> FloatArray:
-        """Where a search begins: initial states as measured, zero where nothing is said; shifts zero."""
+        """Start of a search: measured initial states, zero if not measured; shifts zero."""
         guesses = np.nan_to_num(self._measured)[:, self._unknown_states]
         shifts = np.zeros((len(self.records), self._nuisances - guesses.shape[1]))
         return np.concatenate([self.parameters.pack(), np.hstack([guesses, shifts]).ravel()])
 
     def unpack(self, theta: FloatArray) -> Estimate:
-        """What a vector stands for.
+        """Contents of a vector.
 
         Raises
         ------
@@ -180,7 +180,7 @@ class NonlinearProblem(OutputErrorProblem):
         """
         residual, jacobian = self.residuals(theta)
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
-            raise ModelError("the model has no value over a record", remedy="fit pieces of it")
+            raise ModelError("the model diverges over a record", remedy="fit in pieces")
         count, outputs, first, found = len(self.parameters.free), len(self.structure.outputs), 0, []
         for place, record in enumerate(self.records):
             rows = slice(first, first := first + record.samples * outputs)
@@ -307,7 +307,7 @@ def fit_nonlinear(
     rounds: int = 20,
     tolerance: float = 1e-4,
 ) -> NonlinearFit:
-    r"""Fit parameters, and the noise by turns, until both rest.
+    r"""Fit parameters and noise alternately, until both converge.
 
     .. math:: R = \frac{1}{N} \sum_k e_k e_k^T
 
@@ -348,7 +348,7 @@ def fit_nonlinear(
     0.3
     """
     if rounds < 1:
-        raise UsageError(f"{rounds} rounds came", needed="one or more")
+        raise UsageError(f"{rounds} rounds are too few", needed="one or more")
     search = solver or LevenbergMarquardt()
     theta = problem.start if start is None else start
     floor = _RELATIVE_FLOOR * np.diag(problem.with_noise(np.zeros((0, 0))).noise)

@@ -74,16 +74,16 @@ class TimeData(Immutable):
     def __post_init__(self) -> None:
         inputs, outputs = (read_only(values, np.float64, ndim=2) for values in (self.inputs, self.outputs))
         if inputs.shape[1] != outputs.shape[1]:
-            raise UsageError(f"{inputs.shape[1]} samples of the inputs and {outputs.shape[1]} of the outputs came")
+            raise UsageError(f"{inputs.shape[1]} input samples but {outputs.shape[1]} output samples")
         if not (np.isfinite(inputs).all() and np.isfinite(outputs).all()):
-            raise UsageError(f"{self.name} holds samples that are no numbers", needed="records without gaps")
+            raise UsageError(f"{self.name} contains samples that are not finite", needed="records without gaps")
         past = self.before if self.before.size else inputs[:, 0]
         before = read_only(past if past.ndim == 2 else past[:, None], np.float64, ndim=2)
         self._set(inputs=inputs, outputs=outputs, before=before)
 
     @classmethod
     def of(cls, history: TimeHistory, *, inputs: tuple[str, ...], outputs: tuple[str, ...], name: str) -> TimeData:
-        """Channels of a history; inputs as differences from their mean, exactly zero where one stands still."""
+        """Channels of a history; inputs as differences from their mean, exactly zero if constant."""
         u = np.stack([history[channel] for channel in inputs])
         y = np.stack([history[channel] for channel in outputs])
         # The mean of a constant is rounded: without this what is left of it would count as motion.
@@ -104,7 +104,7 @@ class TimeData(Immutable):
         return past[:, -max(1, math.ceil(_CACHED_S * self.sample_rate_hz)) :]
 
     def pieces(self, length_s: float) -> tuple[TimeData, ...]:
-        """The record in pieces of about one length, each of which knows the inputs before it.
+        """The record in pieces of about one length, each with the inputs before it.
 
         Raises
         ------
@@ -114,7 +114,9 @@ class TimeData(Immutable):
         count = max(1, round(self.duration_s / length_s))
         edges = np.linspace(0, self.samples, count + 1).round().astype(int)
         if np.diff(edges).min() < 2:
-            raise InsufficientDataError(f"pieces of {length_s:g} s came", needed="pieces of at least two samples")
+            raise InsufficientDataError(
+                f"pieces of {length_s:g} s are too short", needed="pieces of at least two samples"
+            )
         return tuple(
             replace(
                 self,
@@ -149,7 +151,7 @@ def require_records(
         There is no record, one has other rows, or an unknown is none.
     """
     if not records:
-        raise UsageError("no record came", needed="at least one")
+        raise UsageError("no records were given", needed="at least one")
     for record in records:
         if (len(record.inputs), len(record.outputs)) != (len(inputs), len(outputs)):
             raise UsageError(
@@ -158,11 +160,11 @@ def require_records(
             )
     for unknown in unknowns:
         if unknown not in known:
-            raise UsageError(f"the unknown {unknown!r} came", needed=f"of {', '.join(known)}")
+            raise UsageError(f"unknown initial condition {unknown!r}", needed=f"one of {', '.join(known)}")
 
 
 InitialCondition: TypeAlias = Literal["initial_state", "output_shift", "state_bias"]
-"""What no model can know of a record: where it began, offsets of its sensors, constants in the state equations."""
+"""Unknowns of a record besides parameters: its initial state, offsets of sensors, constants in the state equations."""
 
 _SAME_DIRECTION = 1e-9
 
@@ -176,7 +178,7 @@ class Fitted(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordsProblem(Problem):
-    """What is fitted to records: a structure, and for each record what no model can know of it.
+    """A structure and its records, each with unknowns besides the parameters.
 
     Parameters
     ----------
@@ -194,7 +196,7 @@ class RecordsProblem(Problem):
     """
 
     initial_conditions: ClassVar[tuple[str, ...]] = get_args(InitialCondition)
-    """What can be unknown."""
+    """Possible unknowns."""
 
     structure: LinearStructure | NonlinearStructure
     records: tuple[TimeData, ...]
@@ -222,7 +224,7 @@ class RecordsProblem(Problem):
 
     @property
     def most_unknowns(self) -> int:
-        """The most numbers that are estimated beside the parameters, over all records."""
+        """Largest number of unknowns besides the parameters, over all records."""
         states, outputs = len(self.structure.states), len(self.structure.outputs)
         size = {"initial_state": states, "state_bias": states, "output_shift": outputs}
         return len(self.records) * sum(size[unknown] for unknown in self.unknowns)
@@ -245,7 +247,7 @@ class RecordsProblem(Problem):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OutputErrorProblem(RecordsProblem):
-    r"""What is fitted to records with all errors at the outputs: residuals are those of a simulation.
+    r"""Fit of records with all errors at the outputs: residuals are those of a simulation.
 
     A point is one sample with all outputs, one record after the other. Costs need no derivatives and are simulated
     without; a simulation that diverges, and parameters outside their bounds, have an infinite cost.
@@ -267,7 +269,7 @@ class OutputErrorProblem(RecordsProblem):
         outputs = len(self.structure.outputs)
         noise = read_only(self.noise if self.noise.size else self._variances(), np.float64, ndim=2)
         if noise.shape != (outputs, outputs):
-            raise UsageError(f"a noise of shape {noise.shape} came", needed=f"shape ({outputs}, {outputs})")
+            raise UsageError(f"the noise has shape {noise.shape}", needed=f"shape ({outputs}, {outputs})")
         self._set(noise=noise)
 
     def _variances(self) -> FloatArray:
@@ -344,7 +346,7 @@ class TimeProblem(OutputErrorProblem):
 
     @np.errstate(over="ignore", invalid="ignore")  # a step too far diverges, and is turned back
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Whitened residual beside all unknowns, shape ``(samples * y,)``, and its Jacobian ``(samples * y, p)``.
+        """Whitened residual, unknowns solved for, shape ``(samples * y,)``, and Jacobian ``(samples * y, p)``.
 
         Both are not a number where the model has no bounded response, so that a search turns back.
         """
@@ -380,7 +382,7 @@ class TimeProblem(OutputErrorProblem):
                 shared[rate_hz] = stepped(system, Slopes(*slopes), sample_rate_hz=rate_hz, hold=self.hold)
             moved = shared[rate_hz].motion(record.inputs, record.before, starts=starts, biases=biases)
             if not (np.isfinite(moved.outputs).all() and np.isfinite(moved.free).all()):
-                raise ModelError("the model diverges over a record", remedy="fit pieces of it, or predict ahead")
+                raise ModelError("the model diverges over a record", remedy="fit in pieces, or predict ahead")
             yield record, moved
 
     def _unknown(self, moved: Motion) -> FloatArray:
@@ -580,7 +582,7 @@ def fit_output_error(
     numbers = len(problem.parameters.free) + problem.most_unknowns
     if count <= numbers:
         raise InsufficientDataError(
-            f"{count} samples came to determine {numbers} numbers, those of where the records begin included",
+            f"{count} samples are too few for {numbers} unknowns, initial states included",
             needed=f"more than {numbers}",
             remedy="give longer records or pieces",
         )

@@ -205,7 +205,7 @@ def _longer(slopes: FloatArray, count: int) -> FloatArray:
 def _process(
     system: StateSpace, slopes: Slopes, noise: NoiseModel, levels: NoiseLevels, step_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    r"""What disturbs the state in one step, and its derivatives.
+    r"""Process noise of the state in one step, with its derivatives.
 
     The gusts are stationary, so a step brings what it decays by, :math:`(1 - e^{-2h/T}) \Sigma`. What a gust or a jolt
     has done within the step in which it arose is left out, an error of the order of the step.
@@ -232,7 +232,7 @@ _REWEIGHTED, _AT_REST = 30, 1e-9
 
 
 class _Run(NamedTuple):
-    """One record with its predictor: innovations from rest, and how the unknowns ``(n, y, k)`` move them."""
+    """One record with its predictor: innovations from zero state, and their change by the unknowns ``(n, y, k)``."""
 
     record: TimeData
     followed: Followed
@@ -241,7 +241,7 @@ class _Run(NamedTuple):
 
 
 class _Estimated(NamedTuple):
-    """All records from rest, with the covariance of the innovations and the unknowns ``(k,)`` that fit each best."""
+    """All records from zero state, with the covariance of the innovations and the best unknowns ``(k,)`` of each."""
 
     runs: list[_Run]
     covariance: FloatArray
@@ -509,7 +509,7 @@ class InnovationsProblem(RecordsProblem):
         return whole[:order], whole[order : order + disturbed], whole[order + disturbed :]
 
     def _estimate(self, runs: list[_Run]) -> tuple[FloatArray, list[FloatArray]]:
-        r"""Covariance :math:`\hat R` of the innovations beside all unknowns, and the unknowns of each record."""
+        r"""Covariance :math:`\hat R` of the innovations, all unknowns solved for, and the unknowns of each record."""
         R = np.diag(self.noise_model.sensors**2)
         inner = _inner_products(runs)
         # Products of what a first estimate leaves, so that large offsets do not cancel in them.
@@ -525,14 +525,14 @@ class InnovationsProblem(RecordsProblem):
             rest = (_left(*products) for products in zip(squares, cross, inner, moved, strict=True))
             R = sum(rest, start=np.zeros_like(R)) / self.samples
             if not np.isfinite(R).all() or np.linalg.eigvalsh(R).min() <= 0.0:
-                raise ModelError("the innovations are no numbers or have no covariance", remedy="give another start")
+                raise ModelError("the innovations are not finite or have no covariance", remedy="use another start")
             W = np.linalg.inv(np.linalg.cholesky(before))
             if np.abs(W @ (R - before) @ W.T).max() <= _AT_REST:
                 break
         return R, [beta + more for beta, more in zip(first, moved, strict=True)]
 
     def parts(self, theta: FloatArray) -> list[Part]:
-        """Each record with whitened innovations beside all unknowns and their slopes, in full."""
+        """Each record with whitened innovations and their slopes, all unknowns solved for, in full."""
         settled = self.settled(theta)
         W, found = settled.whitening, []
         for place, (record, run, unknown) in enumerate(zip(self.records, settled.runs, settled.unknown, strict=True)):
@@ -571,9 +571,9 @@ def _cross(run: _Run, values: FloatArray) -> FloatArray:
 
 
 def _unknowns(inner: FloatArray, cross: FloatArray, covariance: FloatArray) -> FloatArray:
-    """What fits innovations of a covariance best, shape ``(k,)``."""
+    """Unknowns that fit innovations of a covariance best, shape ``(k,)``."""
     if not (np.isfinite(inner).all() and np.isfinite(cross).all()):
-        raise ModelError("the innovations are no numbers", remedy="give another start")
+        raise ModelError("the innovations are not finite", remedy="use another start")
     weights = np.linalg.inv(covariance)
     normal, right = np.einsum("iajb,ab->ij", inner, weights), np.einsum("iab,ab->i", cross, weights)
     size = np.sqrt(np.where(normal.diagonal() > 0.0, normal.diagonal(), 1.0))
@@ -613,7 +613,7 @@ _FLAT = 1e-9
 
 
 class Whiteness(NamedTuple):
-    """What is left in the innovations of one output: white ones have nothing.
+    """Correlation left in the innovations of one output: white innovations have none.
 
     Parameters
     ----------
@@ -700,7 +700,7 @@ class PredictionErrorFit(Fit):
     def covariance(self) -> FloatArray:
         r"""Fisher's covariance of the free parameters of the model, the noise estimated with them, ``(p, p)``.
 
-        It holds for white innovations. What color is left is told by :attr:`whiteness`, and corrected for by
+        It holds for white innovations. What color is left is in :attr:`whiteness`, and corrected for by
         :func:`rotorid.uncertainty.colored.colored_covariance` of :meth:`InnovationsProblem.parts`.
         """
         count = len(self.problem.parameters.free)
@@ -759,7 +759,7 @@ def _whiteness(problem: InnovationsProblem, settled: Settled) -> dict[str, White
 def _noise(problem: InnovationsProblem, theta: FloatArray, settled: Settled) -> NoiseFound:
     model = problem.noise_model
     levels = model.at(problem.split(theta)[1])
-    # The predictor knows ratios only; the innovations tell the size of all noise.
+    # The predictor knows ratios only; the innovations give the size of all noise.
     size = math.sqrt(
         np.trace(np.linalg.solve(settled.followed[0].steady.innovation, settled.covariance)) / len(settled.covariance)
     )
@@ -816,13 +816,13 @@ def fit_prediction_error(
     count = problem.samples * len(problem.structure.outputs)
     first = [np.asarray(start, dtype=np.float64) for start in starts] or [problem.start]
     if count <= 2 * first[0].size:
-        raise InsufficientDataError(f"{count} samples came", needed=f"more than {2 * first[0].size}")
+        raise InsufficientDataError(f"{count} samples are too few", needed=f"more than {2 * first[0].size}")
     found = [_search(problem, start, solver) for start in first]
-    solution = _rested(best_of(found, name=problem.structure.name), count)
+    solution = _converged(best_of(found, name=problem.structure.name), count)
     return answer(problem, solution)
 
 
-def _rested(solution: Solution, count: int) -> Solution:
+def _converged(solution: Solution, count: int) -> Solution:
     """A noise without effect has no smallest size: a search for it that gains nothing more has converged."""
     if solution.outcome is Outcome.CONVERGED:
         return solution

@@ -73,7 +73,7 @@ def test_the_damping_of_a_known_response_is_found(model: str, axis: Axis, name: 
 def test_the_remark_says_what_was_held_and_why_it_may_be_wrong() -> None:
     (finding,) = step("hover.longitudinal", flight("pitch")).findings
     assert (finding.kind, finding.severity, finding.where) == ("speed_damping_biased", "warning", "X_u")
-    for part in ("u_dot/theta", "leaves out X_pitch", f"{finding.numbers['low_rad_s']:.2g}", "rad/s"):
+    for part in ("u_dot/theta", "neglects X_pitch", f"{finding.numbers['low_rad_s']:.2g}", "rad/s"):
         assert part in finding.message
     assert finding.numbers["low_rad_s"] < finding.numbers["high_rad_s"]
 
@@ -101,7 +101,7 @@ def test_choices_about_the_second_step_do_not_disturb_the_first() -> None:
 
 
 def test_a_model_without_speed_damping_is_refused() -> None:
-    with pytest.raises(UsageError, match=r"rate\.roll, which has no free X_u and no free Y_v"):
+    with pytest.raises(UsageError, match=r"rate\.roll has neither a free X_u nor a free Y_v"):
         first_step(rate_model("rate.roll"), flight("roll"), IdentifySettings())
 
 

@@ -54,7 +54,7 @@ def test_a_fit_that_still_moves_is_refused(fitted: FittedMotors) -> None:
     free, std = fitted.fit.parameters.free, dict(zip(fitted.bounds.names, fitted.bounds.std, strict=True))
     far = np.array([3.0 * std[name] if name == "I_xx" else 0.0 for name in free])
     moving = replace(fitted, fit=replace(fitted.fit, settled=False, moved=far))
-    with pytest.raises(InsufficientDataError, match=r"still moved by 3\.0 standard") as refused:
+    with pytest.raises(InsufficientDataError, match=r"still changed by 3\.0 standard") as refused:
         fit._require_end(moving, CHOICES)
     assert refused.value.findings[0].kind == "not_converged"
 
@@ -71,7 +71,7 @@ def test_what_physics_does_not_allow_is_refused(fitted: FittedMotors) -> None:
     falling = {"c_0": 6.0, "c_1": -4.0, "c_2": 0.0}
     certain = replace(fitted.bounds, covariance=1e-9 * fitted.bounds.covariance)
     impossible = replace(fitted, parameters=fitted.parameters.with_values(falling), bounds=certain)
-    with pytest.raises(InsufficientDataError, match="is no vehicle") as refused:
+    with pytest.raises(InsufficientDataError, match="are not physical") as refused:
         fit._require_end(impossible, CHOICES)
     assert "impossible_physics" in {finding.kind for finding in refused.value.findings}
 

@@ -68,11 +68,11 @@ def test_wrong_calls_are_refused() -> None:
         fit_arx([flown(0, samples=8)], ORDERS)
     with pytest.raises(UsageError, match="no record"):
         fit_arx([], ORDERS)
-    with pytest.raises(UsageError, match="delays came"):
+    with pytest.raises(UsageError, match="2 numerators but 1 delay"):
         PolynomialOrders(denominator=1, numerators=(1, 1), delays=(0,))
     with pytest.raises(UsageError, match="at least one coefficient"):
         PolynomialOrders(denominator=1, numerators=(0,), delays=(0,))
-    with pytest.raises(UsageError, match="begin with one"):
+    with pytest.raises(UsageError, match="start with 1"):
         PolynomialModel.given([2.0, 1.0], [[1.0]])
-    with pytest.raises(UsageError, match="1 inputs came"):
+    with pytest.raises(UsageError, match="1 input; expected 2"):
         TRUE.simulate(np.zeros((1, 5)))

@@ -90,7 +90,7 @@ def test_residuals_do_not_see_where_a_record_begins() -> None:
 def test_order_is_chosen_and_the_others_stand_beside() -> None:
     found = estimate_delay([late_lag(5, 2.7)], input=INPUT, output=OUTPUT).recommended
     assert found.order == Order(0, 2)
-    assert "dead time beside a lag of second order" in found.meaning
+    assert "dead time plus a lag of second order" in found.meaning
     by_order = {fit.order: fit.delay_s for fit in found.orders}
     # A first order calls the second lag delay, a third order takes some of it away.
     assert by_order[Order(0, 1)] > by_order[Order(0, 2)] + 0.02
@@ -180,7 +180,7 @@ def test_a_frequency_response_of_different_rates_is_refused() -> None:
         estimate="direct",
         windows_s=(5.0,),
     )
-    with pytest.raises(UsageError, match="each rate by themselves"):
+    with pytest.raises(UsageError, match="each rate separately"):
         estimate_delay(
             [fast, slower(fast)],
             input=INPUT,

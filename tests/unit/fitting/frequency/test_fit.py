@@ -196,12 +196,12 @@ def test_given_starts_are_used() -> None:
 def test_too_few_points_are_refused() -> None:
     used = np.zeros((1, 1, OMEGA.size), dtype=bool)
     used[0, 0, :2] = True
-    with pytest.raises(InsufficientDataError, match="2 usable frequencies came; this needs more than 2"):
+    with pytest.raises(InsufficientDataError, match="only 2 usable frequencies; this needs more than 2"):
         fit_frequency(problem(noisy(), used=used))
 
 
 def test_responses_of_other_channels_are_refused() -> None:
-    with pytest.raises(UsageError, match="responses of p to roll_command came; expected q to pitch_command"):
+    with pytest.raises(UsageError, match="the data are responses of p to roll_command; expected q to pitch_command"):
         problem(noisy(), "rate.pitch")
     with pytest.raises(UsageError, match=r"selection of shape \(1, 1, 3\)"):
         problem(noisy(), used=np.ones((1, 1, 3), dtype=bool))

@@ -82,7 +82,7 @@ def test_progress_is_told_round_by_round(calm: MotorRecord) -> None:
     problem = MotorProblem(records=(calm,), levers=LEVERS, parameters=parameters, axes=("az", "p"))
     rounds = fit_motors(problem, progress=told.append).rounds
     assert len(told) == rounds
-    assert told[0].startswith("motors, round 1: values moved by ")
+    assert told[0].startswith("motors, round 1: values changed by ")
 
 
 def test_axes_that_nothing_excites_are_refused() -> None:
@@ -102,7 +102,7 @@ def test_the_weight_alone_gives_the_thrust_of_hover() -> None:
 
 def test_short_records_are_refused() -> None:
     (short,) = flights(1, seed=9, duration_s=0.25)
-    with pytest.raises(InsufficientDataError, match="a record of 50 samples came; this needs 60 or more"):
+    with pytest.raises(InsufficientDataError, match="a record of 50 samples is too short; this needs 60 or more"):
         fitted(short, {"m": 1.0})
 
 

@@ -88,9 +88,9 @@ def test_an_axis_that_torque_does_not_turn_has_no_inertia(flown: MotorRecord) ->
 
 
 def test_excitations_belong_to_records(fit: MotorFit) -> None:
-    with pytest.raises(UsageError, match="2 excitations came for 1 records"):
+    with pytest.raises(UsageError, match="2 excitations for 1 record"):
         inertia_regressions(fit, excitations=[None, None])
-    with pytest.raises(UsageError, match="7 samples of an excitation came for flight 0; expected 3000"):
+    with pytest.raises(UsageError, match="an excitation of 7 samples for flight 0; expected 3000"):
         inertia_regressions(fit, excitations=[np.zeros(7)])
 
 

@@ -200,9 +200,9 @@ def test_a_weak_battery_is_a_weak_curve() -> None:
 
 
 def test_another_number_of_motors_is_refused() -> None:
-    with pytest.raises(UsageError, match="record 0 has 4 motors; expected 6, as the layout of the rotors has"):
+    with pytest.raises(UsageError, match="record 0 has 4 motors; expected 6, as in the rotor layout"):
         MotorProblem(records=(a_record(0),), levers=np.ones((3, 6)), parameters=motor_parameters())
-    with pytest.raises(UsageError, match="no record came"):
+    with pytest.raises(UsageError, match="no records were given"):
         MotorProblem(records=(), levers=LEVERS, parameters=motor_parameters())
 
 

@@ -141,13 +141,13 @@ def test_wrong_problems_are_refused() -> None:
     good = problem()
     with pytest.raises(UsageError, match="no record"):
         NonlinearProblem(structure=SLED, parameters=SLED.parameters, records=())
-    with pytest.raises(UsageError, match="k, which the parameters lack"):
+    with pytest.raises(UsageError, match="the parameters lack k of sled"):
         NonlinearProblem(structure=SLED, parameters=SLED.parameters.only(["c", "tau"]), records=good.records)
     with pytest.raises(UsageError, match="has 1 inputs and 2 outputs"):
         NonlinearProblem(structure=SLED.select(["x"]), parameters=SLED.parameters, records=good.records)
-    with pytest.raises(UsageError, match="'bias' came"):
+    with pytest.raises(UsageError, match="unknown initial condition 'bias'"):
         problem("bias")  # type: ignore[arg-type]
-    with pytest.raises(UsageError, match="noise of shape"):
+    with pytest.raises(UsageError, match="noise has shape"):
         good.with_noise(np.eye(3))
     with pytest.raises(UsageError, match="rounds"):
         fit_nonlinear(good, rounds=0)
