@@ -40,7 +40,7 @@ def test_a_refusal_exits_with_one_and_says_why(tmp_path: Path) -> None:
     )
     assert ran.code == 1
     assert "no_excitation" in {finding["kind"] for finding in json.loads(ran.out)["findings"]}
-    assert "along no axis" in " ".join(ran.err.split())
+    assert "on no axis" in " ".join(ran.err.split())
 
 
 @pytest.mark.parametrize(

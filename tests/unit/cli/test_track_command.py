@@ -55,8 +55,8 @@ def test_times_are_those_of_the_log_behind_a_gap(log: Path, tmp_path: Path) -> N
     document = json.loads(ran.out)
     assert document["reference_s"][0] == pytest.approx(18.0, abs=0.1)
     assert 100.0 < document["steps"][0]["at_s"] < 110.0
-    (told,) = [one["message"] for one in document["findings"] if one["kind"] == "gap" and "Followed" in one["message"]]
-    assert told.startswith("Followed are 18.0 to 140.0 s of the flight from 0.0 to 140.0 s")
+    (told,) = [one["message"] for one in document["findings"] if one["kind"] == "gap" and "Tracked" in one["message"]]
+    assert told.startswith("Tracked from 18.0 to 140.0 s of the flight (0.0 to 140.0 s)")
 
 
 def test_a_flight_whose_pieces_are_all_too_short_is_exit_1(log: Path, tmp_path: Path) -> None:
@@ -69,7 +69,7 @@ def test_too_short_a_rest_is_exit_1(log: Path, tmp_path: Path) -> None:
     ran = rotorid("track", log, "--first", "139", "--out", tmp_path / "out", "--json")
     assert ran.code == 1
     assert json.loads(ran.out)["steps"] == []
-    assert "of flight came" in ran.err
+    assert "of flight are too short" in ran.err
 
 
 @pytest.mark.parametrize(

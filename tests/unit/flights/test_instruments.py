@@ -103,9 +103,7 @@ def test_what_is_declared_in_a_signal_that_stands_still_is_none() -> None:
     assert find_excitations(still, "roll") == ()
     assert still_declarations(still) == (sweep,)
     said = [f.message for f in inspect(still).findings if f.kind == "no_excitation"]
-    assert said == [
-        "The log declares a roll sweep from 40.00 to 100.00 s, but roll_excitation did not move."
-    ]
+    assert said == ["The log declares a roll sweep from 40.00 to 100.00 s, but roll_excitation did not move."]
     moving = replace(record(roll_excitation=CHIRP), declared=(sweep,))
     assert list(find_excitations(moving, "roll")) == [sweep]
 
