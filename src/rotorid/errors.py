@@ -1,13 +1,13 @@
 """What can go wrong, as one small tree.
 
-Every error carries three sentences as attributes: what came, what was needed, what to do about it. Wrong use and
-unreadable files end a command with exit code 2; data that cannot answer the question end it with exit code 1 and the
-findings that say why.
+Every error has three parts as attributes: what is wrong, what was expected, and what to do about it. Wrong use and
+unreadable files end a command with exit code 2. Data that do not support an answer end it with exit code 1 and the
+findings that explain why.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ class RotoridError(Exception):
     """Base of every error that rotorid raises on purpose."""
 
     exit_code = 2
-    #: What stands before the part of the sentence that says what would have been right.
+    #: The words before what was expected.
     before_needed = "expected"
 
     def __init__(self, came: str, *, needed: str = "", remedy: str = "") -> None:
@@ -30,7 +30,7 @@ class RotoridError(Exception):
 
     @property
     def expectation(self) -> str:
-        """The part of the sentence that says what would have been right; empty where nothing was named."""
+        """What was expected, as part of the sentence; empty if nothing was named."""
         return f"{self.before_needed} {self.needed}" if self.needed else ""
 
 
@@ -47,7 +47,7 @@ class ModelError(RotoridError):
 
 
 class InsufficientDataError(RotoridError):
-    """The log was read, and its data cannot support what was asked. Carries the findings that say why."""
+    """The log was read, but its data do not support what was asked. Carries the findings that explain why."""
 
     exit_code = 1
     before_needed = "this needs"
@@ -55,3 +55,73 @@ class InsufficientDataError(RotoridError):
     def __init__(self, came: str, *, needed: str = "", remedy: str = "", findings: Sequence[Finding] = ()) -> None:
         super().__init__(came, needed=needed, remedy=remedy)
         self.findings = tuple(findings)
+
+
+_MOST_NAMES = 5
+_LIKENESS = 0.6
+
+
+def unknown_name(
+    kind: str,
+    name: str,
+    known: Iterable[str],
+    *,
+    synonyms: Mapping[str, str] | None = None,
+    see: str = "",
+) -> UsageError:
+    """The error for a name that does not exist: the one that was probably meant, or else a few that do exist.
+
+    Parameters
+    ----------
+    kind
+        What the name is of: ``axis``, ``command``.
+    known
+        All names that exist.
+    synonyms
+        Other words to the names that are meant.
+    see
+        Command that lists all names.
+
+    Examples
+    --------
+    >>> print(unknown_name("axis", "rolll", ["roll", "pitch", "yaw"]))
+    unknown axis 'rolll'; did you mean roll?
+    >>> print(unknown_name("axis", "x", ["roll", "pitch", "yaw"]))
+    unknown axis 'x'; expected roll, pitch or yaw.
+    """
+    names = list(known)
+    came = f"unknown {kind} {name!r}"
+    if near := (synonyms or {}).get(name.lower(), "") or nearest_name(name, names):
+        return UsageError(came, remedy=f"did you mean {near}?")
+    return UsageError(came, needed=listed(names), remedy=f"{see} lists all" if see and len(names) > _MOST_NAMES else "")
+
+
+def nearest_name(name: str, known: Iterable[str]) -> str:
+    """The name that was probably meant; empty if none is near.
+
+    Examples
+    --------
+    >>> nearest_name("Pich", ["roll", "pitch"]), nearest_name("identifying", ["identify"]), nearest_name("x", ["roll"])
+    ('pitch', 'identify', '')
+    """
+    from difflib import get_close_matches
+
+    lower = {other.lower(): other for other in known}
+    word = name.strip().lower()
+    near = get_close_matches(word, lower, n=1, cutoff=_LIKENESS)
+    least = 3
+    begins = [other for other in lower if len(word) >= least and (other.startswith(word) or word.startswith(other))]
+    return lower[(near or begins)[0]] if near or begins else ""
+
+
+def listed(names: Sequence[str]) -> str:
+    """A few names as a choice.
+
+    Examples
+    --------
+    >>> listed(["roll", "pitch", "yaw"]), listed("abcdefgh")
+    ('roll, pitch or yaw', 'one of a, b, c, d, e, ... (8 in all)')
+    """
+    if len(names) > _MOST_NAMES:
+        return f"one of {', '.join(names[:_MOST_NAMES])}, ... ({len(names)} in all)"
+    return " or ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)

@@ -16,37 +16,39 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperGroup
 
 from rotorid import __version__
 from rotorid.cli.console import listen, patient_output, say, spare_warnings
-from rotorid.errors import RotoridError, UsageError
+from rotorid.cli.help import HELP, HelpfulCommand, argument_name
+from rotorid.data import synonyms
+from rotorid.errors import RotoridError, UsageError, nearest_name, unknown_name
 from rotorid.io.formats import ENDINGS
 
 COMMANDS = {
     "demo": "Fly the built-in vehicle, identify it, write the report.",
-    "review": "Say everything that ordinary flights tell; short: rotorid LOG.",
-    "inspect": "Say what is in a log and what it can support.",
+    "review": "Analyze an ordinary flight (same as rotorid LOG).",
+    "inspect": "Show what is in a log and what it is good for.",
     "response": "Estimate frequency responses and margins.",
     "identify": "Identify a model from flight logs.",
-    "verify": "Judge an identified model on data that it has not seen.",
-    "compare": "Put models and methods side by side.",
-    "delay": "Estimate delays as fractions of a sample.",
-    "design": "Plan a flight: test inputs, what they will tell, files.",
-    "simulate": "Fly a vehicle in simulation, and write its log.",
-    "stitch": "Join models of several speeds into one over speed.",
-    "tune": "Propose gains that hold, and write files for the autopilot with a way back.",
-    "export": "Write an identified vehicle as files of simulators and tools.",
-    "fleet": "Read many logs into one table: what is normal, what differs, what changed.",
-    "track": "Follow a model through a flight: what changed on the way, and when.",
-    "lab": "Open a page in the browser where logs are seen, chosen and identified.",
-    "run": "Carry out the steps of a project file that the page saved.",
-    "models": "List the models of the library, or print one.",
-    "vehicles": "List the vehicles of the library, or write a vehicle file.",
-    "example": "Write a small log to try everything on.",
-    "doctor": "Say whether this installation is sound.",
+    "verify": "Check a model on data it was not fitted to.",
+    "compare": "Compare models and methods in one table.",
+    "delay": "Estimate delays between channels.",
+    "design": "Plan an identification flight: test inputs, expected accuracy, files.",
+    "simulate": "Simulate a flight and write its log.",
+    "stitch": "Join models of several speeds into one.",
+    "tune": "Propose new gains, with files to load them and to go back.",
+    "export": "Write a model for a simulator or tool: PX4 SIH, Gazebo, MATLAB, ...",
+    "fleet": "Analyze many logs: what is normal, what differs, what changed.",
+    "track": "Follow a model through a flight to find changes.",
+    "lab": "Open the interactive page in the browser.",
+    "run": "Repeat the steps of a project saved in the lab.",
+    "models": "List the models, or print one as TOML.",
+    "vehicles": "List the vehicles, or print one as a file.",
+    "example": "Write a small log to try things on.",
+    "doctor": "Check this installation.",
 }
-"""Every command, and what it does in a line of ``rotorid --help``; its own help says more."""
+"""Every command with its line in ``rotorid --help``; its own help says more."""
 
 # The matrices of this package are small: threads inside one product cost more than they bring, tenfold under load.
 # Read when NumPy is first imported, which the commands do later.
@@ -60,36 +62,6 @@ _WORDS: dict[str, Any] = {
     "rich_markup_mode": None,
     "context_settings": {"help_option_names": ["-h", "--help"]},
 }
-
-
-_MANY = 12
-"""Options beyond which a command lists them under headings."""
-_LAST = ("Results", "Options")
-
-
-class Grouped(TyperCommand):
-    """A command that lists its options under headings where there are many."""
-
-    def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Arguments, then options by what they are about, then those without a heading."""
-        help_records = [
-            (parameter, record)
-            for parameter in self.get_params(ctx)
-            if (record := parameter.get_help_record(ctx)) is not None
-        ]
-        many = len(help_records) > _MANY
-        sections: dict[str, list[Any]] = {"Arguments": []}
-        for parameter, record in help_records:
-            heading = (getattr(parameter, "rich_help_panel", None) if many else None) or "Options"
-            heading = "Arguments" if parameter.param_type_name == "argument" else heading
-            # Several of a kind are written as one; what an argument is its help says.
-            name = re.sub(r"<list\[(\w+)\]>", lambda kind: f"<{kind[1].lower()}>", record[0])
-            name = re.sub(r"(?<=\S) <\w+>$", "", name) if heading == "Arguments" else name
-            sections.setdefault(heading, []).append((name, record[1]))
-        for title in (*(title for title in sections if title not in _LAST), *_LAST):
-            if sections.get(title):
-                with formatter.section(title):
-                    formatter.write_dl(sections[title])
 
 
 class Commands(Mapping[str, Any]):
@@ -111,7 +83,7 @@ class Commands(Mapping[str, Any]):
             # It says itself what is wrong with the file of preferences.
             command = as_preferred(command)
         alone = typer.Typer(add_completion=False, **_WORDS)
-        alone.command(name, cls=Grouped, context_settings=_WORDS["context_settings"])(with_options(command))
+        alone.command(name, cls=HelpfulCommand, context_settings=_WORDS["context_settings"])(with_options(command))
         return typer.main.get_command(alone)
 
 
@@ -148,8 +120,13 @@ class Group(TyperGroup):
         """Names of the commands."""
         return list(COMMANDS)
 
+    def format_usage(self, _: Any, formatter: Any) -> None:
+        """The two ways to call it."""
+        formatter.write("Usage: rotorid LOG...                  analyze a flight\n")
+        formatter.write("       rotorid COMMAND ... [OPTIONS]\n")
+
     def format_commands(self, _: Any, formatter: Any) -> None:
-        """What the help says of them."""
+        """The list of commands."""
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
 
@@ -157,14 +134,19 @@ class Group(TyperGroup):
 app = typer.Typer(
     name="rotorid",
     cls=Group,
-    help="System identification for multirotors: flight log in, model with honest bounds and a report out.",
+    help="System identification for multirotors: from a flight log to a model with error bounds and a report.",
     no_args_is_help=True,
     **_WORDS,
 )
 
 
 def with_review(arguments: list[str]) -> list[str]:
-    """The words of the command line, ``review`` put first where they begin with a log.
+    """The words of the command line, with ``review`` in front if they begin with a log.
+
+    Raises
+    ------
+    UsageError
+        The first word is neither a command nor a log.
 
     Examples
     --------
@@ -176,7 +158,11 @@ def with_review(arguments: list[str]) -> list[str]:
     if not arguments or arguments[0] in COMMANDS or arguments[0].startswith("-"):
         return arguments
     first = Path(arguments[0])
-    return ["review", *arguments] if first.suffix.lower() in ENDINGS or first.exists() else arguments
+    if first.suffix.lower() in ENDINGS or first.exists():
+        return ["review", *arguments]
+    if len(first.parts) > 1 or first.suffix:
+        raise UsageError(f"{arguments[0]!r} is no file and no command", remedy="rotorid --help lists the commands")
+    raise unknown_name("command", arguments[0], COMMANDS, synonyms=synonyms.COMMANDS, see="rotorid --help")
 
 
 def _version(asked: bool) -> None:
@@ -209,25 +195,47 @@ def _print_error(error: RotoridError) -> None:
 
 
 def _parsed(words: list[str]) -> int:
-    """Do what the words say, and tell the exit code.
+    """The exit code of a command line.
 
     Raises
     ------
     UsageError
-        The parser does not understand them.
+        The parser does not understand it.
     """
     try:
         return int(app(words, standalone_mode=False) or 0)
     except _Refused as error:
-        context = getattr(error, "ctx", None)
         if error.__class__.__name__ == "NoArgsIsHelpError":
             error.show()
             return int(error.exit_code)
-        message = " ".join(error.format_message().split()).rstrip(".")
-        raise UsageError(
-            f"{message[:1].lower()}{message[1:]}",
-            needed=f"what {context.command_path if context else 'rotorid'} --help lists",
-        ) from None
+        raise _in_words(error, words) from None
+
+
+_NUMBERS = {"a valid integer": "a whole number", "a valid number": "a number"}
+
+
+def _in_words(error: Any, words: list[str]) -> UsageError:
+    """An error of the parser as one of rotorid."""
+    context, param, kind = getattr(error, "ctx", None), getattr(error, "param", None), error.__class__.__name__
+    command = words[0] if words and words[0] in COMMANDS else ""
+    path = f"rotorid {command}".strip()
+    name = "" if param is None else param.opts[0] if param.param_type_name == "option" else argument_name(param)
+    if kind == "MissingParameter":
+        typed = HELP[command].missing.get(name, "") if command else ""
+        return UsageError(f"missing {name}", remedy=f"{f'try {typed}, or ' if typed else ''}see {path} --help")
+    if kind == "NoSuchOption":
+        known = [
+            option for param in context.command.get_params(context) for option in (*param.opts, *param.secondary_opts)
+        ]
+        near = nearest_name(error.option_name, [option for option in known if option.startswith("--")])
+        came = f"unknown option {error.option_name}"
+        return UsageError(came, remedy=f"did you mean {near}?" if near else f"see {path} --help-all")
+    message = " ".join(error.format_message().split()).rstrip(".")
+    if found := re.search(r"Input should be (a valid \w+)", message):
+        return UsageError(f"{name} needs {_NUMBERS.get(found[1], found[1])}")
+    message = re.sub(r"^Option '(.*)' requires an argument$", r"\1 needs a value", message)
+    message = re.sub(r"^Got unexpected extra argument\(s\) \((.*)\)$", r"unexpected argument \1", message)
+    return UsageError(f"{message[:1].lower()}{message[1:]}", remedy=f"see {path} --help")
 
 
 def main() -> None:

@@ -39,9 +39,9 @@ def delay_command(
     map: Map = None,
     output: Output,
 ) -> None:
-    """Estimate delays between channels as fractions of a sample, with an interval and what they mean.
+    """Estimate delays between channels to a fraction of a sample, with 95 % intervals.
 
-    Exit code 1 where the data contradict the delay of a pair: it is left out, and the reason is said.
+    Exit code 1 if the data contradict the delay of a pair; that pair is left out.
     """
     from rotorid.documents.delay import delay_document
     from rotorid.identifying.delays import delay, refused_delay

@@ -66,15 +66,10 @@ def complete_from(words: Iterable[str] | Callable[[], Iterable[str]]) -> Callabl
     return complete
 
 
-Logs: TypeAlias = Annotated[
-    list[Path],
-    typer.Argument(
-        help="Flight logs: PX4, ArduPilot, Betaflight, Crazyflie, ROS, .mat, .csv and more; also compressed."
-    ),
-]
-Log: TypeAlias = Annotated[
-    Path, typer.Argument(help="A flight log: PX4, ArduPilot, Betaflight, Crazyflie, ROS, .mat, .csv and more.")
-]
+_LOG_HELP = "PX4, ArduPilot, Betaflight, Crazyflie, ROS, .mat, .csv and more; may be compressed."
+
+Logs: TypeAlias = Annotated[list[Path], typer.Argument(metavar="LOG...", help=f"Flight logs: {_LOG_HELP}")]
+Log: TypeAlias = Annotated[Path, typer.Argument(metavar="LOG", help=f"A flight log: {_LOG_HELP}")]
 Map: TypeAlias = Annotated[
     Path | None, Option("--map", "TOML file that names the channels of any other source.", "Data")
 ]

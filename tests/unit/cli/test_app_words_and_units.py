@@ -176,11 +176,11 @@ def test_options_of_commands_alone_come_with_units(flight: Path, tmp_path: Path)
 
 
 def test_many_options_stand_under_headings() -> None:
-    text = CliRunner().invoke(app, ["identify", "--help"], env={"COLUMNS": "200"}).output
+    text = CliRunner().invoke(app, ["identify", "--help-all"], env={"COLUMNS": "200"}).output
     headings = re.findall(r"^(\S.*):$", text, flags=re.MULTILINE)
     models = ["Models", "Models in physical parameters", "Judging"]
-    assert sorted(headings[1:-2]) == sorted([*models, "Responses", "Data", "Fit"])
-    assert [headings[0], *headings[-2:]] == ["Arguments", "Results", "Options"]
+    assert sorted(headings[2:-2]) == sorted([*models, "Responses", "Data", "Fit"])
+    assert [*headings[:2], *headings[-2:]] == ["Examples", "Arguments", "Results", "Options"]
     assert "--taper hann|half_sine" in text
     assert "--weights auto|cifer|covariance" in text
     assert "--curve auto|linear|quadratic|affine|polynomial" in text
@@ -192,11 +192,11 @@ def test_many_options_stand_under_headings() -> None:
 
 @pytest.mark.parametrize("command", ["design", "simulate", "tune", "export"])
 def test_headings_are_those_of_the_command(command: str) -> None:
-    text = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200"}).output
+    text = CliRunner().invoke(app, [command, "--help-all"], env={"COLUMNS": "200"}).output
     headings = re.findall(r"^(\S.*):$", text, flags=re.MULTILINE)
     assert "Fit" not in headings
     assert "Responses" not in headings
-    assert {"--seed", "-h,"} == {
+    assert {"--seed", "--help-all", "-h,"} == {
         line.split()[0] for line in text.partition("\nOptions:\n")[2].splitlines() if "-" in line
     }
 
@@ -204,7 +204,7 @@ def test_headings_are_those_of_the_command(command: str) -> None:
 # What the page of the lab takes is declared beside it.
 @pytest.mark.parametrize("command", sorted({*COMMANDS} - {"lab", "run"}))
 def test_help_says_what_an_option_takes(command: str) -> None:
-    text = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200"}).output
+    text = CliRunner().invoke(app, [command, "--help-all"], env={"COLUMNS": "200"}).output
     assert not re.findall(r"--\S+ <(?:str|list|text)\S*", text)
 
 
@@ -248,7 +248,7 @@ def test_a_finding_has_the_color_of_what_it_says(
         monkeypatch.delenv(name, raising=False)
     console.print_findings([warn("gaps", "p", "Two gaps."), warn("gaps", "q", "Two gaps.")])
     said = capsys.readouterr().out
-    assert said == "\x1b[1;33mwarning\x1b[0m gaps: Two gaps.\n"
+    assert said == "\x1b[1;33mwarning\x1b[0m gaps (2 times): Two gaps.\n"
 
 
 def test_a_band_beside_the_excitation_is_remarked_on() -> None:

@@ -53,7 +53,7 @@ def test_a_plain_run_has_neither(results: tuple[Path, Ran]) -> None:
 
 def test_help_lists_every_search(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
-    told = rotorid("identify", "--help").out
+    told = rotorid("identify", "--help-all").out
     option = told.split("--search", 1)[1].split("--evaluations", 1)[0]
     assert [name for name in searches() if name not in option] == []
 

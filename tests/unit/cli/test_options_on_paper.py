@@ -41,7 +41,7 @@ def browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("command", [*PAGES, *ALSO])
 def test_every_command_with_a_page_prints_it(command: str) -> None:
-    assert "--pdf" in rotorid(command, "--help").out
+    assert "--pdf" in rotorid(command, "--help-all").out
 
 
 @pytest.mark.slow
