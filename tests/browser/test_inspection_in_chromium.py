@@ -8,13 +8,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.browser.chromium import dump
+from tests.browser.chromium import SETTLED, asked, dump
 from tests.unit.cli.commands import rotorid
 
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
 from rotorid.io.tables.csv import write_csv
 from rotorid.report.inspection import render_inspection
 from rotorid.reviewing.inspection import inspect
+
+OPENED = f"""
+async () => {{
+  {SETTLED}
+  await openAll(document.querySelectorAll("details"));
+  await settled();
+  return document.documentElement.outerHTML;
+}}
+"""
+"""The page with everything opened."""
 
 HOSTILE = "</script><script>document.title='run'</script><img src=x onerror=document.title='run'>"
 
@@ -34,7 +44,7 @@ def test_the_page_that_the_command_writes_draws_everything(chromium: str, tmp_pa
     assert rotorid("inspect", tmp_path / "flight.csv", "--plot", tmp_path / "flight.html").code == 0
     page = (tmp_path / "flight.html").read_text(encoding="utf-8")
 
-    elements, console = dump(chromium, page, tmp_path)
+    elements, console = asked(chromium, page, tmp_path, OPENED)
 
     assert console == []
     assert 'data-pictures="drawn"' in elements

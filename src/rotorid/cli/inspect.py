@@ -1,7 +1,8 @@
-"""``rotorid inspect``: what is in a log, and what it can support."""
+"""``rotorid inspect``: what a log is good for, and what it contains."""
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,16 +17,15 @@ from rotorid.cli.command import print_if_asked, target_of
 from rotorid.cli.console import as_given, log_progress, progress
 from rotorid.cli.folders import Found
 from rotorid.cli.options import AgainstPlan, ForPaper, Logs, Map, Only, Output
+from rotorid.data.display import counted
 from rotorid.data.findings import worst_first
 from rotorid.data.quantity import milliseconds, with_error
 from rotorid.errors import UsageError
 from rotorid.settings.option import Option
-from rotorid.signal.airborne import evidence_words
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from rotorid.data.findings import Finding
     from rotorid.data.flight_plan import FlightPlan
     from rotorid.data.record import FlightRecord, Maneuver
     from rotorid.flights.consistency import ChannelSkew
@@ -34,10 +34,10 @@ if TYPE_CHECKING:
 Plot: TypeAlias = Annotated[Path | None, Option("--plot", "Write a picture of the log: FILE.html or FILE.png.")]
 
 FILE, REPORT = "inspect.json", "report.html"
-_MOST_FINDINGS = 8
 _MOST_SKEWS = 6
+_MOST_CANDIDATES = 3
 _SHOWN_ELSEWHERE = ("airborne", "clock_skew", "kinematic_consistency", "kinematics_unchecked")
-"""What stands in lines of its own; only warnings of these are said again."""
+"""Kinds that have lines of their own; only their warnings are printed again."""
 
 
 def inspect_command(
@@ -53,9 +53,9 @@ def inspect_command(
     output: Annotated[Output, Only("json", "quiet", "verbose", "force")],
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
-    """Say what is in logs and what they can support: channels, rates, gaps, excitations."""
+    """List what a log is good for, and what to fly or log for the rest."""
     if paper.pdf and out is None:
-        raise UsageError("--pdf came without --out", needed="a folder for the page that is printed")
+        raise UsageError("--pdf is used without --out", remedy="add --out FOLDER")
     found = Found.behind(logs)
     alone = plot is not None or out is not None
     if alone and len(found.named) > 1:
@@ -75,7 +75,7 @@ def inspect_command(
     if out is not None:
         target = target_of(replace(output, out=out), out, FILE, paper)
     with progress(quiet=output.quiet):
-        # Of a folder what is no log is no second one.
+        # Files of a folder that are no logs do not count.
         record, *others = islice(found.records(map), 2)
         if others:
             raise _too_many("a folder of several logs")
@@ -94,14 +94,14 @@ def inspect_command(
 
         sys.stdout.write(to_json(inspect_document(inspection)))
     elif not output.quiet:
-        _print(inspection, found.read[-1], map, plot, out)
+        _print(inspection, found.read[-1], map, plot, out, verbose=output.verbose)
 
 
 def _too_many(came: str) -> UsageError:
     return UsageError(
-        f"--plot or --out came with {came}",
-        needed="them with a single log",
-        remedy="rotorid review makes a page of several",
+        f"--plot or --out is used with {came}",
+        needed="a single log",
+        remedy="use rotorid review for a page of several",
     )
 
 
@@ -115,7 +115,7 @@ def plan_of(file: Path | None) -> FlightPlan | None:
 
 
 def _inspected(record: FlightRecord, plan: FlightPlan | None) -> Inspection:
-    """What a log holds, and what it has of a plan."""
+    """The inspection of a log, with its comparison with a plan among the findings."""
     from rotorid.flying.plan_checks import plan_findings
     from rotorid.reviewing.inspection import inspect
 
@@ -134,12 +134,12 @@ def _inspect_several(found: Found, map: Path | None, plan: Path | None, output: 
     for record in found.records(map, each_alone=True):
         inspections.append(_inspected(record, wanted))
         if not output.json and not output.quiet:
-            _print(inspections[-1], found.read[len(inspections) - 1], map, None, None)
+            _print(inspections[-1], found.read[len(inspections) - 1], map, None, None, verbose=output.verbose)
             sys.stdout.write("\n")
     found.say_skipped()
     if output.json:
         documents = [inspect_document(inspection) for inspection in inspections]
-        # Beside what is no log in a folder, one log is that log; beside a named file that failed, it is one of several.
+        # A folder with a single log is that log; with a named file that failed, it is one of several.
         alone = len(found.files) == len(found.skipped) + 1
         sys.stdout.write(to_json(documents[0] if alone else InspectionsDocument(inspections=documents)))
     if found.failed:
@@ -154,9 +154,11 @@ def _write(folder: Path, record: FlightRecord, inspection: Inspection) -> None:
     write_together(folder, {FILE: inspect_document(inspection), REPORT: render_inspection(record, inspection)})
 
 
-def _print(inspection: Inspection, file: Path, map: Path | None, plot: Path | None, out: Path | None) -> None:
-    """One screen: the log, its topics, what was flown, whether it agrees with itself, what it supports, remarks."""
-    from rotorid.cli.console import output_console
+def _print(
+    inspection: Inspection, file: Path, map: Path | None, plot: Path | None, out: Path | None, *, verbose: bool
+) -> None:
+    """What the log is good for and what not, warnings, and what to do next; with ``verbose`` everything else too."""
+    from rotorid.cli.console import output_console, print_findings, print_lines
 
     console = output_console()
 
@@ -168,44 +170,69 @@ def _print(inspection: Inspection, file: Path, map: Path | None, plot: Path | No
             console.print(line, markup=False, soft_wrap=True)
 
     say(_head(inspection))
-    console.print()
-    console.print(_topics(inspection))
-    say(
-        [f"  {_maneuver(m)} {m.origin} in {m.signal}" for m in inspection.excitations] or ["  none found"],
-        "excitations",
-    )
+    say(_good_for(inspection), "good for")
+    if not_possible := list(_not_for(inspection)):
+        say(not_possible, "not for")
+    hertz = in_hertz(inspection)
     if inspection.candidates:
-        lines = [f"  {_maneuver(item)} in {item.signal}: --segment {item.segment}" for item in inspection.candidates]
-        say(lines, "candidates: if they were meant, name them")
-    if inspection.kinematics or inspection.skews:
-        say([*_kinematics(inspection), *_skews(inspection.skews)], "do sensors and clocks agree")
-    say(_supports(inspection), "what it can support")
+        say([], "possible test inputs: name those that were meant")
+        lines = [
+            f"  {_maneuver(item, hertz=hertz)} in {item.signal}: --segment {item.segment}"
+            for item in inspection.candidates
+        ]
+        print_lines(lines, verbose=verbose, item="possible test input", most=_MOST_CANDIDATES, page="")
+    if verbose:
+        console.print()
+        console.print(_topics(inspection))
+        if inspection.settings:
+            say(["  ".join(f"{name}={_setting(value)}" for name, value in inspection.settings.items())], "parameters")
+        lines = [f"  {_maneuver(item, hertz=hertz)} {item.origin} in {item.signal}" for item in inspection.excitations]
+        say(lines or ["  none found"], "test inputs")
+        if inspection.kinematics or inspection.skews:
+            say([*_kinematics(inspection), *_skews(inspection.skews)], "do sensors and clocks agree?")
     findings = [f for f in inspection.findings if f.severity != "info" or f.kind not in _SHOWN_ELSEWHERE]
-    if findings:
-        say(_findings(findings), "findings")
+    if any(verbose or finding.severity != "info" for finding in findings):
+        say([], "warnings and notes")
+        print_findings(findings, (file,), verbose=verbose, page="" if out is None else REPORT)
     commands = [f"  {as_given(command, file, map)}" for command in inspection.next_commands]
-    say(commands or ["  nothing: this log holds no flight"], "next")
+    say(commands or ["  fly: this log contains no flight"], "next")
+    if not verbose:
+        say(["\n-v shows topics, rates, test inputs and sensor checks"])
     if plot is not None:
         say([f"\npicture: {plot}"])
     if out is not None:
         say([f"\nreport: {out / REPORT}", f"file: {out / FILE}"])
 
 
+def in_hertz(inspection: Inspection) -> bool:
+    """Whether frequencies of a log are shown in Hz."""
+    from rotorid.report.frame import frequency_of
+
+    return frequency_of([inspection.name, inspection.format]) == "Hz"
+
+
 def _head(inspection: Inspection) -> Iterator[str]:
     firmware = f", {inspection.firmware}" if inspection.firmware else ""
-    yield f"{inspection.name}  {inspection.format}{firmware}"
     battery = inspection.battery
     volts = f", battery {battery.start_v:.2f} to {battery.stop_v:.2f} V" if battery else ""
-    lowest = f" (lowest {battery.lowest_v:.2f} V)" if battery else ""
-    yield (
-        f"{inspection.start_s:.2f} to {inspection.stop_s:.2f} s on the log's clock, {inspection.parameters} parameters"
-        f"{volts}{lowest}"
-    )
+    span = f"{inspection.start_s:.1f} to {inspection.stop_s:.1f} s"
+    yield f"{inspection.name}  {inspection.format}{firmware}, {span}{volts}"
     if inspection.flights:
         spans = ", ".join(f"{flight.start_s:.1f} to {flight.stop_s:.1f} s" for flight in inspection.flights)
-        yield f"in the air {spans}, {evidence_words(inspection.flights[0].seen_in)}"
-    if inspection.settings:
-        yield "  ".join(f"{name}={_setting(value)}" for name, value in inspection.settings.items())
+        yield f"in the air {spans}"
+
+
+def _good_for(inspection: Inspection) -> Iterator[str]:
+    from rotorid.report.inspection import good_for
+
+    yield from [f"  {models}: {words}" for models, words in good_for(inspection)] or ["  no model"]
+
+
+def _not_for(inspection: Inspection) -> Iterator[str]:
+    from rotorid.report.inspection import not_for
+
+    for row in not_for(inspection):
+        yield f"  {row.what}: {row.why}{f'; {row.remedy}' if row.remedy else ''}"
 
 
 def _setting(value: float) -> str:
@@ -244,8 +271,11 @@ def _names(channels: Sequence[LoggedChannel]) -> str:
     return " ".join(shown)
 
 
-def _maneuver(item: Maneuver) -> str:
-    band = f"{item.band_rad_s[0]:.2g} to {item.band_rad_s[1]:.3g} rad/s" if item.band_rad_s else ""
+def _maneuver(item: Maneuver, *, hertz: bool) -> str:
+    band = ""
+    if item.band_rad_s:
+        low, high = (end / (2.0 * math.pi) if hertz else end for end in item.band_rad_s)
+        band = f"{low:.2g} to {high:.3g} {'Hz' if hertz else 'rad/s'}"
     return f"{item.axis:<7}{item.kind:<14}{item.start_s:9.2f} to {item.stop_s:9.2f} s  {band:<20}"
 
 
@@ -253,8 +283,8 @@ def _kinematics(inspection: Inspection) -> Iterator[str]:
     """A line for each sensor; those that could not be checked share one."""
     for row in inspection.kinematics:
         yield (
-            f"  {row.channel:<3} {with_error(row.scale, row.scale_std):>13} of what {row.against} gives, "
-            f"{milliseconds(row.lag_s, row.lag_std_s):>11} ms after it: {row.verdict}"
+            f"  {row.channel:<3} {row.verdict:<12} scale {with_error(row.scale, row.scale_std)}, lag "
+            f"{milliseconds(row.lag_s, row.lag_std_s)} ms against {row.against}"
         )
     checked = [row.channel for row in inspection.kinematics]
     unchecked = [f.where for f in inspection.findings if f.kind == "kinematics_unchecked" and f.where not in checked]
@@ -267,27 +297,12 @@ def _skews(skews: Sequence[ChannelSkew]) -> Iterator[str]:
     pairs = {(row.reference, row.delayed): row for row in (*skews[::-1], *(row for row in skews if row.remedy))}
     rows = sorted(pairs.values(), key=lambda row: (not row.remedy, row.nature, row.start_s))
     for row in rows[:_MOST_SKEWS]:
-        late = f"{milliseconds(row.seconds, row.std_s):>13} ms after"
+        late = f"lags by {milliseconds(row.seconds, row.std_s)} ms"
         if row.nature == "vehicle":
-            yield f"  {row.channel:<3} {late} {row.reference}: vehicle, motors, filters and stamps together"
+            yield f"  {row.channel:<3} {late} behind {row.reference} (vehicle, motors, filters and stamps together)"
             continue
-        known = f"; known filters explain {1e3 * row.known_s[0]:.1f} to {1e3 * row.known_s[1]:.1f} ms"
-        rest = f": {row.remedy}" if row.remedy else ""
-        yield f"  {row.channel:<3} in {row.delayed} {late} {row.reference}{known if any(row.known_s) else ''}{rest}"
+        known = f" (known filters: {1e3 * row.known_s[0]:.1f} to {1e3 * row.known_s[1]:.1f} ms)"
+        rest = f"{known if any(row.known_s) else ''}{f': {row.remedy}' if row.remedy else ''}"
+        yield f"  {row.channel:<3} in {row.delayed} {late} behind {row.reference}{rest}"
     if len(rows) > _MOST_SKEWS:
-        more = len(rows) - _MOST_SKEWS
-        yield f"  and {more} more pair{'s' * (more > 1)}, which --json shows"
-
-
-def _supports(inspection: Inspection) -> Iterator[str]:
-    for model, support in inspection.supports.items():
-        # What would give narrower intervals stands in the page: a line is read in two seconds.
-        remedy = f"; {support.remedy}" if support.remedy and not support.possible else ""
-        yield f"  {model:<18} {'yes' if support.possible else 'no '}  {support.because}{remedy}"
-
-
-def _findings(findings: Sequence[Finding]) -> Iterator[str]:
-    for finding in findings[:_MOST_FINDINGS]:
-        yield f"  {finding.severity} {finding.kind} ({finding.where}): {finding.message}"
-    if len(findings) > _MOST_FINDINGS:
-        yield f"  and {len(findings) - _MOST_FINDINGS} more, which --json and --plot FILE.html show"
+        yield f"  {counted(len(rows) - _MOST_SKEWS, 'more pair')}: --json shows all"

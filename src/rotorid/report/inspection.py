@@ -1,8 +1,9 @@
-"""The picture of a log: as a page that holds everything it shows, or as a PNG."""
+"""The page of an inspection, which needs no other file, and its picture as a PNG."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
@@ -16,8 +17,10 @@ from rotorid.models.library import RATE_AXES
 from rotorid.plot.figure import MOST_POINTS, envelope
 from rotorid.plot.inspection import Bar, LogPicture, Trend, log_figure
 from rotorid.report.frame import Picture, render
-from rotorid.report.parts import finding_rows
+from rotorid.report.parts import finding_rows, remark_count
+from rotorid.report.unavailable import merged_axes
 from rotorid.reviewing.inspection import Inspection, coverage
+from rotorid.reviewing.values import Unavailable
 from rotorid.signal.airborne import evidence_words
 from rotorid.signal.excitations import excitation_signals
 from rotorid.typing import FloatArray
@@ -33,7 +36,7 @@ def write_inspection(path: Path, record: FlightRecord, inspection: Inspection) -
     path
         An ``.html`` or a ``.png``; replaced when it is there.
     inspection
-        What ``inspect`` says of it.
+        Its inspection.
 
     Raises
     ------
@@ -51,7 +54,7 @@ def write_inspection(path: Path, record: FlightRecord, inspection: Inspection) -
 
 
 def require_suffix(path: Path) -> None:
-    """Refuse a picture of another kind, before a long log is read for it.
+    """Refuse a picture of another kind before a long log is read.
 
     Examples
     --------
@@ -66,8 +69,35 @@ def require_suffix(path: Path) -> None:
         )
 
 
+_BY = {
+    "excitation": "from its test inputs",
+    "ordinary flight": "from ordinary flight; a sweep would give intervals several times narrower",
+    "motors": "from motor outputs",
+}
+"""What a model would be identified from."""
+
+
+def good_for(inspection: Inspection) -> tuple[tuple[str, str], ...]:
+    """Models that a log supports, and what they would be identified from."""
+    by: dict[str, list[str]] = {}
+    for model, support in inspection.supports.items():
+        if support.possible:
+            by.setdefault(_BY.get(support.by, support.because), []).append(model)
+    return tuple((", ".join(models), words) for words, models in by.items())
+
+
+def not_for(inspection: Inspection) -> tuple[Unavailable, ...]:
+    """Models that a log does not support: why, and what to do; one row for those that differ in their axes alone."""
+    rows = merged_axes(
+        Unavailable(what=model, why=support.because, remedy=support.remedy)
+        for model, support in inspection.supports.items()
+        if not support.possible
+    )
+    return tuple(replace(row, what=row.what.replace("; ", ", ")) for row in rows)
+
+
 def render_inspection(record: FlightRecord, inspection: Inspection) -> str:
-    """The picture of a log and all that ``inspect`` says of it as one HTML document.
+    """The inspection of a log as one HTML document.
 
     Scripts and styles are embedded, under the same content security policy as the report.
     """
@@ -80,6 +110,9 @@ def render_inspection(record: FlightRecord, inspection: Inspection) -> str:
         "inspection.html",
         logs=[inspection.name, inspection.format],
         log=inspection,
+        good_for=good_for(inspection),
+        not_for=not_for(inspection),
+        remark_count=remark_count(inspection.findings),
         topics=[list(rows) for _, rows in groupby(inspection.channels, key=lambda channel: channel.topic)],
         remarks=finding_rows(inspection.findings),
         log_picture=picture,
@@ -90,7 +123,7 @@ def render_inspection(record: FlightRecord, inspection: Inspection) -> str:
 
 
 def log_picture(record: FlightRecord, inspection: Inspection) -> LogPicture:
-    """What the picture shows of a log: flights, excitations, candidates, the signals of each axis, and all topics."""
+    """Flights, excitations, candidates, the signals of each axis, and all topics of a log, for its picture."""
     shown = (("excitation", inspection.excitations), ("candidate", inspection.candidates))
     excitations = [
         Bar(
@@ -118,7 +151,7 @@ def _topic_bar(name: str, rate_hz: float, spans: Sequence[tuple[float, float]]) 
 
 
 def _trends(record: FlightRecord, inspection: Inspection, command: str, output: str) -> list[Trend]:
-    """The signal that excites an axis, or would, and the output that answers; whichever the log holds."""
+    """The signal that excites an axis, or would, and the output that answers, as far as they are logged."""
     axis = next(axis for axis in AXES if command == f"{axis}_command")
     excitations = [item for item in inspection.excitations if item.axis == axis]
     tried = [item for item in inspection.candidates if item.axis == axis]
@@ -136,8 +169,7 @@ def _trends(record: FlightRecord, inspection: Inspection, command: str, output: 
 def _whole(record: FlightRecord, name: str) -> tuple[FloatArray, FloatArray]:
     """A channel over the whole log: its longest topic, and those that lie beside it, such as a second run.
 
-    Shapes ``(samples,)``, thinned for display; between two topics stands a sample that is not a number, where the
-    trace breaks.
+    Shapes ``(samples,)``, thinned for display; a sample that is not a number breaks the trace between two topics.
     """
     holding = [(topic, row) for topic, row in record.holding(name) if topic.time_s.size]
     parts: list[tuple[FloatArray, FloatArray]] = []

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+from rotorid.data.display import counted
 from rotorid.data.findings import Finding, without_repeated
 from rotorid.data.quantity import MISSING, percent, significant, unit, with_error
 from rotorid.data.record import Maneuver
@@ -120,6 +121,20 @@ def _picture(shown: Shown, key: str, output: str, input: str) -> Picture:
 
 
 _SEVERITIES = ("error", "warning", "info")
+
+
+def remark_count(findings: Sequence[Finding]) -> str:
+    """How many warnings and notes there are, in words.
+
+    Examples
+    --------
+    >>> from rotorid.data.findings import remark, warn
+    >>> remark_count([warn("gap", "gyro", "A gap."), remark("trim", "p", "Trim."), remark("trim", "q", "Trim.")])
+    '1 warning, 2 notes'
+    """
+    notes = sum(finding.severity == "info" for finding in findings)
+    counts = ((len(findings) - notes, "warning"), (notes, "note"))
+    return ", ".join(counted(number, name) for number, name in counts if number)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -1,4 +1,4 @@
-"""What a review could not measure, in words: a row for everything that has one reason."""
+"""What was not measured, in words: a row for everything that has one reason."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _PARTS: Mapping[str, str] = MappingProxyType(
         "margins": "margins",
         "models": "models",
         "motors": "motors",
-        "motors.events": "motors that lose their step",
+        "motors.events": "desync",
         "oscillations": "oscillation",
         "noise": "noise",
         "noise.maps": "noise maps",
         "noise.maps.before": "noise before the filters",
-        "noise.maps.throttle": "noise against throttle",
+        "noise.maps.throttle": "noise over throttle",
         "noise.peaks": "lines in the noise",
         "step": "step response",
         "vehicle.kind": "kind of vehicle",
@@ -41,7 +41,7 @@ _PARTS: Mapping[str, str] = MappingProxyType(
 
 
 def unavailable_words(name: str) -> tuple[str, str]:
-    """What a quantity that cannot be told is called: the thing itself, and which number of it, if one alone.
+    """Name of a quantity that was not measured: the thing itself, and its number, if it is one alone.
 
     Examples
     --------
@@ -74,7 +74,7 @@ def _number_words(name: str) -> str:
 
 
 def of_numbers(thing: str, numbers: list[str]) -> str:
-    """A thing with the numbers of it that are meant.
+    """A thing with its numbers.
 
     Examples
     --------
@@ -85,17 +85,19 @@ def of_numbers(thing: str, numbers: list[str]) -> str:
     return f"{thing}: {listed(named)}" if named else thing
 
 
-_AXIS_WORDS = re.compile(r"\b(roll|pitch|yaw|p|q|r|phi|theta|psi)(_setpoint|_stick|_command)?\b")
-"""What is said of one axis in the words of another: one row for both, with the words of each."""
+_AXIS_WORDS = re.compile(r"\b(roll|pitch|yaw|thrust|p|q|r|phi|theta|psi)(_setpoint|_stick|_command)?\b")
+"""Words of an axis. Rows that differ in these alone become one row that lists them."""
+
+_AXES = {"p": "roll", "phi": "roll", "q": "pitch", "theta": "pitch", "r": "yaw", "psi": "yaw"}
 
 
 def gathered(unavailable: Iterable[Unavailable]) -> tuple[Unavailable, ...]:
-    """What cannot be told for one reason in one row: the numbers of a loop that a slow log hides, for instance.
+    """One row for all that has one reason, such as the numbers of a loop that a slow log hides.
 
     Examples
     --------
     >>> slow = [Unavailable(what=f"loops.p.{name}", why="It is too slow.") for name in ("rise_time_s", "peak_db")]
-    >>> [one.what for one in gathered(slow)]
+    >>> [row.what for row in gathered(slow)]
     ['roll rate loop: rise time and resonance peak']
     """
     rows: dict[tuple[str, str, str], list[str]] = {}
@@ -106,9 +108,23 @@ def gathered(unavailable: Iterable[Unavailable]) -> tuple[Unavailable, ...]:
         Unavailable(what=of_numbers(thing, labels), why=why, remedy=remedy)
         for (thing, why, remedy), labels in rows.items()
     ]
+    return merged_axes(numbers)
+
+
+def merged_axes(rows: Iterable[Unavailable]) -> tuple[Unavailable, ...]:
+    """One row for those that differ in their axes alone; each of these rows is about a single axis.
+
+    Examples
+    --------
+    >>> idle = [Unavailable(what=f"rate.{axis}", why=f"The {axis} stick did not move.") for axis in ("roll", "yaw")]
+    >>> [(row.what, row.why) for row in merged_axes(idle)]
+    [('rate.roll; rate.yaw', 'The roll and yaw sticks did not move.')]
+    """
     alike: dict[tuple[str, str], list[Unavailable]] = {}
-    for row in numbers:
-        alike.setdefault((_AXIS_WORDS.sub("…", row.why), _AXIS_WORDS.sub("…", row.remedy)), []).append(row)
+    for row in rows:
+        several = len({_AXES.get(found[1], found[1]) for found in _AXIS_WORDS.finditer(f"{row.why} {row.remedy}")}) > 1
+        words = (row.why, row.remedy) if several else (_AXIS_WORDS.sub("…", row.why), _AXIS_WORDS.sub("…", row.remedy))
+        alike.setdefault(words, []).append(row)
     return tuple(
         Unavailable(
             what="; ".join(row.what for row in same),
@@ -125,8 +141,9 @@ def _of_all_axes(sentences: Sequence[str]) -> str:
     Examples
     --------
     >>> _of_all_axes(["move the roll stick", "move the pitch stick", "move the roll stick"])
-    'move the roll and pitch stick'
+    'move the roll and pitch sticks'
     """
     words = [[found.group() for found in _AXIS_WORDS.finditer(sentence)] for sentence in sentences]
     each = iter([listed(list(dict.fromkeys(same))) for same in zip(*words, strict=True)])
-    return _AXIS_WORDS.sub(lambda _: next(each), sentences[0])
+    merged = _AXIS_WORDS.sub(lambda _: next(each), sentences[0])
+    return re.sub(r"( and \w+ stick)\b", r"\1s", merged)

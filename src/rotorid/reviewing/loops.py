@@ -396,7 +396,7 @@ def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Un
 def _why_unavailable(name: str, loop: Loop, impulse: ImpulseResponse) -> str:
     top = impulse.band_rad_s[1]
     if name.startswith("bandwidth"):
-        return f"The bandwidth of the {loop.words} is above {top / (2.0 * math.pi):.3g} Hz, the end of the data."
+        return f"The bandwidth of the {loop.words} is above {top:.3g} rad/s, the end of the data."
     end = float(impulse.step()[np.searchsorted(impulse.time_s, loop.within_s) - 1])
     if name == "settling_time_s":
         return f"The {loop.words} does not settle within 5 %: after {loop.within_s:g} s it is at {end:.2f}."

@@ -12,6 +12,7 @@ from tests.unit.cli.commands import Ran, rotorid
 
 from rotorid import __version__
 from rotorid.cli.command import command_line
+from rotorid.cli.console import MOST_LINES
 from rotorid.documents.inspection import inspect_document
 from rotorid.flying.demo import Demonstration
 from rotorid.flying.simulation import truth_of
@@ -77,22 +78,24 @@ def test_the_command_of_a_result_names_files_and_not_their_folders(
 
 
 def test_inspect_shows_channels_excitations_and_what_they_support(flight: Path) -> None:
-    ran = rotorid("inspect", flight)
-    assert (ran.code, ran.err) == (0, "")
+    short = rotorid("inspect", flight)
+    assert (short.code, short.err) == (0, "")
+    assert short.out.count("\n") <= MOST_LINES
+    good, _, others = short.out.partition("good for\n")[2].partition("not for\n")
+    assert "rate.roll: from its test inputs" in good
+    assert "rate.pitch" in others
+    assert "fly a pitch, yaw and thrust sweep" in others
+    ran = rotorid("inspect", flight, "-v")
     assert "roll_excitation" in ran.out
     assert sum(line.split()[:2] == ["roll", "sweep"] for line in ran.out.splitlines()) == 2
-    roll, pitch = (next(line for line in ran.out.splitlines() if f"rate.{axis}" in line) for axis in ("roll", "pitch"))
-    assert "yes" in roll
-    assert "no" in pitch
-    assert "fly a pitch sweep" in pitch
 
 
 def test_inspect_says_whether_sensors_and_clocks_agree(flight: Path) -> None:
-    out = rotorid("inspect", flight).out
-    lines = out[out.index("do sensors and clocks agree") : out.index("what it can support")].splitlines()[1:]
-    assert "of what attitude gives" in lines[0] or "of what a small phi gives" in lines[0]
+    out = rotorid("inspect", flight, "-v").out
+    lines = out[out.index("do sensors and clocks agree") : out.index("\nnext")].splitlines()[1:]
+    assert "against attitude" in lines[0] or "against a small phi" in lines[0]
     assert "consistent" in lines[0]
-    assert any("after roll_command: vehicle, motors, filters and stamps together" in line for line in lines)
+    assert any("behind roll_command (vehicle, motors, filters and stamps together)" in line for line in lines)
     # What these lines say is not said again among the findings.
     assert "kinematic_consistency" not in out
 

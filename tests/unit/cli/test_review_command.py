@@ -162,7 +162,7 @@ def test_a_file_that_is_no_log_is_wrong_use(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     ran = rotorid("review", tmp_path / "empty")
     assert ran.code == 2
-    assert "holds no flight log" in ran.err
+    assert "contains no flight log" in ran.err
 
 
 def test_figures_are_files(flight: Path, tmp_path: Path) -> None:

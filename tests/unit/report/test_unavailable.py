@@ -17,5 +17,5 @@ def test_a_row_for_several_axes_names_each_of_them() -> None:
     )
     (row,) = rows
     assert row.what == "pitch rate loop; yaw rate loop; pitch angle loop"
-    assert row.why == "The pitch and yaw stick did not move."
-    assert row.remedy == "move the pitch and yaw stick for 30 s"
+    assert row.why == "The pitch and yaw sticks did not move."
+    assert row.remedy == "move the pitch and yaw sticks for 30 s"
