@@ -14,7 +14,6 @@ from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder, output_console, print_findings
 from rotorid.cli.options import ForPaper, Map, Only, Output
 from rotorid.data.display import capital
-from rotorid.data.quantities import QUANTITIES
 from rotorid.errors import UsageError
 from rotorid.proposing.settings import TuneSettings
 from rotorid.settings.option import Option
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
 
     from rotorid.documents.tune import AxisTuneDocument, TuneDocument
     from rotorid.documents.tune_check import TuneCheckDocument
+    from rotorid.plot.curves import Frequency
     from rotorid.proposing.proposal import TuningProposal
     from rotorid.results.model import IdentifiedModel
 
@@ -174,6 +174,7 @@ def _print_details(document: TuneDocument) -> None:
     """All parameters of each axis, the flights to the best gains, and the limits."""
     from rich.table import Table
 
+    from rotorid.report.frame import frequency_of
     from rotorid.report.tune_words import LIMIT_IS_KEPT, end_of, path_sentence
 
     console = output_console()
@@ -188,7 +189,7 @@ def _print_details(document: TuneDocument) -> None:
         if where := end_of(tuning):
             console.print(f"D changes in flight; these margins are for {where}.", highlight=False, markup=False)
         if tuning.path:
-            console.print(_path_table(axis, tuning))
+            console.print(_path_table(axis, tuning, frequency_of([document.autopilot])))
             console.print(path_sentence(tuning.path), highlight=False, markup=False)
     if (thrust := document.thrust) is not None and thrust.flown != thrust.proposed:
         line = f"{thrust.parameter}: {thrust.flown:g} → {thrust.proposed:g} would linearize thrust (file thrust)"
@@ -202,9 +203,10 @@ def _print_check(document: TuneCheckDocument, folder: Path, *, verbose: bool = F
     from rich.table import Table
 
     from rotorid.documents.tune_check import METHODS, compared_words
-    from rotorid.report.tune_words import LOOP_WORDS
+    from rotorid.report.frame import frequency_of
+    from rotorid.report.tune_words import LOOP_WORDS, row_numbers, row_words
 
-    console = output_console()
+    console, unit = output_console(), frequency_of(document.provenance.inputs)
     for axis, checked in document.axes.items():
         console.print(f"{capital(axis)}: {checked.sentence} {checked.advice}", highlight=False, markup=False)
     console.print()
@@ -213,9 +215,8 @@ def _print_check(document: TuneCheckDocument, folder: Path, *, verbose: bool = F
         table.add_column(name, justify="right" if name in ("predicted", "measured") else "left")
     for axis, checked in document.axes.items():
         for row in checked.figures:
-            figure = QUANTITIES[row.name]
-            words = f"{_head(row.name)}, {LOOP_WORDS[row.loop]}"
-            numbers = (figure.with_ends(row.foretold), figure.with_ends(row.measured))
+            words = f"{row_words(row.name, unit)}, {LOOP_WORDS[row.loop]}"
+            numbers = (row_numbers(row.name, row.foretold, unit), row_numbers(row.name, row.measured, unit))
             table.add_row(axis, words, *numbers, *((METHODS[row.method],) if verbose else ()), compared_words(row))
     console.print(table)
     # The verdict of an axis is a finding too, with the same words.
@@ -224,30 +225,25 @@ def _print_check(document: TuneCheckDocument, folder: Path, *, verbose: bool = F
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
 
-def _path_table(axis: str, tuning: AxisTuneDocument) -> Table:
+def _path_table(axis: str, tuning: AxisTuneDocument, unit: Frequency) -> Table:
     """Gains and predicted margins of each flight to the best gains."""
     from rich.table import Table
 
-    from rotorid.report.tune_words import step_name
+    from rotorid.report.tune_words import row_numbers, row_words, step_name
 
     names = list(tuning.path[0].gains)
     table = Table(title=f"flights to the best gains of {axis}", title_justify="left", box=None, pad_edge=False)
     table.add_column("flight")
-    for name in (*names, *map(_head, _PATH), "attitude error"):
+    for name in (*names, *(row_words(name, unit) for name in _PATH), "attitude error"):
         table.add_column(name, justify="right")
     for step in tuning.path:
         table.add_row(
             step_name(step),
             *(f"{step.gains[name]:.4g}" for name in names),
-            *(QUANTITIES[name].with_ends(step.whole[name]) if name in step.whole else "" for name in _PATH),
+            *(row_numbers(name, step.whole[name], unit) if name in step.whole else "" for name in _PATH),
             f"{100.0 * step.attitude_ratio.value:.0f} %",
         )
     return table
 
 
 _PATH = ("sensitivity_peak", "crossover_rad_s", "phase_margin_deg")
-
-
-def _head(name: str) -> str:
-    row = QUANTITIES[name]
-    return f"{row.before} in {row.unit}" if row.unit else row.before

@@ -12,6 +12,7 @@ from rotorid.data.quantity import MISSING, significant, with_unit
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.tune import AxisTuneDocument, PathStepDocument, TuneDocument
 from rotorid.models.autopilots.gains import letter_of
+from rotorid.plot.curves import Frequency
 from rotorid.tuning.proposal import Wishes
 from rotorid.typing import Axis
 
@@ -195,6 +196,24 @@ def end_of(tuning: AxisTuneDocument) -> str:
     return same[0] if len(same) == 1 else ""
 
 
+def row_words(name: str, frequency: Frequency) -> str:
+    """The head of a figure in a table, with its unit."""
+    figure = QUANTITIES[name]
+    unit = frequency if figure.unit == "rad/s" else figure.unit
+    return f"{figure.before} in {unit}" if unit else figure.before
+
+
+def row_numbers(name: str, quantity: QuantityDocument, frequency: Frequency) -> str:
+    """A figure with its interval, in the unit of :func:`row_words`."""
+    if QUANTITIES[name].unit == "rad/s" and frequency == "Hz":
+        ends = (None if end is None else end / (2.0 * math.pi) for end in (quantity.lower, quantity.upper))
+        lower, upper = ends
+        quantity = quantity.model_copy(
+            update={"value": quantity.value / (2.0 * math.pi), "lower": lower, "upper": upper}
+        )
+    return QUANTITIES[name].with_ends(quantity)
+
+
 def step_name(step: PathStepDocument) -> str:
     """What people call a flight of the path."""
     return f"{step.flight}, proposed" if step.flight == 1 else f"{step.flight}, goal" if step.goal else f"{step.flight}"
@@ -207,7 +226,7 @@ def path_sentence(path: Sequence[PathStepDocument]) -> str:
     less = f"{1.0 / left:.2g} times" if left <= 1.0 / _WORTH_A_FACTOR else f"{100.0 * (1.0 - left):.0f} %"
     return (
         "P, D and angle P at most double in one flight. Fly the new gains with a sweep up to "
-        f"{goal.sweep_to_rad_s / (2.0 * math.pi):.0f} Hz ({goal.sweep_to_rad_s:.0f} rad/s), check that flight, and "
+        f"{goal.sweep_to_rad_s / (2.0 * math.pi):.0f} Hz, check that flight, and "
         "tune "
         f"again. With the final gains, a disturbance tilts the vehicle {less} less than with the gains proposed now."
     )
