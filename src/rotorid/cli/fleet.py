@@ -1,4 +1,4 @@
-"""``rotorid fleet PATH...``: many logs into one table, and what the fleet says of its vehicles."""
+"""``rotorid fleet PATH...``: many logs into one table, and which vehicles to look at."""
 
 from __future__ import annotations
 
@@ -12,17 +12,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rotorid.cli.command import command_line, print_if_asked, require_printing
-from rotorid.cli.console import error_console, output_console, say
+from rotorid.cli.console import error_console, print_lines, say
 from rotorid.cli.options import ForPaper, Only, Output
 from rotorid.cli.preferences import results_folder
+from rotorid.data.quantity import with_error, with_unit
 from rotorid.fleets.settings import FleetSettings
 
 if TYPE_CHECKING:
-    from rotorid.documents.fleet import FailedLogDocument, FleetDocument
+    from rotorid.documents.fleet import DifferenceDocument, FleetDocument
     from rotorid.fleets.runs import Fleet
 
 FILE, PAGE = "fleet.json", "fleet.html"
-_MOST_LINES = 12
+_PIPE_S = 10.0
+"""Between lines of progress in a pipe."""
+_MOST_LINES = 8
 
 
 def fleet_command(
@@ -37,7 +40,7 @@ def fleet_command(
     output: Annotated[Output, Only("out", "json", "quiet", "verbose")],
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
-    """Read many logs once, identify each, and say what is normal, what differs and what changed."""
+    """Identify many logs and find which vehicles changed, which differ, and what is normal."""
     from rotorid.documents.base import to_json
     from rotorid.documents.fleet import fleet_document
     from rotorid.fleets.analysis import analyze
@@ -69,26 +72,28 @@ def fleet_command(
     if output.json:
         sys.stdout.write(text)
     elif not output.quiet:
-        _print(document, folder)
+        _print(document, folder, verbose=output.verbose)
     if not document.done:
-        say(f"rotorid: no log gave an answer; the reasons are on {folder / PAGE}, and as a table beside it")
+        say(f"rotorid: no log gave an answer; for the reasons see {folder / PAGE}")
         raise typer.Exit(1)
 
 
 def _read(run: Fleet, *, quiet: bool) -> None:
-    """All logs; what is done where somebody ends it is in the tables, and the next run goes on from there."""
+    """Read all logs. After an interrupt, the tables contain what is done, and the next run continues from there."""
     with _bar(run, quiet=quiet) as count:
         try:
             for answer in run:
                 count(bool(answer.rows))
         except KeyboardInterrupt:
             run.write_tables()
-            say(f"rotorid: ended after {len(run.answers)} of {len(run.places)} logs; the same command goes on")
+            say(
+                f"rotorid: stopped after {len(run.answers)} of {len(run.places)} logs; run the same command to continue"
+            )
             raise
 
 
 def _print_page(folder: Path, page: str, paper: ForPaper) -> None:
-    """The page on paper where that was asked for; other pages of the folder are nobody's wish."""
+    """Print the page to PDF if that was asked for, without other pages of the folder."""
     from rotorid.io.files import write_atomically
     from rotorid.io.folders import scratch_folder
 
@@ -101,20 +106,20 @@ def _print_page(folder: Path, page: str, paper: ForPaper) -> None:
 
 @contextmanager
 def _bar(run: Fleet, *, quiet: bool) -> Iterator[Any]:
-    """A line with rate, remaining time and failures so far on a terminal; every minute a sentence in a pipe."""
+    """A progress bar on a terminal; a line every ten seconds in a pipe."""
     total, failures, done = len(run.places), 0, 0
     console = error_console()
     if quiet or not console.is_terminal:
         last = time.monotonic()
 
-        def tell(good: bool) -> None:
+        def report(good: bool) -> None:
             nonlocal failures, done, last
             done, failures = done + 1, failures + (not good)
-            if not quiet and time.monotonic() - last > 60.0:
+            if not quiet and time.monotonic() - last > _PIPE_S:
                 last = time.monotonic()
                 say(f"rotorid: {done} of {total} logs, {failures} without an answer")
 
-        yield tell
+        yield report
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -140,86 +145,33 @@ def _bar(run: Fleet, *, quiet: bool) -> Iterator[Any]:
         yield count
 
 
-def _print(document: FleetDocument, folder: Path) -> None:
-    console = output_console()
+def _print(document: FleetDocument, folder: Path, *, verbose: bool) -> None:
+    """The answer, what to look at and why, what has no answer, where the files are."""
+    from rotorid.report.fleet import notable, refusals
 
-    def plain(text: str) -> None:
-        console.print(text, markup=False, soft_wrap=True)
-
-    for sentence in document.sentences:
-        plain(sentence)
-    _list(
-        plain,
-        "changed",
-        [
-            f"{cause.vehicle}, flight {cause.at_flight}: {cause.words}{_because(cause.usual)}"
-            for cause in document.causes
-        ],
-    )
-    _list(
-        plain,
-        "other gains",
-        [
-            f"{gains.vehicle}, flight {gains.at_flight} ({gains.log}): "
-            + ", ".join(f"{name} {before:g} to {after:g}" for name, (before, after) in gains.gains.items())
-            for gains in document.other_gains
-        ],
-    )
-    _list(
-        plain, "slowly changing", [f"{drift.vehicle}: {drift.parameter} of {drift.model}" for drift in document.drifts]
-    )
-    _list(
-        plain,
-        "differs from the rest",
-        [f"{vehicle.vehicle}: {vehicle.parameter} of {vehicle.model}" for vehicle in document.outliers.vehicles],
-    )
-    _list(
-        plain,
-        "odd flights",
-        [
-            f"{flight.vehicle}, flight {flight.flight} ({flight.log}): {flight.parameter} {flight.value.value:.4g}, "
-            f"expected {flight.expected:.4g}"
-            for flight in document.outliers.flights
-        ],
-    )
-    _list(
-        plain,
-        "groups that differ",
-        [
-            f"{difference.parameter} of {difference.model}: {difference.group} against {difference.against} "
-            f"{difference.difference.value:+.4g} {difference.difference.unit}"
-            for difference in document.groups
-            if difference.found
-        ],
-    )
-    _list(plain, "no answer", refusals(document.failed))
-    plain(f"page: {folder / PAGE}")
-    plain(f"table: {folder / document.table}")
+    found = notable(document)
+    print_lines(document.sentences[:1], verbose=True)
+    _list("Look at", [row.line for row in found], verbose=verbose)
+    false_alarms = ["At most 5 % of the listed changes are expected to be false alarms."] if found else []
+    print_lines([*false_alarms, *document.sentences[1:]], verbose=True)
+    groups = [difference for difference in document.groups if difference.found]
+    _list("Groups that differ", [_difference(difference) for difference in groups], verbose=verbose)
+    _list("No answer", [row.line for row in refusals(document.failed)], verbose=verbose)
+    print_lines([f"page: {folder / PAGE}", f"table: {folder / document.table}"], verbose=True)
 
 
-def refusals(failed: Sequence[FailedLogDocument]) -> list[str]:
-    """What gave no answer, each reason once: models and flights that share it are listed with it."""
-    found: dict[tuple[str, str, str], int] = {}
-    for failure in failed:
-        # A reason that names its log has said so before.
-        reason = failure.reason.removeprefix(f"{failure.log} ")
-        key = (failure.log, failure.model, reason)
-        found[key] = found.get(key, 0) + 1
-    return [
-        f"{log}{f' ({model})' if model else ''}: {reason}{f' ({count} flights)' if count > 1 else ''}"
-        for (log, model, reason), count in found.items()
-    ]
+def _difference(difference: DifferenceDocument) -> str:
+    from rotorid.fleets.names import shown, words_of
+
+    found = difference.difference
+    quantity = shown(difference.model, difference.parameter, found.unit)
+    std = None if found.std is None else quantity.factor * found.std
+    number = with_unit(with_error(quantity.factor * found.value, std), quantity.unit)
+    words = words_of(difference.model, difference.parameter)
+    return f"{words}: {difference.group} minus {difference.against} is {number}"
 
 
-def _because(usual: str) -> str:
-    return f" ({usual}?)" if usual else ""
-
-
-def _list(plain: Any, title: str, lines: Sequence[str]) -> None:
-    if not lines:
-        return
-    plain(f"\n{title}")
-    for line in lines[:_MOST_LINES]:
-        plain(f"  {line}")
-    if len(lines) > _MOST_LINES:
-        plain(f"  and {len(lines) - _MOST_LINES} more, which the page shows")
+def _list(title: str, lines: Sequence[str], *, verbose: bool) -> None:
+    if lines:
+        print_lines([title], verbose=True)
+        print_lines([f"  {line}" for line in lines], verbose=verbose, item="line", most=_MOST_LINES, page=PAGE)

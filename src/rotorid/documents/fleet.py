@@ -1,4 +1,4 @@
-"""What ``fleet.json`` holds, schema ``rotorid.fleet/1``: what a table of many logs says."""
+"""``fleet.json``, schema ``rotorid.fleet/1``: what many logs show of their vehicles."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class ChangeDocument(Document):
 
 
 class CauseDocument(Document):
-    """The steps of one vehicle at one log together, and what usually lies behind such a pattern."""
+    """The steps of one vehicle at one log together, and the usual cause of such a pattern."""
 
     vehicle: str
     at_flight: int
@@ -82,7 +82,7 @@ class DriftDocument(Document):
 
 
 class OddVehicleDocument(Document):
-    """A vehicle that lies apart from all others."""
+    """A vehicle unlike all others."""
 
     vehicle: str
     model: str
@@ -91,7 +91,7 @@ class OddVehicleDocument(Document):
 
 
 class OddFlightDocument(Document):
-    """A flight that lies apart from those before and after it."""
+    """A flight unlike those before and after it."""
 
     vehicle: str
     model: str
@@ -104,14 +104,14 @@ class OddFlightDocument(Document):
 
 
 class OutliersDocument(Document):
-    """What does not belong to the rest."""
+    """Vehicles and flights unlike the rest."""
 
     vehicles: list[OddVehicleDocument] = Field(default_factory=list)
     flights: list[OddFlightDocument] = Field(default_factory=list)
 
 
 class DifferenceDocument(Document):
-    """What one group of flights differs in from another; ``found`` where chance hardly does that."""
+    """The difference between two groups of flights; ``found`` where chance is an unlikely cause."""
 
     model: str
     parameter: str
@@ -133,7 +133,7 @@ class CheckedNumberDocument(Document):
 
 
 class VehicleVerdictDocument(Document):
-    """Whether a vehicle changed, as far as its ``flights`` decide that; ``why`` says why they do not."""
+    """Whether a vehicle changed in its ``flights``; ``why`` is the reason where there is not enough data."""
 
     vehicle: str
     flights: int
@@ -171,11 +171,11 @@ class OtherGainsDocument(Document):
 
 
 class FleetDocument(Document):
-    """``fleet.json``: what a table of many logs says.
+    """``fleet.json``: what many logs show of their vehicles.
 
     ``sentences`` are those of terminal and page, the answer first. Logs are ``done``, ``refused``, ``unreadable`` or
-    ``duplicates``. Probabilities are those of chance alone, over all flights of the series; what is listed was chosen
-    over the whole fleet so that at most 5 % of it is false.
+    ``duplicates``. Probabilities are those of chance alone, over all flights of the series. At most 5 % of what is
+    listed is expected to be a false alarm.
     """
 
     schema_name: Annotated[Literal["rotorid.fleet/1"], Field(alias="schema")] = "rotorid.fleet/1"
@@ -214,7 +214,7 @@ def fleet_document(
     settings: Mapping[str, Any],
     command: Sequence[str] = (),
 ) -> FleetDocument:
-    """What a fleet said as ``fleet.json`` holds it.
+    """The analysis of a fleet as ``fleet.json``.
 
     Parameters
     ----------

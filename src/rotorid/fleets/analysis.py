@@ -19,7 +19,7 @@ import numpy as np
 from scipy import stats
 
 from rotorid.data.base import Immutable
-from rotorid.data.quantity import Quantity
+from rotorid.data.quantity import Quantity, error_columns
 from rotorid.fleets.changes import (
     Change,
     Drift,
@@ -35,6 +35,7 @@ from rotorid.fleets.changes import (
     stated_scatter,
     steps,
 )
+from rotorid.fleets.names import words_of
 from rotorid.fleets.populations import Population, population, random_effects
 from rotorid.fleets.table import REVIEW, Row
 from rotorid.fleets.vehicles import SeveralVehicles, order_of, separated
@@ -315,7 +316,7 @@ def _parameters(rows: Iterable[Row]) -> dict[Name, _Parameter]:
     """Histories by parameter and vehicle; values without an error say nothing.
 
     A parameter that some logs state in another unit than most, such as inertia without a known arm, or that was
-    measured in another way, such as a delay without a lag beside it, or that a fit left at its bound of zero, has a
+    measured in another way, such as a delay fitted without a lag, or that a fit left at its bound of zero, has a
     history of its own there: numbers of two quantities have no mean.
     """
     stated = [row for row in rows if math.isfinite(row.value) and math.isfinite(row.std) and row.std > 0.0]
@@ -353,7 +354,7 @@ _CLEAR, _ZERO = " (clear of zero)", " (zero within its error)"
 
 
 def _otherwise(kind: _Kind, usual: _Kind) -> str:
-    """What a quantity is called beside the usual one of its name; empty for that."""
+    """What sets a quantity apart from the usual one of its name; empty for the usual one."""
     words = "" if kind.unit == usual.unit else f" in {kind.unit or '1'}"
     if kind.basis != usual.basis:
         words += f" ({other_basis(kind.basis, usual.basis)})"
@@ -616,16 +617,17 @@ _ALIKE = 0.05
 
 
 def _causes(histories: Sequence[History]) -> tuple[Cause, ...]:
-    """Steps of one vehicle at one flight together, and what usually lies behind such a pattern."""
+    """Steps of one vehicle at one flight together, and the usual cause of such a pattern."""
     events: dict[tuple[str, str], list[tuple[History, Change]]] = defaultdict(list)
     for history in histories:
         for change in history.changes:
             events[history.vehicle, history.rows[change.at_flight - 1].log].append((history, change))
     found = []
     for (vehicle, log), many in sorted(events.items()):
+        named = [(words_of(history.model, quantity_of(history.parameter)), change) for history, change in many]
         words = ", ".join(
-            f"{name} {_percents([change for history, change in many if history.parameter == name])}"
-            for name in dict.fromkeys(history.parameter for history, _ in many)
+            f"{words} {_percents([change for name, change in named if name == words])}"
+            for words in dict.fromkeys(name for name, _ in named)
         )
         number = min(change.at_flight for _, change in many)
         found.append(Cause(vehicle=vehicle, at_flight=number, log=log, words=words, usual=_usual(many)))
@@ -633,35 +635,39 @@ def _causes(histories: Sequence[History]) -> tuple[Cause, ...]:
 
 
 def _percents(changes: Sequence[Change]) -> str:
-    """How far a parameter of one or several models went.
+    """The relative change of a quantity in one or several models, rounded to its error.
 
     Examples
     --------
-    >>> before, after = Quantity.normal(2.0, 0.1, "s"), Quantity.normal(2.2, 0.1, "s")
+    >>> before, after = Quantity.normal(2.0, 0.01, "s"), Quantity.normal(2.2, 0.01, "s")
     >>> _percents([Change(at_flight=3, before=before, after=after, probability=0.001)])
     '+10.0 %'
     """
-    ratios = sorted(100.0 * (change.ratio - 1.0) for change in changes if math.isfinite(change.ratio))
-    if not ratios:
-        return "changed"
-    low, high = f"{ratios[0]:+.1f}", f"{ratios[-1]:+.1f}"
-    return f"{low} %" if low == high else f"{low} to {high} %"
+    known = sorted((change for change in changes if math.isfinite(change.ratio)), key=lambda change: change.ratio)
+    ends = dict.fromkeys(_percent(change) for change in known[:1] + known[-1:])
+    return f"{' to '.join(ends)} %" if ends else "changed"
+
+
+def _percent(change: Change) -> str:
+    error = math.hypot(change.before.std / change.before.value, change.after.std / change.after.value)
+    number, _ = error_columns(100.0 * (change.ratio - 1.0), 100.0 * abs(change.ratio) * error)
+    return number if change.ratio < 1.0 else f"+{number}"
 
 
 def _usual(many: Sequence[tuple[History, Change]]) -> str:
     powers = {history.parameter: change.ratio for history, change in many if history.parameter in _POWERS}
     lags = [history.parameter for history, change in many if history.parameter.startswith(_LAGS) and change.ratio > 1.0]
     inertias = [history.parameter for history, _ in many if history.parameter in _INERTIAS]
-    said = []
+    causes = []
     thrust = [ratio for name, ratio in powers.items() if name in ("Z_thrust", "thrust_slope", "thrust_full")]
     turning = [ratio for name, ratio in powers.items() if name in ("L_roll", "M_pitch", "N_yaw")]
     if inertias or (turning and not thrust and len(turning) < 3 and max(turning) - min(turning) > _ALIKE):
-        said.append("a payload or anything else that changes the inertia")
+        causes.append("a payload or another change of inertia")
     elif thrust or (turning and max(turning) - min(turning) <= _ALIKE):
         fell = min([*thrust, *turning]) < 1.0
-        said.append("worn or other propellers, motors, a sagging battery" if fell else "other propellers or motors")
+        causes.append("worn or other propellers, motors, a sagging battery" if fell else "other propellers or motors")
     elif turning:
-        said.append("a payload, propellers or motors")
+        causes.append("a payload, propellers or motors")
     if lags:
-        said.append("motors, ESCs or their settings")
-    return "; ".join(said)
+        causes.append("motors, ESCs or their settings")
+    return "; ".join(causes)

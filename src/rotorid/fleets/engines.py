@@ -233,7 +233,7 @@ class Processes:
                         found.put(answer)
                     with lock:
                         busy -= 1
-            # Whatever goes wrong here is told where the answers are waited for.
+            # Whatever goes wrong here is raised where the answers are awaited.
             except BaseException as error:
                 found.put(error)
             finally:
@@ -328,9 +328,7 @@ class Cluster:
         try:
             self._dask = import_module("distributed")
         except ImportError as error:
-            raise UsageError(
-                "a cluster needs Dask", needed="the extra", remedy="pip install 'rotorid[cluster]' brings it"
-            ) from error
+            raise UsageError("--scheduler needs Dask", remedy="pip install 'rotorid[cluster]'") from error
         self._own = isinstance(self.scheduler, str)
         self._client = self._connected(_CONNECT_S) if self._own else self.scheduler
         self._require_versions()
@@ -362,7 +360,7 @@ class Cluster:
             other = {name: (theirs.get(name), own[name]) for name in own if theirs.get(name) != own[name]}
             if other:
                 words = ", ".join(f"{name} {there} there and {here} here" for name, (there, here) in other.items())
-                raise UsageError(f"the worker {worker} has {words}", needed="the same versions everywhere")
+                raise UsageError(f"the worker {worker} has {words}", needed="the same versions on every machine")
 
     @property
     def workers(self) -> int:
@@ -456,7 +454,6 @@ class Cluster:
                     self._client = self._connected(10.0)
                     return
         raise UsageError(
-            f"the scheduler was not to be reached for {self.patience_s:g} s",
-            needed="a scheduler that answers",
-            remedy="start it and run the same command again: what is done is kept",
+            f"the scheduler did not answer for {self.patience_s:g} s",
+            remedy="start it, then run the same command again: finished logs are kept",
         )

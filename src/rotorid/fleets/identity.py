@@ -1,4 +1,4 @@
-"""Who flew, and when: what a log and its name tell, without saying whose board it was.
+"""Who flew, and when: read from a log and its name, without revealing whose board it was.
 
 A record keeps no number of a board, and neither does the table: what identifies a vehicle is hashed with a salt that
 stays in the folder of the results, so that tables of two runs cannot be joined by those who have but the tables.
@@ -44,10 +44,10 @@ def read_salt(path: Path) -> bytes:
 
 
 def board_of(log: Path) -> bytes:
-    """Number of the board that wrote a log, empty where the log tells none; it goes nowhere but into a hash."""
+    """Number of the board that wrote a log, empty where the log has none; it is only used for a hash."""
     try:
         head = beginning(log, _HEAD_BYTES)
-    # What is wrong with the file is said by its reader.
+    # The reader reports what is wrong with the file.
     except (LogError, OSError):
         return b""
     for pattern in (_PX4, _BETAFLIGHT, _ARDUPILOT):
@@ -144,7 +144,7 @@ def read_named(path: Path | None) -> Named:
             for what, known in found.items():
                 value = visible((entry.get(what) or "").strip())[:200]
                 if value and known.setdefault(log, value) != value:
-                    raise UsageError(f"{log} came twice in {path}", needed="each log once")
+                    raise UsageError(f"{path} lists {log} twice", needed="each log once")
     except csv.Error as error:
         raise UsageError(f"{path} cannot be read as CSV: {error}", needed=needed) from error
     return Named(**found)

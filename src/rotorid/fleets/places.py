@@ -33,7 +33,7 @@ class Place(Immutable):
     address
         Path of a file, ``archive.zip!member``, or an address such as ``s3://bucket/log.ulg``.
     mark
-        Size and time of change, or what a store says instead: another one tells a changed log.
+        Size and time of change, or what a store gives instead; another one means that the log changed.
     """
 
     address: str
@@ -86,7 +86,7 @@ def places_of(paths: Iterable[str | Path]) -> tuple[Place, ...]:
     """
     found = {place.address: place for path in paths for place in _behind(str(path))}
     if not found:
-        raise UsageError("no flight log was found", needed="a log, a folder of logs, a pattern or an address")
+        raise UsageError("no flight log found", needed="a log, a folder of logs, a pattern or an address")
     return tuple(found[address] for address in sorted(found))
 
 
@@ -98,7 +98,7 @@ def _behind(path: str) -> Iterator[Place]:
     if not files[0].exists():
         files = [Path(item) for item in sorted(glob.glob(path, recursive=True))]  # noqa: PTH207 - of any depth, absolute or not
         if not files:
-            raise UsageError(f"{path} is not there", needed="a log, a folder of logs, a pattern or an address")
+            raise UsageError(f"{path} does not exist", needed="a log, a folder of logs, a pattern or an address")
     for log in logs_in(files, archives=True):
         yield from _in_file(log)
 
@@ -119,11 +119,11 @@ def _members(archive: Path) -> list[tuple[str, int]]:
         with zipfile.ZipFile(archive) as opened:
             inside = [member for member in opened.infolist() if not member.is_dir()]
     # What zipfile says of damage, of names and offsets that are none, of methods that it does not know. Its one place
-    # then goes to the reader, which says so in a sentence.
+    # then goes to the reader, which reports it.
     except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
         return []
     if len(inside) > _MOST_MEMBERS:
-        raise UsageError(f"{archive} holds {len(inside)} files", needed=f"{_MOST_MEMBERS} at most")
+        raise UsageError(f"{archive} contains {len(inside)} files", needed=f"at most {_MOST_MEMBERS}")
     return (
         [(member.filename, member.CRC) for member in inside if is_log(Path(member.filename))] if len(inside) > 1 else []
     )
@@ -137,7 +137,7 @@ def _in_store(address: str) -> Iterator[Place]:
         for item in matched:
             files |= system.find(item, detail=True)
     except (OSError, ValueError) as error:
-        raise UsageError(f"{address} cannot be listed: {error}", needed="an address that can be read") from error
+        raise UsageError(f"{address} cannot be listed: {error}") from error
     for name, facts in sorted(files.items()):
         if is_log(Path(name)):
             fields = [str(facts.get(key, "")) for key in ("size", "ETag", "etag", "md5Hash", "mtime", "LastModified")]
@@ -151,14 +151,12 @@ def _store(address: str) -> tuple[Any, str]:
     try:
         import fsspec
     except ImportError as error:
-        raise UsageError(
-            f"{address} needs fsspec", needed="the extra", remedy="pip install 'rotorid[cluster]' brings it"
-        ) from error
+        raise UsageError(f"{address} needs fsspec", remedy="pip install 'rotorid[cluster]'") from error
     try:
         system, path = fsspec.core.url_to_fs(address)
     except (ImportError, ValueError, OSError) as error:
         raise UsageError(
-            f"{address} cannot be reached: {error}", needed="an address of a store that is known"
+            f"{address} cannot be reached: {error}", needed="an address that fsspec knows, such as s3://BUCKET/FOLDER"
         ) from error
     return system, path
 
@@ -179,9 +177,7 @@ def fetched(place: Place) -> Iterator[Path]:
             try:
                 system.get_file(path, str(copy))
             except (OSError, ValueError) as error:
-                raise LogError(
-                    f"{place.address} cannot be fetched: {error}", needed="a log that can be read"
-                ) from error
+                raise LogError(f"{place.address} cannot be fetched: {error}") from error
             yield copy
         return
     archive, _, member = place.address.rpartition(MEMBER)
@@ -193,7 +189,9 @@ def fetched(place: Place) -> Iterator[Path]:
         try:
             with zipfile.ZipFile(archive) as opened:
                 if opened.getinfo(member).file_size > _MOST_MEMBER_BYTES:
-                    raise LogError(f"{place.name} grows beyond {_MOST_MEMBER_BYTES >> 30} GiB", needed="a flight log")
+                    raise LogError(
+                        f"{place.name} unpacks to more than {_MOST_MEMBER_BYTES >> 30} GiB", needed="a flight log"
+                    )
                 with opened.open(member) as packed, copy.open("wb") as file:
                     shutil.copyfileobj(packed, file)
         # KeyError: the member is gone. RuntimeError: it is encrypted. NotImplementedError: a method unknown to zipfile.

@@ -231,7 +231,7 @@ def population(
     names, who = np.unique(np.asarray(vehicle), return_inverse=True)
     vehicles = len(names)
     if not y.size:
-        raise UsageError("no value came", needed="a parameter of one flight at least")
+        raise UsageError("there are no values", needed="at least one flight")
     common: dict[str, Any] = {"model_std": model_std, "vehicles": vehicles, "flights": int(y.size), "scale": scale}
     if y.size < LEAST_FLIGHTS:
         # Two numbers are no spread: their stated errors stand for it, or their distance where that is more.

@@ -171,7 +171,7 @@ class Fleet:
         return left, moved
 
     def _with_names(self, answer: LogAnswer) -> LogAnswer:
-        """An answer with the names and times that the user gives, else those that the log's name tells."""
+        """An answer with the names and times that the user gives, else those in the log's name."""
         keys = (answer.log, answer.place, answer.log_sha256)
         vehicle = self.named.of(self.named.vehicle, *keys)
         time_utc = self.named.of(self.named.time, *keys) or time_of(answer.place)
@@ -218,7 +218,7 @@ class Fleet:
         return {answer.log_sha256: answer.gains for answer in self.counted() if answer.log_sha256 and answer.gains}
 
     def logged_rows(self) -> list[Row]:
-        """The table with vehicles as their logs name them: what :func:`rotorid.fleets.analyze` takes apart and says."""
+        """Rows with vehicles as their logs name them, for :func:`rotorid.fleets.analyze`."""
         return sorted_rows(self.counted())
 
     def failures(self) -> list[Failed]:
@@ -281,11 +281,13 @@ def require_folder(folder: Path) -> None:
         inside = [path.name for path in folder.iterdir()]
     except OSError as error:
         raise UsageError(
-            f"{folder} cannot be used: {error.strerror or error}", needed="a folder that this user may write to"
+            f"{folder} cannot be used: {error.strerror or error}", needed="a folder that you may write to"
         ) from error
     if inside and JOURNAL not in inside and TABLE not in inside and set(inside) - {SALT, _LOCK}:
         raise UsageError(
-            f"{folder} holds other files", needed="a new folder, or one of an earlier fleet", remedy="choose --out"
+            f"{folder} contains other files",
+            needed="a new folder or that of an earlier fleet",
+            remedy="choose another --out",
         )
     if TABLE in inside:
         require_table(folder / TABLE)
@@ -295,7 +297,9 @@ def _forget(journal: Path) -> None:
     try:
         journal.unlink(missing_ok=True)
     except OSError as error:
-        raise UsageError(f"{journal} cannot be removed: {error.strerror}", needed="a folder of one's own") from error
+        raise UsageError(
+            f"{journal} cannot be removed: {error.strerror}", needed="a folder that you may write to"
+        ) from error
 
 
 def _claim(folder: Path) -> int | None:
@@ -309,9 +313,7 @@ def _claim(folder: Path) -> int | None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(descriptor)
-        raise UsageError(
-            f"another run is at work in {folder}", needed="one at a time", remedy="wait, or choose another --out"
-        ) from None
+        raise UsageError(f"another run is working in {folder}", remedy="wait, or choose another --out") from None
     except OSError:
         os.close(descriptor)
         return None

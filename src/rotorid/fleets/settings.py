@@ -1,4 +1,4 @@
-"""What is asked of a fleet of logs."""
+"""Choices of ``rotorid fleet``."""
 
 import re
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ def parse_memory(text: str) -> int:
     """
     found = re.fullmatch(r"(\d{1,12}(?:\.\d{1,6})?)\s?([KMGT]?)(?:i?B)?", text.strip(), re.IGNORECASE)
     if found is None:
-        raise UsageError(f"the memory {text!r} cannot be read", needed="a size such as 4GiB or 800M")
+        raise UsageError(f"--memory {text!r} is not a size", needed="a size such as 4GiB or 800M")
     return int(float(found[1]) * _UNITS[found[2].upper()])
 
 
@@ -61,33 +61,35 @@ class FleetSettings(Settings):
         A number is out of range, or there is nothing to do.
     """
 
-    models: Annotated[
-        Any, Option("--models", "Models with commas: rate.roll,physical.motors, ... or none.", "Models", NAMES)
-    ] = USUAL_MODELS
-    review: Annotated[bool, Option("--review", "Also take the measures of rotorid review.", "Models")] = False
+    models: Annotated[Any, Option("--models", "Models to identify, separated by commas, or none.", "Models", NAMES)] = (
+        USUAL_MODELS
+    )
+    review: Annotated[bool, Option("--review", "Also compare the figures of rotorid review.", "Models")] = False
     vehicles: Annotated[
         Path | None,
-        Option("--vehicles", "CSV log,vehicle (and time, group), where the logs do not tell vehicles apart.", "Data"),
+        Option(
+            "--vehicles", "CSV file log,vehicle (optional: time, group), where logs do not name their vehicle.", "Data"
+        ),
         Written("never"),
     ] = None
     workers: Annotated[
-        int | None, Option("--workers", "Processes. [default: one a core]", "Work"), Written("never")
+        int | None, Option("--workers", "Number of processes. [default: one per core]", "Work"), Written("never")
     ] = None
     memory_bytes: Annotated[
         Any,
-        Option("--memory", "Most memory for one log.", "Work", Text("SIZE", parse_memory), default=_MEMORY),
+        Option("--memory", "Memory limit for one log.", "Work", Text("SIZE", parse_memory), default=_MEMORY),
         Written("never"),
     ] = parse_memory(_MEMORY)  # noqa: RUF009 - the number of a text
-    timeout_s: Annotated[float, Option("--timeout", "Most seconds for one log.", "Work"), Written("never")] = 600.0
-    seed: Annotated[int, Option("--seed", "Seed of everything random.")] = 0
+    timeout_s: Annotated[float, Option("--timeout", "Time limit for one log in s.", "Work"), Written("never")] = 600.0
+    seed: Annotated[int, Option("--seed", "Random seed.")] = 0
     scheduler: Annotated[
         str | None,
-        Option("--scheduler", "Let a Dask cluster do it: tcp://HOST:8786.", "Work", metavar="ADDRESS"),
+        Option("--scheduler", "Run on a Dask cluster: tcp://HOST:8786.", "Work", metavar="ADDRESS"),
         Written("never"),
     ] = None
     resume: Annotated[
         bool,
-        Option("--resume/--again", "Go on from what is in the folder, or do all logs again.", "Work"),
+        Option("--resume/--again", "Continue an earlier run in the same folder, or start again.", "Work"),
         Written("never"),
     ] = True
 
@@ -95,12 +97,16 @@ class FleetSettings(Settings):
         models = tuple(name for name in self.models if name and name != "none")
         object.__setattr__(self, "models", tuple(dict.fromkeys(models)))
         if not self.models and not self.review:
-            raise UsageError("nothing is asked of the logs", needed="--models or --review")
+            raise UsageError(
+                "--models none without --review leaves nothing to do", remedy="name a model, or add --review"
+            )
         if self.workers is not None and self.scheduler is not None:
-            raise UsageError("--workers came with --scheduler", needed="one of them: a cluster has its own workers")
+            raise UsageError(
+                "--workers and --scheduler exclude each other", remedy="leave out --workers: a cluster has its own"
+            )
         if self.workers is not None and not 1 <= self.workers <= 1024:
-            raise UsageError(f"{self.workers} workers came", needed="1 to 1024")
+            raise UsageError(f"--workers {self.workers} is out of range", needed="1 to 1024")
         if not self.timeout_s > 0.0:
-            raise UsageError(f"a limit of {self.timeout_s:g} s came", needed="a time above zero")
+            raise UsageError(f"--timeout {self.timeout_s:g} is out of range", needed="more than 0 s")
         if self.memory_bytes < _LEAST_MEMORY_BYTES:
-            raise UsageError(f"{self.memory_bytes >> 20} MiB for a log came", needed="512 MiB at least")
+            raise UsageError(f"--memory of {self.memory_bytes >> 20} MiB is too little", needed="at least 512 MiB")

@@ -58,7 +58,7 @@ class Row(Immutable):
     autopilot, kind, frame
         Of the vehicle, as the log names them; empty where it does not.
     basis
-        What a delay or a lag was measured beside and by; only those of one basis are of one quantity.
+        What was fitted with a delay or a lag, and by which method; only those of one basis are comparable.
     settings
         Hash of what was asked.
     version
@@ -99,7 +99,7 @@ Failure: TypeAlias = Literal["refused", "unreadable", "died", "time", "memory", 
 
 @dataclass(frozen=True, kw_only=True)
 class Failed(Immutable):
-    """What a log, or a model of it, could not answer, and why."""
+    """A log, or a model of one of its flights, without an answer, and why."""
 
     log: str
     log_sha256: str
@@ -127,7 +127,7 @@ class LogAnswer(Immutable):
     place
         Where it was found.
     mark
-        What tells a changed file: its size and time, or what the store says.
+        Size and time of the file, or what the store gives instead; another one means that the file changed.
     log_sha256
         Content; empty where it could not be read.
     settings
@@ -281,7 +281,7 @@ class Journal:
             schema = None
         if schema != _JOURNAL_SCHEMA:
             raise UsageError(
-                f"{self.path} is of another schema", needed=_JOURNAL_SCHEMA, remedy="choose another folder with --out"
+                f"{self.path} is not a journal of this version", needed=_JOURNAL_SCHEMA, remedy="choose another --out"
             )
 
     def _keep(self, answer: LogAnswer) -> None:
@@ -309,8 +309,8 @@ class Journal:
                     file.truncate(before)
             raise UsageError(
                 f"{self.path} cannot be written: {error.strerror or error}",
-                needed="a folder with space that this user may write to",
-                remedy="make room and start again: what is done is kept",
+                needed="free space in a folder that you may write to",
+                remedy="make room and run the command again: finished logs are kept",
             ) from error
 
 
@@ -347,8 +347,8 @@ def write_table(path: Path, values: Sequence[Row] | Sequence[Failed], kind: type
     except OSError as error:
         raise UsageError(
             f"{path} cannot be written: {error.strerror or error}",
-            needed="a folder with space that this user may write to",
-            remedy="make room and start again: what is done is kept",
+            needed="free space in a folder that you may write to",
+            remedy="make room and run the command again: finished logs are kept",
         ) from error
 
 
@@ -369,8 +369,9 @@ def require_table(path: Path) -> None:
     except (OSError, arrow.ArrowInvalid):
         found = ""
     if found != SCHEMA:
-        came = found or "no table of rotorid"
-        raise UsageError(f"{path} is {came}", needed=SCHEMA, remedy="choose another folder with --out")
+        raise UsageError(
+            f"{path} is {found or 'not a table of rotorid'}", needed=SCHEMA, remedy="choose another folder with --out"
+        )
 
 
 def require_parquet() -> None:
@@ -384,6 +385,4 @@ def require_parquet() -> None:
     from importlib.util import find_spec
 
     if find_spec("pyarrow") is None:
-        raise UsageError(
-            "a fleet's table needs pyarrow", needed="the extra", remedy="pip install 'rotorid[parquet]' brings it"
-        )
+        raise UsageError("the table of a fleet needs pyarrow", remedy="pip install 'rotorid[parquet]'")

@@ -1,8 +1,8 @@
-"""What a fleet says of each vehicle, in one place for terminal, page and file: changed, unchanged, or not decided.
+"""The verdict of each vehicle of a fleet, for terminal, page and file: changed, unchanged, or not enough data.
 
-A vehicle changed where any of its numbers did; it is unchanged where none did and at least one would have shown a
-change of 20 %; else its flights decide nothing, and the reason is named. All sentences are made here, from one set of
-counts.
+A vehicle changed where any of its numbers did. It is unchanged where none did and at least one would have shown a
+change of 20 %. Otherwise there is not enough data, and the reason is given. All sentences are made here, from one set
+of counts.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from dataclasses import dataclass
 
 from rotorid.data.base import Immutable
 from rotorid.data.display import counted
+from rotorid.data.quantity import significant
 from rotorid.fleets.analysis import FleetAnalysis, History, quantity_of
+from rotorid.fleets.names import words_of
 from rotorid.fleets.table import Counts
 from rotorid.uncertainty.differences import NOTICEABLE_SHARE, Verdict
 
@@ -36,7 +38,7 @@ class VehicleVerdict(Immutable):
     detectable
         To the change, as a share, that would have been found; infinite where none would.
     why
-        Why its flights decide nothing; empty where they do.
+        Why there is not enough data; empty where there is.
     """
 
     vehicle: str
@@ -117,20 +119,20 @@ def _verdict(vehicle: str, many: Sequence[History]) -> VehicleVerdict:
 
 
 def _why(many: Sequence[History]) -> str:
-    """Why flights of a vehicle decide nothing."""
+    """Why there is not enough data for a verdict."""
     flights = {(row.log_sha256, row.flight) for history in many for row in history.rows}
     if len(flights) < 2:
-        return "it flew once"
+        return "only 1 flight"
     repeated = [history for history in many if len(history.rows) > 1]
     if not repeated:
-        return "no two of its flights measured the same quantity"
+        return "no quantity was measured in 2 flights"
     compared = [history for history in repeated if history.scatter_known]
     if not compared:
-        return "too few flights to know how much these quantities scatter"
+        return "too few flights to know the usual scatter between flights"
     best = min(compared, key=lambda history: history.detectable)
     if not math.isfinite(best.detectable):
-        return "its numbers may be zero within their errors"
-    return f"a change of less than {_percent(best.detectable)} of {best.parameter} would be missed"
+        return "all its numbers are zero within their errors"
+    return f"a change of {words_of(best.model, best.parameter)} below {_percent(best.detectable)} would be missed"
 
 
 def _percent(share: float) -> str:
@@ -145,7 +147,7 @@ def _percent(share: float) -> str:
 
 
 def sentences(analysis: FleetAnalysis, counts: Counts) -> tuple[str, ...]:
-    """What a fleet says in words: the answer first, then what it rests on."""
+    """The answer in a sentence, then what it is based on."""
     verdicts = verdicts_of(analysis)
     return (
         _headline(verdicts),
@@ -168,10 +170,9 @@ def _headline(verdicts: Sequence[VehicleVerdict]) -> str:
         return f"{of.changed} of {of.of_vehicles} vehicles changed: {names}."
     if not of.vehicles:
         if all(verdict.flights < 2 for verdict in verdicts):
-            what = "the vehicle flew once" if of.of_vehicles == 1 else f"each of {of.of_vehicles} vehicles flew once"
-            return f"Not enough flights to see a change: {what}."
-        what = "the vehicle" if of.of_vehicles == 1 else f"any of {of.of_vehicles} vehicles"
-        return f"Not enough data to say whether {what} changed."
+            return f"Not enough data: only 1 flight{' of each vehicle' if of.of_vehicles > 1 else ''}."
+        what = "of the vehicle" if of.of_vehicles == 1 else f"in any of {of.of_vehicles} vehicles"
+        return f"Not enough data to detect a change {what}."
     if of.of_vehicles == 1:
         return f"No change found in {verdicts[0].vehicle}."
     return f"No change found in {of.vehicles} of {of.of_vehicles} vehicles" + (
@@ -182,7 +183,7 @@ def _headline(verdicts: Sequence[VehicleVerdict]) -> str:
 
 
 def _basis(verdicts: Sequence[VehicleVerdict]) -> Iterator[str]:
-    """What the answer rests on, and why it is missing elsewhere."""
+    """What the answer is based on, and why it is missing elsewhere."""
     of = checked(verdicts)
     if of.numbers:
         yield (
@@ -197,31 +198,32 @@ def _basis(verdicts: Sequence[VehicleVerdict]) -> Iterator[str]:
             reasons[verdict.why].append(verdict.vehicle)
     if len(verdicts) > 1 or all(verdict.flights > 1 for verdict in verdicts):
         for why, names in list(reasons.items())[:3]:
-            yield f"Not decided for {_listed(names)}: {why}."
+            yield f"Not enough data for {_listed(names)}: {why}."
         if len(reasons) > 3:
-            yield f"Not decided for {sum(len(names) for names in list(reasons.values())[3:])} more, for other reasons."
+            more = sum(len(names) for names in list(reasons.values())[3:])
+            yield f"Not enough data for {counted(more, 'more vehicle')}, for other reasons."
     if reasons:
-        yield f"To decide it, fly the same maneuvers again{_with(sum(map(len, reasons.values())), len(verdicts))}."
-
-
-def _with(undecided: int, of: int) -> str:
-    return "" if of == 1 else " with it" if undecided == 1 else " with each of them"
+        undecided = sum(map(len, reasons.values()))
+        them = "" if len(verdicts) == 1 else " with it" if undecided == 1 else " with each of them"
+        yield f"Fly the same maneuvers again{them} to get an answer."
 
 
 def _separated(analysis: FleetAnalysis) -> Iterator[str]:
     for vehicles in analysis.several:
-        yield f"The logs of {vehicles.name} are of {len(vehicles.vehicles)} vehicles: {_listed(vehicles.vehicles)}."
+        yield f"{vehicles.name} has logs of {len(vehicles.vehicles)} vehicles: {_listed(vehicles.vehicles)}."
 
 
 def _gains(analysis: FleetAnalysis) -> Iterator[str]:
-    """Flights with other gains, as their loops and margins then are others."""
+    """Flights with other gains, which change loops and margins."""
     vehicles = sorted({gains.vehicle for gains in analysis.other_gains})
     if vehicles:
         first = analysis.other_gains[0]
-        names = [f"{name} {before:g} to {after:g}" for name, (before, after) in first.gains.items()]
+        names = [
+            f"{name} {significant(before)} to {significant(after)}" for name, (before, after) in first.gains.items()
+        ]
         yield (
-            f"Gains changed between flights of {_listed(vehicles)} ({first.log}: {_listed(names, 2)}): make sure that "
-            "they are of one vehicle. Loops and margins change with gains."
+            f"Gains changed between flights of {_listed(vehicles)} ({first.log}: {_listed(names, 2)}), and loops and "
+            "margins with them. Check that these logs are of one vehicle."
         )
 
 
@@ -230,7 +232,7 @@ def _others(analysis: FleetAnalysis) -> Iterator[str]:
     if odd:
         yield f"{counted(len(odd), 'vehicle')} differ{'s' if len(odd) == 1 else ''} from the rest: {_listed(odd)}."
     if drifting := sorted({history.vehicle for history in analysis.histories if history.drift is not None}):
-        yield f"Slowly changing: {_listed(drifting)}."
+        yield f"Slow change: {_listed(drifting)}."
     if flights := {(history.vehicle, odd.flight) for history in analysis.histories for odd in history.odd}:
         are = "is" if len(flights) == 1 else "are"
         yield f"{counted(len(flights), 'flight')} {are} unlike those before and after."
@@ -240,13 +242,13 @@ def _logs(counts: Counts, vehicles: int) -> str:
     gave = f"{counts.answered} of {counted(counts.logs, 'log')} gave {counted(counts.rows, 'number')}"
     parts = [f"{gave} of {counted(vehicles, 'vehicle')}" if vehicles else gave]
     if counts.refused:
-        parts.append(f"{counts.refused} could not support what was asked")
+        parts.append(f"{counts.refused} had too little data")
     if counts.unreadable:
         parts.append(f"{counts.unreadable} could not be read")
     if counts.duplicates:
-        parts.append(f"{counted(counts.duplicates, 'copy', 'copies')} counted once")
+        parts.append(f"{counted(counts.duplicates, 'copy was', 'copies were')} left out")
     if counts.resumed:
-        parts.append(f"{counts.resumed} known from earlier runs")
+        parts.append(f"{counts.resumed} {'was' if counts.resumed == 1 else 'were'} read in an earlier run")
     return "; ".join(parts) + "."
 
 

@@ -1,5 +1,6 @@
 "use strict";
-// The page of a fleet: population and histories are drawn when they are chosen, and of the table what can be seen.
+// The page of a fleet: draws the chosen quantity over the fleet and over one vehicle's flights, and the visible lines of
+// the table.
 (() => {
   const source = document.getElementById("loops");
   if (!source) return;
@@ -13,31 +14,38 @@
   const shown = document.getElementById("fleet-shown");
   if (!populations.length) return;
 
-  const option = (select, value, words) => {
-    const one = document.createElement("option");
-    one.value = String(value);
-    one.textContent = words;
-    select.append(one);
+  const option = (select, value, text) => {
+    const added = document.createElement("option");
+    added.value = String(value);
+    added.textContent = text;
+    select.append(added);
   };
-  populations.forEach((one, k) => option(parameters, k, `${one.model} · ${one.parameter}`));
+  const byName = populations.map((_, k) => k).sort((a, b) => populations[a].parameter.localeCompare(populations[b].parameter, "en", { numeric: true }));
+  for (const k of byName) option(parameters, k, populations.filter((other) => other.parameter === populations[k].parameter).length > 1 ? `${populations[k].parameter} (${populations[k].model})` : populations[k].parameter);
   const names = vehicles.map((name, k) => k).sort((a, b) => vehicles[a].localeCompare(vehicles[b], "en", { numeric: true }));
-  const marked = new Set(series.filter((one) => one.changes.length || one.odd_vehicle).map((one) => one.vehicle));
-  for (const k of names) option(vehicle, k, marked.has(k) ? `${vehicles[k]} (see changes)` : vehicles[k]);
+  const marked = new Set(series.filter((history) => history.changes.length || history.odd_vehicle).map((history) => history.vehicle));
+  for (const k of names) option(vehicle, k, marked.has(k) ? `${vehicles[k]} (changed or unlike others)` : vehicles[k]);
   const first = names.find((k) => marked.has(k));
   if (first !== undefined) vehicle.value = String(first);
-  const telling = series.find((one) => one.vehicle === first && one.changes.length) ?? series.find((one) => one.vehicle === first && one.odd_vehicle);
-  if (telling) {
-    parameters.value = String(populations.findIndex((one) => one.model === telling.model && one.parameter === telling.parameter));
-  }
+  const alike = (a, b) => a.model === b.model && a.parameter === b.parameter;
+  const found = series.find((history) => history.vehicle === first && history.changes.length) ?? series.find((history) => history.vehicle === first && history.odd_vehicle);
+  if (found) parameters.value = String(populations.findIndex((quantity) => alike(quantity, found)));
 
   const chosen = () => populations[Number(parameters.value)];
-  const of = (one) => series.filter((two) => two.model === one.model && two.parameter === one.parameter);
-  const axis = (one) => (one.unit ? `${one.parameter} [${one.unit}]` : one.parameter);
+  const historiesOf = (quantity) => series.filter((history) => alike(history, quantity));
+  const axis = ({ parameter, unit }) => (unit ? `${parameter} [${unit}]` : parameter);
   // Too few flights have no normal range.
-  const band = (one, name) => (one.low === null ? [] : [{
-    type: "rect", xref: "paper", x0: 0, x1: 1, yref: "y", y0: one.low, y1: one.high, line: { width: 0 },
+  const band = ({ low, high }, name) => (low === null ? [] : [{
+    type: "rect", xref: "paper", x0: 0, x1: 1, yref: "y", y0: low, y1: high, line: { width: 0 },
     fillcolor: USUAL, opacity: 0.12, layer: "below", name,
   }]);
+  // A normal range of few flights may be so wide that nothing else could be read: the axis then ends near the data.
+  const range = ({ low, high }, ends) => {
+    const all = ends.flat().filter((end) => end !== null);
+    const [bottom, top] = [Math.min(...all), Math.max(...all)], room = top - bottom || Math.abs(top) || 1;
+    const [from, to] = [Math.max(low ?? bottom, bottom - room), Math.min(high ?? top, top + room)];
+    return all.length ? [Math.min(from, bottom) - 0.06 * room, Math.max(to, top) + 0.06 * room] : undefined;
+  };
   const reach = (values, ends) => ({
     type: "data", symmetric: false, thickness: 1, width: 0,
     array: ends.map(([, high], k) => (high ?? values[k]) - values[k]),
@@ -47,68 +55,68 @@
   const frame = { height: 320, margin: { l: 70, r: 20, t: 56, b: 50 }, hovermode: "closest" };
   const legend = { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" };
   const population = () => {
-    const one = chosen();
-    const many = of(one).filter((two) => two.level)
-      .map((two) => ({ value: two.level[0], ends: two.level.slice(1), series: two })).sort((a, b) => a.value - b.value);
-    const words = (two) => vehicles[two.series.vehicle];
+    const quantity = chosen();
+    const points = historiesOf(quantity).filter((history) => history.level).sort((a, b) => a.level[0] - b.level[0]);
     const group = (keep, symbol, color, name) => {
-      const part = many.map((two, k) => [two, k]).filter(([two]) => keep(two));
+      const part = points.map((history, k) => [history, k + 1]).filter(([history]) => keep(history));
+      const y = part.map(([{ level }]) => level[0]);
       return {
-        type: many.length > 400 ? "scattergl" : "scatter", mode: "markers", name,
-        x: part.map(([, k]) => k + 1), y: part.map(([two]) => two.value), text: part.map(([two]) => words(two)),
-        error_y: reach(part.map(([two]) => two.value), part.map(([two]) => two.ends)),
-        marker: { symbol, color, size: 8 }, hovertemplate: "%{text}: %{y:.5g}<extra></extra>",
+        type: points.length > 400 ? "scattergl" : "scatter", mode: "markers", name,
+        x: part.map(([, k]) => k), y, text: part.map(([history]) => vehicles[history.vehicle]),
+        customdata: part.map(([history]) => history.level_text),
+        error_y: reach(y, part.map(([{ level }]) => level.slice(1))),
+        marker: { symbol, color, size: 8 }, hovertemplate: "%{text}: %{customdata}<extra></extra>",
       };
     };
-    const odd = (two) => two.series.odd_vehicle;
-    const changed = (two) => two.series.changes.length > 0 && !odd(two);
-    const open = (two) => two.series.verdict === "undecided" && !odd(two);
+    const odd = (history) => history.odd_vehicle;
+    const changed = (history) => history.changes.length > 0 && !odd(history);
+    const open = (history) => history.verdict === "undecided" && !odd(history);
     const lines = [
-      group((two) => !odd(two) && !changed(two) && !open(two), "circle", USUAL, "no change found"),
-      group(open, "circle-open", USUAL, "not enough data to see a change"),
-      group(changed, "diamond", CHANGED, "changed (before it)"),
-      group(odd, "x", ODD, "differs"),
+      group((history) => !odd(history) && !changed(history) && !open(history), "circle", USUAL, "no change found"),
+      group(open, "circle-open", USUAL, "not enough data to detect a change"),
+      group(changed, "diamond", CHANGED, "changed (value before)"),
+      group(odd, "x", ODD, "unlike the others"),
     ].filter((line) => line.x.length);
     const layout = {
-      ...frame, legend, shapes: band(one, "normal"),
-      xaxis: { title: { text: "vehicles, in the order of their values" }, zeroline: false, range: [0, many.length + 1] },
-      yaxis: { title: { text: axis(one) }, zeroline: false },
+      ...frame, legend, shapes: band(quantity, "normal"),
+      xaxis: { title: { text: "vehicles, sorted by value" }, zeroline: false, range: [0, points.length + 1], ...(points.length < 8 ? { dtick: 1 } : {}) },
+      yaxis: { title: { text: axis(quantity) }, zeroline: false, range: range(quantity, points.map((history) => history.level)) },
     };
     return { data: lines, layout };
   };
 
   const history = () => {
-    const one = chosen();
+    const quantity = chosen();
     const who = Number(vehicle.value);
-    const found = of(one).find((two) => two.vehicle === who);
-    const y = found ? found.value : [];
+    const own = historiesOf(quantity).find((other) => other.vehicle === who);
+    const y = own ? own.value : [];
     const x = y.map((_, k) => k + 1);
-    const odd = new Set(found ? found.odd : []);
+    const odd = new Set(own ? own.odd : []);
     const point = (keep, symbol, color, name) => ({
       type: y.length > 1000 ? "scattergl" : "scatter", mode: "markers", name,
       x: x.filter(keep), y: y.filter((_, k) => keep(k + 1)),
-      text: x.filter(keep).map((k) => logs[found.log[k - 1]]),
-      error_y: reach(y.filter((_, k) => keep(k + 1)), x.filter(keep).map((k) => found.ends[k - 1])),
-      marker: { symbol, color, size: 7 }, hovertemplate: "flight %{x}, %{text}: %{y:.5g}<extra></extra>",
+      text: x.filter(keep).map((k) => logs[own.log[k - 1]]), customdata: x.filter(keep).map((k) => own.text[k - 1]),
+      error_y: reach(y.filter((_, k) => keep(k + 1)), x.filter(keep).map((k) => own.ends[k - 1])),
+      marker: { symbol, color, size: 7 }, hovertemplate: "flight %{x}, %{text}: %{customdata}<extra></extra>",
     });
     const lines = [];
-    if (found) {
-      lines.push(point((k) => !odd.has(k), "circle", USUAL, "flights, 95 %"));
+    if (own) {
+      lines.push(point((k) => !odd.has(k), "circle", USUAL, "flights, 95 % intervals"));
       if (odd.size) lines.push(point((k) => odd.has(k), "x", ODD, "odd flight"));
-      found.changes.forEach((change, k) => {
+      own.changes.forEach((change, k) => {
         if (k === 0) lines.push(level(change.from, change.at - 1, change.before, false));
         lines.push(level(change.at, change.to, change.after, k > 0));
       });
     }
-    const changes = (found ? found.changes : []).map((change) => ({
+    const changes = (own ? own.changes : []).map((change) => ({
       type: "line", xref: "x", x0: change.at - 0.5, x1: change.at - 0.5, yref: "paper", y0: 0, y1: 1,
       line: { color: ODD, dash: "dot", width: 1.5 },
     }));
     const layout = {
-      ...frame, legend, shapes: [...band(one, "normal"), ...changes],
-      xaxis: { title: { text: `flights of ${vehicles[who]}` }, zeroline: false },
-      yaxis: { title: { text: axis(one) }, zeroline: false },
-      annotations: found ? [] : [{ text: "no such number of this vehicle", showarrow: false, xref: "paper", yref: "paper", x: 0.5, y: 0.5 }],
+      ...frame, legend, shapes: [...band(quantity, "normal"), ...changes],
+      xaxis: { title: { text: `flights of ${vehicles[who]}` }, zeroline: false, ...(y.length < 8 ? { dtick: 1 } : {}) },
+      yaxis: { title: { text: axis(quantity) }, zeroline: false, range: range(quantity, [y, ...(own ? own.ends : [])]) },
+      annotations: own ? [] : [{ text: "this vehicle has no such value", showarrow: false, xref: "paper", yref: "paper", x: 0.5, y: 0.5 }],
     };
     return { data: lines, layout };
   };
@@ -117,23 +125,21 @@
     line: { color: CHANGED, width: 2 }, hoverinfo: "skip",
   });
 
-  // The table: of all lines only those that can be seen are in the page.
+  // The table: only the lines that are visible are in the page.
   const HEIGHT = 30;
-  const lines = [];
-  series.forEach((one) => one.value.forEach((value, k) => lines.push([one, k])));
+  const lines = series.flatMap((history) => history.value.map((_, k) => [history, k]));
   const COLUMNS = [
-    ["Vehicle", ([one]) => vehicles[one.vehicle]],
+    ["Vehicle", ([history]) => vehicles[history.vehicle]],
     ["Flight", ([, k]) => k + 1],
-    ["Log", ([one, k]) => logs[one.log[k]]],
-    ["Time", ([one, k]) => one.time[k] ?? ""],
-    ["Model", ([one]) => one.model],
-    ["Parameter", ([one]) => one.parameter],
-    ["Value", ([one, k]) => one.value[k]],
-    ["± std", ([one, k]) => one.std[k]],
-    ["Unit", ([one]) => one.unit],
-    ["Findings", ([one, k]) => findings[one.findings[k]]],
+    ["Log", ([history, k]) => logs[history.log[k]]],
+    ["Time", ([history, k]) => history.time[k] ?? ""],
+    ["Model", ([history]) => history.model],
+    ["Quantity", ([history]) => history.parameter],
+    ["Value ± std", ([history, k]) => history.value[k], ([history, k]) => history.text[k]],
+    ["Unit", ([history]) => history.unit],
+    ["Warnings", ([history, k]) => findings[history.findings[k]]],
   ];
-  const NUMBERS = new Set(["Flight", "Value", "± std"]);
+  const NUMBERS = new Set(["Flight", "Value ± std"]);
   let order = lines;
   let sorted = { column: -1, up: true };
   const table = document.createElement("table");
@@ -169,10 +175,9 @@
     bottom.style.height = `${(order.length - stop) * HEIGHT}px`;
     body.replaceChildren(...order.slice(start, stop).map((line) => {
       const row = document.createElement("tr");
-      COLUMNS.forEach(([name, read]) => {
+      COLUMNS.forEach(([name, read, write]) => {
         const cell = row.insertCell();
-        const value = read(line);
-        cell.textContent = typeof value === "number" && name !== "Flight" ? String(Number(value.toPrecision(name === "Value" ? 5 : 2))).replace("-", "−") : value ?? "–";
+        cell.textContent = (write ?? read)(line);
         if (NUMBERS.has(name)) cell.className = "number";
       });
       return row;
@@ -181,8 +186,8 @@
   const collator = new Intl.Collator("en", { numeric: true });
   const arrange = () => {
     const wanted = filter.value.trim().toLowerCase().split(/\s+/).filter(Boolean);
-    order = lines.filter(([one, k]) => {
-      const text = `${vehicles[one.vehicle]} ${logs[one.log[k]]} ${one.model} ${one.parameter} ${findings[one.findings[k]]}`.toLowerCase();
+    order = lines.filter(([history, k]) => {
+      const text = `${vehicles[history.vehicle]} ${logs[history.log[k]]} ${history.model} ${history.parameter} ${findings[history.findings[k]]}`.toLowerCase();
       return wanted.every((word) => text.includes(word));
     });
     if (sorted.column >= 0) {
@@ -214,14 +219,15 @@
 
   for (const part of document.querySelectorAll("[data-needs-script]")) part.hidden = false;
   Object.assign(rotorid.pictures, { "fleet-population": population, "fleet-history": history });
-  const places = Object.fromEntries(["fleet-population", "fleet-history"].map((key) => [key, document.getElementById(key)]));
-  const draw = (...keys) => rotorid.redraw(keys.map((key) => places[key]));
+  const pictures = Object.fromEntries(["fleet-population", "fleet-history"].map((key) => [key, document.getElementById(key)]));
+  const draw = (...keys) => rotorid.redraw(keys.map((key) => pictures[key]));
+  place.closest("details").addEventListener("toggle", arrange);
   parameters.addEventListener("change", () => draw("fleet-population", "fleet-history"));
   vehicle.addEventListener("change", () => draw("fleet-history"));
   arrange();
   draw("fleet-population", "fleet-history").then(
     () => {
-      places["fleet-population"].on("plotly_click", ({ points }) => {
+      pictures["fleet-population"].on("plotly_click", ({ points }) => {
         const k = vehicles.indexOf(points[0].text);
         if (k < 0) return;
         vehicle.value = String(k);

@@ -1,20 +1,30 @@
-"""The page of ``fleet``: what changed, what is normal, the history of each vehicle, and a table that sorts and filters.
+"""The page of ``fleet``: which vehicles to look at and why, what is normal, each vehicle's history, all numbers.
 
-The numbers stand in the page column by column; the page's script draws what is looked at and no more, so that ten
-thousand logs stay smooth.
+The numbers are embedded column by column. The page's script draws only what is looked at, so that ten thousand logs
+stay smooth.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from rotorid.data.display import counted, visible
-from rotorid.data.quantity import MISSING, Quantity, minus, significant, unit, with_error, with_interval
-from rotorid.documents.fleet import FleetDocument, PopulationDocument, VehicleVerdictDocument
+from rotorid.data.display import capital, counted, visible
+from rotorid.data.quantity import MISSING, minus, significant, with_error, with_interval, with_unit
+from rotorid.documents.fleet import (
+    DifferenceDocument,
+    FailedLogDocument,
+    FleetDocument,
+    OddFlightDocument,
+    PopulationDocument,
+    VehicleVerdictDocument,
+)
+from rotorid.documents.review import QuantityDocument
 from rotorid.fleets.analysis import FleetAnalysis, History, quantity_of
+from rotorid.fleets.names import Shown, shown, words_of
+from rotorid.fleets.populations import Population
 from rotorid.report.frame import render
 
 _DIGITS = 7
@@ -23,12 +33,126 @@ _MOST_UNCHANGED, _MOST_NUMBERS = 50, 6
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class PopulationRow:
-    """One parameter over the fleet; numbers are text, the 95 % interval of a spread below it."""
+class Notable:
+    """A vehicle to look at: what was found, since which flight and log, and the usual cause."""
 
-    model: str
-    parameter: str
-    unit: str
+    vehicle: str
+    what: str
+    flight: int | None = None
+    log: str = ""
+    usual: str = ""
+
+    @property
+    def line(self) -> str:
+        """All of it in one line."""
+        where = f", flight {self.flight} ({self.log})" if self.flight else ""
+        return f"{self.vehicle}{where}: {self.what}" + (f"; usual cause: {self.usual}" if self.usual else "")
+
+
+def notable(document: FleetDocument) -> tuple[Notable, ...]:
+    """What to look at: changes first, then odd flights, odd vehicles, slow changes and other gains."""
+    return (
+        *(
+            Notable(
+                vehicle=cause.vehicle,
+                what=f"changed: {cause.words}",
+                flight=cause.at_flight,
+                log=cause.log,
+                usual=cause.usual,
+            )
+            for cause in document.causes
+        ),
+        *_joined(
+            Notable(vehicle=odd.vehicle, what=f"odd flight: {_odd(odd)}", flight=odd.flight, log=odd.log)
+            for odd in document.outliers.flights
+        ),
+        *_joined(
+            Notable(vehicle=odd.vehicle, what=f"unlike the other vehicles: {words_of(odd.model, odd.parameter)}")
+            for odd in document.outliers.vehicles
+        ),
+        *_joined(
+            Notable(vehicle=drift.vehicle, what=f"slow change: {_slope(drift.model, drift.parameter, drift.slope)}")
+            for drift in document.drifts
+        ),
+        *(
+            Notable(
+                vehicle=gains.vehicle,
+                what="other gains: "
+                + ", ".join(
+                    f"{name} {significant(before)} to {significant(after)}"
+                    for name, (before, after) in gains.gains.items()
+                ),
+                flight=gains.at_flight,
+                log=gains.log,
+            )
+            for gains in document.other_gains
+        ),
+    )
+
+
+def _joined(found: Iterable[Notable]) -> Iterable[Notable]:
+    """One line for all quantities of a vehicle and flight."""
+    several: dict[tuple[str, int | None], Notable] = {}
+    for one in found:
+        key = (one.vehicle, one.flight)
+        if key in several:
+            one = replace(one, what=f"{several[key].what}, {one.what.partition(': ')[2]}")
+        several[key] = one
+    return several.values()
+
+
+def _odd(odd: OddFlightDocument) -> str:
+    quantity = shown(odd.model, odd.parameter, odd.value.unit)
+    value, expected = quantity.factor * odd.value.value, quantity.factor * odd.expected
+    number = with_error(value, None if odd.value.std is None else quantity.factor * odd.value.std)
+    return f"{words_of(odd.model, odd.parameter)} {with_unit(number, quantity.unit)}, usually {significant(expected)}"
+
+
+def _slope(model: str, parameter: str, slope: QuantityDocument) -> str:
+    quantity = shown(model, parameter, slope.unit)
+    number = with_error(quantity.factor * slope.value, None if slope.std is None else quantity.factor * slope.std)
+    return f"{words_of(model, parameter)} by {with_unit(number, quantity.unit)} per flight"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Refusal:
+    """Models of a log that have no answer for one reason."""
+
+    log: str
+    models: str
+    flights: int
+    reason: str
+
+    @property
+    def line(self) -> str:
+        """All of it in one line."""
+        models = f" ({self.models})" if self.models else ""
+        return f"{self.log}{models}: {self.reason}" + (f" ({self.flights} flights)" if self.flights > 1 else "")
+
+
+def refusals(failed: Sequence[FailedLogDocument]) -> list[Refusal]:
+    """What has no answer: each reason of a log once, with its models and number of flights."""
+    found: dict[tuple[str, str], list[FailedLogDocument]] = {}
+    for failure in failed:
+        # A reason often begins with the name of its log.
+        reason = failure.reason.removeprefix(failure.log).lstrip(": ")
+        found.setdefault((failure.log, reason), []).append(failure)
+    return [
+        Refusal(
+            log=log,
+            models=", ".join(dict.fromkeys(failure.model for failure in many if failure.model)),
+            flights=len({failure.flight for failure in many}),
+            reason=reason,
+        )
+        for (log, reason), many in found.items()
+    ]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PopulationRow:
+    """One quantity over the fleet; numbers are text, the 95 % interval of a spread below it."""
+
+    quantity: Shown
     mean: str
     shared: str
     between: tuple[str, str]
@@ -38,17 +162,30 @@ class PopulationRow:
     flights: int
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GroupRow:
+    """The difference of one quantity between two groups of flights."""
+
+    quantity: Shown
+    group: str
+    against: str
+    difference: tuple[str, str]
+    share: str
+    found: bool
+
+
 def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
     """The page of a fleet as one HTML file.
 
     Parameters
     ----------
     analysis
-        What its table says.
+        The analysis of its table.
     document
         The same as it is written, with what failed.
     """
     unchanged = [verdict for verdict in document.verdicts if verdict.verdict != "changed"]
+    refused = refusals(document.failed)
     return render(
         "fleet.html",
         pictures=(),
@@ -56,6 +193,7 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
         further=_for_script(analysis),
         title=f"{counted(document.vehicles, 'vehicle')} in {counted(document.logs, 'log')}",
         sentences=document.sentences,
+        notable=notable(document),
         unchanged=unchanged[:_MOST_UNCHANGED],
         more_unchanged=max(len(unchanged) - _MOST_UNCHANGED, 0),
         document=document,
@@ -64,20 +202,18 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
             for model, many in document.population.items()
             for name, population in many.items()
         ],
-        failed=document.failed[:_MOST_FAILED],
-        more_failed=max(len(document.failed) - _MOST_FAILED, 0),
-        significant=significant,
-        with_error=with_error,
-        with_interval=with_interval,
-        percent=_percent,
+        groups=[_group(difference) for difference in document.groups],
+        refused=refused[:_MOST_FAILED],
+        more_refused=max(len(refused) - _MOST_FAILED, 0),
         checked=_checked,
+        capital=capital,
     )
 
 
 def _checked(verdict: VehicleVerdictDocument) -> str:
-    """Numbers of a vehicle that could be checked, with the change that each would have shown."""
+    """Quantities of a vehicle that could be checked, with the change that each would have shown."""
     found = [
-        f"{quantity_of(number.parameter)} ({100.0 * number.detectable_share:.0f} %)"
+        f"{words_of(number.model, quantity_of(number.parameter))} ({100.0 * number.detectable_share:.0f} %)"
         for number in verdict.numbers
         if number.verdict == "unchanged" and number.detectable_share is not None
     ]
@@ -86,33 +222,48 @@ def _checked(verdict: VehicleVerdictDocument) -> str:
     return f"{len(found)} of {len(quantities)}" + (f": {', '.join(found[:_MOST_NUMBERS])}{more}" if found else "")
 
 
-def _percent(value: float | None) -> str:
-    return MISSING if value is None else minus(f"{100.0 * value:+.1f} %")
+def _group(difference: DifferenceDocument) -> GroupRow:
+    found = difference.difference
+    quantity = shown(difference.model, difference.parameter, found.unit)
+    ends = (None if end is None else quantity.factor * end for end in (found.value, found.lower, found.upper))
+    return GroupRow(
+        quantity=quantity,
+        group=difference.group,
+        against=difference.against,
+        difference=with_interval(*ends),
+        share=MISSING if difference.relative is None else minus(f"{100.0 * difference.relative:+.1f} %"),
+        found=difference.found,
+    )
 
 
 def _row(model: str, name: str, population: PopulationDocument) -> PopulationRow:
+    quantity = shown(model, name, population.unit)
+    normal = population.normal
     return PopulationRow(
-        model=model,
-        parameter=name,
-        unit=unit(population.unit),
-        mean=with_error(population.mean.value, population.mean.std),
-        shared=significant(population.model_std, digits=2),
-        between=_deviation(population.between_std),
-        within=_deviation(population.within_std),
-        normal=MISSING if population.normal is None else " to ".join(significant(end) for end in population.normal),
+        quantity=quantity,
+        mean=with_error(*_times(quantity.factor, population.mean.value, population.mean.std)),
+        shared=significant(quantity.factor * population.model_std, digits=2),
+        between=_deviation(population.between_std, quantity.factor),
+        within=_deviation(population.within_std, quantity.factor),
+        normal=MISSING if normal is None else " to ".join(significant(quantity.factor * end) for end in normal),
         vehicles=population.vehicles,
         flights=population.flights,
     )
 
 
-def _deviation(one: Any) -> tuple[str, str]:
-    if one is None:
+def _times(factor: float, *values: float | None) -> Iterator[float | None]:
+    return (None if value is None else factor * value for value in values)
+
+
+def _deviation(deviation: QuantityDocument | None, factor: float) -> tuple[str, str]:
+    if deviation is None:
         return MISSING, ""
-    return with_interval(one.value, one.lower, math.inf if one.upper is None else one.upper)
+    upper = math.inf if deviation.upper is None else deviation.upper
+    return with_interval(*_times(factor, deviation.value, deviation.lower, upper))
 
 
 def _for_script(analysis: FleetAnalysis) -> dict[str, Any]:
-    """Every history by columns; texts that repeat are numbers of a list."""
+    """Every history by columns, in units of paper; texts that repeat are numbers of a list."""
     logs: dict[str, int] = {}
     findings: dict[str, int] = {}
     vehicles: dict[str, int] = {}
@@ -120,51 +271,48 @@ def _for_script(analysis: FleetAnalysis) -> dict[str, Any]:
     def number(known: dict[str, int], text: str) -> int:
         return known.setdefault(visible(text), len(known))
 
-    series = [
-        {
+    def described(history: History) -> dict[str, Any]:
+        quantity = shown(history.model, history.parameter, history.unit)
+
+        def short(value: float) -> float | None:
+            return float(f"{quantity.factor * value:.{_DIGITS}g}") if math.isfinite(value) else None
+
+        level = history.level
+        return {
             "vehicle": number(vehicles, history.vehicle),
             "model": history.model,
-            "parameter": history.parameter,
-            "unit": unit(history.unit),
+            "parameter": quantity.label,
+            "unit": quantity.unit,
             "log": [number(logs, row.log) for row in history.rows],
             "time": [row.time_utc for row in history.rows] if any(row.time_utc for row in history.rows) else [],
-            "value": [_short(row.value) for row in history.rows],
-            "std": [_short(row.std) for row in history.rows],
-            "ends": [[_short(row.lower), _short(row.upper)] for row in history.rows],
-            "findings": [number(findings, row.findings) for row in history.rows],
-            "level": None if history.level is None else [_short(end) for end in _ends(history.level)],
+            "value": [short(row.value) for row in history.rows],
+            "text": [with_error(*_times(quantity.factor, row.value, row.std)) for row in history.rows],
+            "ends": [[short(row.lower), short(row.upper)] for row in history.rows],
+            "findings": [number(findings, row.findings.replace("_", " ")) for row in history.rows],
+            "level": None if level is None else [short(end) for end in (level.value, level.lower, level.upper)],
+            "level_text": "" if level is None else with_error(*_times(quantity.factor, level.value, level.std)),
             "verdict": history.verdict,
-            "changes": [_change(history, k) for k in range(len(history.changes))],
-            "drift": None if history.drift is None else _short(history.drift.slope.value),
+            "changes": [_change(history, k, quantity.factor) for k in range(len(history.changes))],
             "odd": [odd.flight for odd in history.odd],
             "odd_vehicle": history.odd_vehicle is not None,
         }
-        for history in analysis.histories
-    ]
+
+    def of_population(model: str, name: str, population: Population) -> dict[str, Any]:
+        quantity = shown(model, name, population.mean.unit)
+        low, high = _times(quantity.factor, population.low, population.high)
+        return {"model": model, "parameter": quantity.label, "unit": quantity.unit, "low": low, "high": high}
+
+    series = [described(history) for history in analysis.histories]
     return {
         "vehicles": list(vehicles),
         "logs": list(logs),
         "findings": list(findings),
         "series": series,
-        "populations": [
-            {
-                "model": model,
-                "parameter": name,
-                "unit": unit(population.mean.unit),
-                "mean": _short(population.mean.value),
-                "low": None if population.low is None else _short(population.low),
-                "high": None if population.high is None else _short(population.high),
-            }
-            for (model, name), population in analysis.populations.items()
-        ],
+        "populations": [of_population(*key, population) for key, population in analysis.populations.items()],
     }
 
 
-def _ends(level: Quantity) -> tuple[float, float, float]:
-    return level.value, level.lower, level.upper
-
-
-def _change(history: History, number: int) -> Mapping[str, float]:
+def _change(history: History, number: int, factor: float) -> Mapping[str, float]:
     change = history.changes[number]
     stop = history.changes[number + 1].at_flight if number + 1 < len(history.changes) else len(history.rows) + 1
     start = history.changes[number - 1].at_flight if number else 1
@@ -172,10 +320,6 @@ def _change(history: History, number: int) -> Mapping[str, float]:
         "at": change.at_flight,
         "from": start,
         "to": stop - 1,
-        "before": _short(change.before.value) or 0.0,
-        "after": _short(change.after.value) or 0.0,
+        "before": factor * change.before.value,
+        "after": factor * change.after.value,
     }
-
-
-def _short(value: float) -> float | None:
-    return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None

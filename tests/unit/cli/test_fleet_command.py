@@ -57,14 +57,14 @@ def test_all_failed_is_exit_1(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("nowhere.ulg",), "is not there"),
+        (("nowhere.ulg",), "does not exist"),
         (("--models", "rate.rol", "@"), "rate.roll"),
-        (("--models", "none", "@"), "nothing is asked"),
+        (("--models", "none", "@"), "leaves nothing to do"),
         (("--workers", "0", "@"), "1 to 1024"),
-        (("--timeout", "-1", "@"), "above zero"),
-        (("--memory", "lots", "@"), "cannot be read"),
+        (("--timeout", "-1", "@"), "more than 0 s"),
+        (("--memory", "lots", "@"), "is not a size"),
         (("--vehicles", "none.csv", "@"), "none.csv"),
-        (("--workers", "2", "--scheduler", "tcp://127.0.0.1:1", "@"), "one of them"),
+        (("--workers", "2", "--scheduler", "tcp://127.0.0.1:1", "@"), "leave out --workers"),
     ],
 )
 def test_a_slip_is_one_sentence(logs: Path, tmp_path: Path, words: tuple[str, ...], said: str) -> None:

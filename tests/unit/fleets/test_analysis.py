@@ -77,7 +77,7 @@ def test_few_flights_have_a_mean_and_no_normal_range(flights: int) -> None:
 
 
 def test_no_flight_is_refused() -> None:
-    with pytest.raises(UsageError, match="no value came"):
+    with pytest.raises(UsageError, match="no values"):
         population([], [], [], unit="1")
 
 

@@ -125,7 +125,7 @@ def test_vehicles_of_a_table(tmp_path: Path) -> None:
         ("file;vehicle\n", "has the columns"),
         ("", "has the columns"),
         ("log,vehicle\n,x\n", "names no log"),
-        ("log,vehicle\na,x\na,y\n", "came twice"),
+        ("log,vehicle\na,x\na,y\n", "lists a twice"),
         ('log,vehicle\n"a,x\n', "CSV"),
     ],
 )

@@ -64,7 +64,7 @@ def test_wrong_use_forgets_nothing_that_was_done(tmp_path: Path) -> None:
 
 
 def test_a_cluster_has_its_own_workers() -> None:
-    with pytest.raises(UsageError, match="--workers came with --scheduler"):
+    with pytest.raises(UsageError, match="--workers and --scheduler"):
         FleetSettings(workers=2, scheduler="tcp://10.0.0.1:8786")
 
 
@@ -150,7 +150,7 @@ def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
     write_logs(tmp_path / "logs", 1)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "thesis.txt").write_text("mine")
-    with pytest.raises(UsageError, match="holds other files"):
+    with pytest.raises(UsageError, match="contains other files"):
         Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out")
 
 
@@ -167,7 +167,7 @@ def test_two_runs_in_one_folder_are_refused(tmp_path: Path) -> None:
     pytest.importorskip("fcntl")
     write_logs(tmp_path / "logs", 1)
     one = Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out")
-    with pytest.raises(UsageError, match="another run is at work"):
+    with pytest.raises(UsageError, match="another run is working"):
         Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out")
     one.close()
 

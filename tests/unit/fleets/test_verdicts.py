@@ -40,7 +40,7 @@ def test_two_logs_that_differ_clearly_say_that_the_vehicle_changed() -> None:
 
 def test_two_logs_with_wide_intervals_decide_nothing() -> None:
     found = documented(pair(0.45))
-    assert found.sentences[0] == "Not enough data to say whether the vehicle changed."
+    assert found.sentences[0] == "Not enough data to detect a change of the vehicle."
     assert found.verdicts[0].verdict == "undecided"
     assert "would be missed" in found.verdicts[0].why
 
@@ -54,7 +54,7 @@ def test_two_logs_that_agree_closely_show_no_change_and_say_how_large_one_could_
 
 def test_a_single_flight_is_no_comparison() -> None:
     found = documented([row_of("quad", 1, 100.0)])
-    assert found.sentences[0] == "Not enough flights to see a change: the vehicle flew once."
+    assert found.sentences[0] == "Not enough data: only 1 flight."
     assert (found.checked.of_vehicles, found.checked.vehicles) == (1, 0)
 
 
@@ -69,9 +69,9 @@ def test_a_fleet_says_for_how_many_vehicles_it_could_be_checked() -> None:
     rows = [*pair(0.02, factor=1.01), row_of("once", 1, 100.0, 2.0)]
     found = documented(rows)
     assert found.sentences[0] == "No change found in 1 of 2 vehicles; not enough data for the other."
-    assert "fly the same maneuvers again with it." in " ".join(found.sentences)
+    assert "Fly the same maneuvers again with it" in " ".join(found.sentences)
     assert "1 of 2 quantities could be checked" in found.sentences[1]
-    assert any("once: it flew once" in sentence for sentence in found.sentences)
+    assert any("once: only 1 flight" in sentence for sentence in found.sentences)
 
 
 def test_a_quantity_that_is_near_zero_in_some_flights_is_counted_once() -> None:
@@ -155,7 +155,7 @@ def test_delays_beside_a_lag_and_alone_are_two_quantities() -> None:
     ]
     found = documented(rows)
     assert set(found.population["rate.roll"]) == {"tau_yaw", "tau_yaw (without T_motor)"}
-    assert found.verdicts[0].why == "no two of its flights measured the same quantity"
+    assert found.verdicts[0].why == "no quantity was measured in 2 flights"
 
 
 def test_an_estimate_at_its_bound_is_compared_with_its_like_alone() -> None:
@@ -175,7 +175,7 @@ def test_a_folder_of_several_vehicles_is_taken_apart_first() -> None:
     found = documented(rows)
     assert found.vehicles == 3
     assert not found.changes
-    assert any(sentence.startswith("The logs of logs are of 3 vehicles") for sentence in found.sentences)
+    assert any(sentence.startswith("logs has logs of 3 vehicles") for sentence in found.sentences)
     kept, several = separated(rows)
     assert [row.vehicle for row in kept] == ["logs (PX4)", "logs (ArduPilot, quad X)", "logs (ArduPilot, hexa X)"]
     assert separated(kept) == (kept, ())
@@ -192,7 +192,7 @@ def test_other_gains_are_remarked_on() -> None:
     found = documented(pair(0.02, factor=1.01), gains=gains)
     (one,) = found.other_gains
     assert (one.log, one.at_flight, one.gains) == ("quad-002.ulg", 2, {"P": (0.15, 0.2)})
-    assert any("make sure that they are of one vehicle" in sentence for sentence in found.sentences)
+    assert any("Check that these logs are of one vehicle" in sentence for sentence in found.sentences)
 
 
 def test_the_mean_of_one_flight_is_its_value_under_its_own_name() -> None:

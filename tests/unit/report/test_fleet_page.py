@@ -26,6 +26,7 @@ def test_logs_that_could_not_be_read_are_those_of_the_counts() -> None:
 def test_a_mean_stands_beside_the_error_that_all_flights_share() -> None:
     row = page().partition('id="of-population"')[2].partition("<tbody>")[2].partition("</tr>")[0]
     cells = [cell.partition("</td>")[0].rpartition(">")[2] for cell in row.split("<td")[1:]]
-    mean, shared = cells[3], float(cells[4])
+    assert cells[0] == "Roll control power L_roll"
+    mean, shared = cells[2], float(cells[3])
     assert mean.startswith(("499", "500"))
     assert abs(shared - np.sqrt(10.0**2 - 2.0**2)) < 0.1
