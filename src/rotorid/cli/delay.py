@@ -1,4 +1,4 @@
-"""``rotorid delay``: logs in, delays as fractions of a sample out."""
+"""``rotorid delay``: delays between channels of logs, to a fraction of a sample."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import typer
 from rotorid.cli.command import carry_out
 from rotorid.cli.console import default_folder
 from rotorid.cli.options import Logs, Map, Output
-from rotorid.data.quantity import with_interval
+from rotorid.data.quantity import significant, with_interval
 from rotorid.settings.measuring import MeasureSettings
 from rotorid.settings.option import Option
 
@@ -21,7 +21,11 @@ if TYPE_CHECKING:
     from rotorid.identifying.delays import Delays
 
 FILE = "delay.json"
-_WAYS = {"records": "by the records", "response": "by the frequency response", "samples": "in whole samples"}
+_METHODS = {
+    "records": "fitted to the records",
+    "response": "fitted to the frequency response",
+    "samples": "in whole samples",
+}
 
 
 def delay_command(
@@ -29,19 +33,24 @@ def delay_command(
     *,
     input: Annotated[
         str | None,
-        Option("--input", "What drives. [default: every set-point that moves]", "Channels", metavar="CHANNEL"),
+        Option("--input", "Input channel. [default: every set-point that moves]", "Channels", metavar="CHANNEL"),
     ] = None,
     answer: Annotated[
         str | None,
-        Option("--output", "What answers. [default: what the set-point is of]", "Channels", metavar="CHANNEL"),
+        Option(
+            "--output",
+            "Output channel. [default: the channel that follows the set-point]",
+            "Channels",
+            metavar="CHANNEL",
+        ),
     ] = None,
     settings: MeasureSettings,
     map: Map = None,
     output: Output,
 ) -> None:
-    """Estimate delays between channels to a fraction of a sample, with 95 % intervals.
+    """Estimate delays between channels to a fraction of a sample, with intervals.
 
-    Exit code 1 if the data contradict the delay of a pair; that pair is left out.
+    Exit code 1 where the data contradict a delay; that pair is left out, with the reason.
     """
     from rotorid.documents.delay import delay_document
     from rotorid.identifying.delays import delay, refused_delay
@@ -70,24 +79,26 @@ def delay_command(
 
 
 def _print(document: DelayDocument, folder: Path, *, verbose: bool = False) -> None:
-    """Delays for a person: one of each pair, what other ways would have said, findings, where the file is."""
+    """Print the delay of each pair, those of other methods, findings, and where the file is."""
     from rich.table import Table
 
-    from rotorid.cli.console import output_console, print_findings
+    from rotorid.cli.console import print_findings, print_lines, print_table
 
-    console = output_console()
     table = Table(box=None, pad_edge=False)
-    for name in ("pair", "delay in ms", "95 % in ms", "samples", "what it is"):
-        table.add_column(name, justify="left" if name in ("pair", "what it is") else "right")
-    for name, pair in document.pairs.items():
-        table.add_row(name, *_cells(pair.recommended))
-    console.print(table)
-    for name, pair in document.pairs.items():
-        if pair.others:
-            others = ", ".join(f"{1e3 * other.delay_s:.1f} ms {_WAYS[other.method]}" for other in pair.others)
-            console.print(f"{name}, for comparison only: {others}", soft_wrap=True, markup=False, highlight=False)
-    print_findings(document.findings, verbose=verbose)
-    console.print(f"result: {folder / FILE}", soft_wrap=True, markup=False)
+    for name in ("output behind input", "delay in ms", "95 % in ms", "samples", "what it is"):
+        table.add_column(name, justify="left" if name in ("output behind input", "what it is") else "right")
+    rows = [(name.replace("/", " behind "), *_cells(pair.recommended)) for name, pair in document.pairs.items()]
+    if rows:
+        print_table(table, rows, verbose=verbose, item="pair", page="")
+    others = [
+        f"{name.replace('/', ' behind ')} by other methods: "
+        + ", ".join(f"{significant(1e3 * other.delay_s)} ms {_METHODS[other.method]}" for other in pair.others)
+        for name, pair in document.pairs.items()
+        if pair.others
+    ]
+    print_lines(others, verbose=verbose, page="")
+    print_findings(document.findings, verbose=verbose, page="")
+    print_lines([f"result: {folder / FILE}"], verbose=True)
 
 
 def _cells(estimate: DelayEstimateDocument) -> tuple[str, str, str, str]:

@@ -1,4 +1,4 @@
-"""``rotorid stitch``: models of several speeds in, one model over speed out."""
+"""``rotorid stitch``: one model over speed, from models of several speeds."""
 
 from __future__ import annotations
 
@@ -22,27 +22,26 @@ def stitch_command(
     results: Annotated[
         list[Path],
         typer.Argument(
-            help="Folders that identify wrote, or their result.json: hover.longitudinal, hover.lateral or both, each "
-            "at two and more speeds."
+            help="Results of identify: hover.longitudinal, hover.lateral or both, each at two or more speeds."
         ),
     ],
     *,
     log: Annotated[
         tuple[Path, ...],
-        Option("--log", "A flight through the speeds, to judge the stitched model on. Repeatable.", text=PATHS),
+        Option("--log", "A flight through these speeds, to check the stitched model on. Repeatable.", text=PATHS),
     ] = (),
     settings: StitchSettings,
     map: Map = None,
     output: Output,
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
-    """Stitch models that were identified at several speeds into one over speed."""
+    """Stitch models of several speeds into one model over speed."""
     from rotorid.documents.stitched import read_models, stitched_document
     from rotorid.flying.stitching import refused_flight, stitch
     from rotorid.report.stitched import JSON, write_stitched
 
     models = read_models(results)
-    # Wrong results are told before any log is read.
+    # Wrong results are refused before any log is read.
     stitched = stitch(models, settings=settings)
     carry_out(
         log,
@@ -60,32 +59,26 @@ def stitch_command(
 
 
 def _print(document: StitchedDocument, folder: Path, *, verbose: bool = False) -> None:
-    """Parameters over speed, scores of flights, findings, where the files are."""
+    """Print the answer, scores of flights, parameters over speed, findings, and where the files are."""
     from rich.table import Table
 
-    from rotorid.cli.console import output_console, print_findings
+    from rotorid.cli.console import print_findings, print_lines, print_table
     from rotorid.report.stitched import JSON, PAGE, flight_tables, speed_tables, stitched_summary
 
-    console = output_console()
+    print_lines(stitched_summary(document), verbose=True)
+    for flown in flight_tables(document):
+        table = Table(title=flown.title, title_justify="left", box=None, pad_edge=False)
+        table.add_column("channel")
+        table.add_column("TIC", justify="right")
+        table.add_column("fit %", justify="right")
+        print_table(table, flown.rows, verbose=verbose, item="channel", most=6)
     for of_model in speed_tables(document):
         table = Table(title=of_model.model, title_justify="left", box=None, pad_edge=False)
         table.add_column("parameter")
         table.add_column("unit")
         for speed in of_model.speeds:
             table.add_column(f"{speed} m/s", justify="right")
-        for row in of_model.rows:
-            table.add_row(row.name, row.unit, *row.values)
-        console.print(table)
-    for flown in flight_tables(document):
-        table = Table(title=flown.title, title_justify="left", box=None, pad_edge=False)
-        table.add_column("channel")
-        table.add_column("TIC", justify="right")
-        table.add_column("fit %", justify="right")
-        for line in flown.rows:
-            table.add_row(*line)
-        console.print(table)
-    for sentence in stitched_summary(document):
-        console.print(sentence, markup=False)
+        rows = [(row.name, row.unit, *row.values) for row in of_model.rows]
+        print_table(table, rows, verbose=verbose, item="parameter", most=6)
     print_findings(document.findings, verbose=verbose)
-    console.print(f"report: {folder / PAGE}", soft_wrap=True, markup=False)
-    console.print(f"file: {folder / JSON}", soft_wrap=True, markup=False)
+    print_lines([f"report: {folder / PAGE}", f"file: {folder / JSON}"], verbose=True)

@@ -1,4 +1,4 @@
-"""``rotorid track LOG``: whether a model holds through a flight, and when it changed."""
+"""``rotorid track LOG``: whether a gain changed in a flight, and when."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from rotorid.cli.command import carry_out
-from rotorid.cli.console import default_folder, output_console, print_findings
+from rotorid.cli.console import default_folder, print_findings, print_lines
 from rotorid.cli.options import ForPaper, Log, Map, Only, Output
-from rotorid.data.quantity import with_error
 from rotorid.identifying.settings import TrackSettings
 from rotorid.settings.option import Option
 
@@ -27,7 +26,7 @@ def track_command(
         str,
         Option(
             "--model",
-            "rate.roll, rate.pitch or rate.yaw; or a result of identify of the same vehicle.",
+            "rate.roll, rate.pitch, rate.yaw, or a result of identify for the same vehicle.",
             metavar="NAME|RESULT",
             words=("rate.roll", "rate.pitch", "rate.yaw"),
         ),
@@ -37,7 +36,7 @@ def track_command(
     output: Output,
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
-    """Follow a model through a flight: payload dropped, propellers damaged, battery sagging."""
+    """Find when a gain changed in flight: payload dropped, propellers damaged, battery sagging."""
     from rotorid.data.findings import refusal
     from rotorid.documents.track import track_document
     from rotorid.identifying.tracking import track
@@ -89,12 +88,6 @@ def _model(model: str) -> str | IdentifiedModel:
 def _print(document: TrackDocument, folder: Path, *, verbose: bool = False) -> None:
     from rotorid.report.track import sentences
 
-    console = output_console()
-    for sentence in sentences(document):
-        console.print(sentence, markup=False, soft_wrap=True)
-    if document.gain is not None:
-        console.print(
-            f"gain at the end over the reference: {with_error(document.gain.value, document.gain.std)}", markup=False
-        )
+    print_lines(sentences(document), verbose=verbose)
     print_findings(document.findings, verbose=verbose)
-    console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
+    print_lines([f"report: {folder / 'report.html'}"], verbose=True)

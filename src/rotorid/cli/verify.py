@@ -1,4 +1,4 @@
-"""``rotorid verify``: an identified model and other logs in, a judgment out."""
+"""``rotorid verify``: how well an identified model predicts other logs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FILE, REPORT = "verification.json", "report.html"
 
 
 def verify_command(
-    result: Annotated[Path, typer.Argument(help="What identify wrote: its folder, result.json or model.toml.")],
+    result: Annotated[Path, typer.Argument(help="A result of identify: its folder, result.json or model.toml.")],
     logs: Logs,
     *,
     settings: VerifySettings,
@@ -28,7 +28,7 @@ def verify_command(
     output: Output,
     paper: ForPaper,
 ) -> None:
-    """Judge an identified model on data that it has not seen."""
+    """Check how well an identified model predicts flights that it was not fitted to."""
     from rotorid.checking.candidate import read_candidate
     from rotorid.documents.verify import refused_verify_document, verify_document
     from rotorid.identifying.verification import refused_verification, verify
@@ -63,59 +63,52 @@ def _write(folder: Path, verified: Verified, *, title: str) -> None:
 
 
 def _print(document: VerifyDocument, folder: Path, *, verbose: bool = False) -> None:
-    """A judgment for a person: scores of each maneuver, costs of each response, findings, where the file is."""
+    """Print the answer, scores of each maneuver, costs of each response, findings, and where the files are."""
     from rich.table import Table
 
-    from rotorid.cli.console import output_console, print_findings
+    from rotorid.cli.console import print_findings, print_lines, print_table
+    from rotorid.report.verification import j_rms_sentence, verification_summary
 
-    console = output_console()
-    table = Table(title=f"{document.model} on unseen maneuvers", title_justify="left", box=None, pad_edge=False)
+    print_lines(verification_summary(document), verbose=True)
+    table = Table(box=None, pad_edge=False)
     for name in ("maneuver", "output"):
         table.add_column(name, justify="left")
     ahead = sorted({horizon.horizon_s for check in document.maneuvers for horizon in check.ahead})
     over = [f"TIC {horizon_s:.2g} s ahead" for horizon_s in ahead]
-    for name in ("TIC", "fit %", *over, "holds s", "TIC closed loop", "verdict"):
+    for name in ("TIC", "fit %", *over, "good for s", "TIC closed loop", "verdict"):
         table.add_column(name, justify="left" if name == "verdict" else "right")
+    rows = []
     for check in document.maneuvers:
         by_horizon = {horizon.horizon_s: horizon.outputs for horizon in check.ahead}
         for output, scores in check.scores.items():
             row_scores = [by_horizon.get(horizon_s, {}).get(output) for horizon_s in ahead]
-            table.add_row(
-                f"{check.record}: {check.axis} {check.kind} at {check.start_s:.1f} s",
-                output if output in check.moved else f"({output})",
-                f"{scores.tic:.2f}",
-                f"{scores.nrmse_fit_percent:.0f}",
-                *("" if item is None else f"{item.tic:.2f}" for item in row_scores),
-                f"{check.holds_s[output]:.2g}" if output in check.holds_s else "",
-                f"{check.closed_loop.scores[output].tic:.2f}" if check.closed_loop else "",
-                check.verdict,
+            rows.append(
+                (
+                    f"{check.record}: {check.axis} {check.kind} at {check.start_s:.1f} s",
+                    output if output in check.moved else f"({output})",
+                    f"{scores.tic:.2f}",
+                    f"{scores.nrmse_fit_percent:.0f}",
+                    *("" if item is None else f"{item.tic:.2f}" for item in row_scores),
+                    f"{check.holds_s[output]:.2g}" if output in check.holds_s else "",
+                    f"{check.closed_loop.scores[output].tic:.2f}" if check.closed_loop else "",
+                    check.verdict,
+                )
             )
-    if document.maneuvers:
-        console.print(table)
-        console.print("an output in parentheses hardly moved in that maneuver and is not judged")
-        worst = max(check.j_rms for check in document.maneuvers)
-        # Accelerations of motors have none.
-        if worst > 0.0:
-            console.print(f"J_rms up to {worst:.2f} (degrees and feet){_guideline(document)}", highlight=False)
+    if rows:
+        print_table(table, rows, verbose=verbose, item="row")
+    lines = []
+    if any(set(check.scores) - set(check.moved) for check in document.maneuvers):
+        lines.append("Outputs in parentheses moved too little to be judged.")
+    # Accelerations of motors have none.
+    if any(check.j_rms > 0.0 for check in document.maneuvers):
+        lines.append(j_rms_sentence(document))
     for sweep in document.frequency:
         for pair, cost in sweep.pairs.items():
             low, high = cost.band_rad_s
-            console.print(
+            lines.append(
                 f"{', '.join(sweep.records)}: {pair} cost {cost.value:.1f} over {low:.2g} to {high:.3g} rad/s "
-                "(up to 100 is acceptable)",
-                markup=False,
-                highlight=False,
+                "(up to 100 is acceptable)"
             )
+    print_lines(lines, verbose=verbose)
     print_findings(document.findings, verbose=verbose)
-    console.print(f"report: {folder / REPORT}", soft_wrap=True, markup=False)
-    console.print(f"file: {folder / FILE}", soft_wrap=True, markup=False)
-
-
-def _guideline(document: VerifyDocument) -> str:
-    guideline = document.j_rms_guideline
-    if guideline is None:
-        return "; 1 to 2 is acceptable at full scale"
-    return (
-        f"; acceptable up to {guideline.root[0]:.3g} to {guideline.root[1]:.3g} for N = {guideline.scale:g} by its "
-        f"root, {guideline.printed[0]:.3g} to {guideline.printed[1]:.3g} as it is found in print"
-    )
+    print_lines([f"report: {folder / REPORT}", f"file: {folder / FILE}"], verbose=True)

@@ -1,4 +1,4 @@
-"""The document that ``rotorid delay`` writes."""
+"""``delay.json``, schema ``rotorid.delay/1``: delays between channels."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class OrderDelayDocument(Document):
-    """The delay beside a lag of one order; the least ``criterion`` fits best."""
+    """The delay fitted with a lag of one order; the least ``criterion`` fits best."""
 
     order: str
     zeros: int
@@ -29,9 +29,9 @@ class OrderDelayDocument(Document):
 class DelayEstimateDocument(Document):
     """A delay by one method: ``records``, ``response`` or ``samples``.
 
-    ``std_s`` and ``interval_s`` (95 %) tell what noise does within the model of ``order``, which alone is
-    ``std_random_s``, and what the clocks of a log do; they are ``null`` for whole samples, and ``std_s`` also where the
-    interval is not of its width. ``orders`` holds the delays beside other lags.
+    ``std_s`` and ``interval_s`` (95 %) include noise within the model of ``order`` (``std_random_s`` alone) and the
+    clocks of a log. They are ``null`` for whole samples, and ``std_s`` also where the interval does not have its width.
+    ``orders`` are the delays with other lags.
     """
 
     method: Literal["records", "response", "samples"]
@@ -49,9 +49,9 @@ class DelayEstimateDocument(Document):
 class DelayPairDocument(Document):
     """The delay from one input to one output.
 
-    ``recommended`` is the estimate to use, ``others`` stand beside it for comparison. ``whole_band`` is there where the
-    outputs had been filtered without phase: what a fit of all of the band would have said. ``feedback`` tells whether
-    the input contains feedback of the output, ``instrument`` the channel that removes its bias. Where records differ,
+    ``recommended`` is the estimate to use, ``others`` are for comparison. ``whole_band`` is given where outputs were
+    filtered without phase: the estimate of the whole band. ``feedback`` is whether the input contains feedback of the
+    output, ``instrument`` the channel that removes its bias. Where records differ,
     ``sample_s`` is the longest sample interval among them and ``hold`` is ``mixed``.
     """
 
@@ -75,7 +75,7 @@ class DelayDocument(Document):
 
 
 def delay_document(result: Delays | Refused) -> DelayDocument:
-    """What ``rotorid delay`` writes; of a refusal its findings alone, and no number."""
+    """The document of delays; for a refusal only its findings."""
     pairs = {name: _pair(pair) for name, pair in getattr(result, "pairs", {}).items()}
     return DelayDocument.model_validate({"pairs": pairs, "findings": result.findings, "provenance": result.provenance})
 

@@ -1,4 +1,4 @@
-"""What ``stitched.json`` holds, schema ``rotorid.stitched/1``, and the results that it is made of."""
+"""``stitched.json``, schema ``rotorid.stitched/1``, and the results that it is made of."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class StitchedPointDocument(Document):
 
 
 class SpeedCurveDocument(Document):
-    """A parameter over speed, straight in between; ``std`` is ``null`` where it was dropped and stands at zero."""
+    """A parameter over speed, linear in between; ``std`` is ``null`` where it was dropped and is zero."""
 
     unit: str
     speed_m_s: Numbers
@@ -67,7 +67,7 @@ class StitchedDocument(Document):
 
 
 def stitched_document(found: Stitched) -> StitchedDocument:
-    """A stitched model as ``stitched.json`` holds it."""
+    """The document of a stitched model."""
     return StitchedDocument(
         points=[_point(point) for point in found.points],
         parameters={
@@ -121,12 +121,12 @@ def read_models(paths: Sequence[Path]) -> Mapping[str, IdentifiedModel]:
     Parameters
     ----------
     paths
-        Folders, or ``result.json`` files with their ``model.toml`` beside, at least two different ones.
+        Folders, or ``result.json`` files with their ``model.toml``, at least two different ones.
 
     Raises
     ------
     UsageError
-        A path leads to no result, one came twice, or fewer than two came.
+        A path is no result, one is given twice, or fewer than two are given.
     """
     from rotorid.documents.compare import read_results
 

@@ -1,4 +1,4 @@
-"""What ``track.json`` holds, schema ``rotorid.track/1``: a model followed through a flight."""
+"""``track.json``, schema ``rotorid.track/1``: the gain of a model through a flight."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class GainStepDocument(Document):
 
 
 class TrimStepDocument(Document):
-    """A mean command that moved and stayed."""
+    """A lasting change of a mean command."""
 
     channel: str
     at_s: float
@@ -38,7 +38,7 @@ class TrimStepDocument(Document):
 
 
 class CannotTellDocument(Document):
-    """A stretch that says nothing: ``stick`` hardly moved, or the ``air`` was rougher than in the reference."""
+    """A time without a verdict: too little movement of the ``stick``, or rougher ``air`` than in the reference."""
 
     start_s: float
     stop_s: float
@@ -48,15 +48,17 @@ class CannotTellDocument(Document):
 class TrackDocument(Document):
     """``track.json``: a model followed through a flight.
 
-    ``gain`` is that of the end of the flight over that of the reference. ``told_s`` are the seconds that could tell.
-    ``verdict`` says whether it changed: by steps, or by an end that is off by more than its error and the step looked
-    for. ``thrust_exponent`` is ``null`` where the power of thrust could not be told, so that other throttles say less.
+    ``gain`` is that of the end of the flight over that of the reference. ``told_s`` are the seconds with a verdict. The
+    ``verdict`` is ``changed`` where there are steps, or where the gain at the end differs by more than its error and
+    the step looked for. ``thrust_exponent`` is ``null`` where it is unknown, so that other throttles count less.
     """
 
     schema_name: Annotated[Literal["rotorid.track/1"], Field(alias="schema")] = "rotorid.track/1"
     log: str = ""
     model: str = ""
     parameters: dict[str, float] = Field(default_factory=dict)
+    parameter_stds: dict[str, float | None] = Field(default_factory=dict)
+    parameter_units: dict[str, str] = Field(default_factory=dict)
     given: bool = False
     instrument: str = ""
     reference_s: tuple[float, float] | None = None
@@ -93,6 +95,8 @@ def track_document(found: FlightTracking | Refused) -> TrackDocument:
             "log": found.log,
             "model": found.model,
             "parameters": dict(found.parameters),
+            "parameter_stds": dict(found.parameter_stds),
+            "parameter_units": dict(found.parameter_units),
             "given": found.given,
             "instrument": found.instrument,
             "reference_s": found.reference_s,
@@ -113,7 +117,7 @@ def track_document(found: FlightTracking | Refused) -> TrackDocument:
 
 
 def silent(found: FlightTracking) -> list[tuple[float, float, Why]]:
-    """Stretches that say nothing, each with its reason."""
+    """Times without a verdict, each with its reason."""
     tracking, parts = found.tracking, []
     blocks = zip(tracking.time_s, tracking.cannot_tell, strict=True)
     for why, group in groupby(blocks, key=lambda item: item[1]):
@@ -124,7 +128,7 @@ def silent(found: FlightTracking) -> list[tuple[float, float, Why]]:
 
 
 def track_arrays(found: FlightTracking) -> dict[str, AnyArray]:
-    """What ``track.npz`` holds."""
+    """Arrays of ``track.npz``."""
     tracking = found.tracking
     return {
         "time_s": tracking.time_s,

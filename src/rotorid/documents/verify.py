@@ -1,4 +1,4 @@
-"""``verification.json``, schema ``rotorid.verify/1``: a verification as a document."""
+"""``verification.json``, schema ``rotorid.verify/1``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class GuidelineDocument(Document):
 
 
 class VerifyDocument(Document):
-    """``verification.json``: how a model does on data that it has not seen."""
+    """``verification.json``: how well a model predicts data that it was not fitted to."""
 
     schema_name: Annotated[Literal["rotorid.verify/1"], Field(alias="schema")] = "rotorid.verify/1"
     model: str
@@ -40,7 +40,7 @@ class VerifyDocument(Document):
 
 
 def verify_document(verified: Verified) -> VerifyDocument:
-    """A verification as ``verification.json`` holds it."""
+    """The document of a verification."""
     structure = verified.candidate.structure
     return VerifyDocument(
         model=structure.name,
@@ -58,7 +58,7 @@ def verify_document(verified: Verified) -> VerifyDocument:
 
 
 def refused_verify_document(refused: Refused) -> VerifyDocument:
-    """The document of logs that cannot judge a model: its findings say why, and no number is given."""
+    """The document of logs that cannot verify a model: findings with the reason, and no numbers."""
     structure = refused.structure
     return VerifyDocument(
         model=refused.name,

@@ -11,7 +11,7 @@ import logging
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -91,8 +91,8 @@ class FlightTracking(Immutable):
     ----------
     log, model, axis
         What was followed.
-    parameters
-        Of the model: name to value.
+    parameters, parameter_stds, parameter_units
+        Of the model: name to value, to one standard deviation where it is known, and to unit.
     given
         Whether the model came from elsewhere and not from the beginning of this flight.
     instrument
@@ -116,9 +116,11 @@ class FlightTracking(Immutable):
     trims: tuple[TrimStep, ...]
     findings: tuple[Finding, ...]
     provenance: Provenance
+    parameter_stds: Mapping[str, float | None] = field(default_factory=dict)
+    parameter_units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._set(parameters=self.parameters)
+        self._set(parameters=self.parameters, parameter_stds=self.parameter_stds, parameter_units=self.parameter_units)
 
 
 def track(
@@ -159,7 +161,7 @@ def track(
     name = model if isinstance(model, str) else model.name
     axis = RATE_AXIS.get(name)
     if axis is None:
-        raise no_such("trackable model", name, tuple(RATE_AXIS))
+        raise no_such("model to track", name, tuple(RATE_AXIS))
     findings = require_one_autopilot([model], [log]) if isinstance(model, IdentifiedModel) else ()
     if not isinstance(model, IdentifiedModel) and (error := unsupported([log], name)):
         raise error
@@ -169,8 +171,8 @@ def track(
     instrument = find_instrument([Flight(log, maneuver)], axis)
     if instrument is None:
         raise InsufficientDataError(
-            f"{log.source.name} contains no {axis} stick",
-            needed="the stick, or a set-point that follows it, with command and rate",
+            f"the {axis} stick is not in {log.source.name}",
+            needed="the stick, or a set-point that follows it",
             remedy="log the sticks or the set-points of the outer loops",
         )
     piece = _longest_piece(log, axis, instrument, start_s, stop_s)
@@ -196,6 +198,8 @@ def track(
         model=name,
         axis=axis,
         parameters={key: estimate.value for key, estimate in fitted.parameters.items()},
+        parameter_stds={key: estimate.std for key, estimate in fitted.parameters.items()},
+        parameter_units={key: estimate.unit for key, estimate in fitted.parameters.items()},
         given=isinstance(model, IdentifiedModel),
         instrument=instrument,
         reference_s=(start_s, start_s + chosen.first_s),
@@ -231,9 +235,9 @@ def _reference(record: FlightRecord, name: str, start_s: float, stop_s: float) -
         return identify(part, name, band_rad_s=(low, high))
     except InsufficientDataError as error:
         raise InsufficientDataError(
-            f"the reference, the first {stop_s - start_s:.0f} s of the flight, does not support {name}: {error.came}",
+            f"the first {stop_s - start_s:.0f} s of the flight are no reference for {name}: {error.came}",
             needed=error.needed,
-            remedy=f"use a longer reference with --first, or identify {name} on a whole log and give that result",
+            remedy=f"use a longer reference with --first, or give a result of {name} with --model RESULT",
             findings=error.findings,
         ) from error
 
@@ -276,8 +280,8 @@ def _left_out(piece: TimeHistory, start_s: float, stop_s: float) -> Iterator[Fin
         yield warn(
             "gap",
             "flight",
-            f"Tracked from {piece.start_s:.1f} to {end_s:.1f} s of the flight ({start_s:.1f} to {stop_s:.1f} s): "
-            f"gaps in the log separate the other {lost_s:.0f} s.",
+            f"Tracked from {piece.start_s:.1f} to {end_s:.1f} s only. Gaps in the log cut off the other {lost_s:.0f} s "
+            f"of the flight from {start_s:.1f} to {stop_s:.1f} s.",
             lost_s=lost_s,
         )
 

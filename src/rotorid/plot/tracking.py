@@ -23,7 +23,7 @@ def followed_gain(
     rougher: FloatArray,
     level: FloatArray,
 ) -> Figure:
-    """Gain over that of the reference, and below it what it is judged by.
+    """Gain relative to the reference, with air and stick below it.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def followed_gain(
     steps
         When steps were found.
     silent
-        Stretches that say nothing, which are shaded.
+        Times without a verdict, which are shaded.
     rougher, level
         Unexplained power over that of the reference, and the largest stick.
     """
@@ -73,12 +73,12 @@ def followed_gain(
             "hovertemplate": f"{name} %{{y:.2f}}<extra></extra>",
         }
         for name, values, color in (
-            ("unexplained power over the reference", np.clip(rougher, 0.0, 10.0), MODEL),
-            ("largest stick of 15 s", level, MEASURED),
+            ("unexplained motion relative to the reference", np.clip(rougher, 0.0, 10.0), MODEL),
+            ("largest stick in 15 s", level, MEASURED),
         )
     ]
     panels = [
-        Panel(label="Gain over the reference", traces=gain, height_px=300, shaded=list(silent)),
-        Panel(label="Judged by", traces=judged, height_px=160),
+        Panel(label="Gain relative to the reference", traces=gain, height_px=300, shaded=list(silent)),
+        Panel(label="Air and stick", traces=judged, height_px=160),
     ]
-    return stacked(panels, x_axis={"title": {"text": "Time [s]; shaded: reference, or cannot tell"}})
+    return stacked(panels, x_axis={"title": {"text": "Time [s]; shaded: reference, or no verdict"}})

@@ -14,6 +14,7 @@ from rotorid.plot.time import Curve, predictions
 from rotorid.report.files import write_together
 from rotorid.report.frame import Picture, render
 from rotorid.report.parts import finding_rows
+from rotorid.verification.scores import GOOD_TIC
 
 JSON, PAGE = "stitched.json", "report.html"
 
@@ -55,7 +56,7 @@ def speed_tables(document: StitchedDocument) -> tuple[SpeedTable, ...]:
                 name=name,
                 unit=unit(curve.unit),
                 values=tuple(
-                    "0, not seen" if std is None else with_error(value, std)
+                    "0, dropped" if std is None else with_error(value, std)
                     for value, std in zip(curve.value, curve.std, strict=True)
                 ),
             )
@@ -86,17 +87,21 @@ def flight_tables(document: StitchedDocument) -> tuple[FlightTable, ...]:
 
 
 def stitched_summary(document: StitchedDocument) -> tuple[str, ...]:
-    """What a person reads first."""
+    """How well the stitched model predicts flights through the speeds, then which models it is made of."""
     lines = []
+    for flown in document.flights:
+        tics = {name: flown.scores[name].tic or 0.0 for name in ("u", "theta", "q")}
+        word = "well" if max(tics.values()) <= GOOD_TIC else "fairly" if min(tics.values()) <= GOOD_TIC else "poorly"
+        scores = ", ".join(f"{name} {significant(tic, digits=2)}" for name, tic in tics.items())
+        lines.append(
+            f"The stitched model predicts {flown.record} {word} from {flown.speed_m_s[0]:.1f} to "
+            f"{flown.speed_m_s[1]:.1f} m/s: TIC of {scores} ({GOOD_TIC:g} or less is good)."
+        )
     for model in document.parameters:
         speeds = [f"{point.speed_m_s:.1f}" for point in document.points if point.model == model]
-        lines.append(f"{model} at {', '.join(speeds[:-1])} and {speeds[-1]} m/s, straight in between.")
-    for flown in document.flights:
-        scores = ", ".join(f"{name} {flown.scores[name].tic or 0.0:.2f}" for name in ("u", "theta", "q"))
-        lines.append(
-            f"{flown.record} flown by the stitched model under its controllers, from {flown.speed_m_s[0]:.1f} to "
-            f"{flown.speed_m_s[1]:.1f} m/s: Theil coefficients of {scores} (good: up to 0.25)."
-        )
+        lines.append(f"{model} at {', '.join(speeds[:-1])} and {speeds[-1]} m/s, linearly interpolated.")
+    if not document.flights:
+        lines.append("Not checked on a flight; add --log LOG with a flight through these speeds.")
     return tuple(lines)
 
 
@@ -131,7 +136,7 @@ def render_stitched(found: Stitched, document: StitchedDocument, *, title: str) 
     flights = [
         Picture(
             key=f"flight-{number}",
-            description=f"{flown.record}, measured and as the stitched model flies it",
+            description=f"{flown.record}, measured and predicted by the stitched model",
             figure=predictions(*_signals(flown)),
         )
         for number, flown in enumerate(found.flights)

@@ -1,15 +1,18 @@
-"""The page of ``track``: a gain over a flight with its band, steps, trims, and what could not be told."""
+"""The page of ``track``: whether a gain changed in flight, what and when; then the gain over time and its model."""
 
 from __future__ import annotations
 
+from rotorid.data.display import capital
 from rotorid.data.quantity import significant, with_error
 from rotorid.documents.track import TrackDocument, silent, track_document
+from rotorid.fleets.names import shown, words_of
 from rotorid.identifying.tracking import FlightTracking
 from rotorid.plot.tracking import followed_gain
 from rotorid.report.frame import Picture, render
 from rotorid.report.parts import finding_rows
 
-WHY = {"stick": "the stick hardly moved", "air": "the air was rougher than in the reference"}
+WHY = {"stick": "too little stick movement", "air": "rougher air than in the reference"}
+_POWERS = {"rate.roll": "L_roll", "rate.pitch": "M_pitch", "rate.yaw": "N_yaw"}
 
 
 def render_track(found: FlightTracking) -> str:
@@ -18,7 +21,7 @@ def render_track(found: FlightTracking) -> str:
     tracking = found.tracking
     picture = Picture(
         key="gain",
-        description=f"Gain of {found.model} over that of the reference, with its band of two standard deviations",
+        description=f"Gain of {found.model} relative to the reference, with a band of two standard deviations",
         figure=followed_gain(
             tracking.time_s,
             tracking.ratio,
@@ -33,38 +36,42 @@ def render_track(found: FlightTracking) -> str:
         "track.html",
         logs=document.provenance.inputs,
         pictures=[picture],
-        title=f"{found.model} through {found.log}",
+        title=f"{found.model} in {found.log}",
         sentences=sentences(document),
         picture=picture,
         document=document,
         remarks=finding_rows(document.findings),
         step_percent=f"{100.0 * float(str(document.provenance.settings['step_share'])):.0f}",
+        parameters=parameter_rows(document),
         significant=significant,
-        with_error=with_error,
     )
 
 
 def sentences(document: TrackDocument) -> list[str]:
-    """What happened, in words; the first is the answer."""
+    """The answer in a sentence, then what else was found."""
+    power = words_of(document.model, _POWERS.get(document.model, "gain"))
     steps, lines = document.steps, []
     if steps:
         lines += [
-            f"The gain changed at about {step.since_s:.0f} s to {with_error(step.ratio, step.std)} of the reference "
-            f"(seen at {step.at_s:.0f} s)."
+            f"Changed at about {step.since_s:.0f} s: {power} {'fell' if step.ratio < 1.0 else 'rose'} to "
+            f"{_percent(step.ratio, step.std)} of its value in the reference (detected at {step.at_s:.0f} s)."
             for step in steps
         ]
     elif document.verdict == "changed" and document.gain is not None:
-        gain = with_error(document.gain.value, document.gain.std)
-        lines.append(f"The gain changed without a clear step: at the end it is {gain} of the reference.")
+        lines.append(f"Changed without a clear step: {power} ends at {_end(document)}.")
     elif document.verdict == "unchanged":
-        lines.append(f"No change of the gain was found: {_would_be_found(document)}.")
+        lines.append(f"No change found: {power} {_within(document)}.")
     elif document.told_s > 0.0:
-        lines.append(f"Not enough data to say whether the gain changed: {_would_be_found(document)}.")
+        share = document.detectable_share
+        limit = "" if share is None else f" below {100.0 * share:.0f} %"
+        lines.append(f"Not enough data to detect a change of {power}{limit}.")
     else:
-        lines.append("Not enough data after the reference to say whether the gain changed.")
+        lines.append(f"Not enough data after the reference to detect a change of {power}.")
+    if document.gain is not None and (steps or document.verdict != "changed"):
+        lines.append(f"{capital(power)} at the end: {_end(document)}.")
     lines += [
-        f"{trim.channel} at rest moved from {significant(trim.before)} to {significant(trim.after)}, seen at "
-        f"{trim.at_s:.0f} s: a propeller, the center of gravity, or wind that turned."
+        f"Mean {trim.channel.replace('_', ' ')} went from {significant(trim.before)} to {significant(trim.after)} "
+        f"(detected at {trim.at_s:.0f} s). Usual causes: a damaged propeller, a shifted load, or a change of wind."
         for trim in document.trims
     ]
     lost_s = sum(gap.stop_s - gap.start_s for gap in document.cannot_tell)
@@ -72,11 +79,29 @@ def sentences(document: TrackDocument) -> list[str]:
         reasons = " or ".join(WHY[why] for why in dict.fromkeys(gap.why for gap in document.cannot_tell))
         lines.append(f"No verdict for {lost_s:.0f} s: {reasons}.")
     if any(gap.why == "air" for gap in document.cannot_tell):
-        lines.append("Wind rose after the reference: cut the log there, and track the rest as a log of its own.")
+        lines.append("The wind rose after the reference. To track that part too, cut the log there.")
     return lines
 
 
-def _would_be_found(document: TrackDocument) -> str:
-    """The change that the end of the flight would show."""
+def parameter_rows(document: TrackDocument) -> list[tuple[str, str, str]]:
+    """Parameters of the tracked model: name with its words, value with its error, unit."""
+    rows = []
+    for name, value in document.parameters.items():
+        quantity = shown(document.model, name, document.parameter_units.get(name, "1"))
+        rows.append((quantity.label, with_error(value, document.parameter_stds.get(name)), quantity.unit))
+    return rows
+
+
+def _percent(ratio: float, std: float | None) -> str:
+    return f"{with_error(100.0 * ratio, None if std is None else 100.0 * std)} %"
+
+
+def _end(document: TrackDocument) -> str:
+    assert document.gain is not None
+    return f"{_percent(document.gain.value, document.gain.std)} of its value in the reference"
+
+
+def _within(document: TrackDocument) -> str:
+    """The change that the end of the flight would have shown."""
     share = document.detectable_share
-    return "the end of the flight shows no change" if share is None else f"from {100.0 * share:.0f} % on it would show"
+    return "did not change" if share is None else f"did not change by {100.0 * share:.0f} % or more"

@@ -1,4 +1,4 @@
-"""The report of ``verify``: what unseen maneuvers and unseen sweeps say about a model.
+"""The report of ``verify``: how well a model predicts unseen maneuvers and unseen sweeps.
 
 Each maneuver is shown measured and predicted, with its scores in open loop, a little ahead, and in closed loop. Sweeps
 are shown as Bode plots with the model over them and the cost of each response.
@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from rotorid.data.display import counted
 from rotorid.data.quantity import MISSING, significant
 from rotorid.documents.verify import GuidelineDocument, VerifyDocument, verify_document
 from rotorid.identifying.verification import Verified
@@ -35,7 +36,7 @@ class ScoreRow:
     output
         In words.
     moved
-        Whether the maneuver moved it, so that it tells of the model.
+        Whether it moved enough in the maneuver to judge the model.
     tic, fit, verdict, rms, shift
         Of the open loop; a command has none, for it drives it.
     ahead
@@ -73,7 +74,7 @@ def _output(check: Verification, name: str, moved: bool) -> ScoreRow:
         output=paper.words,
         moved=moved,
         tic=significant(scores.tic, digits=2),
-        fit=significant(scores.nrmse_fit_percent),
+        fit=significant(scores.nrmse_fit_percent, digits=2),
         verdict=prediction_verdict(scores.tic, scores.nrmse_fit_percent) if moved else None,
         rms=f"{significant(paper.factor * scores.rms)} {paper.unit}",
         shift=f"{significant(paper.factor * scores.reference_shift, digits=2)} {paper.unit}",
@@ -120,7 +121,7 @@ class Check:
 
 
 def check_section(check: Verification, *, key: str) -> Check:
-    """Everything that the page says about one unseen maneuver.
+    """One unseen maneuver for the page.
 
     Parameters
     ----------
@@ -159,11 +160,11 @@ def check_section(check: Verification, *, key: str) -> Check:
 def _loop_words(flown: ClosedLoop) -> str:
     """What drove the controllers, and how well they are known."""
     driven = [
-        f"the {quantity(command).words} by {quantity(channel).words} "
-        f"(its controller alone has a TIC of {significant(flown.controller_tic[command], digits=2)})"
+        f"{quantity(command).words} from {quantity(channel).words} "
+        f"(TIC of the controller alone: {significant(flown.controller_tic[command], digits=2)})"
         for command, channel in flown.setpoints.items()
     ]
-    return f"Driven: {', '.join(driven)}."
+    return f"Commands and their set-points: {', '.join(driven)}."
 
 
 _MOST_UNFOLDED = 4
@@ -207,7 +208,7 @@ class UnseenSweeps:
 
 
 def unseen_sweeps(judged: FrequencyCheck, *, key: str, least_coherence: float | None = None) -> UnseenSweeps:
-    """Everything that the page says about unseen sweeps.
+    """Unseen sweeps for the page.
 
     Parameters
     ----------
@@ -305,34 +306,54 @@ def _pictures(checks: Sequence[Check], sweeps: Sequence[UnseenSweeps]) -> list[P
 
 
 def verification_summary(document: VerifyDocument) -> tuple[str, ...]:
-    """What was found, in sentences: unseen maneuvers, closed loop, unseen sweeps."""
+    """Whether the model predicts unseen flight, with the numbers and their scale: maneuvers, closed loop, sweeps."""
     sentences: list[str] = []
     if document.maneuvers:
-        sentences += unseen_sentences(document.maneuvers)
+        sentences += [_headline(document), *unseen_sentences(document.maneuvers)[1:]]
     if closed := _closed_loop(document):
         sentences.append(closed)
     costs = {name: pair.value for sweep in document.frequency for name, pair in sweep.pairs.items()}
     if costs:
         worst = max(costs, key=costs.__getitem__)
-        several = f", of {len(costs)} responses at worst in {worst}" if len(costs) > 1 else f" in {worst}"
+        several = f" at worst, of {len(costs)} responses," if len(costs) > 1 else ""
         sentences.append(
-            f"Unseen sweeps: cost {significant(costs[worst])}{several}: {cost_verdict(costs[worst]).words}."
+            f"{document.model} predicts unseen sweeps {_COST_WORDS[cost_verdict(costs[worst]).level]}: cost "
+            f"{significant(costs[worst])}{several} in {worst} (up to 50 is very good, up to 100 acceptable)."
         )
-    return tuple(sentences) or (f"Nothing could be said about {document.model}.",)
+    return tuple(sentences) or (f"Not enough data to verify {document.model}.",)
+
+
+_COST_WORDS = {"good": "very well", "fair": "acceptably", "poor": "poorly"}
+_WORDS = {
+    "good": "predicted well",
+    "diverges": "predicted well ahead (open loop diverges, as for any unstable airframe)",
+    "disturbed": "too disturbed to judge",
+    "poor": "predicted poorly",
+}
+
+
+def _headline(document: VerifyDocument) -> str:
+    """How many maneuvers were predicted well."""
+    found = [check.verdict for check in document.maneuvers]
+    count = counted(len(found), "unseen maneuver")
+    if set(found) in ({"good"}, {"poor"}):
+        return f"{document.model} predicts {count} {'well' if found[0] == 'good' else 'poorly'}."
+    kinds = [kind for kind in _WORDS if kind in found]
+    groups = [f"{found.count(kind)} {_WORDS[kind]}" if len(kinds) > 1 else _WORDS[kind] for kind in kinds]
+    return f"{document.model} on {count}: {', '.join(groups)}."
 
 
 def _closed_loop(document: VerifyDocument) -> str:
     """The worst command in closed loop: rates would flatter the model."""
-    flown = [check.closed_loop for check in document.maneuvers if check.closed_loop]
-    commands = [(scores.scores[name].tic, name) for scores in flown for name in scores.setpoints]
+    loops = [check.closed_loop for check in document.maneuvers if check.closed_loop]
+    commands = [(loop.scores[name].tic, name) for loop in loops for name in loop.setpoints]
     if not commands:
         return ""
     tic, name = max(commands)
-    own = max(scores.controller_tic[name] for scores in flown if name in scores.controller_tic)
+    own = max(loop.controller_tic[name] for loop in loops if name in loop.controller_tic)
     return (
-        f"In closed loop, under the controller that flew, the {name.replace('_', ' ')} comes out with a TIC of "
-        f"{significant(tic, digits=2)} at worst; the controller alone, on the measured rate, with one of "
-        f"{significant(own, digits=2)}."
+        f"In closed loop, with the controller of the flight, the {name.replace('_', ' ')} has a TIC of "
+        f"{significant(tic, digits=2)} at worst; the logged controller alone has {significant(own, digits=2)}."
     )
 
 
@@ -349,12 +370,10 @@ def _guideline(guideline: GuidelineDocument | None) -> str:
     low, high = JRMS_GUIDELINE
     if guideline is None:
         return (
-            f"The guideline of {low:g} to {high:g} is for aircraft of full scale; with --scale it is Froude scaled to "
-            "this vehicle."
+            f"The guideline is {low:g} to {high:g} for full-scale aircraft; give --scale to scale it to this vehicle."
         )
     root, printed = ([significant(value) for value in pair] for pair in (guideline.root, guideline.printed))
     return (
-        f"The guideline of {low:g} to {high:g} at full scale becomes {root[0]} to {root[1]} for N = "
-        f"{significant(guideline.scale)} by the root of N, with which speeds go, and {printed[0]} to {printed[1]} by N "
-        "itself, as it is found in print."
+        f"The guideline is {low:g} to {high:g} at full scale. For N = {significant(guideline.scale)} it is {root[0]} "
+        f"to {root[1]} by the square root of N, as speeds scale, or {printed[0]} to {printed[1]} by N, as in print."
     )

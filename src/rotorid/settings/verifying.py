@@ -36,21 +36,22 @@ class VerifySettings(MeasureSettings):
 
     seed: int = 0
     scale: Annotated[
-        float | None, Option("--scale", "Full-scale rotor diameter over the size of the vehicle.", "Judging")
+        float | None,
+        Option("--scale", "Scale factor N of a full-size helicopter to this vehicle, for its guidelines.", "Judging"),
     ] = None
     vibration_filter: Annotated[
         "LowPass",
-        Option(
-            "--low-pass", "First-order low-pass on measurement and prediction alike, in rad/s.", "Judging", LOW_PASS
-        ),
+        Option("--low-pass", "Low-pass filter measurement and prediction alike; cutoff in rad/s.", "Judging", LOW_PASS),
     ] = "auto"
     controllers: Annotated[
         "Mapping[Axis, GivenController]",
-        Option("--controller", "TOML file with the gains of each axis, to fly in closed loop.", "Judging", CONTROLLERS),
+        Option(
+            "--controller", "TOML file with the gains of each axis, for closed-loop prediction.", "Judging", CONTROLLERS
+        ),
     ] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._set(controllers=self.controllers)
         if self.scale is not None and not 0.0 < self.scale < math.inf:
-            raise UsageError(f"a scale of {self.scale:g} came", needed="a finite number above zero")
+            raise UsageError(f"--scale {self.scale:g} is out of range", needed="a positive number")

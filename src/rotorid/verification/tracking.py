@@ -250,9 +250,9 @@ def require_length(flight_s: float, reference_s: float, *, what: str = "flight")
     """
     if not reference_s >= _LEAST_REFERENCE_S or flight_s < reference_s + _LEAST_AFTER_S:
         raise InsufficientDataError(
-            f"{flight_s:.0f} s of {what} are too short for a reference of {reference_s:g} s",
+            f"{flight_s:.0f} s of {what} is too short with a reference of {reference_s:g} s",
             needed=f"a reference of {_LEAST_REFERENCE_S:g} s or more, and {_LEAST_AFTER_S:g} s of flight after it",
-            remedy="set another length with --first",
+            remedy="choose another length of the reference with --first",
         )
 
 

@@ -35,8 +35,8 @@ def test_standard_output_is_the_document_and_nothing_else(results: tuple[Path, R
 def test_a_person_gets_a_table(flight: Path, tmp_path: Path) -> None:
     ran = rotorid("delay", flight, *PAIR, "--out", tmp_path)
     assert ran.code == 0
-    assert "p/roll_command" in ran.out
-    assert "dead time plus a lag of" in ran.out
+    assert "p behind roll_command" in ran.out
+    assert "dead time beside a lag of" in ran.out
     assert str(tmp_path / "delay.json") in ran.out.replace("\n", "")
 
 

@@ -44,7 +44,7 @@ def test_json_is_the_file_and_nothing_else(verified: tuple[Path, Ran]) -> None:
     assert document.provenance.inputs.keys() == {"sweeps.csv"}
     page = (folder / "report.html").read_text()
     assert "rate.roll on unseen flight" in page
-    assert "Unseen sweeps: cost" in page
+    assert "predicts unseen sweeps" in page
 
 
 @pytest.mark.parametrize("name", ["result.json", "model.toml"])

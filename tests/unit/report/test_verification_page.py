@@ -15,6 +15,7 @@ from rotorid.report.verification import (
     score_rows,
     verification_summary,
 )
+from rotorid.report.words import unseen_sentences
 
 
 def page(**options: float) -> Page:
@@ -23,12 +24,12 @@ def page(**options: float) -> Page:
 
 def test_the_verdicts_come_first() -> None:
     assert verification_summary(verify_document()) == (
-        "Unseen flight: 1 maneuver predicted well.",
-        "In open loop the output is roll rate p with a TIC of 0.041 and a fit of 92 % (good: TIC up to 0.25 and a fit "
-        "of 50 % and more).",
-        "In closed loop, under the controller that flew, the roll command comes out with a TIC of 0.17 at worst; the "
-        "controller alone, on the measured rate, with one of 0.03.",
-        "Unseen sweeps: cost 12.3 in p/roll_command: practically indistinguishable from the flight.",
+        "rate.roll predicts 1 unseen maneuver well.",
+        *unseen_sentences(verify_document().maneuvers)[1:],
+        "In closed loop, with the controller of the flight, the roll command has a TIC of 0.17 at worst; the logged "
+        "controller alone has 0.03.",
+        "rate.roll predicts unseen sweeps very well: cost 12.3 in p/roll_command (up to 50 is very good, up to 100 "
+        "acceptable).",
     )
 
 
@@ -36,7 +37,7 @@ def test_one_row_for_each_signal() -> None:
     head, rate, command = page().tables[0]
     assert head[-2:] == ["TIC ahead", "TIC in closed loop"]
     assert rate[1:3] == ["good", "1.4"] or rate[1] == "good"
-    assert rate[3:] == ["roll rate p", "0.041", "92.4", "0.06 · 0.06", "0.05"]
+    assert rate[3:] == ["roll rate p", "0.041", "92", "0.06 · 0.06", "0.05"]
     assert command == ["roll command", "–", "–", "–", "0.17"]
 
 
@@ -63,8 +64,8 @@ def test_a_sweep_is_shown_with_its_cost_and_its_error() -> None:
 
 def test_both_readings_of_the_guideline() -> None:
     assert j_rms_sentence(verify_document(scale=16.0)) == (
-        "J_rms is 1.4 in degrees and feet. The guideline of 1 to 2 at full scale becomes 4 to 8 for N = 16 by the root "
-        "of N, with which speeds go, and 16 to 32 by N itself, as it is found in print."
+        "J_rms is 1.4 in degrees and feet. The guideline is 1 to 2 at full scale. For N = 16 it is 4 to 8 by the "
+        "square root of N, as speeds scale, or 16 to 32 by N, as in print."
     )
     assert "--scale" in j_rms_sentence(verify_document())
 
@@ -95,8 +96,8 @@ def test_several_maneuvers_are_counted_by_verdict() -> None:
     ]
     first, second, *_ = verification_summary(verify_document().model_copy(update={"maneuvers": several}))
     assert first == (
-        "Unseen flight: 4 maneuvers, 1 predicted well, 1 predicted well ahead, while the open loop diverges as that of "
-        "an unstable airframe must, 1 too disturbed to judge, 1 predicted poorly."
+        f"{verify_document().model} on 4 unseen maneuvers: 1 predicted well, 1 predicted well ahead (open loop "
+        "diverges, as for any unstable airframe), 1 too disturbed to judge, 1 predicted poorly."
     )
     assert second.startswith("In open loop the worst is roll rate p with a TIC of 0.5 and a fit of −20 %")
 

@@ -62,7 +62,7 @@ def test_noise_and_seeds_do_not_matter_to_repeated_calls(calm: dict[str, np.ndar
 @pytest.mark.parametrize("seconds", [20, 62])
 def test_too_short_a_flight_is_refused(calm: dict[str, np.ndarray], seconds: int) -> None:
     part = {name: values[: int(seconds * RATE_HZ)] for name, values in calm.items()}
-    with pytest.raises(InsufficientDataError, match="of flight are too short"):
+    with pytest.raises(InsufficientDataError, match="of flight is too short"):
         track_gain(part["p"], part["p"], part["roll_stick"], predict=PREDICT)
 
 
