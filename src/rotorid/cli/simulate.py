@@ -48,8 +48,8 @@ Plan: TypeAlias = Annotated[
     str | None,
     Option(
         "--plan",
-        "plan.json of rotorid design, everyday for ordinary flying by stick, or none for a hover. [default: a "
-        "sweep and two doublets on every axis; of a vehicle behind set-points random binary signals on all]",
+        "plan.json of rotorid design, everyday (ordinary flying by stick) or none (hover). [default: a sweep and "
+        "two doublets on every axis; for a vehicle behind set-points random binary signals on all]",
         "Flight",
         metavar="FILE|everyday|none",
         words=(EVERYDAY, _NO_PLAN),
@@ -59,7 +59,7 @@ ThroughLogs: TypeAlias = Annotated[
     tuple[Path, ...],
     Option(
         "--log",
-        "Fly results of identify through the inputs of this log, beside what was measured there. Repeatable.",
+        "Fly results of identify through the inputs of this log, and compare with what was measured. Repeatable.",
         "Through a log",
         PATHS,
     ),
@@ -79,29 +79,31 @@ def simulate_command(
     output: Output,
     paper: ForPaper,
 ) -> None:
-    """Fly a vehicle in simulation, and write its log as its autopilot would have; or a model through a log."""
+    """Simulate a flight and write its log, or fly a model through a log."""
     of_flights = _of_flights(plan, flight, air)
     if log:
         _refuse(
             [*of_flights, *(["--like"] if like is not None else [])],
             "with --log",
-            needed="no more than --map, --segment, --pieces, --seed: a model flies through what the log holds",
+            remedy="use only --map, --segment, --pieces and --seed with it: the model flies through the log's inputs",
         )
         settings = FlySettings(**through, seed=flight["seed"])
         _simulate_log(vehicle, log, map=map, settings=settings, output=output, paper=paper)
         return
     of_logs = [*(["--map"] if map is not None else []), *changed_options(FlySettings, through).values()]
-    _refuse(of_logs, "without --log", needed="the log that a model is flown through")
+    _refuse(of_logs, "without --log", remedy="add --log LOG to fly a model through a log")
     if plan not in (None, _NO_PLAN, EVERYDAY) and like is None and (models := _fliers(vehicle)):
         _simulate_plan(models, Path(plan or ""), vehicle, seed=flight["seed"], output=output, paper=paper)
         return
     if paper.figures or paper.tables or paper.pdf:
-        raise UsageError("--figures, --tables or --pdf came for a simulated log", needed="--log, or identify")
+        raise UsageError(
+            "--figures, --tables and --pdf are not used for a simulated log", remedy="add --log, or use identify"
+        )
     _fly_vehicle(vehicle, like, plan, flight, air, output, of_flights)
 
 
-def _refuse(given: Sequence[str], where: str, *, needed: str) -> None:
-    """Refuse options that say nothing of what is asked.
+def _refuse(given: Sequence[str], where: str, *, remedy: str) -> None:
+    """Refuse options that have no effect.
 
     Raises
     ------
@@ -109,7 +111,7 @@ def _refuse(given: Sequence[str], where: str, *, needed: str) -> None:
         Some were given.
     """
     if given:
-        raise UsageError(f"{', '.join(given)} came {where}", needed=needed)
+        raise UsageError(f"{', '.join(given)} cannot be used {where}", remedy=remedy)
 
 
 def _of_flights(plan: str | None, flight: dict[str, Any], air: Air) -> list[str]:
@@ -143,7 +145,7 @@ def _fly_vehicle(
         _refuse(
             of_flights,
             "for the rig, which does not fly",
-            needed="no more than --seed and --out: two motors are swept for 120 s, and the log is CSV",
+            remedy="use only --seed and --out: it sweeps two motors for 120 s and writes CSV",
         )
         with making(target) as made:
             document = write_rig_simulation(made.place, seed=flight["seed"], command=command_line())
@@ -175,12 +177,12 @@ def _models(results: list[str]) -> list[IdentifiedModel]:
     from rotorid.documents.result import load
 
     if wrong := [result for result in results if not Path(result).exists()]:
-        raise UsageError(f"{wrong[0]} came with --log", needed="results of identify, each a folder or its result.json")
+        raise UsageError(f"{wrong[0]} is no result of identify", needed="its folder or result.json, for --log")
     return [load(result) for result in results]
 
 
 def _fliers(vehicle: list[str]) -> list[IdentifiedModel]:
-    """Results that fly plans by themselves, since set-points are their inputs; none where these are vehicles."""
+    """Results whose inputs are set-points, so that they can fly a plan; none where vehicles are given."""
     from rotorid.documents.result import load
     from rotorid.flying.flown_models import flies_plans
 
@@ -202,7 +204,7 @@ def _simulate_log(
     output: Output,
     paper: ForPaper,
 ) -> None:
-    """Fly an identified model through logs, and write what it did beside what was measured."""
+    """Fly an identified model through logs, and write its outputs with the measured ones."""
     from rotorid.documents.flown import FLOWN, flown_document, refused_flown_document
     from rotorid.flying.flown_models import fly_log, one_model, refused_flight
     from rotorid.report.files import write_flown

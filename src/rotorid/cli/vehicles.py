@@ -29,7 +29,7 @@ def vehicles_command(
         typer.Argument(
             metavar="[VEHICLE]...",
             autocompletion=complete_from(vehicle_names),
-            help="With --toml: a name, or results of one vehicle.",
+            help="A vehicle, or results of one, to print with --toml.",
         ),
     ] = None,
     *,
@@ -37,31 +37,34 @@ def vehicles_command(
     json: Json = False,
     verbose: Verbose = False,
 ) -> None:
-    """List the vehicles of the library, or print one, or one from results, as a file."""
+    """List the vehicles of the library, or print one (or one made from results) as a file."""
     from rotorid.errors import UsageError
 
     words = [*map(str, file.results), *(vehicles or [])]
     if words:
         if json or not (file.toml or file.results):
             raise UsageError(
-                f"{' and '.join(words)} came{' with --json' if json else ''}", needed="--toml, which prints a file"
+                "--json lists the library and takes no vehicle"
+                if json
+                else f"{' and '.join(words)} is printed as a file only",
+                remedy="add --toml to print a vehicle file",
             )
         _print_file(words, file)
     elif wrong := options_given(file):
-        raise UsageError(f"{', '.join(wrong.values())} came alone", needed="a vehicle, or results with --from")
+        raise UsageError(f"{', '.join(wrong.values())} needs a vehicle", remedy="name one, or add results with --from")
     else:
         _list(json=json, verbose=verbose)
 
 
 def _print_file(words: list[str], file: VehicleFileSettings) -> None:
-    """The vehicle file on standard output; what the results do not hold also on standard error."""
+    """Print the vehicle file to standard output, and what was not identified to standard error."""
     from rotorid.documents.vehicle import named_vehicle
     from rotorid.errors import UsageError
 
     named = named_vehicle(words, like=file.like, given=file.known, name=file.name)
     if named.changes:
         raise UsageError(
-            f"--set {', '.join(named.changes)} came for a file", needed="numbers that results hold, or none"
+            f"--set {', '.join(named.changes)} cannot be written to a vehicle file", needed="numbers of results"
         )
     text = named.toml
     print_vehicle_remarks(named)
@@ -69,9 +72,9 @@ def _print_file(words: list[str], file: VehicleFileSettings) -> None:
 
 
 def print_vehicle_remarks(named: NamedVehicle) -> None:
-    """What a vehicle from results has of another one, and what there is to remark, to standard error."""
+    """Print what was taken from a similar vehicle, and remarks, to standard error."""
     if named.own is not None:
-        say(f"taken from {named.own.like}: {'; '.join(named.own.taken)}")
+        say(f"not identified, so taken from {named.own.like}: {'; '.join(named.own.taken)}")
         for finding in named.own.joined.findings:
             say(f"{finding.kind}: {finding.message}")
 

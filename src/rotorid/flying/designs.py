@@ -1,4 +1,4 @@
-"""Plans for a vehicle, each test input as large as limits allow, and what the data of each plan will tell.
+"""Plans for a vehicle, each test input as large as limits allow, with the errors of parameters that it will give.
 
 Amplitudes are searched for in the nonlinear simulator, one axis after the other and then the whole plan; what the
 flight will tell follows from the linear loop about hover. What is believed of the vehicle before the flight comes from
@@ -78,9 +78,9 @@ def expected_values(model: LinearStructure, craft: Aircraft, prior: Prior | None
     known |= dict(prior.values) if prior is not None else {}
     if missing := [name for name in model.parameters.free if name not in known]:
         raise ModelError(
-            f"{model.name} has the parameters {', '.join(missing)}, of which {craft.name} has no value",
-            needed="a model of derivatives: rate.*, hover.*, or that of a previous result",
-            remedy="give the result of an earlier flight with --prior",
+            f"{craft.name} has no value of {', '.join(missing)}, which {model.name} needs",
+            needed="rate.* or hover.*",
+            remedy="or give the result of an earlier flight with --prior",
         )
     return {name: _inside(model, name, known[name]) for name in model.parameters.free}
 
@@ -293,7 +293,7 @@ def plan_with(
     doublets: Mapping[str, float] | None = None,
     name: str = "",
 ) -> FlightPlan:
-    """A plan with given amplitudes by axis, those of its doublets apart."""
+    """A plan with given amplitudes by axis; those of its doublets are given separately."""
     parts: list[PlannedInput | Sequence[PlannedInput]] = []
     if choices.shape == "random_binary" and choices.together and len(choices.axes) > 1:
         parts += [_binaries(aircraft, choices, sizes, repeat=repeat) for repeat in range(choices.repeats)]
@@ -376,9 +376,8 @@ def _common_entry(aircraft: Aircraft, choices: PlanSettings) -> Entry:
         entries = {default_entry(aircraft, axis) for axis in choices.axes}
     if len(entries) > 1:
         raise UsageError(
-            f"a {choices.shape} of {', '.join(choices.axes)} came, and {aircraft.name} takes {' and '.join(entries)}",
-            needed="axes with one entry",
-            remedy="leave out thrust, or name an --entry for all",
+            f"{aircraft.name} takes {', '.join(choices.axes)} at different entries: {' and '.join(sorted(entries))}",
+            remedy="leave thrust out of --axis, or name one --entry for all axes",
         )
     return entries.pop()
 
@@ -443,7 +442,7 @@ _SHORTEST_S = 15.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanPrediction(Immutable):
-    """What a plan will tell for a model, or why it could not support it."""
+    """Predicted errors of the parameters of a model, or why the plan cannot support it."""
 
     model: str
     prediction: Prediction | None
@@ -452,7 +451,7 @@ class PlanPrediction(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Designed(Immutable):
-    """A plan and what it will tell.
+    """A plan with its predicted errors.
 
     Parameters
     ----------
@@ -485,10 +484,10 @@ class Designed(Immutable):
 
 
 def design(choices: DesignSettings) -> tuple[Designed, ...]:
-    """Plans of all kinds, each with what it will tell.
+    """Plans of all kinds, each with its predicted errors.
 
-    Amplitudes are searched for in the nonlinear simulator; what the flight will tell follows from the linear loop about
-    hover, with the noise of the sensors and the turbulence of the wind, and takes no further flight.
+    Amplitudes are searched for in the nonlinear simulator. Predicted errors follow from the linear loop about hover,
+    the noise of the sensors and the turbulence of the wind, without a further flight.
 
     Parameters
     ----------
@@ -631,7 +630,7 @@ def not_followed(design: Designed, craft: Aircraft) -> list[Finding]:
 
 
 def best_of(designed: Sequence[Designed]) -> dict[str, str]:
-    """The kind that tells most about each parameter, where there are several."""
+    """The kind with the least error of each parameter, where there are several."""
     if len(designed) < 2:
         return {}
     names = dict.fromkeys(name for design in designed for name in design.percent)
@@ -649,7 +648,7 @@ def _designed(
     excited = as_flown(craft, tested(planned.plan, kind))
     predictions = []
     for model in models:
-        _PROGRESS.info(f"what the {kind.replace('_', ' ')} will tell about {model.name}")
+        _PROGRESS.info(f"predicting errors of {model.name} after the {kind.replace('_', ' ')}")
         predictions.append(_predict_plan(choices, craft, loop, model, excited))
     return Designed(
         kind=kind,
@@ -760,8 +759,8 @@ def _require_reachable(choices: DesignSettings, models: Sequence[LinearStructure
         if wrong:
             why = "the plan does not move" if wrong[0] in taken else f"{choices.entry.name} does not take"
             raise UsageError(
-                f"{model.name} came with the input {wrong[0]}, which {why}",
-                needed=f"of {', '.join(taken)} those of the axes that are excited",
+                f"{model.name} has the input {wrong[0]}, which {why}",
+                needed=f"inputs among {', '.join(taken)}",
                 remedy="name them with --inputs and --outputs, and their axes with --axis",
             )
 
@@ -802,6 +801,6 @@ def _require_wanted(choices: DesignSettings, models: Sequence[LinearStructure]) 
     free = {name for model in models for name in model.parameters.free}
     if wrong := [name for name in choices.reach if name not in free]:
         raise UsageError(
-            f"--reach {wrong[0]}={choices.reach[wrong[0]]:g} came",
-            needed=f"a free parameter of {', '.join(model.name for model in models)}: {', '.join(sorted(free))}",
+            f"--reach {wrong[0]}: no free parameter of {', '.join(model.name for model in models)}",
+            needed=", ".join(sorted(free)),
         )

@@ -60,7 +60,7 @@ class Example(Immutable):
         self._set(sweeps=self.sweeps, doublets=self.doublets)
 
     def choices(self, *, seed: int = 0) -> SimulateSettings:
-        """What is to be flown, as ``rotorid simulate`` would be told it."""
+        """What is to be flown, as arguments of ``rotorid simulate``."""
         from rotorid.vehicles.catalog import entry_of
 
         return SimulateSettings(vehicle=entry_of(self.vehicle), plan=self.plan(seed=seed), seed=seed)

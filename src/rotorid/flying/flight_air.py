@@ -163,7 +163,7 @@ def _wind(flight: FlightData, vehicle: Multirotor, height_m: float) -> Wind:
     drag_1_s = 0.0 if linear is None else -float(linear[0, 0]) / vehicle.mass_kg
     square_1_m = float(vehicle.quadratic_drag_n_s2_m2[0]) / vehicle.mass_kg
     if drag_1_s <= 0.0 and square_1_m <= 0.0:
-        raise InsufficientDataError(f"the model of {vehicle.name} has no drag to measure it by", needed="drag")
+        raise InsufficientDataError(f"{vehicle.name} has no drag model, so wind cannot be measured")
     missing = [name for name in _MOVING if name not in flight.record.channel_names]
     if missing:
         raise InsufficientDataError(f"{missing[0]} is not logged", needed="velocity and attitude")
@@ -219,7 +219,7 @@ def _gyro_noise(flight: FlightData, aircraft: Aircraft) -> float:
         raise InsufficientDataError(f"{missing[0]} is not logged", needed="body rates")
     rate_hz = flight.rate_hz(names[0])
     if _TOP * 0.5 * rate_hz < 2.0 * _LEAST_HZ:
-        raise InsufficientDataError(f"rates are logged at {rate_hz:.0f} Hz only", needed=f"{5.0 * _LEAST_HZ:.0f} Hz")
+        raise InsufficientDataError(f"rates are logged at only {rate_hz:.0f} Hz", needed=f"{5.0 * _LEAST_HZ:.0f} Hz")
     histories = flight.histories(names, intervals=_quiet(flight))
     spectra = [_densities(history) for history in histories]
     seconds = sum(history.values.shape[1] / history.sample_rate_hz for history in histories)
@@ -239,7 +239,7 @@ def _gyro_noise(flight: FlightData, aircraft: Aircraft) -> float:
     ratios = [density[row, inside] / unit[first + row, first + row].real for row in range(len(names))]
     usual = float(np.median(ratios))
     if float(np.mean(ratios)) > _NARROW * usual:
-        raise InsufficientDataError("the rates swing at one frequency", needed="rates without an oscillation")
+        raise InsufficientDataError("the vehicle oscillates", needed="a flight without an oscillation")
     return math.sqrt(usual)
 
 

@@ -1,4 +1,4 @@
-"""Fly an identified model: through the inputs of a log beside what was measured there, or through a plan alone.
+"""Fly an identified model: through the inputs of a log, to compare with what was measured, or through a plan.
 
 The model is simulated over whole flights, not over the maneuvers that suit it. What it cannot know of a flight is
 estimated from that flight: the state in which it begins and, of a model about trim, its trim. Everything else is held,
@@ -159,7 +159,7 @@ def fly_log(
     settings: FlySettings | None = None,
     **options: Any,
 ) -> FlownModel:
-    """Simulate an identified model through whole flights of logs, beside what was measured there.
+    """Simulate an identified model through whole flights of logs, to compare with what was measured.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def fly_log(
     if not stretches:
         causes = "; ".join(finding.message.rstrip(".") for finding in findings if finding.kind == "not_verified")
         raise InsufficientDataError(
-            causes or "no log came",
+            causes or "no log was given",
             needed=f"a flight with {' or '.join(model.structure.inputs)} and an output of the model",
             remedy="see what rotorid inspect finds, or name an interval with --segment",
             findings=findings,
@@ -259,8 +259,8 @@ def fly_plan(
     model, joined = one_model(models)
     if not flies_plans(model):
         raise UsageError(
-            f"{model.name} came, which has the inputs {', '.join(model.structure.inputs)}",
-            needed="a model whose inputs are set-points, such as response.* or flight.*",
+            f"{model.name} cannot fly a plan: its inputs are {', '.join(model.structure.inputs)}",
+            needed="a model with set-points as inputs, such as response.* or flight.*",
         )
     count = round(plan.duration_s * _PLAN_RATE_HZ) + 1
     time_s = np.arange(count) / _PLAN_RATE_HZ
@@ -274,8 +274,8 @@ def fly_plan(
         inputs[model.structure.inputs.index(name)] += SETPOINTS[name].sign * planned.at(time_s)
     if not inputs.any():
         raise UsageError(
-            f"the plan moves {', '.join(sorted(left))}, and {model.name} has {', '.join(model.structure.inputs)}",
-            needed="a plan of an input that the model has",
+            f"the plan moves {', '.join(sorted(left))}, which {model.name} does not have",
+            needed=f"a plan that moves {' or '.join(model.structure.inputs)}",
         )
     outputs = model.nonlinear.outputs if model.nonlinear is not None else model.structure.outputs
     simulation = Simulation(
@@ -401,9 +401,9 @@ def one_model(
     answers = [model for model in models if model.nonlinear is None]
     names = ", ".join(model.name for model in models)
     if len(drags) != 1 or not {"k_Dx", "k_Dy"} <= set(drags[0].parameters):
-        raise UsageError(f"{names} came together", needed=needed)
+        raise UsageError(f"{names} cannot be flown together", needed=needed)
     if not all(family_of(model.structure).answers_setpoints for model in answers):
-        raise UsageError(f"{names} came together", needed=needed, remedy="fly other models one by one")
+        raise UsageError(f"{names} cannot be flown together", needed=needed, remedy="fly other models one by one")
     axes: dict[str, LinearStructure] = {}
     sources: list[tuple[IdentifiedModel, dict[str, str]]] = []
     for model in answers:
@@ -413,17 +413,17 @@ def one_model(
             if axis not in FLIGHT_AXES:
                 continue
             if axis in axes:
-                raise UsageError(f"{names} both say how {response} answers", needed="each response once")
+                raise UsageError(f"{names}: more than one model of {response}", needed="one model of each response")
             axes[axis] = connected(model.structure.select(inputs=[source], outputs=[response]))
             renamed |= {name: f"{name}_{axis}" for name in axes[axis].parameters.names}
         sources.append((model, renamed))
     findings = []
     if "psi_dot" not in axes:
         axes["psi_dot"] = _yaw_lag()
-        message = f"No result says how the yaw rate answers; a lag of {_YAW_LAG_S:g} s was taken."
+        message = f"No result has a model of the yaw rate, so a lag of {_YAW_LAG_S:g} s was assumed."
         findings.append(remark("assumed_axis", "psi_dot", message))
     if lost := [axis for axis in FLIGHT_AXES if axis not in axes]:
-        raise UsageError(f"{names} do not say how {' and '.join(lost)} answers", needed=needed)
+        raise UsageError(f"{names}: no model of {' and '.join(lost)}", needed=needed)
     drag = {name: drags[0].parameters[name].value for name in ("k_Dx", "k_Dy")}
     flight = flight_structure(axes, drag_per_s=(drag["k_Dx"], drag["k_Dy"]), name="flight")
     sources.append((drags[0], {name: name for name in drag}))

@@ -141,10 +141,12 @@ def joined_model(models: Sequence[IdentifiedModel], *, name: str = JOINED) -> Id
 
 def _require_separate(models: Sequence[IdentifiedModel]) -> None:
     if len(models) < 2:
-        raise UsageError(f"{len(models)} model came", needed="two or more to join, such as both halves of hover")
+        raise UsageError(
+            f"only {len(models)} model to join", needed="two or more, such as hover.longitudinal and hover.lateral"
+        )
     for model in models:
         if model.motors is not None:
-            raise UsageError(f"{model.name} came to be joined", needed="linear models: its numbers join in a vehicle")
+            raise UsageError(f"{model.name} is not linear and cannot be joined", needed="linear models")
     for kind in ("inputs", "outputs"):
         counts = Counter(chain.from_iterable(getattr(model.structure, kind) for model in models))
         if shared := [name for name, count in counts.items() if count > 1]:
@@ -284,6 +286,6 @@ def _joined_remark(models: Sequence[IdentifiedModel], name: str) -> Finding:
     return remark(
         "joined_models",
         name,
-        f"{names} stand side by side: they do not couple, and the covariance is block-diagonal, since they were fitted "
-        f"apart.{same}",
+        f"{names} were fitted separately: the joined model has no coupling between them, neither in its dynamics nor "
+        f"in its covariance.{same}",
     )

@@ -62,7 +62,7 @@ def _of_firmware(record: FlightRecord, plan: FlightPlan) -> tuple[Finding, ...]:
 
 
 def _compare_with_plan(record: FlightRecord, plan: FlightPlan) -> tuple[Finding, ...]:
-    """Rich inputs of the plan beside those of the log. Doublets verify, and a hand's are found under many names."""
+    """Pairs of rich inputs, of the plan and of the log. Doublets are left out: those of a pilot have many names."""
     planned: dict[tuple[Axis, Kind], list[PlannedInput]] = defaultdict(list)
     for planned_input in plan.inputs:
         if planned_input.entry != "stick" and planned_input.maneuver.kind in RICH_KINDS:
@@ -156,7 +156,7 @@ def _moving(asked: PlannedInput) -> tuple[int, int]:
     """First and last sample that is not zero."""
     moving: Sequence[int] = np.flatnonzero(asked.values).tolist()
     if not moving:
-        raise UsageError(f"a test input on {asked.axis} of zeros alone came", needed="samples that excite")
+        raise UsageError(f"the test input of {asked.axis} is zero throughout", needed="samples that excite the axis")
     return moving[0], moving[-1] + 1
 
 

@@ -156,7 +156,7 @@ def parse_speed(text: str) -> tuple[float, float]:
     >>> parse_speed("4"), parse_speed("0:8")
     ((4.0, 4.0), (0.0, 8.0))
     """
-    came, needed = f"--speed {text} came", "--speed V or --speed V:V in m/s, such as 4 or 0:8"
+    came, needed = f"--speed {text} is not a speed", "V or V:V in m/s, such as --speed 4 or --speed 0:8"
     speeds = read_measures(text, "m/s", ":", came=came, needed=needed)
     if len(speeds) > 2:
         raise UsageError(came, needed=needed)
@@ -171,7 +171,7 @@ def parse_wind(text: str) -> tuple[float, float]:
     >>> parse_wind("3"), parse_wind("-1,2")
     ((3.0, 0.0), (-1.0, 2.0))
     """
-    came, needed = f"--wind {text} came", "--wind NORTH or --wind NORTH,EAST in m/s"
+    came, needed = f"--wind {text} is not a wind", "NORTH or NORTH,EAST in m/s, such as --wind 3,-1"
     blows = read_measures(text, "m/s", ",", came=came, needed=needed)
     if len(blows) > 2:
         raise UsageError(came, needed=needed)
@@ -221,7 +221,7 @@ Changes: TypeAlias = Annotated[
 ]
 
 
-LIKE_HELP = "For results: a vehicle whose autopilot, sensors and missing numbers it has."
+LIKE_HELP = "For results: the vehicle to take autopilot, sensors and missing numbers from."
 PLANNED = tuple(autopilot.key for autopilot in AUTOPILOTS if autopilot.has_plan_files)
 """Autopilots that files of a plan are written for."""
 
@@ -244,9 +244,9 @@ class VehicleFileSettings(Immutable):
     like: Annotated[str | None, Option("--like", LIKE_HELP, metavar="NAME", words=vehicle_names)] = None
     known: Annotated[
         Mapping[str, float],
-        Option("--set", "A number that was measured otherwise, such as m=1.4. Repeatable.", text=CHANGES),
+        Option("--set", "A number that you measured, such as m=1.4. Repeatable.", text=CHANGES),
     ] = field(default_factory=dict)
-    name: Annotated[str | None, Option("--name", "Of the vehicle in the file.", metavar="NAME")] = None
+    name: Annotated[str | None, Option("--name", "Name of the vehicle in the file.", metavar="NAME")] = None
     toml: Annotated[bool, Option("--toml", "Print the vehicle as a file.")] = False
 
 
@@ -258,7 +258,7 @@ class AutopilotSettings(Immutable):
         Path | None,
         Option(
             "--gains",
-            "A log of your own autopilot: its gains, noise and wind. A wind above zero that you give stays.",
+            "Take gains, noise and wind from a log of your own autopilot; --wind goes before its wind.",
             "Vehicle and autopilot",
         ),
     ] = None
@@ -266,8 +266,8 @@ class AutopilotSettings(Immutable):
         Path | None,
         Option(
             "--for-tune",
-            "Sweep the band that tune needs from the gains of a log or a result; of a log also its noise and "
-            "wind, as --gains.",
+            "Sweep the band that tune needs, for the gains of a log or a result. Noise and wind of a log are used "
+            "as by --gains.",
             "Vehicle and autopilot",
             metavar="LOG|RESULT",
         ),
@@ -294,12 +294,15 @@ class Air:
     """
 
     mean_m_s: Annotated[
-        tuple[float, float], Option("--wind", "Where the air moves, in m/s; one number blows north.", "Air", WIND)
+        tuple[float, float],
+        Option("--wind", "Velocity of the air in m/s, north and east; one number is north.", "Air", WIND),
     ] = (0.0, 0.0)
     turbulence_m_s: Annotated[
         float, Option("--turbulence", "Standard deviation of horizontal gusts in m/s.", "Air")
     ] = 0.0
-    height_m: Annotated[float, Option("--height", "Meters above ground, for the size of the gusts.", "Air")] = 10.0
+    height_m: Annotated[float, Option("--height", "Height above ground in m, which sets the size of gusts.", "Air")] = (
+        10.0
+    )
 
     @property
     def wind(self) -> "Wind":
@@ -362,7 +365,7 @@ class PlanSettings(Immutable):
         tuple[float, float],
         Option(
             "--band",
-            "In rad/s, or LO:HIHz. [default: 0.6:50; of a vehicle behind set-points what it follows]",
+            "Band in rad/s, or LO:HIHz. [default: 0.6:50; of a vehicle behind set-points what it follows]",
             "Test inputs",
             BAND,
         ),
@@ -371,16 +374,16 @@ class PlanSettings(Immutable):
         float | None,
         Option(
             "--duration",
-            f"Of each test input. [default: {_SWEEP_UNITS * _STEP_S:g}, of steps {_STEP_S:g} for each unit]",
+            f"Length of each test input. [default: {_SWEEP_UNITS * _STEP_S:g}; of steps {_STEP_S:g} for each unit]",
             "Test inputs",
         ),
     ] = None
-    repeats: Annotated[int, Option("--repeats", "How often each is flown.", "Test inputs")] = 1
+    repeats: Annotated[int, Option("--repeats", "How often each test input is flown.", "Test inputs")] = 1
     entry: Annotated[
         "Entry | None",
         Option(
             "--entry",
-            "Where it is added. [default: what the autopilot can fly]",
+            "Where the test input is added. [default: what the autopilot can fly]",
             "Test inputs",
             words=("command", "rate_setpoint", "attitude_setpoint", "stick"),
         ),
@@ -389,8 +392,8 @@ class PlanSettings(Immutable):
         Mapping[str, float],
         Option(
             "--amplitude",
-            "Instead of the largest one within the limits, in the unit of the entry: rad of an attitude, rad/s of "
-            "a rate, else a fraction; or with a unit behind it. Repeatable.",
+            "Amplitude of an axis: rad of an attitude, rad/s of a rate, else a fraction; or with a unit. "
+            "[default: the largest within the limits] Repeatable.",
             "Test inputs",
             Text(
                 "AXIS=VALUE", partial(parse_assignments, option="--amplitude", units={}, otherwise=None), repeats=True
@@ -408,14 +411,14 @@ class PlanSettings(Immutable):
         ),
     ] = field(default_factory=_usual_limits)
     doublets: Annotated[
-        bool, Option("--doublets", "Two doublets of each axis at the end, to verify the model on.", "Test inputs")
+        bool, Option("--doublets", "Add two doublets of each axis at the end, to verify the model on.", "Test inputs")
     ] = False
     together: Annotated[
         bool,
         Option(
             "--together",
-            "Random binary signals on all axes at the same time, uncorrelated; always so for set-points that are "
-            "identified together.",
+            "Excite all axes at the same time with uncorrelated random binary signals. Always so for set-points that "
+            "are identified together.",
             "Test inputs",
         ),
     ] = False
@@ -434,20 +437,21 @@ class PlanSettings(Immutable):
         wrong = [axis for axis in self.axes if axis not in AXES] or len(set(self.axes)) < len(self.axes)
         if wrong or not self.axes:
             raise UsageError(
-                f"--axis {','.join(self.axes) or 'none'} came", needed=f"some of {', '.join(AXES)}, each once"
+                f"--axis {','.join(self.axes) or '(empty)'} is not a list of axes",
+                needed=f"{', '.join(AXES)}, each at most once",
             )
         if not 1 <= self.repeats <= _MOST_REPEATS:
-            raise UsageError(f"--repeats {self.repeats} came", needed=f"1 to {_MOST_REPEATS}")
+            raise UsageError(f"--repeats {self.repeats} is out of range", needed=f"1 to {_MOST_REPEATS}")
         self._require_taken()
         if not 0.0 < self.length_s <= _LONGEST_PLAN_S:
             raise UsageError(
-                f"a duration of {self.length_s:g} s came", needed=f"above 0 and up to {_LONGEST_PLAN_S:g} s"
+                f"--duration {self.length_s:g} is out of range", needed=f"more than 0 s, at most {_LONGEST_PLAN_S:g} s"
             )
         for axis, size in self.amplitudes.items():
             if axis not in self.axes or not 0.0 < size < math.inf:
                 raise UsageError(
-                    f"the amplitude {axis}={size:g} came",
-                    needed=f"a positive one for one of the axes that are flown: {', '.join(self.axes)}",
+                    f"--amplitude {axis}={size:g} is no amplitude of this plan",
+                    needed=f"a positive number for {' or '.join(self.axes)}",
                 )
         self._set(axes=tuple(self.axes), amplitudes=self.amplitudes, bands=self.bands)
 
@@ -465,8 +469,8 @@ class PlanSettings(Immutable):
         if missing:
             where = f" at the {self.entry}" if self.entry is not None else ""
             raise UsageError(
-                f"a test input of {missing[0]}{where} came for a vehicle that is reached by its set-points alone",
-                needed=f"{', '.join(f'{axis} at the {entry}' for axis, entry in taken.items())}",
+                f"this vehicle accepts set-points only: {missing[0]}{where} cannot be excited",
+                needed=", ".join(f"{axis} at the {entry}" for axis, entry in taken.items()),
             )
 
     @property
@@ -506,7 +510,7 @@ def plan_settings(
     from rotorid.planning.responses import SETPOINTS
 
     if wrong := [name for name in inputs if name not in SETPOINTS]:
-        raise UsageError(f"the input {wrong[0]} came", needed=f"set-points, of {', '.join(SETPOINTS)}")
+        raise UsageError(f"{wrong[0]} is not a set-point", needed=f"one of {', '.join(SETPOINTS)}")
     answers = [SETPOINTS[name] for name in inputs]
     given = {name: value for name, value in wishes.items() if value is not None}
     interface = vehicle.interface
@@ -516,7 +520,8 @@ def plan_settings(
         entries = list(dict.fromkeys(answer.entry for answer in answers)) or ["attitude_setpoint"]
         if len(entries) > 1:
             raise UsageError(
-                f"the inputs {', '.join(inputs)} came", needed="set-points at one place of the cascade for one plan"
+                f"{', '.join(inputs)} enter at different places of the cascade",
+                needed="set-points of one loop in one plan",
             )
         given.setdefault("entry", entries[0])
     usual = tuple(interface.entries) if interface is not None else ("roll",)
@@ -576,7 +581,7 @@ class DesignSettings(Immutable):
             "--model",
             "What will be identified: rate.*, hover.*, response.* [default: the rate model of each axis; behind "
             "set-points response.second_order_delay] Repeatable.",
-            "What the data will tell",
+            "Predicted errors",
             LISTED,
         ),
     ] = ()
@@ -584,8 +589,8 @@ class DesignSettings(Immutable):
         tuple[str, ...],
         Option(
             "--inputs",
-            "Of response.*: those that are excited.",
-            "What the data will tell",
+            "For response.*: the set-points to excite.",
+            "Predicted errors",
             NAMES,
             metavar="SETPOINT,...",
         ),
@@ -594,8 +599,8 @@ class DesignSettings(Immutable):
         tuple[str, ...],
         Option(
             "--outputs",
-            "Of response.*: one for each of --inputs.",
-            "What the data will tell",
+            "For response.*: the channel that follows each of --inputs.",
+            "Predicted errors",
             NAMES,
             metavar="CHANNEL,...",
         ),
@@ -604,8 +609,8 @@ class DesignSettings(Immutable):
         Mapping[str, float],
         Option(
             "--reach",
-            "Largest standard deviation wanted; the shortest test input that reaches it is found. Repeatable.",
-            "What the data will tell",
+            "Wanted standard deviation; finds the shortest test input that reaches it. Repeatable.",
+            "Predicted errors",
             Text("NAME=PERCENT", partial(parse_percents, option="--reach"), repeats=True),
         ),
     ] = field(default_factory=dict)
@@ -614,8 +619,8 @@ class DesignSettings(Immutable):
         "Prior | None",
         Option(
             "--prior",
-            "result.json of an earlier flight, or its folder: what is expected.",
-            "What the data will tell",
+            "Result of an earlier flight, for the expected values: its folder or result.json.",
+            "Predicted errors",
             Text("<path>", _read_prior),
         ),
     ] = None
@@ -630,7 +635,9 @@ class DesignSettings(Immutable):
 
     def __post_init__(self) -> None:
         if not self.kinds or len(set(self.kinds)) < len(self.kinds):
-            raise UsageError(f"the kinds {', '.join(self.kinds) or '(none)'} came", needed="at least one, each once")
+            raise UsageError(
+                f"the kinds of test input are {', '.join(self.kinds) or 'missing'}", needed="at least one, each once"
+            )
         self._set(
             kinds=tuple(self.kinds), models=tuple(self.models), reach=self.reach, changes=self.changes, gains=self.gains
         )
@@ -724,7 +731,7 @@ class SimulateSettings(Immutable):
     vehicle: "Vehicle"
     plan: "FlightPlan | None" = None
     duration_s: Annotated[
-        float | None, Option("--duration", "How long to fly. [default: as long as the plan]", "Flight")
+        float | None, Option("--duration", "Length of the flight in s. [default: that of the plan]", "Flight")
     ] = None
     wind: "Wind" = field(default_factory=_calm)
     changes: Changes = field(default_factory=dict)
@@ -732,17 +739,17 @@ class SimulateSettings(Immutable):
         Mapping[str, float],
         Option(
             "--vary",
-            "Draw a number of --set anew for every run. Repeatable.",
+            "Draw a number of --set for every run, with this standard deviation in percent. Repeatable.",
             "Flight",
             Text("NAME=PERCENT", partial(parse_percents, option="--vary"), repeats=True),
         ),
     ] = field(default_factory=dict)
-    runs: Annotated[int, Option("--runs", "Flights, each with its own wind, noise and draws.", "Flight")] = 1
+    runs: Annotated[int, Option("--runs", "Number of flights, each with its own wind, noise and draws.", "Flight")] = 1
     format: Annotated[
         "LogFormat | None",
         Option(
             "--format",
-            "Of the log. [default: that of the vehicle's autopilot]",
+            "Format of the log. [default: that of the vehicle's autopilot]",
             "Flight",
             words=get_args(LogFormat),
         ),
@@ -752,9 +759,7 @@ class SimulateSettings(Immutable):
     ] = 0.5
     speed_m_s: Annotated[
         tuple[float, float],
-        Option(
-            "--speed", "Forward speed that is held, m/s; two: from the first to the last over the log.", "Flight", SPEED
-        ),
+        Option("--speed", "Forward speed in m/s; with two, from the first to the last over the log.", "Flight", SPEED),
     ] = (0.0, 0.0)
     seed: Seed = 0
 
@@ -763,27 +768,29 @@ class SimulateSettings(Immutable):
 
         require_seed(self.seed)
         if self.duration_s is not None and not 0.0 < self.duration_s <= LONGEST_S:
-            raise UsageError(f"a duration of {self.duration_s:g} s came", needed=f"above 0 and up to {LONGEST_S:g} s")
-        if not 1 <= self.runs <= _MOST_RUNS:
-            raise UsageError(f"{self.runs} runs came", needed=f"1 to {_MOST_RUNS}")
-        if self.format is not None and self.format not in get_args(LogFormat):
             raise UsageError(
-                f"the format {self.format!r} of a log came", needed=f"one of {', '.join(get_args(LogFormat))}"
+                f"--duration {self.duration_s:g} is out of range", needed=f"more than 0 s, at most {LONGEST_S:g} s"
             )
+        if not 1 <= self.runs <= _MOST_RUNS:
+            raise UsageError(f"--runs {self.runs} is out of range", needed=f"1 to {_MOST_RUNS}")
+        if self.format is not None and self.format not in get_args(LogFormat):
+            raise UsageError(f"unknown log format {self.format!r}", needed=f"one of {', '.join(get_args(LogFormat))}")
         if not all(abs(speed) <= _FASTEST_M_S for speed in self.speed_m_s):
             raise UsageError(
-                f"a speed of {max(self.speed_m_s, key=abs):g} m/s came", needed=f"up to {_FASTEST_M_S:g} m/s"
+                f"--speed {max(self.speed_m_s, key=abs):g} is out of range", needed=f"at most {_FASTEST_M_S:g} m/s"
             )
         if not 0.0 < self.stick <= 1.0:
-            raise UsageError(f"--stick {self.stick:g} came", needed="above 0 and up to 1, which is full stick")
+            raise UsageError(f"--stick {self.stick:g} is out of range", needed="more than 0, at most 1 (full stick)")
         if wrong := [name for name, percent in self.vary.items() if not 0.0 < percent < 100.0]:
-            raise UsageError(f"{wrong[0]} should vary by {self.vary[wrong[0]]:g} %", needed="above 0 and below 100 %")
+            raise UsageError(
+                f"--vary {wrong[0]}={self.vary[wrong[0]]:g} is out of range", needed="more than 0 %, less than 100 %"
+            )
         self._set(changes=self.changes, vary=self.vary)
         if self.entry.make is not None and self.log_format == "bbl":
             self._require_betaflight()
 
     def _require_betaflight(self) -> None:
-        """Refuse a blackbox log of what Betaflight does not fly so: the log names no rotors, they are told by order."""
+        """Refuse a Betaflight log of a vehicle that Betaflight does not fly: rotors are known by their order."""
         from rotorid.models.rotors import library_layout
 
         craft = self.entry.aircraft
@@ -795,11 +802,11 @@ class SimulateSettings(Immutable):
         )
         if named(craft.autopilot.kind).log_format != self.log_format or not alike:
             raise UsageError(
-                f"the format bbl came for {self.entry.name}, which flies under {craft.autopilot.kind} with "
+                f"{self.entry.name} cannot write a Betaflight log: it flies {craft.autopilot.kind} with "
                 f"{rotors.rotors} rotors{'' if alike else ' in another order'}",
                 needed="Betaflight's controllers and four rotors in its order: rear right, front right, rear left, "
                 "front left",
-                remedy="--format csv, or the autopilot's own",
+                remedy="use --format csv, or the autopilot's own format",
             )
 
     @property

@@ -281,9 +281,9 @@ def _trim(point: StitchedPoint, name: str) -> float:
     if name not in point.trim:
         if name.endswith("_command"):
             raise UsageError(
-                f"{point.label} does not say at which {name} it was in trim",
+                f"{point.label} does not contain {name} at trim",
                 needed="a result of this version",
-                remedy="identify anew",
+                remedy="identify the model again",
             )
         return 0.0
     return point.trim[name]
@@ -435,7 +435,7 @@ def _points(models: Mapping[str, IdentifiedModel]) -> tuple[StitchedPoint, ...]:
     points = []
     for label, model in models.items():
         if model.name not in HALVES:
-            raise UsageError(f"{label} is a model {model.name}", needed=f"results of {' or '.join(HALVES)}")
+            raise UsageError(f"{label} is a result of {model.name}", needed=f"results of {' or '.join(HALVES)}")
         constants, means = model.structure.constants, {name: point.mean for name, point in model.covered.items()}
         trim = {name: float(constants[own]) for name, own in _TRIM_CONSTANTS.items() if own in constants}
         trim |= {name: mean for name in TRIMS if name.endswith("_command") and (mean := means.get(name)) is not None}
@@ -445,9 +445,9 @@ def _points(models: Mapping[str, IdentifiedModel]) -> tuple[StitchedPoint, ...]:
         own = [point for point in ordered if point.model.name == name]
         if len(own) < 2:
             raise UsageError(
-                f"one result of {name} came, at {own[0].speed_m_s:.2f} m/s",
-                needed="two and more speeds of each model that is stitched",
-                remedy="identify the model at another speed, or leave it out",
+                f"{name} has only one speed, {own[0].speed_m_s:.2f} m/s",
+                needed="two or more speeds of each model",
+                remedy="identify it at another speed, or leave it out",
             )
         for point, other in pairwise(own):
             if other.speed_m_s - point.speed_m_s < _LEAST_SPACING_M_S:
@@ -457,7 +457,7 @@ def _points(models: Mapping[str, IdentifiedModel]) -> tuple[StitchedPoint, ...]:
                     remedy="identify one model from both logs, or leave one out",
                 )
     if not ordered:
-        raise UsageError("no result came", needed="two and more results of hover.longitudinal or hover.lateral")
+        raise UsageError("no result was given", needed="two or more results of hover.longitudinal or hover.lateral")
     return tuple(ordered)
 
 
@@ -473,8 +473,8 @@ def _dropped(points: Sequence[StitchedPoint]) -> list[Finding]:
                     remark(
                         "dropped_at_speed",
                         parameter,
-                        f"{parameter} of {name} was not seen at {', '.join(zero)} m/s and stands at zero there, "
-                        "without a band: excite what it answers more strongly there, or --fix it everywhere.",
+                        f"{parameter} of {name} was dropped from the fit at {', '.join(zero)} m/s and is zero there, "
+                        "without an error. Excite it more strongly at that speed, or --fix it everywhere.",
                         speeds=float(len(zero)),
                     )
                 )
@@ -487,7 +487,7 @@ def _through(
     """A log flown by the stitched model: set-points of roll, pitch and yaw and the command of thrust are the log's."""
     if set(stitched.models) != set(HALVES):
         raise UsageError(
-            f"a flight came for {' and '.join(stitched.models)} alone", needed=f"results of {' and '.join(HALVES)}"
+            f"{' and '.join(stitched.models)} alone cannot be flown", needed=f"results of {' and '.join(HALVES)}"
         )
     flying = Controllers(record=record, given=given)
     history = _history(record, flying)
@@ -588,8 +588,8 @@ def _beyond_speeds(record: FlightRecord, history: TimeHistory, speeds: FloatArra
         warn(
             "beyond_speeds",
             record.source.name,
-            f"{record.source.name} goes from {reach[0]:.1f} to {reach[1]:.1f} m/s; the models are of "
-            f"{speeds[0]:.1f} to {speeds[-1]:.1f} m/s, and beyond them the last one holds.",
+            f"{record.source.name} flies at {reach[0]:.1f} to {reach[1]:.1f} m/s, but the models cover "
+            f"{speeds[0]:.1f} to {speeds[-1]:.1f} m/s. Outside, the nearest model was used.",
             lowest_m_s=reach[0],
             highest_m_s=reach[1],
         )
@@ -607,7 +607,7 @@ def _history(record: FlightRecord, flying: Controllers) -> TimeHistory:
     start_s, stop_s = longest_flight(record, or_whole=False)
     if stop_s - start_s < _SHORTEST_S:
         raise InsufficientDataError(
-            f"{record.source.name} flies for {stop_s - start_s:.1f} s", needed=f"{_SHORTEST_S:g} s in the air"
+            f"{record.source.name} is only {stop_s - start_s:.1f} s in the air", needed=f"{_SHORTEST_S:g} s"
         )
     wanted = (*STATES, *(f"{axis}_command" for axis in AXES), *flying.channels(_FLOWN))
     channels = with_ingredients(record, wanted)

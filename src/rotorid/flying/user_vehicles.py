@@ -1,6 +1,6 @@
 """A vehicle of one's own that flies: what results say of it, with autopilot and sensors of a vehicle of the library.
 
-What the results do not hold is taken from that vehicle, and said. Gains are those of the log where its autopilot is of
+Missing numbers are taken from that vehicle, with a remark. Gains are those of the log where its autopilot is of
 the same kind. Thrust at hover, the shape of the mixer and the place of each rotor follow from the results.
 """
 
@@ -122,9 +122,8 @@ def own_vehicle(
         absent = [key for key in ("m", "arm", "kappa", *MOTION) if key not in vehicle.numbers]
         others = f", nor {', '.join(absent)}" if absent else ""
         raise UsageError(
-            f"results do not say which autopilot and sensors {name} has{others}",
-            needed="a vehicle of the library that is similar, from which these are taken",
-            remedy="--like px4_quad, or another of rotorid vehicles",
+            f"autopilot and sensors of {name} are unknown{others}",
+            remedy="take those of a similar vehicle, such as --like px4_quad (rotorid vehicles lists them)",
         )
     usual = numbers_of(like)
     flown = [model.motors for model in models if model.motors is not None]

@@ -107,10 +107,10 @@ _SAME = 1e-6
 """Relative difference of numbers that are the same but for how they were written."""
 
 _HOVER_DIFFERS = 0.05
-"""Relative difference of the joined vehicle's output in hover from that of a result, from which it is said."""
+"""Relative difference of the hover output of vehicle and result from which there is a remark."""
 
 _TRIANGLE_ROUNDING = 1e-3
-"""Of the inertia of yaw, by which the triangle of inertias may be missed beside its errors."""
+"""Share of the yaw inertia by which it may violate the triangle of inertias, in addition to its errors."""
 
 _UNIT_WORDS: Mapping[str, str] = {"rad/(s m)": "1/(m s)", "rad/(m s)": "1/(m s)"}
 
@@ -253,20 +253,24 @@ def require(vehicle: JoinedVehicle, *names: str, target: str) -> Multirotor:
     asked = _asked_for(missing, from_motors=bool(of_motors) or "kappa_per_I_zz" in known)
     if not asked:
         raise UsageError(
-            f"the places of the rotors of {vehicle.name} are not known",
-            needed=f"them for {target}",
-            remedy="add a result of physical.motors, which holds them, or name a layout with --layout",
+            f"{target} needs the positions of the rotors of {vehicle.name}",
+            remedy="add a result of physical.motors, or name a layout with --layout",
         )
-    # Motors that were seen in yaw tell the ratio of both as soon as their scale is known.
+    # Motors identified in yaw give the ratio of both, as soon as their scale is known.
     ratio = "kappa_per_I_zz" in known or any("N_r" in model.parameters for model in of_motors)
     follows = ratio and "kappa" in asked
     words = ", ".join(f"{name} ({', '.join(filter(None, (UNITS[name], _MEANINGS.get(name))))})" for name in asked)
     raise UsageError(
-        f"{words} of {vehicle.name} {'are' if len(asked) > 1 else 'is'} not known",
-        needed=f"{'them' if len(asked) > 1 else 'it'} for {target}{_yaw_words(asked, known)}",
-        remedy=" ".join(f"--set {name}=…" for name in asked if name != "I_zz" or not follows),
+        f"{target} needs {words} of {vehicle.name}{_yaw_words(asked, known)}",
+        remedy="add "
+        + " ".join(
+            f"--set {name}={_PLACES.get(UNITS[name], 'NUMBER')}" for name in asked if name != "I_zz" or not follows
+        ),
     )
 
+
+_PLACES = {"kg": "KG", "m": "M"}
+"""What stands for a number of a unit in a command."""
 
 _MEANINGS = {
     "kappa": "torque of a rotor over its thrust",
@@ -287,10 +291,10 @@ def _yaw_words(asked: Sequence[str], known: Mapping[str, VehicleNumber]) -> str:
     """What physics says of yaw where neither the torque constant nor the inertia is known."""
     if not {"kappa", "I_zz"} <= set(asked) or "kappa_per_I_zz" not in known:
         return ""
-    words = "; the flight knows their ratio, so that one of them gives the other"
+    words = "; the flight gives their ratio, so one of the two is enough"
     if "I_xx" in known and "I_yy" in known:
         bound = yaw_range({name: known[name].value for name in ("I_xx", "I_yy", "kappa_per_I_zz")})
-        words += f", and no body has I_zz beyond {bound.I_zz.high:.3g} kg m^2 or kappa beyond {bound.kappa.high:.3g} m"
+        words += f"; I_zz is at most {bound.I_zz.high:.3g} kg m^2 and kappa at most {bound.kappa.high:.3g} m"
     return words
 
 
@@ -394,8 +398,8 @@ def _require_given(known: Mapping[str, float]) -> None:
         low = 0.0 if name in _FROM_ZERO else -math.inf
         if not math.isfinite(value) or value < low or (name in _POSITIVE and value <= 0.0):
             raise UsageError(
-                f"{name} = {value:g} {UNITS[name]} came",
-                needed="a positive number" if name in _POSITIVE else "a finite number from zero up",
+                f"{name} = {value:g} {UNITS[name]} is out of range",
+                needed="a positive number" if name in _POSITIVE else "zero or a positive number",
             )
 
 
@@ -421,7 +425,7 @@ def _rotors(
     if layout is not None and layouts and layout.rotors != layouts[0][1].rotors:
         raise UsageError(
             f"{layout.name} has {layout.rotors} rotors, and {_label(layouts[0][0])} {layouts[0][1].rotors}",
-            needed="a layout of the rotors that flew: their thrust was identified one by one",
+            needed="the layout that flew: the thrust of each rotor was identified separately",
         )
     sized = [(model, layout) for model, layout in layouts if layout.arm_known]
     found = layout or (sized[0][1] if sized else layouts[0][1] if layouts else None)
@@ -458,7 +462,7 @@ def _conflict(
     return UsageError(
         f"{first[1]} and {_label(other)} contradict each other in {what}{values}",
         needed="results of one vehicle, within three standard deviations of each other",
-        remedy=f"leave one out, or decide with --set {option}=…" if option else "leave one out",
+        remedy=f"leave one out, or decide with --set {option}=NUMBER" if option else "leave one out",
     )
 
 
@@ -715,7 +719,7 @@ def _combined(name: str, found: Sequence[VehicleNumber], known: Mapping[str, flo
                 raise UsageError(
                     f"{number.of} and {other.of} contradict each other in {name}: {_words(number)} and {_words(other)}",
                     needed="results of one vehicle, within three standard deviations of each other",
-                    remedy=f"leave one out, or decide with --set {name}=…",
+                    remedy=f"leave one out, or decide with --set {name}=NUMBER",
                 )
     return best
 
@@ -787,9 +791,8 @@ def _spinning_up(
             return []
         numbers["h"] = _product("h", lead, kappa.value * slope, kappa)
     message = (
-        f"A rotor has an angular momentum of {numbers['h'].value:.3g} kg m^2/s at full output: yaw follows what rotors "
-        "gain of their speed. rotorid simulate has that; exported simulators have it as far as they know of it "
-        "themselves."
+        f"A rotor has an angular momentum of {numbers['h'].value:.3g} kg m^2/s at full output, which turns the vehicle "
+        "in yaw when rotors spin up. rotorid simulate includes this; exported simulators only where they model it."
     )
     return [remark("spin_up", "h", message, kg_m2_s=numbers["h"].value)]
 
@@ -828,7 +831,7 @@ def _follows(name: str, value: float, share: float, other: VehicleNumber) -> Veh
 
 
 def _require_body(numbers: Mapping[str, VehicleNumber], share: float) -> None:
-    """Refuse an inertia of yaw that no body has beside those of roll and pitch, well beyond its uncertainty."""
+    """Refuse a yaw inertia that is impossible for these of roll and pitch, well beyond its uncertainty."""
     if not set(_INERTIA) <= set(numbers):
         return
     roll, pitch, yaw = (numbers[name].value for name in _INERTIA)
@@ -839,10 +842,10 @@ def _require_body(numbers: Mapping[str, VehicleNumber], share: float) -> None:
         return
     ratio = numbers["kappa_per_I_zz"].value
     raise UsageError(
-        f"kappa = {numbers['kappa'].value:.4g} m ({numbers['kappa'].of}) makes I_zz {yaw:.4g} kg m^2 beside "
-        f"I_xx = {roll:.4g} and I_yy = {pitch:.4g}, which no rigid body has",
-        needed=f"I_zz from {low:.3g} to {high:.3g} kg m^2: kappa from {ratio * low:.3g} to {ratio * high:.3g} m",
-        remedy="--set kappa=… or --set I_zz=…",
+        f"kappa = {numbers['kappa'].value:.4g} m ({numbers['kappa'].of}) makes I_zz {yaw:.4g} kg m^2; with "
+        f"I_xx = {roll:.4g} and I_yy = {pitch:.4g} no rigid body has that",
+        needed=f"I_zz from {low:.3g} to {high:.3g} kg m^2 (kappa from {ratio * low:.3g} to {ratio * high:.3g} m)",
+        remedy="add --set kappa=NUMBER or --set I_zz=NUMBER",
     )
 
 
@@ -890,8 +893,8 @@ def _hover_remarks(vehicle: JoinedVehicle, flown: Iterable[IdentifiedModel]) -> 
         if motors is None or motors.outputs == "speed" or abs(hover / motors.hover_output - 1.0) <= _HOVER_DIFFERS:
             continue
         message = (
-            f"By mass and thrust the vehicle hovers at an output of {hover:.3f}; in {_label(model)} it was "
-            f"{motors.hover_output:.3f} in the mean. The vehicle takes the first."
+            f"Mass and thrust give a hover output of {hover:.3f}; the mean in {_label(model)} was "
+            f"{motors.hover_output:.3f}. The vehicle hovers at the former."
         )
         numbers = {"hover_output": hover, "flown_output": motors.hover_output}
         found.append(remark("implausible_physics", "hover", message, **numbers))

@@ -95,17 +95,17 @@ def _add_sentences(app: "FastAPI") -> None:
         return sentence_response(422, f"{first_wrong(error.errors())}.")
 
     def no_text(_: Request, __: Exception) -> Response:
-        return sentence_response(422, "The request is not one that this page makes.")
+        return sentence_response(422, "The server cannot read this request.")
 
     def too_large(_: Request, __: Exception) -> Response:
         return PlainTextResponse("The request is too large.", status_code=413)
 
     def gone(_: Request, __: Exception) -> Response:
-        return sentence_response(410, "That is gone: its log was closed, or the session ended.")
+        return sentence_response(410, "This is no longer available: its log was closed, or the session ended.")
 
     def failed(_: Request, error: Exception) -> Response:
         _LOG.error("the lab could not answer", exc_info=error)
-        return sentence_response(500, "The server could not answer that; its terminal says why.")
+        return sentence_response(500, "The server failed; see its terminal for the reason.")
 
     app.add_exception_handler(TooLargeError, too_large)
     app.add_exception_handler(RotoridError, refused)
@@ -153,9 +153,9 @@ def _add_views(app: "FastAPI", session: Session) -> None:
     def tracks_of(number: int, channel: int = 0) -> Tracks:
         log = _log_of(session, number)
         if log.tracks is None:
-            raise UsageError(f"{log.name} is not read", needed="a log that was read")
+            raise UsageError(f"{log.name} has not been read yet")
         if not 0 <= channel < len(log.tracks.channels):
-            raise UsageError(f"channel {channel} came", needed=f"one of the {len(log.tracks.channels)} there are")
+            raise UsageError(f"there is no channel {channel}", remedy="reload the page")
         return log.tracks
 
     @app.get("/api/logs/{number}")
@@ -223,7 +223,7 @@ def _add_files(app: "FastAPI", session: Session) -> None:
     def file(number: int, place: int) -> Response:
         files = session.files(_step_of(session, number))
         if not 0 <= place < len(files):
-            raise UsageError(f"file {place} came", needed=f"one of the {len(files)} there are")
+            raise UsageError(f"there is no file {place}", remedy="reload the page")
         return FileResponse(
             files[place],
             filename=files[place].name,
@@ -247,13 +247,13 @@ def _add_files(app: "FastAPI", session: Session) -> None:
 
 def _log_of(session: Session, number: int) -> OpenLog:
     if not 1 <= number <= len(session.logs) or session.logs[number - 1].closed:
-        raise UsageError(f"log {number} came", needed=f"one of the {len(session.logs)} that are open")
+        raise UsageError(f"log {number} is not open", remedy="reload the page")
     return session.logs[number - 1]
 
 
 def _step_of(session: Session, number: int) -> Ran:
     if not 1 <= number <= len(session.steps):
-        raise UsageError(f"step {number} came", needed=f"one of the {len(session.steps)} there are")
+        raise UsageError(f"there is no step {number}", remedy="reload the page")
     return session.steps[number - 1]
 
 
@@ -272,7 +272,7 @@ async def _taken_in(session: Session, name: str, parts: AsyncIterable[bytes], an
     except OSError as error:
         session.drop_upload(path)
         why = error.strerror or type(error).__name__
-        raise UsageError(f"the log could not be saved: {why}", needed=f"room in {path.parents[1]}") from error
+        raise UsageError(f"the log could not be saved: {why}", remedy=f"make room in {path.parents[1]}") from error
     except BaseException:
         session.drop_upload(path)
         raise

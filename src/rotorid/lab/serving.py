@@ -36,11 +36,11 @@ def require_host(host: str, token: str | None) -> None:
         The token is missing or short.
     """
     if token is not None and (len(token) < TOKEN_SIGNS or not token.isascii() or not token.isalnum()):
-        raise UsageError("a weak token came", needed=f"{TOKEN_SIGNS} letters and digits or more")
+        raise UsageError("the token is too weak", needed=f"{TOKEN_SIGNS} or more letters and digits")
     if not _is_loopback(host) and token is None:
         raise UsageError(
-            f"--host {host} came without a token: others could reach the page",
-            needed=f"--token WORD of {TOKEN_SIGNS} letters and digits or more",
+            f"--host {host} lets others reach the page, so it needs a token",
+            remedy=f"add --token WORD with {TOKEN_SIGNS} or more letters and digits",
         )
 
 
@@ -107,9 +107,7 @@ def serve(
         import fastapi  # noqa: F401
         import uvicorn  # noqa: F401
     except ImportError:
-        raise UsageError(
-            "the lab needs FastAPI and uvicorn, which are not installed", needed="pip install 'rotorid[lab]'"
-        ) from None
+        raise UsageError("the lab needs FastAPI and uvicorn", remedy="pip install 'rotorid[lab]'") from None
     from rotorid.lab.server import lab_app
     from rotorid.lab.session import Session
 
@@ -217,12 +215,14 @@ def listening_at(host: str, port: int) -> socket.socket:
             listening.bind(place)
             if _is_every_address(listening.getsockname()[0]):
                 raise UsageError(
-                    f"--host {host or repr(host)} came, which is every address",
-                    needed="the one address to be reached by",
+                    f"--host {host or repr(host)} means every address of this machine",
+                    needed="the one address to serve",
                 )
             listening.listen(100)
             stack.pop_all()
     except (OSError, OverflowError, UnicodeError) as error:
         why = getattr(error, "strerror", None) or str(error)
-        raise UsageError(f"port {port} of {host} cannot be used: {why}", needed="a free one, or --port 0") from None
+        raise UsageError(
+            f"port {port} of {host} cannot be used: {why}", remedy="choose a free one, or --port 0"
+        ) from None
     return listening

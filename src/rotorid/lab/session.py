@@ -165,7 +165,7 @@ class Session:
         """
         path = self._named(name)
         if path is None or self._given_root is None:
-            raise UsageError("a path that is no log of this folder came", needed="one of those that are listed")
+            raise UsageError("this is not a log of the folder", needed="one of those listed")
         return self.open(path, name, words=str(self._given_root / name))
 
     def open(self, path: Path, name: str, *, words: str | None = None) -> OpenLog:
@@ -187,7 +187,7 @@ class Session:
     def _open(self, verb: str, path: Path | None, name: str, words: str | None) -> OpenLog:
         with self._lock:
             if sum(not log.closed for log in self.logs) >= MOST_LOGS:
-                raise UsageError(f"{MOST_LOGS} logs are open", needed="one of them to be closed")
+                raise UsageError(f"{MOST_LOGS} logs are open already", remedy="close one first")
             number = len(self.logs) + 1
             folder = self.place / f"log-{number}"
             folder.mkdir(exist_ok=True)
@@ -219,7 +219,7 @@ class Session:
         """
         with self._lock:
             if any(not step.job.ended.is_set() for step in self.steps):
-                raise UsageError("a command runs", needed="it to end before a log is closed")
+                raise UsageError("a command is running", remedy="wait or cancel it before you close a log")
             log.closed, log._tracks = True, None
         self.workers.cancel(log.job)
         log.job.ended.wait(5.0)
@@ -249,7 +249,9 @@ class Session:
         """
         with self._lock:
             if sum(self._uploads.values()) + count + announced > ALL_UPLOAD_BYTES:
-                raise UsageError("more came than a session keeps", needed="a log to be closed")
+                raise UsageError(
+                    f"uploads of a session are limited to {ALL_UPLOAD_BYTES >> 30} GiB", remedy="close a log first"
+                )
             self._uploads[path] += count
 
     def drop_upload(self, path: Path) -> None:
@@ -298,7 +300,7 @@ class Session:
 
     def _require_room(self) -> None:
         if len(self.steps) >= MOST_STEPS:
-            raise UsageError(f"{MOST_STEPS} steps were made", needed="a new session")
+            raise UsageError(f"a session has at most {MOST_STEPS} steps", remedy="start a new session")
 
     def preview(self, step: Step) -> list[str]:
         """The command line of a step that is not started."""
@@ -386,7 +388,7 @@ class Session:
         """
         pages = [path for path in self.files(ran) if path.suffix == ".html"]
         if not pages:
-            raise UsageError("this step wrote no page", needed="a review, an identification, a tuning or the like")
+            raise UsageError("this step wrote no report")
         return min(pages, key=lambda path: (len(path.parts), path.name != "report.html", path))
 
 

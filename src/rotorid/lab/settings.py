@@ -55,4 +55,6 @@ def _word_in(file: Path) -> str:
         return file.read_text(encoding="utf-8").strip()
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or "it is no text"
-        raise UsageError(f"the token in {file} cannot be read: {why}", needed="a file with the word alone") from None
+        raise UsageError(
+            f"the token in {file} cannot be read: {why}", needed="a file that contains only the token"
+        ) from None

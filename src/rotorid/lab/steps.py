@@ -31,7 +31,7 @@ def _matching(form: re.Pattern[str], needed: str) -> AfterValidator:
 
     def checked(text: str) -> str:
         if not form.fullmatch(text):
-            raise ValueError(f"{text[:80]!r} came; expected {needed}")
+            raise ValueError(f"{text[:80]!r} is not {needed}")
         return text
 
     return AfterValidator(checked)
@@ -82,9 +82,9 @@ class Step(BaseModel):
     def _require(self) -> Step:
         for name in self.models:
             if name.endswith((".toml", "/")) or ".." in name:
-                raise ValueError(f"the model {name} is a file")
+                raise ValueError(f"{name} is a file, not a model of the list")
         if self.band_rad_s is not None and not self.band_rad_s[0] < self.band_rad_s[1]:
-            raise ValueError("a band came that ends before it begins; expected a low edge, and a high one above it")
+            raise ValueError("the upper end of the band must be above the lower one")
         return self
 
 
@@ -115,10 +115,10 @@ def arguments(step: Step, logs: Sequence[str], results: Sequence[str]) -> list[s
     words += [_of(results, number, "step") for number in step.results]
     words += [_of(logs, number, "log") for number in step.logs]
     if len(words) == 1:
-        raise UsageError(f"{step.verb} came without a log or a result", needed="at least one")
+        raise UsageError(f"{step.verb} needs a log or a result")
     if step.verb == "identify":
         if not step.models:
-            raise UsageError("identify came without a model", needed="one of rotorid models")
+            raise UsageError("identify needs a model", remedy="choose one of the list")
         words += ["--model", ",".join(step.models)]
         words += [word for number in step.verify for word in ("--verify", _of(logs, number, "log"))]
         words += ["--reduce"] if step.reduce else []
@@ -146,7 +146,7 @@ def arguments(step: Step, logs: Sequence[str], results: Sequence[str]) -> list[s
 
 def _of(paths: Sequence[str], number: int, what: str) -> str:
     if not 1 <= number <= len(paths) or not paths[number - 1]:
-        raise UsageError(f"{what} {number} came", needed=f"one of the {len(paths)} there are")
+        raise UsageError(f"there is no {what} {number}")
     path = paths[number - 1]
     # A command would take it for an option.
     return f"./{path}" if path.startswith("-") else path
@@ -156,11 +156,10 @@ def first_wrong(errors: Sequence[Any]) -> str:
     """The first thing that pydantic found wrong, in words that name the field."""
     first = errors[0]
     field = ".".join(str(part) for part in first["loc"] if part not in ("body", "query", "path"))
-    came = first.get("input")
-    value_words = (
-        f", {came!r} came"[:100] if isinstance(came, str | int | float) and "came;" not in first["msg"] else ""
-    )
-    return f"{field or 'the whole'}: {first['msg'].removeprefix('Value error, ')}{value_words}"
+    message = first["msg"].removeprefix("Value error, ")
+    given = first.get("input")
+    value_words = f", not {given!r}"[:100] if isinstance(given, str | int | float) and message == first["msg"] else ""
+    return f"{field or 'the file'}: {message}{value_words}"
 
 
 class Project(BaseModel):

@@ -100,7 +100,9 @@ class Workers:
         with self._changed:
             self._jobs = [job for job in self._jobs if not job.ended.is_set()]
             if self._closed or len(self._jobs) >= MOST_WAITING:
-                raise UsageError(f"{MOST_WAITING} commands run or wait", needed="one of them to end")
+                raise UsageError(
+                    f"{MOST_WAITING} commands are running or waiting", remedy="wait until one ends, or cancel one"
+                )
             self._jobs.append(job)
         threading.Thread(target=self._run, args=(job,), daemon=True).start()
         return job

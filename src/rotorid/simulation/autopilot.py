@@ -157,8 +157,8 @@ class Autopilot(Immutable):
     def __post_init__(self) -> None:
         if not (0.0 < self.rate_hz < math.inf) or min(self.delay_s) < 0.0 or not all(map(math.isfinite, self.delay_s)):
             raise UsageError(
-                f"an autopilot at {self.rate_hz:g} Hz with delays of {self.delay_s} s came",
-                needed="a positive rate and delays from zero up",
+                f"the autopilot has a rate of {self.rate_hz:g} Hz and delays of {self.delay_s} s",
+                needed="a positive rate and delays of zero or more",
             )
         mixer = None if self.mixer is None else read_only(self.mixer, np.float64, ndim=2)
         self._set(mixer=mixer, parameters=self.parameters)
@@ -192,9 +192,8 @@ class Autopilot(Immutable):
         commands, *_ = np.linalg.lstsq(mixer, needed, rcond=None)
         if np.abs(mixer @ commands - needed).max() > 1e-6:
             raise ModelError(
-                f"no commands of this autopilot make the outputs {needed.round(4).tolist()} with which {vehicle.name} "
-                "hovers",
-                needed="a mixer whose columns reach them",
+                f"the mixer cannot make the outputs {needed.round(4).tolist()} with which {vehicle.name} hovers",
+                needed="a mixer of these rotors",
             )
         return np.asarray(commands)
 

@@ -112,13 +112,13 @@ class HoverVehicle(Immutable):
         outputs, inputs = self.system.H0.shape[0], self.system.G.shape[1]
         if (outputs, inputs) != (len(OUTPUTS), len(AXES)) or len(self.states) != self.system.F.shape[0]:
             raise ModelError(
-                f"{self.name} has {inputs} inputs, {outputs} outputs and {len(self.states)} names of states",
+                f"{self.name} has {inputs} inputs, {outputs} outputs and {len(self.states)} state names",
                 needed=f"the inputs {', '.join(AXES)}, the outputs {' '.join(OUTPUTS)}, and a name for each state",
             )
         if missing := set(VELOCITIES) - set(self.states):
             raise ModelError(f"{self.name} lacks the states {', '.join(sorted(missing))}", needed="u, v and w")
         if np.any(self.system.output_delays_s):
-            raise ModelError(f"{self.name} has late outputs", needed="sensors without delay; delay the inputs instead")
+            raise ModelError(f"{self.name} has delays at its outputs", remedy="delay the inputs instead")
         self._set(states=tuple(self.states))
 
     @property
@@ -306,9 +306,9 @@ def _discrete(vehicle: HoverVehicle) -> tuple[Discretized, FloatArray, FloatArra
     system = vehicle.system
     if system.input_delays_s.min() < 1.0 / STEP_RATE_HZ:
         raise UsageError(
-            f"an input of {vehicle.name} is {1e3 * system.input_delays_s.min():g} ms late",
+            f"the input delay of {vehicle.name} is {1e3 * system.input_delays_s.min():g} ms",
             needed=f"at least one step of {1e3 / STEP_RATE_HZ:g} ms",
-            remedy="put the delay of the real path in",
+            remedy="use the delay of the real path",
         )
     gusty = replace(
         system,
@@ -356,9 +356,9 @@ def stride_of(sample_rate_hz: float) -> int:
     stride = round(STEP_RATE_HZ / sample_rate_hz) if sample_rate_hz > 0.0 else 0
     if stride < 1 or abs(stride * sample_rate_hz - STEP_RATE_HZ) > 1e-9 * STEP_RATE_HZ:
         raise UsageError(
-            f"a log at {sample_rate_hz:g} Hz",
+            f"a log at {sample_rate_hz:g} Hz cannot be simulated",
             needed=f"{STEP_RATE_HZ:g} Hz divided by a whole number",
-            remedy="take 100, 125, 200, 250, 500 or 1000 Hz",
+            remedy="use 100, 125, 200, 250, 500 or 1000 Hz",
         )
     return stride
 

@@ -265,9 +265,9 @@ def _with_input(system: StateSpace, column: FloatArray) -> StateSpace:
 def _checked(system: StateSpace, u: FloatArray) -> tuple[int, int]:
     inputs = system.G.shape[1]
     if np.ndim(u) != 2 or u.shape[0] != inputs or u.shape[1] == 0:
-        raise UsageError(f"inputs of shape {np.shape(u)} came", needed=f"shape ({inputs}, samples)")
+        raise UsageError(f"the inputs have shape {np.shape(u)}", needed=f"({inputs}, samples)")
     if min(system.input_delays_s.min(initial=0.0), system.output_delays_s.min(initial=0.0)) < 0.0:
-        raise UsageError("a delay is negative", needed="inputs that act after they are given", remedy="bound the delay")
+        raise UsageError("a delay is negative", needed="zero or more", remedy="bound the delay")
     return inputs, u.shape[1]
 
 
@@ -282,7 +282,7 @@ def checked_past(before: FloatArray | None, size: int) -> FloatArray:
     given = np.zeros(size) if before is None else np.asarray(before, dtype=np.float64)
     past = given[:, None] if given.ndim == 1 else given
     if past.ndim != 2 or past.shape[0] != size or not past.shape[1]:
-        raise UsageError(f"before of shape {given.shape} came", needed=f"shape ({size},) or ({size}, samples)")
+        raise UsageError(f"before has shape {given.shape}", needed=f"({size},) or ({size}, samples)")
     return past
 
 
@@ -310,5 +310,5 @@ def checked_vector(values: FloatArray | None, size: int, name: str) -> FloatArra
     """
     vector = np.zeros(size) if values is None else np.array(values, dtype=np.float64)
     if vector.shape != (size,):
-        raise UsageError(f"{name} of shape {vector.shape} came", needed=f"shape ({size},)")
+        raise UsageError(f"{name} has shape {vector.shape}", needed=f"({size},)")
     return vector

@@ -112,17 +112,17 @@ class LinearLoop(Immutable):
         shortest = float(self.system.input_delays_s.min(initial=np.inf))
         if shortest < 1.0 / STEP_RATE_HZ:
             raise ModelError(
-                f"an input of {self.name} is {1e3 * shortest:g} ms late",
+                f"the input delay of {self.name} is {1e3 * shortest:g} ms",
                 needed=f"at least one step of {1e3 / STEP_RATE_HZ:g} ms",
-                remedy="put the delay of the real path in",
+                remedy="use the delay of the real path",
             )
         at_once = np.any(self.gusty.proper()[3] != 0.0, axis=1) | (self.system.output_delays_s != 0.0)
         for name, wrong, fed in zip(self.outputs, at_once, np.any(self.error != 0.0, axis=0), strict=True):
             if wrong and fed:
                 raise ModelError(
-                    f"{name} of {self.name} is fed back, and is late or shows an input or a gust at once",
-                    needed="outputs that are states or sums of them",
-                    remedy="feed back a rate, an angle or a speed instead",
+                    f"{name} of {self.name} cannot be fed back: it is delayed, or follows an input or a gust at once",
+                    needed="states or sums of them",
+                    remedy="feed back a rate, an angle or a speed",
                 )
 
 
@@ -183,7 +183,7 @@ def fly_linear(
     stride = stride_of(sample_rate_hz)
     values = np.asarray(excitation, dtype=np.float64)
     if values.ndim != 2 or values.shape[0] != len(loop.inputs) or not values.size:
-        raise UsageError(f"test inputs of shape {values.shape} came", needed=f"shape ({len(loop.inputs)}, steps)")
+        raise UsageError(f"the test inputs have shape {values.shape}", needed=f"({len(loop.inputs)}, steps)")
     commands, outputs = _advance(loop, values, rng)
     names = (*loop.inputs, *map(excitation_of, loop.inputs), *loop.outputs)
     rows = np.vstack([commands, values, outputs])[:, ::stride]

@@ -177,8 +177,8 @@ def trimmed(vehicle: Multirotor, airspeed_m_s: float) -> Trim:
 
 def _no_trim(vehicle: Multirotor, airspeed_m_s: float) -> ModelError:
     return ModelError(
-        f"{vehicle.name} finds no level flight at {airspeed_m_s:g} m/s within its rotors and 60 degrees of tilt",
-        needed="a smaller airspeed",
+        f"{vehicle.name} cannot fly level at {airspeed_m_s:g} m/s within 60 degrees of tilt and its rotors' limits",
+        needed="a lower airspeed",
     )
 
 

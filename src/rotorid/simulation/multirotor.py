@@ -89,14 +89,14 @@ class Rotors(Immutable):
     def __post_init__(self) -> None:
         if not self.layout.arm_known:
             raise ModelError(
-                f"the layout {self.layout.name} came in units of its arm", needed="meters", remedy="scaled(arm_m)"
+                f"the layout {self.layout.name} is in units of its arm", needed="meters", remedy="use scaled(arm_m)"
             )
         lags = (self.lag_up_s, self.lag_up_s if self.lag_down_s is None else self.lag_down_s)
         numbers = (*self.thrust, *(self.torque or ()), *lags, self.torque_per_thrust_m, self.induced_drag_n_s_m)
         if not np.isfinite(numbers).all() or min(lags) < 0.0 or (0.0 in lags and any(lags)) or sum(self.thrust) <= 0.0:
             raise ModelError(
-                f"thrust {self.thrust} and lags of {lags} s came",
-                needed="finite numbers, a positive thrust at full speed, two positive lags or none",
+                f"the rotors have a thrust of {self.thrust} and lags of {lags} s",
+                needed="finite numbers, a positive thrust at full speed, and two positive lags or none",
             )
         self._set(thrust=tuple(self.thrust), lag_down_s=lags[1])
 
@@ -133,7 +133,7 @@ class Rotors(Immutable):
             inside = c_1**2 - 4.0 * c_2 * (c_0 - thrust_n)
             share = (-c_1 + inside**0.5) / (2.0 * c_2) if inside >= 0.0 and c_2 != 0.0 else -1.0
         if share < 0.0:
-            raise ModelError(f"a thrust of {thrust_n:g} N came for rotors of {self.thrust}", needed="one they can make")
+            raise ModelError(f"rotors with a thrust of {self.thrust} cannot make {thrust_n:g} N")
         return share
 
 
@@ -168,7 +168,7 @@ class Battery(Immutable):
     def __post_init__(self) -> None:
         numbers = (self.full_v, self.empty_v, self.rated_v, self.capacity_ah, self.hover_current_a)
         if min(numbers) <= 0.0 or self.empty_v > self.full_v or self.resistance_ohm < 0.0:
-            raise ModelError(f"the battery {self} came", needed="positive numbers, and empty below full")
+            raise ModelError(f"impossible battery {self}", needed="positive numbers, and empty below full")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -226,12 +226,12 @@ class Multirotor(Immutable):
         air = np.zeros((6, 6)) if self.aerodynamics is None else self.aerodynamics
         if inertia.shape != (3, 3) or not self.mass_kg > 0.0 or np.linalg.eigvalsh(inertia).min() <= 0.0:
             raise ModelError(
-                f"{self.name} came with {self.mass_kg:g} kg and the inertia {inertia.tolist()}",
+                f"{self.name} has {self.mass_kg:g} kg and the inertia {inertia.tolist()}",
                 needed="a positive mass and an inertia with positive eigenvalues, kg m^2",
             )
         if self.effectiveness is not None and np.shape(self.effectiveness) != (6, count):
             raise ModelError(
-                f"{self.name} came with an effectiveness of shape {np.shape(self.effectiveness)}",
+                f"{self.name} has an effectiveness of shape {np.shape(self.effectiveness)}",
                 needed=f"three forces and three moments for each of {count} rotors",
             )
         self._set(
@@ -267,7 +267,8 @@ class Multirotor(Immutable):
         shares = np.array([self.rotors.share_of(float(thrust)) for thrust in thrusts])
         if shares.max() > 1.0:
             raise ModelError(
-                f"{self.name} hovers at {shares.max():.2f} of full speed", needed="less weight or more thrust"
+                f"{self.name} is too heavy: it would hover at {shares.max():.2f} of full rotor speed",
+                remedy="reduce the weight or increase the thrust",
             )
         return read_only(shares, np.float64, ndim=1)
 
@@ -393,8 +394,8 @@ class Sensors(Immutable):
             several = isinstance(value, tuple)
             if not np.isfinite(value).all() or (not several and value < 0.0):
                 raise UsageError(
-                    f"{name} = {value} came for a sensor",
-                    needed="finite numbers" if several else "a finite number from zero up",
+                    f"a sensor has {name} = {value}",
+                    needed="finite numbers" if several else "zero or a positive number",
                 )
 
     @property

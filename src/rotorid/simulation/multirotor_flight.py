@@ -227,8 +227,7 @@ def flight_tables(
     cruising = any(speed_m_s)
     if cruising and not aircraft.autopilot.guidance.hold_velocity:
         raise UsageError(
-            f"a speed of {max(speed_m_s, key=abs):g} m/s came for {aircraft.name}, whose autopilot holds none",
-            needed="an autopilot that holds its velocity",
+            f"{aircraft.name} cannot fly at {max(speed_m_s, key=abs):g} m/s: its autopilot does not control velocity",
             remedy="leave --speed out, or choose a vehicle that does, such as x500",
         )
     if settle_s is None:
@@ -236,7 +235,7 @@ def flight_tables(
 
     rate_hz, vehicle = aircraft.autopilot.rate_hz, aircraft.vehicle
     if plan is None and duration_s is None:
-        raise UsageError("neither a plan nor a duration came", needed="one of the two")
+        raise UsageError("neither a plan nor a duration was given", needed="one of the two")
     length_s = duration_s if duration_s is not None else plan.duration_s if plan is not None else 0.0
     skipped = round(settle_s * rate_hz)
     rows = skipped + round(length_s * rate_hz)
@@ -307,8 +306,8 @@ def _steps(aircraft: Aircraft, step_rate_hz: float | None) -> tuple[int, int]:
     lags = [lag for lag in (rotors.lag_up_s, rotors.lag_down_s) if lag]
     if lags and min(lags) < _STABLE_STEP * step_s:
         raise UsageError(
-            f"a rotor's lag of {1e3 * min(lags):g} ms came for steps of {1e3 * step_s:g} ms",
-            needed="steps of at most twice the lag",
+            f"steps of {1e3 * step_s:g} ms are too long for a rotor lag of {1e3 * min(lags):g} ms",
+            needed="at most twice the lag",
             remedy="raise the rate of the steps, or set the lag to zero",
         )
     if step_rate_hz is not None:
@@ -595,7 +594,7 @@ class Outcome(Immutable, Generic[Kept]):
             It failed.
         """
         if self.error is not None or self.kept is None:
-            raise self.error or UsageError(f"nothing was kept of flight {self.index}", needed="a flight that is kept")
+            raise self.error or UsageError(f"no samples of flight {self.index} were kept")
         return self.kept
 
 
@@ -630,7 +629,7 @@ class Columns(Immutable):
     def __call__(self, flight: SimulatedFlight | FlightTables) -> Mapping[str, FloatArray]:
         if missing := [name for name in self.names if name not in flight.columns]:
             raise UsageError(
-                f"{', '.join(missing)} should be kept of a flight that has none",
+                f"the flight has no column {', '.join(missing)}",
                 needed=f"some of {', '.join(flight.columns)}",
             )
         return {name: read_only(flight.columns[name], np.float64, ndim=1) for name in self.names}

@@ -125,9 +125,9 @@ class Scheme:
     def __post_init__(self) -> None:
         runge_kutta(self.method)
         if self.substeps < 1:
-            raise UsageError(f"{self.substeps} steps in a sample interval came", needed="one or more")
+            raise UsageError(f"substeps is {self.substeps}", needed="one or more")
         if self.hold not in ("zero", "first"):
-            raise UsageError(f"the hold {self.hold!r} came", needed="zero or first")
+            raise UsageError(f"unknown hold {self.hold!r}", needed="zero or first")
 
     @property
     def tableau(self) -> RungeKutta:
@@ -268,8 +268,8 @@ def nonlinear_sensitivities(
     order, count, width = len(structure.states), len(structure.parameters), directions.shape[1]
     if directions.shape != (count, width) or start_directions.shape != (order, width):
         raise UsageError(
-            f"directions of shapes {directions.shape} and {start_directions.shape} came",
-            needed=f"shapes ({count}, k) and ({order}, k)",
+            f"the directions have shapes {directions.shape} and {start_directions.shape}",
+            needed=f"({count}, k) and ({order}, k)",
         )
     return _respond(
         structure,
@@ -482,7 +482,7 @@ def checked_inputs(structure: NonlinearStructure, u: FloatArray) -> FloatArray:
     """
     inputs = len(structure.inputs)
     if np.ndim(u) != 2 or u.shape[0] != inputs or u.shape[1] == 0:
-        raise UsageError(f"inputs of shape {np.shape(u)} came", needed=f"shape ({inputs}, samples)")
+        raise UsageError(f"the inputs have shape {np.shape(u)}", needed=f"({inputs}, samples)")
     values = np.array(u, dtype=np.float64, order="C")
     if not np.isfinite(values).all():
         raise UsageError("an input is not finite", needed="finite numbers", remedy="cut the record at its gaps")

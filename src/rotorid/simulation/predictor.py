@@ -74,9 +74,8 @@ def sampled_model(system: StateSpace, slopes: Slopes, *, sample_rate_hz: float, 
     """
     if np.any(system.output_delays_s) or np.any(slopes.output_delays_s):
         raise UsageError(
-            "a model with a delay of an output came",
-            needed="outputs that show the state at their own time: a late one corrects a state of the past",
-            remedy="move a delay that all outputs share to the inputs, or use the output-error fit",
+            "the model has a delay at an output, which prediction error cannot use",
+            remedy="move a delay that all outputs share to the inputs, or use --method output_error",
         )
     proper, moves = proper_tangent(system, slopes)
     step, tangent = discretize_tangent(
@@ -379,9 +378,8 @@ def least_squares_start(
     _, sizes, right = np.linalg.svd(columns, full_matrices=False)
     if sizes[-1] <= _UNSEEN * sizes[0]:
         raise InsufficientDataError(
-            f"the outputs show {int(np.sum(sizes > _UNSEEN * sizes[0]))} of {len(model.A)} states",
-            needed="a record that shows all of them",
-            remedy="use a model without the states that no output shows",
+            f"only {int(np.sum(sizes > _UNSEEN * sizes[0]))} of {len(model.A)} states can be observed from the outputs",
+            remedy="use a model without the other states",
         )
     state = np.linalg.lstsq(columns, np.concatenate(left), rcond=None)[0]
     return StateEstimate(state=state, covariance=(right.T / sizes**2) @ right)
@@ -404,16 +402,16 @@ def _stepped(
     inputs, outputs = system.G.shape[1], system.H0.shape[0]
     if np.ndim(u) != 2 or np.ndim(y) != 2 or (len(u), len(y)) != (inputs, outputs) or u.shape[1] != y.shape[1]:
         raise UsageError(
-            f"inputs of shape {np.shape(u)} and outputs of shape {np.shape(y)} came",
-            needed=f"shapes ({inputs}, samples) and ({outputs}, samples)",
+            f"inputs and outputs have shapes {np.shape(u)} and {np.shape(y)}",
+            needed=f"({inputs}, samples) and ({outputs}, samples)",
         )
     A, B, C, D = system.proper()
     late_s = system.output_delays_s
     if len(A) != len(system.F) or np.ptp(late_s) > 0.0:
         raise UsageError(
-            "the model has algebraic rows or outputs of different delays",
-            needed="states that are all dynamic, seen at one time",
-            remedy="condense the structure, or take outputs of one delay",
+            "the model has algebraic rows, or outputs with different delays",
+            needed="dynamic states, and the same delay at all outputs",
+            remedy="condense the structure, or use outputs with one delay",
         )
     past = checked_past(before, inputs)
     step = discretize(A, B, delays_s=system.input_delays_s + late_s[0], step_s=1.0 / sample_rate_hz, hold=hold)
@@ -441,12 +439,14 @@ def _accumulated(A: FloatArray, W: FloatArray, step_s: float) -> FloatArray:
 def _spread(output_std: FloatArray, outputs: int) -> FloatArray:
     std = _shaped(output_std, (outputs,), "output_std")
     if not (std > 0.0).all():
-        raise UsageError("a standard deviation of an output is not positive", needed="the noise of each output")
+        raise UsageError(
+            "a standard deviation of an output is not positive", needed="the standard deviation of each output's noise"
+        )
     return std
 
 
 def _shaped(values: FloatArray, shape: tuple[int, ...], name: str) -> FloatArray:
     array = np.asarray(values, dtype=np.float64)
     if array.shape != shape:
-        raise UsageError(f"{name} of shape {array.shape} came", needed=f"shape {shape}")
+        raise UsageError(f"{name} has shape {array.shape}", needed=f"{shape}")
     return array

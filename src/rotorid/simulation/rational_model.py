@@ -117,9 +117,9 @@ def rational(
     ('x', 'u1_before_1', 'u1_before_2')
     """
     if not 1 <= pade_order <= _HIGHEST_ORDER:
-        raise UsageError(f"a Padé order of {pade_order} came", needed=f"1 to {_HIGHEST_ORDER}")
+        raise UsageError(f"the Padé order {pade_order} is out of range", needed=f"1 to {_HIGHEST_ORDER}")
     if sample_rate_hz is not None and not (math.isfinite(sample_rate_hz) and sample_rate_hz > 0.0):
-        raise UsageError(f"a sample rate of {sample_rate_hz:g} Hz came", needed="a positive number")
+        raise UsageError(f"the sample rate {sample_rate_hz:g} Hz is not positive")
     plant = system.proper()
     order = len(plant[0])
     names = tuple(states) if len(states) == order else tuple(f"x{number}" for number in range(1, order + 1))

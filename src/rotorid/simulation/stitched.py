@@ -98,7 +98,7 @@ class StitchedModel(Immutable):
         values = np.concatenate([getattr(self, name).ravel() for name in shapes])
         if wrong or not count or not np.isfinite(values).all() or (np.diff(self.speed_m_s) <= 0.0).any():
             raise UsageError(
-                f"tables over {count} speeds came" + (f" with another shape of {', '.join(wrong)}" if wrong else ""),
+                f"the tables over {count} speeds are wrong" + (f" in {', '.join(wrong)}" if wrong else ""),
                 needed="rising speeds, and finite tables with an entry for each",
             )
 
@@ -197,7 +197,9 @@ def simulate_stitched(
 
     values = np.asarray(commands, dtype=np.float64)
     if values.ndim != 2 or values.shape[0] != len(AXES) or not values.shape[1] or not np.isfinite(values).all():
-        raise UsageError(f"commands of shape {values.shape} came", needed="four rows of finite samples")
+        raise UsageError(
+            f"the commands have shape {values.shape} or are not finite", needed="four rows of finite samples"
+        )
     samples = values.shape[1]
     fine = steps_of(sample_rate_hz)
     grid = np.arange((samples - 1) * fine + 1) / fine
@@ -229,9 +231,11 @@ def _loops(
     known = [f"{axis}_command" for axis in AXES[:3]]
     lengths = {row.size for item in closed for row in (item.setpoint, item.excitation) if row is not None}
     if len(set(names)) < len(names) or not set(names) <= set(known):
-        raise UsageError(f"loops of {', '.join(names)} came", needed=f"each of {', '.join(known)} at most once")
+        raise UsageError(
+            f"unknown or repeated loops in {', '.join(names)}", needed=f"each of {', '.join(known)} at most once"
+        )
     if lengths - {samples}:
-        raise UsageError(f"set-points of {lengths} samples came", needed=f"as many as the commands have, {samples}")
+        raise UsageError(f"the set-points have {lengths} samples", needed=f"{samples}, as many as the commands")
     if not closed:
         none = np.zeros((0, 0))
         return Loops(

@@ -63,14 +63,14 @@ class Wind(Immutable):
     def __post_init__(self) -> None:
         numbers = (self.north_m_s, self.east_m_s, self.turbulence_m_s, self.vertical_share, self.height_m)
         if not np.isfinite(numbers).all():
-            raise UsageError("a wind that is no number came", needed="finite speeds, gusts and height")
+            raise UsageError("the wind is not a finite number", needed="finite speeds, gusts and height")
         if min(numbers[2:4]) < 0.0:
             raise UsageError(
-                f"turbulence of {self.turbulence_m_s:g} m/s, {self.vertical_share:g} times that vertically, came",
+                f"turbulence is {self.turbulence_m_s:g} m/s, and {self.vertical_share:g} times that vertically",
                 needed="zero or more",
             )
         if self.height_m < 1.0:
-            raise UsageError(f"a height of {self.height_m:g} m above the ground came", needed="1 m or more")
+            raise UsageError(f"the height above ground is {self.height_m:g} m", needed="1 m or more")
 
     @property
     def speed_m_s(self) -> float:

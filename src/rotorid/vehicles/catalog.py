@@ -90,9 +90,9 @@ class VehicleEntry(Immutable):
         """
         if self.make is None:
             raise ModelError(
-                f"the vehicle {self.name} turns on a pivot and does not fly",
+                f"{self.name} turns on a pivot and does not fly",
                 needed=f"one of {', '.join(aircraft_names())}",
-                remedy="rotorid simulate rig writes its log",
+                remedy="rotorid simulate rig writes a log of the pivot",
             )
         return self.make()
 

@@ -260,7 +260,7 @@ def hover_guidance(parameters: Mapping[str, float]) -> Guidance:
 
 
 def _yaw_rate(parameters: Mapping[str, float]) -> float:
-    """Yaw rate over stick where PX4 is told 0.4."""
+    """Yaw rate over stick with a parameter of 0.4."""
     beyond = (_YAW_STICK - _DEAD_ZONE) / (1.0 - _DEAD_ZONE)
     share = (1.0 - _CUBIC) * beyond + _CUBIC * beyond**3
     return math.radians(parameters["MPC_MAN_Y_MAX"]) * share / _YAW_STICK
@@ -393,9 +393,9 @@ def with_gains(aircraft: Aircraft, parameters: Mapping[str, float], *, source: s
     kind = found.key if found.takes_gains else ""
     if kind != own.kind:
         raise UsageError(
-            f"{source} holds {f'gains of {kind}' if kind else 'no gains'}, and {aircraft.name} flies {own.kind}",
+            f"{source} has {f'gains of {kind}' if kind else 'no gains'}, but {aircraft.name} flies {own.kind}",
             needed=f"a log of {own.kind} with its parameters",
-            remedy="name a vehicle whose autopilot is that of the log",
+            remedy="or name a vehicle with the autopilot of the log",
         )
     return replace(aircraft, autopilot=(_px4 if kind == "px4" else _ardupilot)(own, parameters))
 

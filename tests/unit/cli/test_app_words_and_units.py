@@ -121,7 +121,7 @@ def test_amplitudes_come_in_the_unit_of_their_entry(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("read", "text", "said"),
     [(parse_band, "1m:2m", "is in m"), (parse_numbers, "10Hz", "is in rad/s"),
-     (parse_segment, "roll:1m:2m", "is in m"), (parse_wind, "3deg", "which is in rad"),
+     (parse_segment, "roll:1m:2m", "is in m"), (parse_wind, "3deg", "is in rad"),
      (lambda text: parse_changes([text]), "m=20ms", "which is in s; expected .* m in kg"),
      (lambda text: parse_changes([text]), "m=620g", "grams or gravity"),
      (lambda text: parse_changes([text, text]), "m=1", "--set m came twice"),

@@ -101,7 +101,7 @@ def test_exports_of_both_halves_hold_the_whole(target: str, halves: tuple[Identi
 def test_only_different_linear_models_join(halves: tuple[IdentifiedModel, IdentifiedModel]) -> None:
     with pytest.raises(UsageError, match="both have pitch_command"):
         joined_model([halves[0], halves[0]])
-    with pytest.raises(UsageError, match="1 model came"):
+    with pytest.raises(UsageError, match="only 1 model"):
         joined_model([halves[0]])
     assert joined_halves([halves[0]]) is None
     assert joined_halves([halves[0], halves[0], halves[1]]) is None

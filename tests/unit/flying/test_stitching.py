@@ -137,13 +137,13 @@ def test_a_parameter_that_was_dropped_somewhere_has_no_band_there() -> None:
 
 
 def test_results_that_cannot_be_stitched() -> None:
-    with pytest.raises(UsageError, match=r"one result of hover\.longitudinal came, at 0\.00 m/s"):
+    with pytest.raises(UsageError, match=r"hover\.longitudinal has only one speed, 0\.00 m/s"):
         stitch({"hover": identified(LONGITUDINAL, 0.0)})
     with pytest.raises(UsageError, match=r"are both hover\.longitudinal at"):
         stitch({"one": identified(LONGITUDINAL, 4.0), "two": identified(LONGITUDINAL, 4.0)})
-    with pytest.raises(UsageError, match=r"is a model rate\.roll"):
+    with pytest.raises(UsageError, match=r"is a result of rate\.roll"):
         stitch({"one": result("rate.roll", {"L_p": -1.0})})
-    with pytest.raises(UsageError, match="no result came"):
+    with pytest.raises(UsageError, match="no result was given"):
         stitch({})
 
 

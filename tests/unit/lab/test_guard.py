@@ -170,7 +170,7 @@ def test_steps_have_an_end(session: Session, monkeypatch: pytest.MonkeyPatch) ->
     session.choose("a.ulg")
     answers = [client.post("/api/steps", json={"verb": "review", "logs": [1]}) for _ in range(3)]
     assert [one.status_code for one in answers] == [200, 200, 400]
-    assert "2 steps were made" in answers[2].json()["sentence"]
+    assert "at most 2 steps" in answers[2].json()["sentence"]
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes with names")

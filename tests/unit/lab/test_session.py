@@ -208,7 +208,7 @@ def test_a_log_that_is_closed_meanwhile_is_gone_in_words(tmp_path: Path) -> None
         for kind in ("track", "spectrum", "spectrogram"):
             answer = client.get(f"/api/logs/1/{kind}", params=asked)
             assert answer.status_code == 410
-            assert "gone" in answer.json()["sentence"]
+            assert "no longer available" in answer.json()["sentence"]
 
 
 def test_no_command_begins_with_a_log_that_is_being_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -216,7 +216,7 @@ def test_no_command_begins_with_a_log_that_is_being_closed(tmp_path: Path, monke
         session.choose("a.ulg")
 
         def cancel(_: Job) -> None:
-            with pytest.raises(UsageError, match="log 1 came"):
+            with pytest.raises(UsageError, match="no log 1"):
                 session.run(Step(verb="review", logs=(1,)))
 
         monkeypatch.setattr(session.workers, "cancel", cancel)
@@ -321,7 +321,7 @@ def test_a_step_that_cannot_begin_says_why(tmp_path: Path) -> None:
         session.follow()
         assert session.followed.wait(10.0)
         assert [one.job.state for one in session.steps] == ["failed", "refused", "done"]
-        assert "step 1 came" in session.steps[1].job.sentence
+        assert "no step 1" in session.steps[1].job.sentence
 
 
 def _wrote(session: Session, *files: str) -> Ran:
@@ -361,9 +361,9 @@ def test_costs_are_told_while_a_fit_goes_on(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("chosen", "words"),
-    [({"inputs": ["roll rate"]}, "inputs.0: 'roll rate' came; expected a name of letters"),
-     ({"models": ["../x"]}, "models.0: '../x' came; expected a model of the list"),
-     ({"band_rad_s": [50, 5]}, "a band came that ends before it begins"),
+    [({"inputs": ["roll rate"]}, "inputs.0: 'roll rate' is not a name of letters"),
+     ({"models": ["../x"]}, "models.0: '../x' is not a model of the list"),
+     ({"band_rad_s": [50, 5]}, "the upper end of the band must be above the lower one"),
      ({"method": "guess"}, "method: "), ({"verb": "rm"}, "verb: "), ({"logs": ["x"]}, "logs.0: ")],
 )  # fmt: skip
 def test_what_was_wrong_with_a_choice_is_named(chosen: dict[str, Any], words: str, tmp_path: Path) -> None:
@@ -395,7 +395,7 @@ def test_what_fails_inside_is_said_here_and_logged_there(
         monkeypatch.setattr(Session, "choices", choices)
         answer = client_of(session).get("/api/folder")
         assert answer.status_code == 500
-        assert answer.json()["sentence"] == "The server could not answer that; its terminal says why."
+        assert answer.json()["sentence"] == "The server failed; see its terminal for the reason."
         assert "a mistake" in caplog.text
 
 

@@ -131,5 +131,5 @@ def test_vehicle_of_another_shape_is_refused() -> None:
         replace(VEHICLE, states=VEHICLE.states[1:])
     with pytest.raises(ModelError, match="states w"):
         replace(VEHICLE, states=tuple("heave" if name == "w" else name for name in VEHICLE.states))
-    with pytest.raises(ModelError, match="late"):
+    with pytest.raises(ModelError, match="delays at its outputs"):
         replace(VEHICLE, system=replace(VEHICLE.system, output_delays_s=np.full(12, 0.01)))

@@ -198,10 +198,10 @@ def test_a_flight_is_fast_enough_to_be_fitted() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"u": np.zeros((1, 5))}, "inputs of shape (1, 5)"),
+        ({"u": np.zeros((1, 5))}, "inputs have shape (1, 5)"),
         ({"u": np.full((2, 5), np.nan)}, "not finite"),
-        ({"x0": np.zeros(3)}, "x0 of shape (3,)"),
-        ({"before": np.zeros(1)}, "before of shape (1,)"),
+        ({"x0": np.zeros(3)}, "x0 has shape (3,)"),
+        ({"before": np.zeros(1)}, "before has shape (1,)"),
     ],
 )
 def test_wrong_shapes_are_named(change: dict[str, np.ndarray], message: str) -> None:

@@ -135,18 +135,18 @@ def test_euler_moves_the_poles_that_the_exact_step_keeps() -> None:
 
 def test_states_that_no_output_shows_are_counted() -> None:
     blind = replace(VEHICLE, H0=np.vstack([VEHICLE.H0[:2], np.zeros(STATES)]))
-    with pytest.raises(InsufficientDataError, match="show 4 of 6 states"):
+    with pytest.raises(InsufficientDataError, match="only 4 of 6 states"):
         least_squares_start(blind, np.zeros((3, 40)), np.zeros((3, 40)), sample_rate_hz=RATE_HZ, output_std=NOISE)
 
 
 def test_wrong_use_is_said() -> None:
     u, y = np.zeros((3, 10)), np.zeros((3, 10))
-    with pytest.raises(UsageError, match="outputs of shape"):
+    with pytest.raises(UsageError, match="outputs have shapes"):
         least_squares_start(VEHICLE, u, y[:2], sample_rate_hz=RATE_HZ, output_std=NOISE)
     with pytest.raises(UsageError, match="not positive"):
         least_squares_start(VEHICLE, u, y, sample_rate_hz=RATE_HZ, output_std=0.0 * NOISE)
     late = replace(VEHICLE, output_delays_s=np.array([0.0, 0.0, 0.01]))
     with pytest.raises(UsageError, match="different delays"):
         least_squares_start(late, u, y, sample_rate_hz=RATE_HZ, output_std=NOISE)
-    with pytest.raises(UsageError, match="disturbance of shape"):
+    with pytest.raises(UsageError, match="disturbance has shape"):
         kalman_start(VEHICLE, u, y, sample_rate_hz=RATE_HZ, output_std=NOISE, disturbance=np.zeros(6), prior=unknown())

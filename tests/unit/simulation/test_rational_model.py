@@ -123,7 +123,7 @@ def test_an_algebraic_state_leaves_numbers_for_names() -> None:
 
 
 def test_orders_and_rates_have_their_range() -> None:
-    with pytest.raises(UsageError, match="Padé order of 0"):
+    with pytest.raises(UsageError, match="Padé order 0"):
         rational(system(), pade_order=0)
-    with pytest.raises(UsageError, match="sample rate of -1 Hz"):
+    with pytest.raises(UsageError, match="sample rate -1 Hz"):
         rational(system(), sample_rate_hz=-1.0)

@@ -93,7 +93,7 @@ def test_tables_that_do_not_belong_together() -> None:
     model = exact(0.0, 4.0)
     with pytest.raises(UsageError, match="rising speeds"):
         replace(model, speed_m_s=model.speed_m_s[::-1])
-    with pytest.raises(UsageError, match="shape of lag_s"):
+    with pytest.raises(UsageError, match="wrong in lag_s"):
         replace(model, lag_s=model.lag_s[:1])
     with pytest.raises(UsageError, match="four rows"):
         simulate_stitched(model, np.zeros((3, 9)), sample_rate_hz=RATE_HZ, start={})
