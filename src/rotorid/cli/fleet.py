@@ -161,10 +161,11 @@ def _print(document: FleetDocument, folder: Path, *, verbose: bool) -> None:
 
 
 def _difference(difference: DifferenceDocument) -> str:
-    from rotorid.fleets.names import shown, words_of
+    from rotorid.fleets.names import words_of
+    from rotorid.report.fleet import quantity_of_paper
 
     found = difference.difference
-    quantity = shown(difference.model, difference.parameter, found.unit)
+    quantity = quantity_of_paper(difference.model, difference.parameter, found.unit)
     std = None if found.std is None else quantity.factor * found.std
     number = with_unit(with_error(quantity.factor * found.value, std), quantity.unit)
     words = words_of(difference.model, difference.parameter)

@@ -25,7 +25,8 @@ from rotorid.documents.review import QuantityDocument
 from rotorid.fleets.analysis import FleetAnalysis, History, quantity_of
 from rotorid.fleets.names import Shown, shown, words_of
 from rotorid.fleets.populations import Population
-from rotorid.report.frame import render
+from rotorid.fleets.table import REVIEW
+from rotorid.report.frame import frequency_of, render
 
 _DIGITS = 7
 _MOST_FAILED = 200
@@ -102,16 +103,24 @@ def _joined(found: Iterable[Notable]) -> Iterable[Notable]:
 
 
 def _odd(odd: OddFlightDocument) -> str:
-    quantity = shown(odd.model, odd.parameter, odd.value.unit)
+    quantity = quantity_of_paper(odd.model, odd.parameter, odd.value.unit)
     value, expected = quantity.factor * odd.value.value, quantity.factor * odd.expected
     number = with_error(value, None if odd.value.std is None else quantity.factor * odd.value.std)
     return f"{words_of(odd.model, odd.parameter)} {with_unit(number, quantity.unit)}, usually {significant(expected)}"
 
 
 def _slope(model: str, parameter: str, slope: QuantityDocument) -> str:
-    quantity = shown(model, parameter, slope.unit)
+    quantity = quantity_of_paper(model, parameter, slope.unit)
     number = with_error(quantity.factor * slope.value, None if slope.std is None else quantity.factor * slope.std)
     return f"{words_of(model, parameter)} by {with_unit(number, quantity.unit)} per flight"
+
+
+def quantity_of_paper(model: str, parameter: str, unit: str) -> Shown:
+    """How a quantity is written, figures of a review in Hz unless the reader prefers rad/s."""
+    found = shown(model, parameter, unit)
+    if model == REVIEW and found.unit == "rad/s" and frequency_of(["flight.ulg"]) == "Hz":
+        return replace(found, unit="Hz", factor=found.factor / (2.0 * math.pi))
+    return found
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -224,7 +233,7 @@ def _checked(verdict: VehicleVerdictDocument) -> str:
 
 def _group(difference: DifferenceDocument) -> GroupRow:
     found = difference.difference
-    quantity = shown(difference.model, difference.parameter, found.unit)
+    quantity = quantity_of_paper(difference.model, difference.parameter, found.unit)
     ends = (None if end is None else quantity.factor * end for end in (found.value, found.lower, found.upper))
     return GroupRow(
         quantity=quantity,
@@ -237,7 +246,7 @@ def _group(difference: DifferenceDocument) -> GroupRow:
 
 
 def _row(model: str, name: str, population: PopulationDocument) -> PopulationRow:
-    quantity = shown(model, name, population.unit)
+    quantity = quantity_of_paper(model, name, population.unit)
     normal = population.normal
     return PopulationRow(
         quantity=quantity,
@@ -272,7 +281,7 @@ def _for_script(analysis: FleetAnalysis) -> dict[str, Any]:
         return known.setdefault(visible(text), len(known))
 
     def described(history: History) -> dict[str, Any]:
-        quantity = shown(history.model, history.parameter, history.unit)
+        quantity = quantity_of_paper(history.model, history.parameter, history.unit)
 
         def short(value: float) -> float | None:
             return float(f"{quantity.factor * value:.{_DIGITS}g}") if math.isfinite(value) else None
@@ -298,7 +307,7 @@ def _for_script(analysis: FleetAnalysis) -> dict[str, Any]:
         }
 
     def of_population(model: str, name: str, population: Population) -> dict[str, Any]:
-        quantity = shown(model, name, population.mean.unit)
+        quantity = quantity_of_paper(model, name, population.mean.unit)
         low, high = _times(quantity.factor, population.low, population.high)
         return {"model": model, "parameter": quantity.label, "unit": quantity.unit, "low": low, "high": high}
 
