@@ -10,6 +10,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import typer
+
+from rotorid.cli.app import app
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CHANGELOG.md"])
@@ -138,6 +141,19 @@ def test_every_link_leads_somewhere(page: Path) -> None:
         if file is None or (anchor and anchor not in headings(file)):
             missing.append(f"{target}#{anchor}" if anchor else target)
     assert not [link for link in missing if not link.startswith(GENERATED)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_command_has_the_options_it_is_given(page: Path) -> None:
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    blocks = re.findall(r"^ *```(?:console|sh)?\n(.*?)^ *```", page.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    for line in (line.strip().removeprefix("$ ") for block in blocks for line in block.splitlines()):
+        words = line.partition("#")[0].split()
+        if words[:1] == ["rotorid"] and words[1:] and words[1] in commands:
+            taken = commands[words[1]].params
+            known = {option for one in taken for option in (*one.opts, *one.secondary_opts)}
+            asked = {word for word in words if word.startswith("--")}
+            assert asked <= known, f"{line}: {', '.join(sorted(asked - known))}"
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if BLOCK.search(page.read_text("utf-8"))], ids=name_of)
