@@ -177,7 +177,7 @@ def a_plan() -> str:
 
 def a_flown_plan() -> str:
     """The plan flown in simulation and identified, beside what was foretold."""
-    head = "| parameter | truth | foretold ± | identified | its random ± | its whole ± |\n|---|---|---|---|---|---|\n"
+    head = "| parameter | true | predicted ± | identified | random ± | whole ± |\n|---|---|---|---|---|---|\n"
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         DESIGNED.mkdir(parents=True)
         (DESIGNED / "plan.json").write_text(designed().plan, encoding="utf-8")
