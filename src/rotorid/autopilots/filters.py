@@ -56,7 +56,7 @@ class KnownFilter:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.rate_hz < math.inf:
-            raise UsageError(f"{self.name} came with a rate of {self.rate_hz:g} Hz", needed="a positive rate")
+            raise UsageError(f"{self.name} has a rate of {self.rate_hz:g} Hz", needed="a positive rate")
 
     @property
     def delay_s(self) -> float:

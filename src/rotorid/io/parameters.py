@@ -121,15 +121,15 @@ def parameters_changed(
     why
         How that is known, as the beginning of a sentence.
     taken
-        Which values are.
+        Which values the analysis uses.
     """
     listed = [f"{name} {was:g} to {now:g}" for name, (was, now) in sorted(changes.items())]
     more = f" and {len(listed) - _NAMED} more" if len(listed) > _NAMED else ""
     return warn(
         "parameters_changed",
         "parameters",
-        f"{why}: {', '.join(listed[:_NAMED])}{more}. The whole log uses {taken}, and no loop is computed for "
-        "them; log each set of gains by itself.",
+        f"{why}: {', '.join(listed[:_NAMED])}{more}. The whole log is analyzed with {taken}, and no loop is computed; "
+        "log each set of gains by itself.",
         parameters=len(listed),
     )
 

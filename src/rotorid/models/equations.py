@@ -190,7 +190,7 @@ def check_once(rows: Sequence[DynamicRows], states: Sequence[str]) -> None:
     ]
     for slot in determined:
         if determined.count(slot) > 1:
-            raise ModelError(f"two equations define {states[slot]}' is", needed="one equation for each state")
+            raise ModelError(f"two equations define {states[slot]}'", needed="one equation for each state")
 
 
 def check_equations(rows: Sequence[DynamicRows], states: Sequence[str]) -> None:
@@ -208,7 +208,7 @@ def check_equations(rows: Sequence[DynamicRows], states: Sequence[str]) -> None:
     if len(rows) < len(states):
         used_slots = {slot for row in rows for slot, entry in enumerate(row.M) if not entry.is_zero}
         lost = [f"{state}'" for slot, state in enumerate(states) if slot not in used_slots]
-        came += f"; none defines {' and '.join(lost)} is" if lost else ""
+        came += f"; none defines {' and '.join(lost)}" if lost else ""
     raise ModelError(came, needed="one equation for each state")
 
 

@@ -450,10 +450,10 @@ def explicit(rows: Iterable[tuple[str, Expression]], states: Sequence[str]) -> d
     solved: dict[str, Expression] = {}
     for derivative, expression in rows:
         if derivative in solved:
-            raise ModelError(f"two equations define {derivative} is", needed="one equation for each state")
+            raise ModelError(f"two equations define {derivative}", needed="one equation for each state")
         solved[derivative] = expression
     if lost := [f"{state}'" for state in states if f"{state}'" not in solved]:
-        raise ModelError(f"no equation defines {' and '.join(lost)} is", needed="one equation for each state")
+        raise ModelError(f"no equation defines {' and '.join(lost)}", needed="one equation for each state")
     done: dict[str, Expression] = {}
 
     def resolve(derivative: str, path: tuple[str, ...]) -> Expression:

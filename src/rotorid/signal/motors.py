@@ -245,8 +245,8 @@ def motor_channels(record: FlightRecord, prefix: str) -> tuple[str, ...]:
     pattern = re.compile(rf"{prefix}(\d+)")
     numbers = sorted(int(match[1]) for name in record.channel_names if (match := pattern.fullmatch(name)))
     if numbers != list(range(1, len(numbers) + 1)) or not numbers:
-        available = ", ".join(f"{prefix}{number}" for number in numbers) or "none of them"
-        message = f"{record.source.name} has {available} of {prefix}1, {prefix}2 and on."
+        available = ", ".join(f"{prefix}{number}" for number in numbers) or "none"
+        message = f"{record.source.name} has only {available} of {prefix}1, {prefix}2 and so on."
         finding = refusal("missing_channel", f"{prefix}1", message)
         raise InsufficientDataError(message, needed="all motors", findings=[finding])
     return tuple(f"{prefix}{number}" for number in numbers[:MOTORS])

@@ -1,4 +1,4 @@
-"""Advice that the firmware can follow: no bit that is set already, no message or parameter that it does not have."""
+"""Advice that the firmware can follow: no bit that is already set, no message or parameter that it does not have."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def record(format: str, firmware: str, **parameters: float) -> FlightRecord:
         (
             "ArduCopter V4.6.2",
             {"LOG_BITMASK": 438271.0, "LOG_BACKEND_TYPE": 4.0, "LOG_BLK_RATEMAX": 5.0},
-            "LOG_BLK_RATEMAX = 5 holds every message down to 5 Hz",
+            "LOG_BLK_RATEMAX = 5 limits every message to 5 Hz",
         ),
         ("ArduCopter V3.2.1", {"LOG_BITMASK": 43006.0}, "fly firmware 3.4 or newer"),
     ],
@@ -61,7 +61,7 @@ def test_ardupilot_is_told_what_is_missing(firmware: str, parameters: dict[str, 
         ("", {"SDLOG_PROFILE": 25.0}, "logger_topics.txt"),
         ("PX4 1.15.0", {"SYS_AUTOSTART": 4001.0}, "this firmware has no SDLOG_PROFILE"),
         ("PX4 1.6.5 (development)", {"SDLOG_PROFILE": 0.0}, "set SDLOG_PROFILE = 2 (system identification, it is 0)"),
-        ("PX4 1.7.3", {"SDLOG_PROFILE": 2.0}, "SDLOG_PROFILE = 2 holds what helps already"),
+        ("PX4 1.7.3", {"SDLOG_PROFILE": 2.0}, "SDLOG_PROFILE = 2 already logs what helps"),
     ],
 )
 def test_px4_is_told_what_is_missing(firmware: str, parameters: dict[str, float], sentence: str) -> None:
@@ -87,14 +87,14 @@ LIMITED = {"INS_LOG_BAT_MASK": 1.0, "INS_LOG_BAT_OPT": 4.0, "LOG_BACKEND_TYPE": 
         ("raw gyro", ("ArduPilot DataFlash", "ArduCopter V4.6.2", LIMITED), "ask for it already"),
         ("raw gyro", ("PX4 ULog", "PX4 1.15.0", {"SDLOG_PROFILE": 1.0}), "set bit 8 of SDLOG_PROFILE"),
         ("raw gyro", ("PX4 ULog", "PX4 1.6.5", {"SDLOG_PROFILE": 1.0}), "fly firmware 1.12 or newer"),
-        ("raw gyro", ("PX4 ULog", "PX4 1.15.0", {"SDLOG_PROFILE": 256.0}), "is set already"),
+        ("raw gyro", ("PX4 ULog", "PX4 1.15.0", {"SDLOG_PROFILE": 256.0}), "is already set"),
         ("raw gyro", ("PX4 ULog", "PX4", {"SYS_AUTOSTART": 4001.0}), "this firmware logs no gyro before its filters"),
         ("raw gyro", ("Betaflight blackbox", "Betaflight 4.3.1", {}), "GYRO_SCALED"),
         ("raw gyro", ("Betaflight blackbox", "Betaflight 4.5.1", {}), "blackbox_disable_gyrounfilt"),
         ("raw gyro", ("Betaflight blackbox", "INAV 7.1.0", {}), ""),
         ("sensors", OLD_COPTER, "fly firmware 3.4 or newer"),
         ("sensors", ("ArduPilot DataFlash", "ArduCopter V4.6.2", BATCHES), "set INS_LOG_BAT_MASK = 1"),
-        ("sensors", ("ArduPilot DataFlash", "ArduCopter V4.6.2", LIMITED), "LOG_BLK_RATEMAX = 5 holds every message"),
+        ("sensors", ("ArduPilot DataFlash", "ArduCopter V4.6.2", LIMITED), "LOG_BLK_RATEMAX = 5 limits every message"),
         ("sensors", ("PX4 ULog", "PX4 1.6.5", {"SDLOG_PROFILE": 0.0}), "SDLOG_PROFILE = 2"),
         ("sensors", ("Betaflight blackbox", "Betaflight 4.5.1", {}), "blackbox_sample_rate"),
         ("sensors", ("Betaflight blackbox", "Betaflight 4.2.0", {}), "blackbox_p_ratio"),

@@ -119,7 +119,7 @@ def test_a_refusal_keeps_its_three_sentences(told: Path) -> None:
         ("raise", "ZeroDivisionError: by zero"),
         ("recurse", "nested without end"),
         ("exit", "ended with code 3"),
-        ("objects", "would have to be pickled"),
+        ("objects", "Python objects, which are not read"),
     ],
 )
 def test_whatever_a_parser_raises_is_one_sentence(told: Path, do: str, sentence: str) -> None:

@@ -292,7 +292,7 @@ def test_one_sample_far_from_the_log_is_no_part_of_it() -> None:
 
 
 def test_a_log_without_samples_holds_no_flight() -> None:
-    with pytest.raises(LogError, match="holds no flight"):
+    with pytest.raises(LogError, match="contains no flight"):
         screened(FlightRecord(source=Source(name="a.BIN", format="", sha256=""), topics=()))
 
 

@@ -138,9 +138,9 @@ def test_a_box_can_be_written_and_read() -> None:
         (lambda: black_box(0, ["u"], ["y"]), "order 0"),
         (lambda: black_box(21, ["u"], ["y"]), "order 21"),
         (lambda: black_box(2, ["u"], ["phi"], references=["phy"]), "phy"),
-        (lambda: black_box(4, ["u"], ["y"], references=["y"]), "1 reference outputs came for 2 sections"),
-        (lambda: black_box_pairs(2, [("u", "y"), ("u", "z")]), "input u stands in two pairs"),
-        (lambda: black_box_pairs(2, [("u", "y"), ("v", "y")]), "output y stands in two pairs"),
+        (lambda: black_box(4, ["u"], ["y"], references=["y"]), "got 1 reference outputs for 2 sections"),
+        (lambda: black_box_pairs(2, [("u", "y"), ("u", "z")]), "input u is in two pairs"),
+        (lambda: black_box_pairs(2, [("u", "y"), ("v", "y")]), "output y is in two pairs"),
         (lambda: from_state_space(np.eye(2), np.ones((2, 1)), np.ones((1, 2)), black_box(3, ["u"], ["y"])), "shapes"),
     ],
 )

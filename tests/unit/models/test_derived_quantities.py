@@ -124,11 +124,11 @@ def test_nothing_follows_by_a_division_by_zero() -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"I_xx": (0.1, 0.0)}, "nothing of axis.yaw follows with it; expected one of D, I_zz"),
+        ({"I_xx": (0.1, 0.0)}, "nothing of axis.yaw follows from it; expected one of D, I_zz"),
         ({"I_zs": (0.1, 0.0)}, "did you mean I_"),
         ({"N_yaw": (1.0, 0.0)}, "is a parameter of axis.yaw"),
-        ({"I_zz": (-0.1, 0.0)}, "I_zz = -0.1 came as known; expected a positive number"),
-        ({"I_zz": (math.nan, 0.0)}, "I_zz = nan came as known"),
+        ({"I_zz": (-0.1, 0.0)}, "the known I_zz = -0.1 is not possible; expected a positive number"),
+        ({"I_zz": (math.nan, 0.0)}, "the known I_zz = nan is not possible"),
         ({"I_zz": (0.1, -1.0)}, "standard deviation of I_zz is -1"),
     ],
 )

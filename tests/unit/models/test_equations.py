@@ -93,15 +93,15 @@ def test_an_algebraic_equation_has_nothing_on_its_left() -> None:
         ("theta' = q", "theta' = q/theta", r"q/theta is not linear"),
         ("theta' = q", "theta' = sin(theta)", r"sin\(theta\) is not linear in theta"),
         ("theta' = q", "theta' = q**2", r"q\*\*2 is not linear in q"),
-        ("theta' = q", "theta' = q + 1", "1 stands alone in the right side"),
-        ("theta' = q", "theta' + 1 = q", "1 stands alone in the left side"),
-        ("theta' = q", "theta = q", "theta stands in the left side .*expected only q', u', theta', motor' there"),
-        ("theta' = q", "theta' = q'", "q' stands in the right side"),
-        ("theta' = q", "theta' = pitch_command'", "pitch_command' stands in .*derivatives of states only"),
-        ("theta' = q", "theta' = M_q'*q", "M_q' stands in .*derivatives of states only"),
-        ("theta' = q", "theta' = q +", "cannot be read: the end came at column"),
-        ("theta' = q", "q' = theta", "two equations say what q' is"),
-        ("theta' = q", "2*q' = theta", "two equations say what q' is"),
+        ("theta' = q", "theta' = q + 1", "1 is alone in the right side"),
+        ("theta' = q", "theta' + 1 = q", "1 is alone in the left side"),
+        ("theta' = q", "theta = q", "theta is not allowed in the left side .*expected q', u', theta', motor', each"),
+        ("theta' = q", "theta' = q'", "q' is not allowed in the right side"),
+        ("theta' = q", "theta' = pitch_command'", "pitch_command' is not allowed in .*derivatives of states only"),
+        ("theta' = q", "theta' = M_q'*q", "M_q' is not allowed in .*derivatives of states only"),
+        ("theta' = q", "theta' = q +", "cannot be read: the end at column"),
+        ("theta' = q", "q' = theta", "two equations define q'"),
+        ("theta' = q", "2*q' = theta", "two equations define q'"),
     ],
 )
 def test_an_equation_that_is_none_is_refused(old: str, new: str, message: str) -> None:
@@ -110,26 +110,26 @@ def test_an_equation_that_is_none_is_refused(old: str, new: str, message: str) -
 
 
 def test_every_state_has_one_equation() -> None:
-    with pytest.raises(ModelError, match="3 equations came for 4 states; none says what theta' is"):
+    with pytest.raises(ModelError, match="got 3 equations for 4 states; none defines theta'"):
         build(equations=[text for text in EQUATIONS if not text.startswith("theta")])
-    with pytest.raises(ModelError, match="5 equations came for 4 states; expected one equation for each state"):
+    with pytest.raises(ModelError, match="got 5 equations for 4 states; expected one equation for each state"):
         build(equations=[*EQUATIONS, "0 = q - u"])
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"outputs": ["qq"]}, "no state 'qq'.*did you mean q.*say what it is"),
+        ({"outputs": ["qq"]}, "no state 'qq'.*did you mean q.*define it"),
         ({"outputs": ["pitch_command"]}, "no state 'pitch_command'"),
         ({"outputs": ["= q"]}, "has no name"),
         ({"outputs": ["a b = q"]}, "has no name"),
-        ({"outputs": ["y = pitch_command"]}, "pitch_command stands in the output"),
+        ({"outputs": ["y = pitch_command"]}, "pitch_command is not allowed in the output"),
         ({"outputs": ["y = q*u"]}, "not linear"),
         ({"outputs": ["y = q == u"]}, "cannot be read"),
         ({"delays": {"pitch": "tau_pitch"}}, "no input or output 'pitch'.*did you mean pitch_command"),
         ({"inputs": ["q"]}, "q means two things"),
-        ({"inputs": ["a b"]}, "'a b' cannot stand in an equation"),
-        ({"inputs": ["exp"]}, "'exp' cannot stand in an equation"),
+        ({"inputs": ["a b"]}, "'a b' is not allowed in an equation"),
+        ({"inputs": ["exp"]}, "'exp' is not allowed in an equation"),
         ({"constants": {"M_q": 1.0}}, "M_q means two things"),
         ({"outputs": [*OUTPUTS, "pitch_command = q"]}, "pitch_command is an input and an output"),
     ],

@@ -47,7 +47,7 @@ def test_outputs_of_which_one_is_enough_are_those_of_the_model(family: Family) -
 def test_a_structure_has_the_family_of_its_name_and_a_nonlinear_one_its_own() -> None:
     assert family_of(library_model("hover.lateral")) is family_of("hover.lateral")
     assert family_of(nonlinear_model("drag.linear")).nonlinear
-    with pytest.raises(UsageError, match="which is nonlinear"):
+    with pytest.raises(UsageError, match="is nonlinear"):
         linear(nonlinear_model("drag.linear"))
 
 

@@ -117,5 +117,5 @@ def test_rotors_that_the_model_does_not_hold_for_are_refused(layout: RotorLayout
 
 
 def test_a_mixer_of_other_rotors_is_refused() -> None:
-    with pytest.raises(ModelError, match=r"a mixer of shape \(6, 4\) came"):
+    with pytest.raises(ModelError, match=r"got a mixer of shape \(6, 4\)"):
         physical_hover(library_layout("quad.x"), plain_mixer(library_layout("hexa.x")))

@@ -101,7 +101,7 @@ def test_pairs_of_a_log_come_in_the_order_of_the_vocabulary() -> None:
         ("response.first_order", [], "no pair"),
         ("response.first_order", [PAIRS[0], ("phi_setpoint", "p")], "phi_setpoint stands twice"),
         ("response.first_order", [("phi", "phi")], "phi stands twice"),
-        ("response.first_order", [("roll command", "phi")], "cannot stand in an equation"),
+        ("response.first_order", [("roll command", "phi")], "is not allowed in an equation"),
     ],
 )
 def test_what_is_wrong_is_said(name: str, pairs: list[tuple[str, str]], said: str) -> None:

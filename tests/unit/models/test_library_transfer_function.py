@@ -76,7 +76,7 @@ def test_impossible_orders_are_refused(m: int, n: int) -> None:
 
 
 def test_a_channel_that_is_no_name_is_refused() -> None:
-    with pytest.raises(ModelError, match="'the input' cannot stand in an equation"):
+    with pytest.raises(ModelError, match="'the input' is not allowed in an equation"):
         transfer_function(inputs=["the input"])
 
 

@@ -60,16 +60,16 @@ def test_lag_and_heave_damping_can_be_left_out() -> None:
 def test_unknown_names_and_contradictions_are_refused() -> None:
     with pytest.raises(ModelError, match=r"there is no parameter mass; expected one of I_xx, .*m"):
         motor_parameters(known={"mass": 1.0})
-    with pytest.raises(ModelError, match="c_2 came, which a linear curve does not have"):
+    with pytest.raises(ModelError, match="a linear curve has no c_2"):
         motor_parameters(curve="linear", known={"c_2": 1.0})
-    with pytest.raises(ModelError, match="both kappa and I_zz came as known"):
+    with pytest.raises(ModelError, match="both kappa and I_zz are given as known"):
         motor_parameters(known={"kappa": 0.02, "I_zz": 0.03})
     with pytest.raises(ModelError, match="there is no curve 'cubic'"):
         motor_parameters(curve=cast(Curve, "cubic"), known={"c_1": 1.0})
 
 
 def test_values_out_of_bounds_are_refused() -> None:
-    with pytest.raises(ModelError, match=r"m = -1 came as known; expected a positive number"):
+    with pytest.raises(ModelError, match=r"the known m = -1 is not possible; expected a positive number"):
         motor_parameters(known={"m": -1.0})
 
 

@@ -55,7 +55,7 @@ def test_a_description_says_equations_delays_and_starts() -> None:
         ('"nonlinear"', '"linear"', 2, "kind 'linear'"),
         ("x' = v", "x' = w", 6, 'w in "x\' = w" is not known'),
         ("m*v'", "x'*v'", 6, "not linear"),
-        ("m*v'", "m*x'", 6, "two equations say what x' is"),
+        ("m*v'", "m*x'", 6, "two equations define x'"),
         ("push - k", "push' - k", 6, "derivatives of states only"),
         ("x' = v", "x' = v'+v; ", 6, "cannot be read"),
         ('"a = v\'"', '"a"', 7, "there is no state 'a'"),
@@ -78,7 +78,7 @@ def test_errors_name_the_line(old: str, new: str, line: int, message: str) -> No
 
 
 def test_a_parameter_that_stands_nowhere_is_refused() -> None:
-    with pytest.raises(ModelError, match="spare stands in no equation"):
+    with pytest.raises(ModelError, match="spare is in no equation"):
         nonlinear_from_toml(TEXT + "[parameters.spare]\nvalue = 1.0\n")
 
 
@@ -92,7 +92,7 @@ def test_derivatives_may_stand_on_the_right_but_not_in_a_loop() -> None:
     assert of("x' = 2*y'", "y' = -x") == ["-2*x", "-x"]
     with pytest.raises(ModelError, match="loop: x' -> y' -> x'"):
         of("x' = y'", "y' = x'")
-    with pytest.raises(ModelError, match="no equation says what y' is"):
+    with pytest.raises(ModelError, match="no equation defines y'"):
         of("x' = y")
 
 

@@ -202,11 +202,11 @@ def test_the_published_s500_is_not_moved_by_its_rotors_alone() -> None:
     [
         ({"derivatives": {"M_pich": 1.0}}, "no derivative 'M_pich'.*did you mean M_pitch"),
         ({"known": {"mass": 1.0}}, "no physical parameter 'mass'"),
-        ({"known": {"m": -1.0}}, "m = -1 came as known; expected a positive number"),
-        ({"known": TYPICAL | {"n_h": 90.0}}, "every physical parameter came as known"),
+        ({"known": {"m": -1.0}}, "the known m = -1 is not possible; expected a positive number"),
+        ({"known": TYPICAL | {"n_h": 90.0}}, "every physical parameter is given as known"),
         ({"known_std": {"m": 0.1}}, "no known quantity 'm'"),
         ({"known": {"m": 1.0}, "known_std": {"m": -0.1}}, "standard deviation of m is -0.1"),
-        ({"covariance": np.eye(2)}, r"shape \(2, 2\) came for 1 derivatives"),
+        ({"covariance": np.eye(2)}, r"shape \(2, 2\) for 1 derivatives"),
         ({"covariance": np.zeros((1, 1))}, "not positive definite"),
     ],
 )

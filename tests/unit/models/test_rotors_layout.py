@@ -165,7 +165,7 @@ def test_wrong_layouts_are_refused(wrong: dict[str, object]) -> None:
         ("[[rotor]]\nposition_m = [1, 2]\nspin = 'cw'", "position_m is"),
         ("[[rotor]]\nposition_m = [1, 2, 3]\nspin = 'left'", "the spin 'left'"),
         ("[[rotor]]\nposition_m = [1, 2, 3]\nspin = 'cw'\npower = 3", "power"),
-        ("[[rotor]]\nposition_m = [1, 2, nan]\nspin = 'cw'", "no number"),
+        ("[[rotor]]\nposition_m = [1, 2, nan]\nspin = 'cw'", "not a number"),
     ],
 )
 def test_wrong_descriptions_say_what_is_needed(text: str, said: str) -> None:
@@ -203,7 +203,7 @@ def test_a_log_tells_its_layout(flight: FlightRecord, name: str) -> None:
     [
         (record("ArduPilot DataFlash", 4, FRAME_CLASS=1, FRAME_TYPE=4), "FRAME_TYPE = 4 is no frame"),
         (record("ArduPilot DataFlash", 8, FRAME=1), "FRAME = 1 with 8 motors"),
-        (record("ArduPilot DataFlash", 6, FRAME_CLASS=1, FRAME_TYPE=1), "the log holds 6 motors"),
+        (record("ArduPilot DataFlash", 6, FRAME_CLASS=1, FRAME_TYPE=1), "the log has 6 motors"),
         (record("PX4 ULog", 4, SYS_AUTOSTART=10016), "SYS_AUTOSTART = 10016"),
         (record("PX4 ULog", 4, CA_ROTOR_COUNT=4), "in the center"),
         (record("PX4 ULog", 4, CA_ROTOR_COUNT=1e9), "no CA_ROTOR_COUNT of up to 16"),

@@ -214,9 +214,12 @@ ZERO = Expression()
         ({"G": ((ZERO,),)}, "matrix G is 1 x 1; expected 2 rows of 1 entries"),
         ({"F": ((ZERO,), (ZERO, ZERO))}, "matrix F is 2 x 1/2"),
         ({"input_delays": ()}, "1 input and 1 output delays"),
-        ({"input_delays": (ZERO,)}, "tau_roll stands in no matrix"),
+        ({"input_delays": (ZERO,)}, "tau_roll is in no matrix"),
         ({"input_delays": (Expression.parse("tau_rol"),)}, "names tau_rol, which.*did you mean tau_roll"),
-        ({"output_delays": (Expression.parse("tau"),)}, "names tau, which is no parameter .*did you mean tau_roll"),
+        (
+            {"output_delays": (Expression.parse("tau"),)},
+            "names tau, which is not one of its parameters.*did you mean tau_roll",
+        ),
         ({"gain": "L_rol"}, "names L_rol.*did you mean L_roll"),
         ({"optional": ("T_moto",)}, "names T_moto"),
         ({"constants": {"L_p": 1.0}}, "L_p is a parameter and a constant"),
@@ -231,13 +234,13 @@ def test_a_structure_that_does_not_hold_together_is_refused(change: dict[str, ob
 def test_a_parameter_that_stands_in_a_tie_only_is_used() -> None:
     structure = rate_model("rate.roll")
     mass = Parameter(name="I_xx", value=0.02, unit="kg m^2")
-    with pytest.raises(ModelError, match="I_xx stands in no matrix"):
+    with pytest.raises(ModelError, match="I_xx is in no matrix"):
         replace(structure, parameters=ParameterSet((*structure.parameters, mass)))
     tied = ParameterSet((*structure.parameters, mass)).tie("L_roll", "2/I_xx")
     assert replace(structure, parameters=tied).response(tied.values, OMEGA).shape == (1, 1, OMEGA.size)
     # A tie of a parameter that stands nowhere itself is of no use.
     lost = ParameterSet((*tied, Parameter(name="x", unit="1", tied=Expression.parse("I_xx"))))
-    with pytest.raises(ModelError, match="x stands in no matrix"):
+    with pytest.raises(ModelError, match="x is in no matrix"):
         replace(structure, parameters=lost)
 
 

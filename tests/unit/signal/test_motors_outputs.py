@@ -199,16 +199,16 @@ def test_the_record_takes_the_motors_first() -> None:
 
 
 def test_another_number_of_motors_is_refused() -> None:
-    with pytest.raises(UsageError, match="a mixer of 6 motors came for a log of 4"):
+    with pytest.raises(UsageError, match="a mixer of 6 motors for a log of 4"):
         reconstructed_demands(flight(), np.ones((6, 4)))
 
 
 def test_a_missing_motor_is_named() -> None:
     record = flight()
     without = replace(record.topics[1], channels=record.topics[1].channels[1:], values=record.topics[1].values[1:])
-    with pytest.raises(InsufficientDataError, match="holds motor_2, motor_3, motor_4 of motor_1"):
+    with pytest.raises(InsufficientDataError, match="has only motor_2, motor_3, motor_4 of motor_1"):
         motor_channels(replace(record, topics=(without,)), "motor_")
-    with pytest.raises(InsufficientDataError, match="r_speed_1, motor_speed_2 and on"):
+    with pytest.raises(InsufficientDataError, match="r_speed_1, motor_speed_2 and so on"):
         logged_speeds(record)
 
 
@@ -256,5 +256,5 @@ def test_the_voltage_is_averaged() -> None:
 
 def test_no_voltage_is_said() -> None:
     record = flight()
-    with pytest.raises(InsufficientDataError, match="holds no battery_voltage"):
+    with pytest.raises(InsufficientDataError, match="has no battery_voltage"):
         voltage_factor(replace(record, topics=record.topics[:2]), TIME_S)

@@ -142,5 +142,5 @@ def test_sensors_without_anything_to_compare_are_refused() -> None:
     alone = TimeHistory(
         values=whole.values[rows], sample_rate_hz=SAMPLE_RATE_HZ, start_s=0.0, channels=whole.channels[:3]
     )
-    with pytest.raises(InsufficientDataError, match="to correct sensors by"):
+    with pytest.raises(InsufficientDataError, match="sensors cannot be corrected"):
         estimate_correction([alone])

@@ -66,7 +66,7 @@ def test_what_cannot_be_tested_is_said() -> None:
         sample_rate_hz=20.0,
         start_s=0.0,
     )
-    with pytest.raises(InsufficientDataError, match="20 samples came for 43 terms"):
+    with pytest.raises(InsufficientDataError, match="20 samples for 43 terms"):
         cross_terms(history, output="y", own="u", others=["w"], memory_s=1.0)
     with pytest.raises(UsageError, match="no channel 'v'"):
         cross_terms(history, output="y", own="u", others=["v"], memory_s=0.1)

@@ -220,8 +220,8 @@ REFUSED: dict[str, tuple[Callable[[], FrequencyResponse], str]] = {
     "no input": (lambda: selected(measured(), inputs=["yaw_command"]), "no input yaw_command"),
     "nothing to correct": (lambda: corrected(measured(), {"w": [SLOW]}), "no w in the response"),
     "beyond half of the rate": (lambda: corrected(measured(), {"u": [SLOW]}), "filtered at 6 Hz"),
-    "nothing left": (lambda: corrected(measured(), {"u": [DEAF]}), "have left"),
-    "several": (lambda: inverse(measured()), "came"),
+    "nothing left": (lambda: corrected(measured(), {"u": [DEAF]}), "filters leave"),
+    "several": (lambda: inverse(measured()), "got"),
     "other input": (lambda: ratio(single("u"), measured(("thrust_command",), ("theta",))), "the same input"),
     "other instrument": (
         lambda: ratio(single("u"), measured(("pitch_command",), ("theta",), instruments=("pitch_stick",))),

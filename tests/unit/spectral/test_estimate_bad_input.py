@@ -85,7 +85,7 @@ def test_one_window_alone_is_refused_because_it_explains_everything() -> None:
         (["u"], ["q", "y"], [], "no channel q"),
         (["u"], ["y"], ["r"], "no channel r"),
         (["u"], ["y"], ["u", "y"], "2 instruments for 1 inputs"),
-        (["u"], ["y"], ["y"], "y came as an instrument and as an output"),
+        (["u"], ["y"], ["y"], "y is both an instrument and an output"),
         ([], ["y"], [], "0 inputs"),
         (["u"], [], [], "0 outputs"),
     ],
@@ -120,7 +120,7 @@ def test_a_band_below_every_window_is_refused() -> None:
 
 def test_choices_that_do_not_exist_are_refused_by_name() -> None:
     for choice in ("composition", "leakage"):
-        with pytest.raises(UsageError, match=f"the {choice} 'best' came"):
+        with pytest.raises(UsageError, match=f"unknown {choice} 'best'"):
             frequency_response(
                 [record(noise())],
                 inputs=["u"],

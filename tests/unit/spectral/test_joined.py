@@ -118,11 +118,11 @@ def test_points_that_no_part_knows_are_held_and_count_for_nothing() -> None:
 
 
 def test_a_part_with_another_channel_is_refused() -> None:
-    with pytest.raises(UsageError, match="a response of pitch_command, q came"):
+    with pytest.raises(UsageError, match="got a response of pitch_command, q"):
         joined_responses(
             [selected(measured(record(1)), outputs=["q"], inputs=["pitch_command"])], inputs=(), outputs=()
         )
-    with pytest.raises(UsageError, match="no response came"):
+    with pytest.raises(UsageError, match="got no response"):
         joined_responses([], inputs=INPUTS, outputs=OUTPUTS)
 
 

@@ -573,7 +573,7 @@ def _turned_in_flight(flights: Sequence[Flight]) -> Iterator[Finding]:
         if turned:
             why = f"The pilot adjusted gains in flight {flight.number}"
             changes = {name: (known[name], value) for name, value in turned.items()}
-            yield parameters_changed(changes, why, taken="those of its beginning")
+            yield parameters_changed(changes, why, taken="its first values")
 
 
 def _span(flight: Flight) -> str:

@@ -513,7 +513,7 @@ def message_dtype(layout: str) -> np.dtype[np.void]:
         or not members
         or (members[0].kind, members[0].count, members[0].name) != ("uint64_t", None, "timestamp")
     ):
-        raise ValueError(f"unsupported layout {layout!r}")
+        raise ValueError(f"unsupported layout {layout!r}: it starts with its stamp, and has plain types")
     return np.dtype([_field(member) for member in members])
 
 

@@ -145,7 +145,7 @@ def test_what_is_not_finite_is_refused_and_nothing_is_written(letter: str, bad: 
     path = tmp_path / "log.bin"
     path.write_bytes(b"before")
 
-    with pytest.raises(UsageError, match=r"M1\.c0 holds 1 values that are not finite, the first at message 2"):
+    with pytest.raises(UsageError, match=r"M1\.c0 contains 1 values that are not finite, the first at message 2"):
         write_dataflash(path, [one_column(letter, [1.0, 2.0, bad])])
 
     assert path.read_bytes() == b"before"
@@ -175,8 +175,8 @@ def test_long_texts_are_refused() -> None:
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"TimeUS": np.arange(2)}, "messages M1 without c0"),
-        ({"TimeUS": np.arange(2), "c0": np.arange(3.0)}, r"M1\.c0 of shape \(3,\)"),
+        ({"TimeUS": np.arange(2)}, "messages M1 have no c0"),
+        ({"TimeUS": np.arange(2), "c0": np.arange(3.0)}, r"M1\.c0 has shape \(3,\)"),
     ],
 )
 def test_missing_and_uneven_columns_are_refused(values: dict[str, Any], said: str) -> None:

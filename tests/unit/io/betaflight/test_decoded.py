@@ -100,11 +100,11 @@ def test_a_last_line_that_was_cut_is_left_out(tmp_path: Path, flight: Flight) ->
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("loopIteration, time (us), gyroADC[0]\n", "holds no flight"),
+        ("loopIteration, time (us), gyroADC[0]\n", "contains no flight"),
         ("loopIteration, time (us), rssi\n1, 2, 3\n", "no column of time, gyro or motors"),
         ("loopIteration, time (us), motor[0], motor[1]\n0, 0, 200, 300\n", "have no unit without the settings"),
-        ("loopIteration, time (us), gyroADC[0]\n1, 2, three\n1, 2, 3\n", "none of numbers"),
-        ('"Product","Blackbox flight data recorder by Nicholas Sherlock"\n"a","b"\n', "settings and no table"),
+        ("loopIteration, time (us), gyroADC[0]\n1, 2, three\n1, 2, 3\n", "not numeric"),
+        ('"Product","Blackbox flight data recorder by Nicholas Sherlock"\n"a","b"\n', "settings but no table"),
     ],
 )
 def test_a_table_that_cannot_be_read_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
@@ -129,7 +129,7 @@ def test_without_settings_and_throttle_the_scale_of_rates_is_said_to_be_unknown(
     (tmp_path / "LOG.01.csv").write_text("loopIteration, time (us), gyroADC[0]\n0, 0, 100\n1, 500, 100\n")
     record = rotorid.read(tmp_path / "LOG.01.csv")
     (told,) = [finding for finding in record.findings if finding.where == "settings"]
-    assert "nothing tells whether rates and set-points are tenths" in told.message
+    assert "the scale of rates and set-points is unknown" in told.message
 
 
 @pytest.mark.parametrize(("unit", "value"), [("A", 12.5), ("mA", 12500.0)])

@@ -119,7 +119,7 @@ def test_integer_sensors_are_scaled_and_raw_counts_are_not_believed(tmp_path: Pa
     rates, accelerations = record.topics
     np.testing.assert_allclose(rates.values[:, 0], [0.01, -0.02, 0.03], rtol=1e-15)
     np.testing.assert_allclose(accelerations.values[:, 0], np.array([0.1, -0.2, -1.0]) * STANDARD_GRAVITY_M_S2)
-    with pytest.raises(LogError, match="holds HEARTBEAT, RAW_IMU"):
+    with pytest.raises(LogError, match="contains only HEARTBEAT, RAW_IMU"):
         read_bytes(tmp_path, [heartbeat(station, autopilot=12), *frames])
 
 

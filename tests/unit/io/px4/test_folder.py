@@ -99,7 +99,7 @@ def test_two_logs_in_one_folder_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_a_topic_is_one_sentence(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="holds no topic"):
+    with pytest.raises(LogError, match="contains no topic"):
         read(tmp_path)
 
 

@@ -244,7 +244,7 @@ def test_signals_under_other_names_are_no_excitation(
 
 
 def test_a_log_without_any_known_topic_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="holds no topic"):
+    with pytest.raises(LogError, match="contains no topic"):
         read(tmp_path, {"cpuload": spread("load", timestamp=stamps())})
 
 

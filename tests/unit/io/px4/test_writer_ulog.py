@@ -128,8 +128,8 @@ def test_equal_input_makes_equal_bytes(tmp_path: Path) -> None:
     ("topics", "parameters", "sentence"),
     [
         ([], {}, "0 topics"),
-        ([topic("a", [1]), topic("a", [2])], {}, "2 topics of 1 names"),
-        ([topic("a", [1]), topic("a", [2], "uint64_t timestamp;float v", 1)], {}, "two layouts came for a"),
+        ([topic("a", [1]), topic("a", [2])], {}, "2 topics have 1 names"),
+        ([topic("a", [1]), topic("a", [2], "uint64_t timestamp;float v", 1)], {}, "a has two layouts"),
         ([topic("a", [2, 1])], {}, "the stamps of a fall"),
         ([topic("a", [1], "uint64_t timestamp;uint8_t[65530] much")], {}, "a message of a is too long"),
         ([topic("a", [1])], {"MC_ROLL_P": float("nan")}, "MC_ROLL_P = nan"),

@@ -291,7 +291,7 @@ def test_a_plain_number_counts_by_the_name_of_its_topic(tmp_path: Path) -> None:
     record = read_bag(write_bag(tmp_path, "sqlite", topics))
     assert record.channel_names == ("pitch_command",)
     assert record.topics[0].values[0].tolist() == list(range(40))
-    with pytest.raises(LogError, match=r"holds /rig/noise \(std_msgs/msg/Float64\).*--map"):
+    with pytest.raises(LogError, match=r"contains /rig/noise \(std_msgs/msg/Float64\).*--map"):
         read_bag(write_bag(tmp_path / "..", "ros1", {"/rig/noise": ("std_msgs/msg/Float64", number)}))
 
 
@@ -322,10 +322,10 @@ def test_a_mapping_reaches_fields_elements_and_stamps(tmp_path: Path, container:
     ("source", "sentence"),
     [
         ("/imv.angular_velocity.x", "no topic '/imv'.*did you mean /imu"),
-        ("/imu.angular_velocity", "no numbers at 'angular_velocity'.*header, orientation"),
-        ("/imu.angular_velocity.q", "no numbers at 'angular_velocity.q'"),
-        ("/imu.header.frame_id", "no numbers at 'header.frame_id'"),
-        ("/imu.__class__.__mro__", "no numbers at '__class__.__mro__'"),
+        ("/imu.angular_velocity", "no number at 'angular_velocity'.*header, orientation"),
+        ("/imu.angular_velocity.q", "no number at 'angular_velocity.q'"),
+        ("/imu.header.frame_id", "no number at 'header.frame_id'"),
+        ("/imu.__class__.__mro__", "no number at '__class__.__mro__'"),
     ],
 )
 def test_a_mapping_that_does_not_fit_is_told_so(tmp_path: Path, source: str, sentence: str) -> None:

@@ -70,7 +70,7 @@ def test_a_mapping_takes_any_header_and_ignores_the_rest(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("time [s],q [rad/s]\n", "holds no flight: a header and no samples"),
+        ("time [s],q [rad/s]\n", "contains no flight: a header and no samples"),
         ("\n\n", "is empty"),
         ("time [s],q [rad/s]\n0,1\n1,oops\n", r"line 3, column 'q \[rad/s\]' is 'oops'"),
         ("time [s],q [rad/s]\n\n0,1\n1,\n", r"line 4, column 'q \[rad/s\]' is ''"),
@@ -83,8 +83,8 @@ def test_a_mapping_takes_any_header_and_ignores_the_rest(tmp_path: Path) -> None
         ("timestamp,output[0]\n0,1\n", "first column is 'timestamp'.*ulog2csv.*give their folder"),
         ("time [s],q,q\n0,1,1\n", "two columns 'q'"),
         ("time [s],q,q [rad/s]\n0,1,1\n", "two columns for q"),
-        (b"time [s],q\n0,\xff\n", "no text in UTF-8"),
-        (b"time [s],q\xff\n0,1\n", "no text in UTF-8"),
+        (b"time [s],q\n0,\xff\n", "not UTF-8 text"),
+        (b"time [s],q\xff\n0,1\n", "not UTF-8 text"),
     ],
 )
 def test_a_broken_table_names_the_place(tmp_path: Path, text: str | bytes, sentence: str) -> None:

@@ -70,7 +70,7 @@ CHANNEL = '[channels.q]\nsource = "a"\ntime = "t"\n'
         (CHANNEL + "[chanels]", "a key `chanels`.* did you mean channels"),
         (CHANNEL.replace("q]", "pich_command]"), "pich_command.* did you mean pitch_command"),
         (CHANNEL.replace("q]", "rotor_current]"), "rotor_current.* has no `unit`"),
-        (CHANNEL.replace("q]", "2q]"), "is no channel.*letters, digits"),
+        (CHANNEL.replace("q]", "2q]"), "is not a known channel.*letters, digits"),
         (CHANNEL + "scale = 0", "`scale` = 0"),
         (CHANNEL + 'frame = "flu"', "`frame` = 'flu'; expected one of FRD, FLU"),
         (CHANNEL + 'world = "UP"', "`world` = 'UP'; expected one of NED, ENU, NWU"),
@@ -81,20 +81,20 @@ CHANNEL = '[channels.q]\nsource = "a"\ntime = "t"\n'
         (CHANNEL + "file = 'C:\\log.mat'", "expected a path below"),
         (CHANNEL + "file = '..\\log.mat'", "expected a path below"),
         (CHANNEL + 'file = "log\\u0000.mat"', "expected a path below"),
-        (CHANNEL + 'file = "other.mat"', "every channel stands in another file.*give other.mat as the log"),
+        (CHANNEL + 'file = "other.mat"', "every channel is in a file other.*give other.mat as the log"),
         ('[channels.q]\nsource = "a"\ntime_unit = "ms"\n[clock]\nsample_rate_hz = 1', "`time_unit` and no `time`"),
         (CHANNEL + '[experiments]\nnames = ["1", "2"]', r"\[experiments\] alone"),
         (CHANNEL.replace('"a"', '"a{experiment}"'), "a source with {experiment} alone"),
         (CHANNEL + "[experiments]\nnames = [1, 1]", "a list of several different names"),
         (CHANNEL + "[experiments]\nspacing_s = 1", "has no `names`"),
         (CHANNEL + "[experiments]\nnames = [1]\nspacing_s = -1", "`spacing_s` = -1"),
-        (CHANNEL + '[vectors.rate]\nsources = ["a"]', "no vector of the vocabulary.* did you mean rates"),
+        (CHANNEL + '[vectors.rate]\nsources = ["a"]', "not a known vector.* did you mean rates"),
         (CHANNEL + "[vectors.velocity]", "neither of `sources` and `source`"),
         (CHANNEL + '[vectors.velocity]\nsource = "a"\nsources = ["a", "b", "c"]', "both of `sources` and `source`"),
         (CHANNEL + '[vectors.velocity]\nsources = ["a", "b"]', "a list of 3 different names"),
         (CHANNEL + '[vectors.velocity]\nsources = ["a", "b", "b"]', "a list of 3 different names"),
         (CHANNEL + '[vectors.quaternion]\nsources = ["x", "y", "z"]', "a list of 4 different names"),
-        (CHANNEL + '[vectors.velocity]\nsources = ["a", "b", "c"]\nby = "row"', "`by` beside `sources`"),
+        (CHANNEL + '[vectors.velocity]\nsources = ["a", "b", "c"]\nby = "row"', "`by` and `sources`"),
         (CHANNEL + '[vectors.velocity]\nsource = "a"\nby = "line"', "`by` = 'line'; expected one of row, column"),
         (CHANNEL + '[vectors.velocity]\nsource = "a"\nunit = "rad"', "expected a unit of m/s"),
         (CHANNEL + '[vectors.velocity]\nsource = "a"', r"\[channels.velocity_north\] has no stamps"),
@@ -106,7 +106,7 @@ CHANNEL = '[channels.q]\nsource = "a"\ntime = "t"\n'
         (CHANNEL + "[clock]\nsampel_rate_hz = 2", "did you mean sample_rate_hz"),
         (CHANNEL + '[clock]\ntime = "t"', "is 't'; expected a table"),
         (CHANNEL + "[segments]\nuse = 3", "a list of tables"),
-        (CHANNEL + "[segments]\nuse = [{start_s = 1, stop_s = 2}]", "does not say which axis"),
+        (CHANNEL + "[segments]\nuse = [{start_s = 1, stop_s = 2}]", "does not name its axis"),
         (CHANNEL + '[segments]\nuse = [{start_s = 1, stop_s = 2, axis = "up"}]', "`axis` = 'up'"),
         (CHANNEL + '[segments]\nuse = [{start_s = 2, stop_s = 1, axis = "yaw"}]', "number 1 is no interval"),
         (CHANNEL + '[segments]\nuse = [{start_s = 2, stop_sample = 9, axis = "yaw"}]', "is no interval"),
@@ -135,5 +135,5 @@ def test_a_missing_or_broken_file_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot be opened"):
         read_mapping(tmp_path / "none.toml")
     (tmp_path / "map.toml").write_text("[channels\n")
-    with pytest.raises(UsageError, match=r"map.toml is no TOML: .*line 1"):
+    with pytest.raises(UsageError, match=r"map.toml is not valid TOML: .*line 1"):
         read_mapping(tmp_path / "map.toml")

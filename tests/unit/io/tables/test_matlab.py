@@ -80,14 +80,14 @@ def test_without_a_mapping_the_names_mean_themselves(tmp_path: Path, wrap: Any) 
 
 
 def test_without_a_mapping_and_without_names_it_says_what_there_is(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"holds t, y.*--map"):
+    with pytest.raises(LogError, match=r"contains t, y.*--map"):
         read_saved(tmp_path, {"t": TIME, "y": TIME})
 
 
 @pytest.mark.parametrize(
     ("source", "error", "sentence"),
     [
-        ({"source": "qq"}, UsageError, "holds no 'qq'.*one of t, short, mat, hole, q1"),
+        ({"source": "qq"}, UsageError, "contains no 'qq'.*one of t, short, mat, hole, q1"),
         ({"source": "q"}, UsageError, "did you mean q1"),
         ({"source": "short"}, LogError, "short has 3 samples and its clock 50 stamps"),
         ({"source": "mat"}, UsageError, "mat is a matrix of 2 by 50"),

@@ -49,9 +49,9 @@ def test_text_records_and_objects_are_never_read(tmp_path: Path) -> None:
 
 def test_a_missing_name_is_told_what_there_is(tmp_path: Path) -> None:
     np.savez(tmp_path / "flight.npz", time=TIME, gyro_y=TIME)
-    with pytest.raises(LogError, match=r"holds time, gyro_y.*--map"):
+    with pytest.raises(LogError, match=r"contains time, gyro_y.*--map"):
         read(tmp_path / "flight.npz")
-    with pytest.raises(UsageError, match=r"holds no 'gyro_x'.*did you mean gyro_y"):
+    with pytest.raises(UsageError, match=r"contains no 'gyro_x'.*did you mean gyro_y"):
         read(tmp_path / "flight.npz", {"clock": {"sample_rate_hz": 9}, "channels": {"q": {"source": "gyro_x"}}})
 
 

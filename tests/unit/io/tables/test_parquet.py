@@ -50,8 +50,8 @@ def test_a_mapping_names_any_columns(tmp_path: Path) -> None:
         ({"q": TIME, "time": TIME}, LogError, "whose first column is 'q'"),
         ({"time": TIME, "qq": TIME}, LogError, "has the columns time, qq"),
         ({"time": TIME, "q [m]": TIME}, UsageError, "has the unit 'm'.*a unit of rad/s"),
-        ({"time": TIME, "q": [None, *TIME[1:]]}, LogError, "the column 'q' holds 1 holes"),
-        ({"time": TIME, "q": ["x"] * 50}, LogError, "the column 'q' holds values of type string"),
+        ({"time": TIME, "q": [None, *TIME[1:]]}, LogError, "the column 'q' contains 1 holes"),
+        ({"time": TIME, "q": ["x"] * 50}, LogError, "the column 'q' contains values of type string"),
         ({"time": TIME, "q": [np.nan, *TIME[1:]]}, LogError, "sample 1 of q is nan"),
     ],
 )
