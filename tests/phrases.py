@@ -21,7 +21,7 @@ FORBIDDEN = {
     "came": r"\bcame\b(?! (?:from|with|back|to|in|out)\b)",
     "hold": r"\b(?:holds|held)\b(?! (?:its|the|their) (?:value|last|attitude|altitude|height|position|heading|place))",
     "of it": r"\b(?:of it|of itself|of which|that which|in which case)\b",
-    "stand": r"\b(?:stands?|stood) (?:in|below|above|there|beside|under|at|on)\b",
+    "stand": r"\b(?:stands?|stood) (?:in|below|above|there|beside|under|at|on)\b|\b(?:below|above) stands?\b",
     "beside": r"\bbeside\b",
     "rest": r"\b(?:rests|rested)\b",
     "give way": r"\bg(?:ives?|iving|ave) way\b",

@@ -36,7 +36,7 @@ def test_a_person_gets_a_table(flight: Path, tmp_path: Path) -> None:
     ran = rotorid("delay", flight, *PAIR, "--out", tmp_path)
     assert ran.code == 0
     assert "p behind roll_command" in ran.out
-    assert "dead time beside a lag of" in ran.out
+    assert "dead time plus a lag of" in ran.out
     assert str(tmp_path / "delay.json") in ran.out.replace("\n", "")
 
 
