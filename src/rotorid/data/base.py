@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 from weakref import WeakKeyDictionary
 
-from rotorid.data.display import dataclass_text
+from rotorid.data.display import counted, dataclass_text
 from rotorid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def read_only(values: Any, dtype: type[Any], *, ndim: int) -> NDArray[Any]:
 
     array = np.array(values, dtype=dtype, copy=True)
     if array.ndim != ndim:
-        raise ValueError(f"an array with {ndim} dimension(s) is required, not shape {array.shape}")
+        raise ValueError(f"an array with {counted(ndim, 'dimension')} is required, not shape {array.shape}")
     array.setflags(write=False)
     return array
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.quantity import beyond, milliseconds, percent
+from rotorid.data.quantity import beyond, milliseconds, minus, percent
 from rotorid.data.record import AXES
 from rotorid.data.trust import (
     CRAMER_RAO_GUIDELINE_PERCENT,
@@ -103,13 +103,14 @@ def _one_lag_and_delay(parameters: ParameterSet, bounds: Bounds, delay: str) -> 
     separable = known and abs(correlation) <= _LARGEST_CORRELATION
     each = f"{milliseconds(values[0], lag_std)} ms and {milliseconds(values[1], delay_std)} ms"
     total = f"{milliseconds(together, std)} ms"
+    correlated = minus(f"{correlation:.2f}")
     message = (
-        f"Motor lag and delay are {each} with a correlation of {correlation:.2f}; their sum, {total}, is more "
-        "certain than either."
+        f"Motor lag and delay are {each} with a correlation of {correlated}; their sum, {total}, is more certain "
+        "than either."
         if separable
-        else f"Motor lag and delay can barely be separated: {each} with a correlation of {correlation:.2f}. Trust "
-        f"their sum of {total}. A wider band would separate them, or a lag from a bench or from measured motor "
-        f"speeds (--fix {MOTOR_LAG}=VALUE)."
+        else f"Motor lag and delay can barely be separated: {each} with a correlation of {correlated}. Trust their sum "
+        f"of {total}. A wider band would separate them, or a lag from a bench or from measured motor speeds "
+        f"(--fix {MOTOR_LAG}=VALUE)."
     )
     return (remark if separable else warn)(
         "lag_plus_delay" if separable else "not_identifiable",

@@ -692,12 +692,12 @@ def _joint_estimate_finding(
         "closed_loop_bias",
         f"{response.outputs[y]}/{response.inputs[u]}",
         f"The joint estimate with {', '.join(response.instruments)} was used for "
-        f"{response.outputs[y]}/{response.inputs[u]}. A direct estimate would differ by {typical:.1f} dB rms and "
-        f"{worst:+.1f} dB at most in the used band"
+        f"{response.outputs[y]}/{response.inputs[u]}. A direct estimate would differ by {typical:.1f} dB (rms) in the "
+        f"used band, at most by {abs(worst):.1f} dB"
         + (
-            ": it is biased by feedback, unless the instrument itself contains feedback."
+            ": feedback biases it, unless the instrument itself contains feedback."
             if serious
-            else ", so feedback barely biases this flight."
+            else "; feedback barely biases this flight."
         ),
         largest_db=worst,
         rms_db=typical,

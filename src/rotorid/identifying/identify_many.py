@@ -78,9 +78,7 @@ def none_identified(models: SeveralModels, records: Sequence[FlightRecord]) -> I
         findings = [refusal(kind, model, f"{log}: {because}.") for (log, because), (kind, model) in why.items()]
     logs = " and ".join(record.source.name for record in records)
     return InsufficientDataError(
-        f"none of {len(models)} models was identified: {', '.join(models)}"
-        if models
-        else f"not enough data in {logs} for any model",
+        f"not enough data for {' or '.join(models)}" if models else f"not enough data in {logs} for any model",
         needed="flights that move these axes, logged fast enough",
         remedy="see the findings for what each lacks",
         findings=findings,

@@ -574,7 +574,7 @@ def _unusable(response: FrequencyResponse, used: BoolArray, limit: float) -> tup
             (remark if used[:, u].any() else warn)(
                 "low_coherence",
                 name,
-                f"No point of {name} is usable: its coherence reaches {best:.2f}, {limit:g} needed.",
+                f"No point of {name} is usable: its coherence reaches {best:.2f} ({limit:g} needed).",
                 best_coherence=best,
                 limit=limit,
             )

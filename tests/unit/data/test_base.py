@@ -149,14 +149,14 @@ def test_a_misspelt_keyword_and_a_position_are_refused(make: Callable[[], Any]) 
 @pytest.mark.parametrize(
     ("make", "change", "message"),
     [
-        (history, {"values": np.zeros(5)}, r"2 dimension\(s\) is required, not shape \(5,\)"),
+        (history, {"values": np.zeros(5)}, r"2 dimensions is required, not shape \(5,\)"),
         (history, {"values": np.zeros((3, 5))}, "2 channels are named but there are 3 rows"),
         (history, {"sample_rate_hz": 0.0}, "must be positive, not 0.0 Hz"),
         (history, {"sample_rate_hz": float("nan")}, "must be positive"),
         (topic, {"values": np.zeros((5, 2))}, r"values of shape \(5, 2\)"),
         (topic, {"time_s": np.arange(4.0)}, "2 channels and 4 time stamps"),
-        (topic, {"time_s": np.zeros((1, 5))}, r"1 dimension\(s\)"),
-        (response, {"values": np.ones((1, 3))}, r"3 dimension\(s\)"),
+        (topic, {"time_s": np.zeros((1, 5))}, "1 dimension"),
+        (response, {"values": np.ones((1, 3))}, "3 dimensions"),
         (response, {"coherence": np.ones((1, 1, 2))}, "coherence must have shape"),
         (response, {"random_error": np.ones((1, 2, 3))}, "random_error must have shape"),
         (response, {"covariance": np.ones((1, 1, 3, 2))}, "covariance must have shape"),

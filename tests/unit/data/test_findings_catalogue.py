@@ -13,9 +13,13 @@ from tests.phrases import PATTERNS
 from rotorid.data.findings import KINDS, Kind
 
 SOURCE = Path(__file__).resolve().parents[3] / "src"
+COUNTING = (
+    *("data", "flights", "fits", "fitting", "identifying", "checking", "results", "loops", "verification"),
+    *("uncertainty", "search", "reduction"),
+)
 OF_THE_PROJECT_OUTSIDE = {"ArduPilot", "PX4", "Betaflight"}
 LONGEST_HEADING, LONGEST_MEANING = 6, 25
-PLURAL_BY_HAND = re.compile(r"""(['"])e?s\1 \* ?\(|(['"])s\2 if |\bif .{1,40} == 1 else (['"])e?s\3|\(s\)""")
+PLURAL_BY_HAND = re.compile(r"""(['"])e?s\1 \* ?\(|(['"])s\2 if |\bif .{1,40} == 1 else (['"])e?s\3|[a-z]{4}\(s\)""")
 
 catalogue = pytest.mark.parametrize(("name", "kind"), KINDS.items(), ids=KINDS)
 
@@ -50,3 +54,16 @@ def test_the_source_uses_every_kind_of_the_catalogue_and_no_other() -> None:
     texts = [path.read_text(encoding="utf-8") for path in SOURCE.rglob("*.py") if path.name != "findings.py"]
     assert {kind for path in SOURCE.rglob("*.py") for kind in kinds_in(path)} <= set(KINDS)
     assert not [name for name in KINDS if not any(f'"{name}"' in text for text in texts)]
+
+
+@pytest.mark.parametrize("package", COUNTING)
+def test_plural_forms_come_from_the_one_helper(package: str) -> None:
+    """``counted`` of :mod:`rotorid.data.display`: "1 log", "2 logs"."""
+    lines = [
+        f"{path.name}:{number}: {line.strip()}"
+        for path in (SOURCE / "rotorid" / package).rglob("*.py")
+        if path.name != "display.py"
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if PLURAL_BY_HAND.search(line) and '"""' not in line
+    ]
+    assert not lines

@@ -596,7 +596,7 @@ def _nothing_excited(data: MotorData, found: tuple[Mapping[str, Excitation], ...
     slow = [finding for finding in data.findings if finding.kind == "rate_too_low"]
     message = (
         f"The motors of {names} explain its motion on no axis: the correlation of torque and acceleration up to "
-        f"5 Hz is {correlation_words}, {LEAST_CORRELATION:g} needed"
+        f"5 Hz is {correlation_words} ({LEAST_CORRELATION:g} needed)"
     )
     return InsufficientDataError(
         message,

@@ -74,7 +74,7 @@ def _unexcited(identified: FittedMotors) -> Iterator[Finding]:
         "no_excitation",
         ", ".join(AXIS_WORDS[axis] for axis in missing),
         f"Not enough data for {' and '.join(AXIS_WORDS[axis] for axis in missing)}: the correlation of motors "
-        f"and motion is {words}, {LEAST_CORRELATION:g} needed. Without excitation the motors show the "
+        f"and motion is {words} ({LEAST_CORRELATION:g} needed). Without excitation the motors show the "
         "controller, not the vehicle. Fly a sweep or doublets on these axes.",
         **{AXIS_WORDS[axis]: correlation for axis, correlation in best.items()},
     )
