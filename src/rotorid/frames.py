@@ -37,7 +37,7 @@ _ANGLES: Mapping[tuple[str, str], SignedAngles] = MappingProxyType(
 
 
 def signed_axes(frame: BodyFrame | WorldFrame) -> SignedAxes:
-    """Where each FRD or NED component of a vector stands in another frame, and with which sign.
+    """Place and sign of each FRD or NED component of a vector in another frame.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def signed_axes(frame: BodyFrame | WorldFrame) -> SignedAxes:
 
 
 def signed_angles(frame: BodyFrame, world: WorldFrame) -> SignedAngles:
-    r"""How roll, pitch and yaw between two other frames become those from FRD to NED.
+    r"""Signs and offsets that turn roll, pitch and yaw between two other frames into those from FRD to NED.
 
     With :math:`(s, o)` from here, :math:`\phi = s_1 \phi' + o_1` and so on. From FLU to ENU roll stays, pitch changes
     its sign, and :math:`\psi = \pi/2 - \psi'`.
@@ -79,7 +79,7 @@ def signed_angles(frame: BodyFrame, world: WorldFrame) -> SignedAngles:
     Raises
     ------
     UsageError
-        One frame counts up and the other down: such angles mean a vehicle that hangs upside down.
+        One frame points up and the other down, so the vehicle would be upside down.
 
     Examples
     --------
@@ -88,9 +88,9 @@ def signed_angles(frame: BodyFrame, world: WorldFrame) -> SignedAngles:
     """
     if (frame, world) not in _ANGLES:
         raise UsageError(
-            f"an attitude from {frame} to {world} came",
+            f"{frame} and {world} do not form an attitude",
             needed=" or ".join(f"{body} with {earth}" for body, earth in _ANGLES),
-            remedy="state the frame of the body and that of the earth",
+            remedy="correct the frame of the body or that of the earth",
         )
     return _ANGLES[frame, world]
 

@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rotorid.errors import UsageError
+from rotorid.errors import UsageError, nearest_name
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 
@@ -98,7 +98,7 @@ def parse_unit(text: str) -> Unit:
     Raises
     ------
     UsageError
-        The unit is not known.
+        The unit is unknown.
 
     Examples
     --------
@@ -108,8 +108,11 @@ def parse_unit(text: str) -> Unit:
     name = text.strip()
     name = _ALIASES.get(name, name)
     if name not in UNITS:
+        near = nearest_name(name, UNITS)
         raise UsageError(
-            f"the unit {text!r} is not known", needed=f"one of {', '.join(UNITS)}", remedy="correct the unit"
+            f"unknown unit {text!r}",
+            needed="" if near else "a unit such as rad/s, deg/s, Hz, m/s^2, s or 1",
+            remedy=f"did you mean {near}?" if near else "",
         )
     return UNITS[name]
 
@@ -129,7 +132,7 @@ _MEASURE = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)(.*)", re
 
 
 class Measure(float):
-    """A number in SI whose unit was written behind it.
+    """A number in SI that was written with its unit.
 
     Parameters
     ----------
@@ -154,7 +157,7 @@ class Measure(float):
 
 
 def read_measure(text: str, unit: str | None = None, *, came: str = "", needed: str = "") -> float:
-    """A number as a person writes it: with a unit behind it, or alone.
+    """A number with or without a unit behind it.
 
     Parameters
     ----------
@@ -169,7 +172,7 @@ def read_measure(text: str, unit: str | None = None, *, came: str = "", needed: 
     Raises
     ------
     UsageError
-        It is no finite number, its unit is not known, of something else, or may mean two things.
+        It is no finite number, or its unit is unknown, of another quantity or ambiguous.
 
     Examples
     --------
@@ -178,8 +181,8 @@ def read_measure(text: str, unit: str | None = None, *, came: str = "", needed: 
     >>> read_measure("0.25kHz", "Hz"), read_measure("20 deg", "deg")
     (250.0, 20.0)
     """
-    quoted = came or f"{text!r} came"
-    accepted = "a number" if unit in (None, "1") else f"a number in {unit}, or with its unit behind it"
+    quoted = came or f"{text!r} cannot be read"
+    accepted = "a number" if unit in (None, "1") else f"a number in {unit}, or with a unit"
     found = _MEASURE.fullmatch(text.strip())
     if found is None or not math.isfinite(float(found[1])):
         raise UsageError(quoted, needed=needed or accepted)
@@ -187,15 +190,15 @@ def read_measure(text: str, unit: str | None = None, *, came: str = "", needed: 
     wanted = None if unit is None else parse_unit(unit)
     if not written:
         return number if wanted is not None else Measure(number)
-    why = f"{quoted}, which is" if quoted.endswith(" came") else f"{quoted}: {text.strip()!r} is"
+    subject = re.sub(" (came|cannot be read)$", "", quoted)
     if written == "g" and (wanted is None or wanted.si == "kg"):
-        raise UsageError(f"{why} grams or gravity", needed="kg, or m/s^2")
+        raise UsageError(f"{subject}: g may be grams or gravity", needed="kg or m/s^2")
     try:
         given = parse_unit(written)
     except UsageError as error:
-        raise UsageError(f"{quoted}: {error.came}", needed=error.needed, remedy=error.remedy) from None
+        raise UsageError(f"{subject}: {error.came}", needed=error.needed, remedy=error.remedy) from None
     if wanted is not None and given.si != wanted.si:
-        raise UsageError(f"{why} in {given.si}", needed=needed or accepted)
+        raise UsageError(f"{subject} is in {given.si}", needed=needed or accepted)
     # Decimal factors of ten are written as they are read: 20 cm is 0.2 m.
     value = float(f"{number * (given.factor / (wanted.factor if wanted else 1.0)):.15g}")
     return value if wanted is not None else Measure(value, given.si)
@@ -234,7 +237,7 @@ def read_measures(text: str, unit: str, between: str, *, came: str = "", needed:
 
 
 def require_units(given: Mapping[str, float], units: Mapping[str, str], *, option: str) -> None:
-    """Refuse numbers that were given in a unit of something else.
+    """Raise for numbers in a unit of another quantity.
 
     Parameters
     ----------
@@ -248,7 +251,7 @@ def require_units(given: Mapping[str, float], units: Mapping[str, str], *, optio
     Raises
     ------
     UsageError
-        A unit is of something else, or nobody knows yet what the name is in.
+        A unit is of another quantity, or the unit of the name is not yet known.
 
     Examples
     --------
@@ -257,5 +260,5 @@ def require_units(given: Mapping[str, float], units: Mapping[str, str], *, optio
     for name, value in given.items():
         written = value.si if isinstance(value, Measure) else ""
         if written and written != units.get(name):
-            needed = f"{name} in {units[name]}" if name in units else f"{name} in SI, without a unit behind it"
-            raise UsageError(f"{option} {name} came in {written}", needed=needed)
+            needed = units.get(name, "SI without a unit")
+            raise UsageError(f"{option} {name} is in {written}", needed=needed)

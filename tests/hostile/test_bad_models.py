@@ -48,8 +48,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (("--pair", "p/rol_command"), "did you mean p/roll_command?"),
         (("--pair", "nonsense"), "one of p/roll_command"),
         (("--weight", "p/roll_comand=2"), "did you mean p/roll_command?"),
-        (("--weights", "cifr"), "one of auto, cifer, covariance"),
-        (("--speed-damping", "two"), "one of joint, two_step"),
+        (("--weights", "cifr"), "did you mean cifer?"),
+        (("--speed-damping", "two"), "did you mean two_step?"),
         (("--model", "axis.rol"), "did you mean axis.roll?"),
     ],
 )

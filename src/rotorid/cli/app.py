@@ -227,9 +227,10 @@ def _in_words(error: Any, words: list[str]) -> UsageError:
         known = [
             option for param in context.command.get_params(context) for option in (*param.opts, *param.secondary_opts)
         ]
-        near = nearest_name(error.option_name, [option for option in known if option.startswith("--")])
+        words_of_options = [option.removeprefix("--") for option in known if option.startswith("--")]
+        near = nearest_name(error.option_name.lstrip("-"), words_of_options)
         came = f"unknown option {error.option_name}"
-        return UsageError(came, remedy=f"did you mean {near}?" if near else f"see {path} --help-all")
+        return UsageError(came, remedy=f"did you mean --{near}?" if near else f"see {path} --help-all")
     message = " ".join(error.format_message().split()).rstrip(".")
     if found := re.search(r"Input should be (a valid \w+)", message):
         return UsageError(f"{name} needs {_NUMBERS.get(found[1], found[1])}")

@@ -25,13 +25,11 @@ _MOST_PARAMETERS = 24
 def demo_command(
     *,
     seed: Seed = 0,
-    keep_log: Annotated[
-        bool, Option("--keep-log", "Keep the log of the flight, 56 MB; rotorid example px4 writes a smaller one.")
-    ] = False,
+    keep_log: Annotated[bool, Option("--keep-log", "Keep the log of the flight (56 MB).")] = False,
     output: Output,
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
-    """Fly the built-in vehicle, identify it, verify it and write the report. Needs no data and no network."""
+    """Fly the built-in vehicle, identify it and write the report. Needs no data and no network."""
     from rotorid.flying.demo import LOG_NAME, fly_demo, identify_demo
     from rotorid.io.files import write_atomically
     from rotorid.io.folders import making
@@ -76,9 +74,9 @@ def _print(demo: Demonstration, folder: Path, *, verbose: bool) -> None:
     from rotorid.flying.demo import LOG_NAME
 
     console = output_console()
-    table = Table(title="what was identified, and what flew", title_justify="left", box=None, pad_edge=False)
+    table = Table(title="identified and true values", title_justify="left", box=None, pad_edge=False)
     distances = demo.distances()
-    for name in ("model", "parameter", "identified", "± std", "truth", "unit", "off by"):
+    for name in ("model", "parameter", "identified", "± std", "true", "unit", "error"):
         table.add_column(name, justify="left" if name in ("model", "parameter", "unit") else "right")
     rows = []
     for result in demo.identifications:
@@ -99,13 +97,13 @@ def _print(demo: Demonstration, folder: Path, *, verbose: bool) -> None:
                 )
             )
     print_table(table, rows, verbose=verbose, item="parameter", most=_MOST_PARAMETERS)
-    hold = sum(abs(distance) <= TWO_SIDED_95 for distance in distances.values())
+    contained = sum(abs(distance) <= TWO_SIDED_95 for distance in distances.values())
     console.print(
-        f"± is one standard deviation; {hold} of {len(distances)} intervals of 95 % hold the truth. That is the exact\n"
-        "linearization of the vehicle in hover and still air."
+        f"± is one standard deviation. {contained} of {len(distances)} 95 % intervals contain the true value:\n"
+        "the exact linearization at hover in still air."
     )
     if (folder / LOG_NAME).exists():
         console.print(f"log:    {folder / LOG_NAME}", soft_wrap=True, markup=False)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
     if not (folder / "overview.png").exists():
-        say("For a picture too: pip install 'rotorid[figures]'.")
+        say("For a figure as well: pip install 'rotorid[figures]'.")

@@ -13,10 +13,10 @@ from rotorid.settings.option import Option
 
 def doctor_command(
     *,
-    skip: Annotated[bool, Option("--no-self-test", "Leave out the flight that is made and identified.")] = False,
+    skip: Annotated[bool, Option("--no-self-test", "Skip the test flight.")] = False,
     json: Json = False,
     verbose: Verbose = False,
 ) -> None:
-    """Say whether this installation is sound: versions, extras, cache, sandbox, and a flight made and identified."""
+    """Check this installation: versions, extras, cache, sandbox, and a small flight simulated and identified."""
     if not examine(self_test=not skip, json=json, verbose=verbose):
         raise typer.Exit(1)

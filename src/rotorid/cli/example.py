@@ -30,22 +30,22 @@ def example_command(
         str | None,
         typer.Argument(
             autocompletion=complete_from(_names),
-            help="px4, ardupilot, betaflight, rig or bebop; without one they are listed.",
+            help="px4, ardupilot, betaflight, rig or bebop. [default: list them]",
         ),
     ] = None,
     *,
     seed: Seed = 0,
     output: Output,
 ) -> None:
-    """Write a small log, made by the simulator in seconds, and say what to try on it."""
-    from rotorid.errors import UsageError
+    """Write a small simulated log, and print commands to try on it."""
+    from rotorid.errors import UsageError, listed
     from rotorid.flying.examples import EXAMPLES, example_named
 
     if name is None:
         if output.json or output.out is not None:
             raise UsageError(
-                f"{'--json' if output.json else '--out'} came without an example",
-                needed=f"one of {', '.join(EXAMPLES)}",
+                f"{'--json' if output.json else '--out'} needs the name of an example",
+                needed=listed(list(EXAMPLES)),
             )
         _list(tuple(EXAMPLES.values()))
         return
@@ -67,7 +67,7 @@ def example_command(
 
 
 def _print(example: Example, folder: Path) -> None:
-    """Where the log is, and what it is made for, ready to be copied."""
+    """Print where the log is, and commands to try on it."""
     console = output_console()
 
     def say(text: str) -> None:

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rotorid.cli.command import command_line
-from rotorid.cli.console import default_folder, log_progress, output_console, print_findings, progress
+from rotorid.cli.console import (
+    default_folder,
+    log_progress,
+    output_console,
+    print_findings,
+    print_lines,
+    print_table,
+    progress,
+)
 from rotorid.cli.options import Output
 from rotorid.errors import UsageError
 from rotorid.exports.settings import DrawSettings, ExportSettings, TargetSettings
@@ -22,11 +30,13 @@ if TYPE_CHECKING:
     from rotorid.results.model import IdentifiedModel
 
 FILE = "export.json"
+_MOST_LINES = 3
 
 
 def export_command(
     results: Annotated[
-        list[Path], typer.Argument(help="What identify wrote: folders, or result.json; several of one vehicle join.")
+        list[Path],
+        typer.Argument(help="Results of identify: folders or result.json; several are joined into one vehicle."),
     ],
     *,
     what: TargetSettings,
@@ -34,7 +44,7 @@ def export_command(
     drawn: DrawSettings,
     output: Output,
 ) -> None:
-    """Write an identified vehicle as files of a simulator or a tool, with what they hold of it."""
+    """Write an identified vehicle for a simulator or a tool, and list what its files keep."""
     from rotorid.documents.base import to_json
     from rotorid.documents.results import load_results
     from rotorid.exports.exporting import export, joined
@@ -64,9 +74,7 @@ def _settings(given: dict[str, Any]) -> ExportSettings:
     """What was chosen: an order makes states of the delay."""
     if "pade_order" in given:
         if "delay" in given:
-            raise UsageError(
-                "--delay-as-lag and --pade came together", needed="one of them: a delay is a lag or states, not both"
-            )
+            raise UsageError("--delay-as-lag and --pade exclude each other", remedy="use one of them")
         given["delay"] = "states"
     return ExportSettings(**given)
 
@@ -153,11 +161,11 @@ def _write(folder: Path, files: Mapping[str, str | bytes]) -> None:
         write_atomically(folder / name, content)
 
 
-_FIDELITY_WORDS = {"exact": "exact", "approximated": "approximated", "not": "[dim]not held[/dim]"}
+_FIDELITY_WORDS = {"exact": "exact", "approximated": "approximated", "not": "[dim]left out[/dim]"}
 
 
 def _print(document: ExportDocument, folder: Path, *, verbose: bool = False) -> None:
-    """The round trip, what was given and taken from defaults, what was left out, how to start."""
+    """Print what the files keep, what was given or taken from defaults, what was left out, and how to start."""
     from rich.table import Table
 
     from rotorid.exports.target import identified_text, percent_text
@@ -171,22 +179,27 @@ def _print(document: ExportDocument, folder: Path, *, verbose: bool = False) -> 
     for column, side in (("quantity", "left"), ("identified", "right"), ("exported", "right"), ("unit", "left")):
         table.add_column(column, justify=side)  # type: ignore[arg-type]
     table.add_column("difference", justify="right")
-    table.add_column("held")
+    table.add_column("kept")
+    rows = []
     for row in document.quantities:
         percent = "" if row.difference_percent is None else percent_text(row.difference_percent)
         unit = "" if row.unit == "1" else row.unit
         was = identified_text(row.identified, row.identified_std)
-        table.add_row(row.name, was, f"{row.exported:.5g}", unit, percent, _FIDELITY_WORDS[row.held])
-    if document.quantities:
-        console.print(table)
+        rows.append((row.name, was, f"{row.exported:.5g}", unit, percent, _FIDELITY_WORDS[row.held]))
+    if rows:
+        print_table(table, rows, verbose=verbose, item="quantity", page=FILE)
     for title, numbers in (("given", document.given), ("default", document.defaults)):
-        for name, number in numbers.items():
-            unit = "" if number.unit == "1" else f" {number.unit}"
-            plain(f"{title}: {name} = {number.value:.5g}{unit}{f' ({number.of})' if number.of else ''}")
-    for sentence in document.left_out:
-        plain(f"left out: {sentence}")
+        lines = [
+            f"{title}: {name} = {number.value:.5g}{'' if number.unit == '1' else f' {number.unit}'}"
+            f"{f' ({number.of})' if number.of else ''}"
+            for name, number in numbers.items()
+        ]
+        print_lines(lines, verbose=verbose, item=f"{title} value", most=_MOST_LINES, page=FILE)
+    sentences = [f"left out: {sentence}" for sentence in document.left_out]
+    print_lines(sentences, verbose=verbose, item="note", most=_MOST_LINES, page=FILE)
     if document.draws is not None:
-        plain(f"drawn: {document.draws.count} vehicles in draws; {document.draws.redrawn} draws were none")
-    print_findings(document.findings, verbose=verbose)
+        redrawn = document.draws.redrawn
+        plain(f"drawn: {document.draws.count} vehicles in draws; {redrawn} implausible draws were repeated")
+    print_findings(document.findings, verbose=verbose, most=_MOST_LINES, page=FILE)
     plain(f"\nstart:\n{document.start}")
     plain(f"files: {folder}")

@@ -14,7 +14,7 @@ from rotorid.io.named import logs_in
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
 
-_MOST_NAMES = 8
+_MOST_NAMES = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,11 +89,11 @@ class Found:
                 continue
             yield record
         if len(self.failed) == len(self.files):
-            raise LogError(f"none of {len(self.files)} files could be read", needed="at least one flight log")
+            raise LogError(f"none of {len(self.files)} files can be read", needed="at least one flight log")
         if len(self.failed) + len(self.skipped) == len(self.files):
-            came = f"{counted(len(self.files), 'file')} came"
             raise LogError(
-                f"{came}, and no flight log is among them: {self._names()}", needed="at least one flight log"
+                f"no flight log among {counted(len(self.files), 'file')}: {self._names()}",
+                needed="at least one flight log",
             )
 
     @property
@@ -105,10 +105,7 @@ class Found:
         """Name what was left out, in one remark."""
         if self.skipped:
             were = "was" if len(self.skipped) == 1 else "were"
-            say(
-                f"rotorid: {counted(len(self.skipped), 'file')} could not be read as a flight log and {were} skipped: "
-                f"{self._names()}"
-            )
+            say(f"rotorid: {counted(len(self.skipped), 'file')} {were} skipped, not a flight log: {self._names()}")
 
     def _names(self) -> str:
         names = ", ".join(file.name for file in self.skipped[:_MOST_NAMES])

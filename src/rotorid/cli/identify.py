@@ -9,7 +9,7 @@ from statistics import fmean, stdev
 from typing import TYPE_CHECKING
 
 from rotorid.cli.command import carry_out, read_logs, with_command
-from rotorid.cli.console import INKS, default_folder, output_console, print_findings
+from rotorid.cli.console import INKS, default_folder, output_console, print_findings, print_lines, print_table
 from rotorid.cli.options import ForPaper, Logs, Map, Output
 from rotorid.data.quantity import error_columns, significant, with_error
 from rotorid.data.trust import BOUNDS_MEANING
@@ -20,10 +20,12 @@ from rotorid.units import require_units
 
 if TYPE_CHECKING:
     from rich.table import Table
+    from rich.text import Text
 
     from rotorid.data.record import FlightRecord
     from rotorid.documents.base import FindingDocument
     from rotorid.documents.result import ResultDocument
+    from rotorid.documents.results import ResultsDocument
     from rotorid.identifying.identify_many import SeveralModels
     from rotorid.models.nonlinear import NonlinearStructure
     from rotorid.models.structure import LinearStructure
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
 def identify_command(
     logs: Logs, *, asked: ModelSettings, settings: IdentifySettings, map: Map = None, output: Output, paper: ForPaper
 ) -> None:
-    """Identify a model from flight logs: responses, bounds, verification, report."""
+    """Identify a model from flight logs, with error bounds and a report."""
     from rotorid.documents.result import refused_document, result_document
     from rotorid.identifying.cross_validation import cross_validated, parse_kind
     from rotorid.identifying.identification import identify, refused
@@ -85,8 +87,8 @@ def _wanted(asked: ModelSettings, settings: IdentifySettings) -> str | LinearStr
     (model,) = asked.models
     if asked.cross_validate and order_is_open(model):
         raise UsageError(
-            f"--cross-validate came with {model}, which cross-validates orders by itself",
-            needed="black_box:N with the order that was found, to cross-validate that",
+            f"{model} cross-validates its orders already",
+            remedy="leave out --cross-validate, or use black_box:N with the order found",
         )
     require_choices(model, settings, options=asked.beside)
     wanted = read_model(model)
@@ -108,7 +110,7 @@ def _identify_several(
     paper: ForPaper,
 ) -> None:
     """Several models into one folder: a folder for each with its files, one report, one ``results.json``."""
-    from rotorid.documents.results import RESULTS, ResultsDocument, refused_results, results_document
+    from rotorid.documents.results import RESULTS, refused_results, results_document
     from rotorid.identifying.identify_many import identify_several, none_identified
     from rotorid.report.several import write_several
 
@@ -122,15 +124,6 @@ def _identify_several(
         if not several.identified:
             raise none_identified(several, records)
         return found[0]
-
-    def show(document: ResultsDocument, folder: Path, *, verbose: bool) -> None:
-        shared = _shared(document.results)
-        for result in document.results:
-            _print_model(result, shared, verbose=verbose)
-        if shared:
-            output_console().print("of several models", markup=False)
-            print_findings(shared, verbose=verbose)
-        _print_end(document.results, folder)
 
     title = f"{', '.join(asked.models)} from {', '.join(log.name for log in logs)}"
     carry_out(
@@ -146,18 +139,18 @@ def _identify_several(
         ),
         refused=lambda error, _records: refused_results(found[0], error),
         document=results_document,
-        show=show,
+        show=_print_several,
     )
 
 
 def _several(asked: ModelSettings, settings: IdentifySettings) -> str | list[LinearStructure | str]:
-    """Several models, or ``all``; what none of them knows is refused."""
+    """The models, or ``all``; raises for names that none of them has."""
     from rotorid.identifying.identify_many import own_choices, require_known_by_any
     from rotorid.settings.resolve import asked_model, require_known
 
     if any(asked.beside.values()):
         raise UsageError(
-            "--cross-validate, --inputs or --decoupled came with several models", needed="them with a single --model"
+            "--cross-validate, --inputs and --decoupled need a single model", remedy="name one with --model"
         )
     if asks_all(asked.models):
         _require_units((), settings)
@@ -172,7 +165,7 @@ def _several(asked: ModelSettings, settings: IdentifySettings) -> str | list[Lin
 
 
 def _require_units(models: Iterable[str | LinearStructure | NonlinearStructure], settings: IdentifySettings) -> None:
-    """Refuse values to hold in units of something else; of models that wait for the logs, as far as these are known."""
+    """Raise for --fix values in a unit of another quantity; models that need the logs are checked as far as known."""
     from rotorid.models.families import family_of
 
     units: dict[str, str] = {}
@@ -186,15 +179,71 @@ def _require_units(models: Iterable[str | LinearStructure | NonlinearStructure],
 
 
 def print_result(document: ResultDocument, folder: Path, *, verbose: bool = False) -> None:
-    """Parameters, cost, checks, findings, where the files are."""
+    """Print parameters, fit, checks, findings and where the files are."""
     _print_model(document, verbose=verbose)
-    _print_end([document], folder)
+    _print_end([document], folder, verbose=verbose)
 
 
-def _print_end(documents: Sequence[ResultDocument], folder: Path) -> None:
-    """What CR and I are, once, and where the files are."""
-    if any(estimate.cramer_rao_percent is not None for each in documents for estimate in each.parameters.values()):
-        output_console().print(BOUNDS_MEANING, style="dim", markup=False)
+def _print_several(document: ResultsDocument, folder: Path, *, verbose: bool) -> None:
+    """Print a line for each model and the findings of all once; with ``-v`` each model as if it were alone."""
+    from rich.table import Table
+
+    if verbose:
+        shared = _shared(document.results)
+        for result in document.results:
+            _print_model(result, shared, verbose=True)
+        if shared:
+            output_console().print("of several models", markup=False)
+            print_findings(shared, verbose=True)
+        _print_end(document.results, folder, verbose=True)
+        return
+    table = Table(box=None, pad_edge=False)
+    for name in ("model", "fit", "parameters"):
+        table.add_column(name, no_wrap=name != "parameters")
+    rows = [_row(result) for result in document.results if result.parameters]
+    print_table(table, rows, verbose=False, item="model", most=_MOST_MODELS)
+    refusals = [
+        f"{result.model}: no model. {next((f.message for f in result.findings if f.severity == 'error'), '')}".rstrip()
+        for result in document.results
+        if not result.parameters
+    ]
+    print_lines(refusals, verbose=False, item="model without an answer", most=2)
+    identified = [result for result in document.results if result.parameters]
+    print_findings([finding for result in identified for finding in result.findings])
+    _print_end(document.results, folder, verbose=False)
+
+
+_MOST_MODELS = 8
+_MOST_VALUES = 3
+_MOST_LINES = 5
+_LIMITS = "± is one standard deviation. CR above 20 % or I above 10 %: the data barely determine the parameter."
+
+
+def _row(document: ResultDocument) -> tuple[str, Text, str]:
+    """A model, its verdict, and its best known parameters."""
+    from rich.text import Text
+
+    known = {
+        name: estimate
+        for name, estimate in document.parameters.items()
+        if estimate.status == "free" and estimate.std is not None
+    }
+    best = sorted(known, key=lambda name: (known[name].std or 0.0) / max(abs(known[name].value), 1e-12))[:_MOST_VALUES]
+    values = [
+        f"{name} {with_error(known[name].value, known[name].std)} {known[name].unit}".removesuffix(" 1")
+        for name in known
+        if name in best
+    ]
+    more = f" and {len(known) - len(best)} more" if len(known) > len(best) else ""
+    word = ("", "") if document.verdict is None else (document.verdict.word, INKS[document.verdict.color])
+    return document.model, Text(*word), f"{', '.join(values)}{more}"
+
+
+def _print_end(documents: Sequence[ResultDocument], folder: Path, *, verbose: bool) -> None:
+    """Print what CR and I are, once, and where the files are."""
+    single = verbose or len(documents) == 1
+    if single and any(each.cramer_rao_percent is not None for one in documents for each in one.parameters.values()):
+        output_console().print(BOUNDS_MEANING if verbose else _LIMITS, style="dim", markup=False)
     output_console().print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
 
@@ -212,44 +261,42 @@ def _shared(documents: Sequence[ResultDocument]) -> list[FindingDocument]:
 def _print_model(document: ResultDocument, elsewhere: Sequence[FindingDocument] = (), *, verbose: bool) -> None:
     console = output_console()
     if not document.parameters:
-        console.print(f"{document.model}: refused", markup=False)
+        console.print(f"{document.model}: no model", markup=False)
         print_findings([finding for finding in document.findings if finding.severity == "error"], verbose=verbose)
         return
-    console.print(_table(document))
+    print_table(*_table(document), verbose=verbose, item="parameter")
     if (found := document.verdict) is not None:
         console.print(f"fit: {found.word}", style=INKS[found.color], markup=False, end=". ")
         console.print(found.reason, markup=False)
-    parts = (_motors, _derived, _fit, _repeated, _orders, _verified)
-    for line in (line for part in parts for line in part(document)):
-        console.print(line)
-    for combination in document.identifiability:
-        console.print(combination.words, markup=False)
+    parts = (_verified, _derived, _motors, _fit, _repeated, _orders)
+    lines = [*(line for part in parts for line in part(document)), *(each.words for each in document.identifiability)]
+    print_lines(lines, verbose=verbose, item="detail", most=_MOST_LINES)
     printed = {(finding.kind, finding.message) for finding in elsewhere}
     own = [finding for finding in document.findings if (finding.kind, finding.message) not in printed]
     print_findings(own, verbose=verbose)
 
 
-def _table(document: ResultDocument) -> Table:
+def _table(document: ResultDocument) -> tuple[Table, list[tuple[str, ...]]]:
+    """The table of parameters and its rows."""
     from rich.table import Table
 
     again = document.bootstrap
     table = Table(title=document.model, title_justify="left", box=None, pad_edge=False)
     table.add_column("parameter")
-    table.add_column("value", justify="right")
-    table.add_column("± std", justify="right")
-    if again is not None:
-        table.add_column("bootstrap", justify="right")
+    for name in ("value", "± std", *(("bootstrap",) if again is not None else ())):
+        table.add_column(name, justify="right")
     table.add_column("unit")
     for name in ("CR %", "I %"):
         table.add_column(name, justify="right")
     table.add_column("")
+    rows = []
     for name, parameter in document.parameters.items():
         if parameter.status == "dropped":
             continue
         spread = [] if again is None else [f"{again.parameters[name].std:.2g}" if name in again.parameters else ""]
         numbers = error_columns(parameter.value, parameter.std, digits=5)
-        table.add_row(name, *numbers, *spread, parameter.unit, *_percents(parameter), parameter.status)
-    return table
+        rows.append((name, *numbers, *spread, parameter.unit, *_percents(parameter), parameter.status))
+    return table, rows
 
 
 def _percents(parameter: ParameterEstimate) -> tuple[str, str]:
@@ -273,24 +320,24 @@ def _motors(document: ResultDocument) -> Iterator[str]:
         for name, derived in document.motors.derived.items()
     ]
     yield ", ".join(lines)
-    yield f"rotors {document.motors.layout}, {document.motors.curve} thrust of {document.motors.source}"
+    yield f"rotors: {document.motors.layout}; {document.motors.curve} thrust curve of {document.motors.source}"
 
 
 def _derived(document: ResultDocument) -> Iterator[str]:
-    """What follows from the parameters and what is known beside them."""
+    """What follows from the parameters and from values that were given."""
     if (derived := document.derived) is None:
         return
     for name, quantity in derived.quantities.items():
         unit = "" if quantity.unit == "1" else f" {quantity.unit}"
         yield f"{name} {with_error(quantity.value, quantity.std)}{unit}: {quantity.words}"
     for name, needed in derived.missing.items():
-        yield f"{name} would follow with {', '.join(needed)} (--known {needed[0]}=VALUE:STD)"
+        yield f"{name} also needs {', '.join(needed)}: add --known {needed[0]}=VALUE:STD"
 
 
 def _fit(document: ResultDocument) -> Iterator[str]:
     """What was left out, and how well the rest fits."""
     if dropped := [name for name, parameter in document.parameters.items() if parameter.status == "dropped"]:
-        yield f"dropped: {', '.join(dropped)}"
+        yield f"dropped, not needed to explain the data: {', '.join(dropped)}"
     if document.cost is not None:
         for pair, cost in document.cost.pairs.items():
             low, high = cost.band_rad_s
@@ -303,13 +350,13 @@ def _fit(document: ResultDocument) -> Iterator[str]:
 
 
 def _lines_by_record(document: ResultDocument) -> Iterator[str]:
-    """What each record alone says of the parameters of a nonlinear model, and their spread."""
+    """Parameters of a nonlinear model from each record, and their spread."""
     for name in dict.fromkeys(name for fit in document.records for name in fit.parameters):
         estimates = [fit.parameters[name] for fit in document.records if name in fit.parameters]
         if len(estimates) > 1:
             each = ", ".join(with_error(derived.value, derived.std, digits=3) for derived in estimates)
             mean, spread = fmean(derived.value for derived in estimates), stdev(derived.value for derived in estimates)
-            yield f"{name} of {len(estimates)} records alone: mean {mean:.3g}, spread {spread:.2g} ({each})"
+            yield f"{name} from each of {len(estimates)} records: mean {mean:.3g}, spread {spread:.2g} ({each})"
 
 
 def _orders(document: ResultDocument) -> Iterator[str]:
@@ -318,7 +365,7 @@ def _orders(document: ResultDocument) -> Iterator[str]:
 
     if (choice := document.orders) is None:
         return
-    yield "order  parameters  fit of what was fitted  of what was not seen  behind the best       MDL"
+    yield "order  parameters           fit, own data       fit, other data   below the best       MDL"
     for row in choice.rows:
         if row.refused:
             yield f"{row.order:5d}  {row.refused}"
@@ -349,7 +396,7 @@ def _repeated(document: ResultDocument) -> Iterator[str]:
     if (again := document.bootstrap) is not None:
         left = sum(again.left_out.values())
         without = f", {left} without an answer" if left else ""
-        yield f"bootstrap: standard deviations over {again.runs} refits to noise drawn anew{without}"
+        yield f"bootstrap: standard deviations of {again.runs} refits with new noise{without}"
 
 
 def _runs(runs: SearchRuns) -> Iterator[str]:
@@ -363,15 +410,15 @@ def _runs(runs: SearchRuns) -> Iterator[str]:
 
 
 def _verified(document: ResultDocument) -> Iterator[str]:
-    """What the model does on unseen data."""
+    """How well the model predicts data it was not fitted to."""
     for record, outputs in document.verification.records.items():
         scores = ", ".join(f"{name} TIC {s.tic:.2f}, fit {s.nrmse_fit_percent:.0f} %" for name, s in outputs.items())
-        yield f"unseen {record}: {scores}"
+        yield f"not fitted: {record}: {scores}"
     for record, cost_value in document.verification.frequency.items():
-        yield f"unseen {record}: cost {cost_value:.1f}"
+        yield f"not fitted: {record}: cost {cost_value:.1f}"
     if (crossed := document.cross_validation) is not None and crossed.mean_percent is not None:
         ahead = "" if crossed.horizon_s is None else f", {crossed.horizon_s:.2g} s ahead"
         mean = with_error(crossed.mean_percent, crossed.spread_percent, digits=3)
-        yield f"cross-validated on unseen records{ahead}: {mean} %"
+        yield f"cross-validated on other records{ahead}: {mean} %"
         if crossed.best is not None:
             yield f"best record to identify on: {crossed.best.record}, {crossed.best.mean_percent:.1f} % (optimistic)"

@@ -1,6 +1,6 @@
-"""Whether this installation is sound, and what to do where it is not.
+"""Whether this installation works, and what to do if not.
 
-Nothing is imported here but Python's own modules: what is broken is found by trying it, each check by itself.
+Only Python's own modules are imported here; each check imports what it tests.
 """
 
 from __future__ import annotations
@@ -56,12 +56,12 @@ _TOO_FAR = 4.0
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """What was looked at, how it stands, and what to do.
+    """Result of a check, and what to do.
 
     Parameters
     ----------
     state
-        ``missing`` is something that one can do without.
+        ``missing`` is optional, ``broken`` is not.
     said
         What was found.
     remedy
@@ -76,12 +76,12 @@ class Check:
 
 
 def examine(*, self_test: bool = True, json: bool = False, verbose: bool = False) -> bool:
-    """Look at everything, say it on standard output, and tell whether nothing is broken.
+    """Run and print all checks, and return whether nothing is broken.
 
     Parameters
     ----------
     self_test
-        Whether a flight is made and identified.
+        Whether to simulate and identify a flight.
     json
         Whether to print JSON instead of lines.
     verbose
@@ -98,9 +98,7 @@ def examine(*, self_test: bool = True, json: bool = False, verbose: bool = False
         document = {"schema": SCHEMA, "sound": healthy, "checks": [asdict(check) for check in checks]}
         sys.stdout.write(json_text.dumps(document, indent=2) + "\n")
     else:
-        print(
-            "This installation is sound." if healthy else "This installation is not sound: see what is marked BROKEN."
-        )
+        print("This installation is sound." if healthy else "This installation is broken: fix what is marked BROKEN.")
     return healthy
 
 
@@ -196,7 +194,7 @@ def _extras() -> list[Check]:
 
 
 def _why_not(module: str) -> str:
-    """Why a module cannot be had; it is not imported, for some take seconds."""
+    """Why a module is not available; it is not imported, as some take seconds."""
     from importlib.util import find_spec
 
     if find_spec(module) is None:
@@ -218,7 +216,7 @@ def _machine() -> list[Check]:
     memory = _memory_b()
     if memory is not None:
         enough = memory >= _LEAST_MEMORY_B
-        remedy = "" if enough else "logs beyond 100 MB and motor models want 2 GiB: close other programs"
+        remedy = "" if enough else "close other programs: logs above 100 MB and motor models need 2 GiB"
         answer = f"{memory / _GIB:.1f} GiB free"
         checks.append(
             Check(group="machine", name="memory", state="ok" if enough else "missing", said=answer, remedy=remedy)
@@ -226,7 +224,7 @@ def _machine() -> list[Check]:
     place = Path(tempfile.gettempdir())
     room = shutil.disk_usage(place).free
     enough = room >= _LEAST_ROOM_B
-    remedy = "" if enough else "make room, or name another place with TMPDIR: packed logs are unpacked there"
+    remedy = "" if enough else "free some space, or set TMPDIR to another folder: compressed logs are unpacked there"
     answer = f"{room / _GIB:.1f} GiB free in {place}"
     with tempfile.TemporaryFile() as file:
         file.write(b"rotorid")
@@ -244,12 +242,12 @@ def _browser() -> Check:
     try:
         return Check(group="machine", name="browser", state="ok", said=require_browser())
     except UsageError:
-        remedy = "install Chromium, Chrome or Edge for --pdf, or print the pages from your own browser"
-        return Check(group="machine", name="browser", state="missing", said="none that prints", remedy=remedy)
+        remedy = "install Chromium, Chrome or Edge for --pdf, or print pages from your own browser"
+        return Check(group="machine", name="browser", state="missing", said="none for --pdf", remedy=remedy)
 
 
 def _memory_b() -> int | None:
-    """Memory that can be had, in bytes, where the system tells."""
+    """Available memory in bytes; ``None`` if the system does not report it."""
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
         return next(int(line.split()[1]) << 10 for line in lines if line.startswith("MemAvailable"))
@@ -266,18 +264,18 @@ def _cache() -> list[Check]:
         there = next((path for path in (place, *place.parents) if path.exists()), place)
         if os.access(there, os.W_OK):
             return [Check(group="cache", name="compiled", state="ok", said=str(place))]
-    remedy = "set NUMBA_CACHE_DIR to a folder that can be written"
-    answer = f"{' and '.join(map(str, places))} cannot be written: each command compiles anew"
+    remedy = "set NUMBA_CACHE_DIR to a writable folder"
+    answer = f"{' and '.join(map(str, places))} cannot be written, so each command compiles again"
     return [Check(group="cache", name="compiled", state="missing", said=answer, remedy=remedy)]
 
 
 _PROTECTIONS: Mapping[str, str] = {
     "limits": "memory, time and size of files are limited",
-    "parent": "it ends with the command",
-    "no_new_privileges": "it gains no rights",
-    "files": "it sees the log alone",
-    "network": "it reaches no network",
-    "processes": "it starts no programs",
+    "parent": "a reader ends with the command",
+    "no_new_privileges": "a reader gains no rights",
+    "files": "a reader sees only the log",
+    "network": "a reader has no network",
+    "processes": "a reader starts no programs",
 }
 
 
@@ -290,7 +288,7 @@ def _settings() -> list[Check]:
     try:
         answer = "none" if preferences() == Preferences() else str(file)
     except UsageError as error:
-        remedy = f"mend or remove {file}"
+        remedy = f"correct or remove {file}"
         return [Check(group="settings", name="preferences", state="broken", said=str(error), remedy=remedy)]
     return [Check(group="settings", name="preferences", state="ok", said=answer)]
 
@@ -298,7 +296,7 @@ def _settings() -> list[Check]:
 def _sandbox() -> list[Check]:
     from rotorid.io.sandbox import protections
 
-    missing = "this system cannot: of .mat, ROS bags and Parquet, read files that you trust"
+    missing = "not available on this system: only read .mat, ROS bag and Parquet files that you trust"
     return [
         Check(
             group="sandbox",
@@ -324,7 +322,7 @@ def _self_test() -> list[Check]:
     )
     seconds = time.monotonic() - started_s
     if child.returncode != 0:
-        last = (child.stderr.strip().splitlines() or ["it said nothing"])[-1]
+        last = (child.stderr.strip().splitlines() or ["no message"])[-1]
         answer = f"ended with code {child.returncode}: {last[:200]}"
         return [Check(group="self test", name="identify", state="broken", said=answer, remedy=_REINSTALL)]
     found = json_text.loads(child.stdout.strip().splitlines()[-1])
@@ -333,7 +331,7 @@ def _self_test() -> list[Check]:
         f"{name} {with_error(estimate['value'], estimate['std'])} {estimate['unit']} (true {estimate['truth']:.4g})"
         for name, estimate in found.items()
     )
-    remedy = "please report it, with this output" if wrong else ""
+    remedy = "please report this output" if wrong else ""
     return [
         Check(
             group="self test",

@@ -1,4 +1,4 @@
-"""``rotorid models``: what can stand behind ``--model``, and where a model of one's own begins."""
+"""``rotorid models``: the names that ``--model`` takes, and models as TOML."""
 
 from __future__ import annotations
 
@@ -48,21 +48,21 @@ def models_command(
         str | None,
         typer.Argument(
             autocompletion=complete_from(models_known),
-            help="A model, to print as the TOML text that --model reads. [default: list all]",
+            help="Model to print as TOML. [default: list all]",
         ),
     ] = None,
     inputs: Annotated[
         tuple[str, ...],
-        Option("--inputs", "Of a model without its own.", text=NAMES, metavar="CHANNEL,..."),
+        Option("--inputs", "Channels of transfer:m/n and black_box:N.", text=NAMES, metavar="CHANNEL,..."),
     ] = (),
     outputs: Annotated[
         tuple[str, ...],
-        Option("--outputs", "Of a model without its own.", text=NAMES, metavar="CHANNEL,..."),
+        Option("--outputs", "Channels of transfer:m/n and black_box:N.", text=NAMES, metavar="CHANNEL,..."),
     ] = (),
     json: Json = False,
     verbose: Verbose = False,
 ) -> None:
-    """List the models of the library, or print one to begin a model of your own with."""
+    """List the models of the library, or print one as TOML to start your own from."""
     from rotorid.models.families import FAMILIES
 
     if name is None:
@@ -99,14 +99,13 @@ def _text(
     family = family_of(name)
     if family.make is None:
         raise UsageError(
-            f"{name} came, which is no linear structure and has no text",
-            remedy=f"rotorid identify LOG --model {name} writes the linear model about hover that follows from it",
+            f"{name} is not linear and cannot be printed",
+            remedy=f"use rotorid identify LOG --model {name}, which writes its linear model about hover",
         )
     if (inputs or outputs) and family.channels == "own" and name in family.names:
         raise UsageError(
-            f"--inputs and --outputs came with {name}",
-            needed=f"them with {without_channels()} alone",
-            remedy="the channels of other models stand in their text",
+            f"{name} has its own inputs and outputs",
+            remedy=f"use --inputs and --outputs with {without_channels()} only",
         )
     if family.text is not None and name in family.names:
         return family.text(name), family.about(name), family.make(name, Channels())

@@ -70,26 +70,24 @@ _LOG_HELP = "PX4, ArduPilot, Betaflight, Crazyflie, ROS, .mat, .csv and more; ma
 
 Logs: TypeAlias = Annotated[list[Path], typer.Argument(metavar="LOG...", help=f"Flight logs: {_LOG_HELP}")]
 Log: TypeAlias = Annotated[Path, typer.Argument(metavar="LOG", help=f"A flight log: {_LOG_HELP}")]
-Map: TypeAlias = Annotated[
-    Path | None, Option("--map", "TOML file that names the channels of any other source.", "Data")
-]
+Map: TypeAlias = Annotated[Path | None, Option("--map", "TOML file that names the channels of another source.", "Data")]
 AgainstPlan: TypeAlias = Annotated[
     Path | None,
     Option(
         "--plan",
-        "Compare the log with a plan of rotorid design: its firmware, and what was flown.",
+        "Compare the log with a plan of rotorid design.",
         "Data",
         metavar="PLAN.json",
     ),
 ]
-Json: TypeAlias = Annotated[bool, Option("--json", "Print the answer as JSON and nothing else.")]
+Json: TypeAlias = Annotated[bool, Option("--json", "Print only the answer, as JSON.")]
 VERBOSE_HELP = "Print everything. [default: at most 40 lines]"
 Verbose: TypeAlias = Annotated[bool, Option("--verbose", VERBOSE_HELP, also="-v")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """Where the results of a command go, and what it says.
+    """Where the results of a command go, and how much it prints.
 
     Parameters
     ----------
@@ -102,10 +100,10 @@ class Output:
     out: Annotated[Path | None, Option("--out", "Folder for the results. [default: rotorid-out/NAME]", "Results")] = (
         None
     )
-    json: Annotated[bool, Option("--json", "Print the result as JSON and nothing else.", "Results")] = False
+    json: Annotated[bool, Option("--json", "Print only the result, as JSON.", "Results")] = False
     quiet: Annotated[bool, Option("--quiet", "Print errors only.", "Results")] = False
     verbose: Annotated[bool, Option("--verbose", VERBOSE_HELP, "Results", also="-v")] = False
-    force: Annotated[bool, Option("--force", "Overwrite files at --out that are not rotorid's.", "Results")] = False
+    force: Annotated[bool, Option("--force", "Overwrite other files in --out.", "Results")] = False
 
 
 def _format(text: str) -> str:
@@ -122,7 +120,7 @@ def _formats(text: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class ForPaper:
-    """What is written beside the report for a paper.
+    """Figures and tables for a paper.
 
     Parameters
     ----------
@@ -136,7 +134,7 @@ class ForPaper:
         Any,
         Option(
             "--figures",
-            "Write every picture too, into figures.",
+            "Also write every figure, into figures/.",
             "Results",
             Text("", _format),
             words=("svg", "pdf", "png"),
@@ -146,7 +144,7 @@ class ForPaper:
         Any,
         Option(
             "--tables",
-            "Write every table too, into tables.",
+            "Also write every table, into tables/.",
             "Results",
             Text("csv|tex|csv,tex", _formats),
             words=("csv", "tex"),
@@ -154,12 +152,12 @@ class ForPaper:
     ] = ()
     pdf: Annotated[
         bool,
-        Option("--pdf", "Print the page as PDF too, by Chromium, Chrome or Edge on this machine.", "Results"),
+        Option("--pdf", "Also print the page as PDF (needs Chromium, Chrome or Edge).", "Results"),
     ] = False
 
 
 class Only:
-    """Beside a class of settings in ``Annotated``: the fields of it that a command has."""
+    """Names the fields of a class of settings that a command has, in ``Annotated``."""
 
     def __init__(self, *names: str) -> None:
         self.names = names
@@ -252,7 +250,7 @@ def _declared(item: "Field[Any]", option: Option) -> Any:
     if option.text is None and (unit := _unit(item)) is not None:
 
         def number(text: Any) -> float:
-            return read_measure(str(text), unit, came=f"{option.name} {str(text)!r} came")
+            return read_measure(str(text), unit, came=f"{option.name} {str(text)!r} cannot be read")
 
         return typer.Option(*names, parser=number, metavar=option.metavar or _CALLED[unit], **shown)
     words = option.words or (words_of(item) if option.gives is None else ())

@@ -35,7 +35,7 @@ _MOST_BYTES = 1 << 16
 
 @dataclass(frozen=True, kw_only=True)
 class Preferences:
-    """What the file says; what it does not is ``None``.
+    """The preferences of the file; ``None`` where it has none.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def read_preferences(file: Path) -> Preferences:
 
     try:
         if file.stat().st_size > _MOST_BYTES:
-            raise UsageError(f"{file} is larger than a file of settings", needed="a few lines")
+            raise UsageError(f"{file} is too large for a settings file", needed="a few lines")
         text = file.read_text(encoding="utf-8")
         table = parse_toml(text)
     # ValueError is Python's word for a name that no file can have, too.
@@ -115,7 +115,7 @@ def read_preferences(file: Path) -> Preferences:
     if unknown := [key for key in table if key not in (*CHOICES, "out")]:
         named = " and ".join(f"{key!r}{_line(text, key)}" for key in unknown)
         raise UsageError(
-            f"{file} sets {named}, which {'is' if len(unknown) == 1 else 'are'} not known",
+            f"{file} sets {named}, which {'is' if len(unknown) == 1 else 'are'} unknown",
             needed=f"one of {', '.join((*CHOICES, 'out'))}",
         )
     return Preferences(
@@ -147,7 +147,7 @@ def _checked(key: str, value: Any, text: str) -> Any:
         try:
             return Path(value).expanduser()
         except RuntimeError:
-            wanted = "a folder that there can be: nobody's home is known by this name"
+            wanted = "an existing home folder behind ~"
     elif key in CHOICES and value in CHOICES[key]:
         return value
     raise UsageError(text.format(f"{key} = {value!r}"), needed=wanted)

@@ -23,14 +23,16 @@ def run_command(
     quiet: Annotated[bool, Option("--quiet", "Print errors only.")] = False,
     verbose: Verbose = False,
 ) -> None:
-    """Carry out the steps of a project file; each goes into a folder step-N."""
+    """Repeat the steps of a project file, each in its own folder step-N."""
     from rotorid.errors import UsageError
     from rotorid.lab.steps import arguments, read_project
 
     read = read_project(project)
     logs = [str(project.parent / name) for name in read.logs]
     if missing := [name for name, path in zip(read.logs, logs, strict=True) if not Path(path).exists()]:
-        raise UsageError(f"{missing[0]} of {project.name} does not exist", needed="the logs beside the project file")
+        raise UsageError(
+            f"{missing[0]} of {project.name} is missing", remedy="put the logs in the folder of the project file"
+        )
     place = out or results_folder() / project.stem
     results: list[str] = []
     worst = 0

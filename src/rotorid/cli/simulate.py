@@ -1,4 +1,4 @@
-"""``rotorid simulate``: a vehicle flies, and its log is written as its autopilot would have."""
+"""``rotorid simulate``: fly a vehicle in simulation and write its log, in the format of its autopilot."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 import typer
 
 from rotorid.cli.command import carry_out, command_line
-from rotorid.cli.console import default_folder, print_findings, progress
+from rotorid.cli.console import default_folder, print_findings, print_table, progress
 from rotorid.cli.options import ForPaper, Map, Only, Output, complete_from
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import Like, print_vehicle_remarks
@@ -34,6 +34,7 @@ _HOVER_S = 60.0
 """Length of a flight without a plan, unless the user says otherwise."""
 
 RIG = "rig"
+_MOST_ROWS = 20
 
 
 Vehicle: TypeAlias = Annotated[
@@ -115,7 +116,7 @@ def _refuse(given: Sequence[str], where: str, *, remedy: str) -> None:
 
 
 def _of_flights(plan: str | None, flight: dict[str, Any], air: Air) -> list[str]:
-    """Options of simulated flights that were given; a seed is of all."""
+    """Options of simulated flights that were given; a seed applies to all."""
     given = {name: value for name, value in flight.items() if name != "seed"}
     return [
         *(["--plan"] if plan is not None else []),
@@ -256,22 +257,23 @@ def _simulate_plan(
 
 
 def _print_simulated(document: FlownDocument, folder: Path, *, verbose: bool = False) -> None:
-    """How each output was followed, findings, where the files are."""
+    """Print how well each output is predicted, findings and where the files are."""
     from rich.table import Table
 
     from rotorid.cli.console import output_console
 
     console = output_console()
-    table = Table(title=f"{document.model} flown", title_justify="left", box=None, pad_edge=False)
+    table = Table(title=f"{document.model} through the log", title_justify="left", box=None, pad_edge=False)
     for name in ("flight", "seconds", "pieces", "output", "fit %", "TIC"):
         table.add_column(name, justify="left" if name in ("flight", "output") else "right")
+    rows: list[tuple[str, ...]] = []
     for item in document.flights:
         flight = f"{item.record} from {item.start_s:.1f} s", f"{item.stop_s - item.start_s:.1f}", str(item.pieces)
         for output, scores in item.scores.items():
-            table.add_row(*flight, output, f"{scores.nrmse_fit_percent:.0f}", f"{scores.tic:.2f}")
+            rows.append((*flight, output, f"{scores.nrmse_fit_percent:.0f}", f"{scores.tic:.2f}"))
         if not item.scores:
-            table.add_row(*flight, "", "", "")
-    console.print(table)
+            rows.append((*flight, "", "", ""))
+    print_table(table, rows, verbose=verbose, item="output", most=_MOST_ROWS)
     print_findings(document.findings, verbose=verbose)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
     console.print(f"signals: {folder / 'flown.npz'}", soft_wrap=True, markup=False)
@@ -303,7 +305,7 @@ def _plan(given: str | None, flight: SimulateSettings) -> FlightPlan | None:
 
 
 def _print(document: SimulationDocument, folder: Path, *, verbose: bool = False) -> None:
-    """What flew, what it reached, where the logs are."""
+    """Print what flew, what it reached and where the logs are."""
     from rich.table import Table
 
     from rotorid.cli.console import output_console
@@ -323,22 +325,25 @@ def _print(document: SimulationDocument, folder: Path, *, verbose: bool = False)
         "limited in %",
     ):
         table.add_column(name, justify="left" if name == "log" else "right")
+    rows: list[tuple[str, ...]] = []
     for log in document.logs:
         reached = log.reached
         if reached is None:
-            table.add_row(log.file, f"{log.duration_s:.1f}")
+            rows.append((log.file, f"{log.duration_s:.1f}"))
             continue
-        table.add_row(
-            log.file,
-            f"{log.duration_s:.1f}",
-            f"{57.29578 * reached.tilt_rad:.1f}",
-            f"{57.29578 * reached.rate_rad_s:.0f}",
-            f"{reached.position_m:.1f}",
-            f"{reached.height_m:.1f}",
-            f"{reached.motor_low:.2f} to {reached.motor_high:.2f}",
-            f"{100.0 * reached.saturated:.1f}",
+        rows.append(
+            (
+                log.file,
+                f"{log.duration_s:.1f}",
+                f"{57.29578 * reached.tilt_rad:.1f}",
+                f"{57.29578 * reached.rate_rad_s:.0f}",
+                f"{reached.position_m:.1f}",
+                f"{reached.height_m:.1f}",
+                f"{reached.motor_low:.2f} to {reached.motor_high:.2f}",
+                f"{100.0 * reached.saturated:.1f}",
+            )
         )
-    console.print(table)
+    print_table(table, rows, verbose=verbose, item="log", most=_MOST_ROWS, page="simulation.json")
     print_findings(document.findings, verbose=verbose)
     console.print(f"log:   {folder / document.logs[0].file}", soft_wrap=True, markup=False)
     console.print(f"truth: {folder / 'simulation.json'}", soft_wrap=True, markup=False)

@@ -1,4 +1,4 @@
-"""``rotorid vehicles``: what can fly in simulation, and where its numbers come from; files of vehicles of one's own."""
+"""``rotorid vehicles``: vehicles for simulation, where their numbers are from, and vehicle files."""
 
 from __future__ import annotations
 

@@ -22,11 +22,11 @@ class FlySettings(Settings):
     segments
         Intervals to fly in place of the longest flight of each log.
     pieces_s
-        Seconds after which a simulation begins anew; by default whole flights where the model allows it.
+        Seconds after which the simulation restarts from the log; by default whole flights if the model allows it.
     hold
         What inputs do between their samples, as in :class:`~rotorid.settings.identifying.IdentifySettings`.
     seed
-        Of the draws for the bands.
+        Random seed of the draws for the bands.
 
     Raises
     ------
@@ -36,12 +36,14 @@ class FlySettings(Settings):
 
     segments: Annotated[
         "tuple[Maneuver, ...]",
-        Option("--segment", "A stretch of --log to fly, in log seconds. Repeatable.", "Through a log", SEGMENTS),
+        Option("--segment", "Fly this part of --log, in log seconds. Repeatable.", "Through a log", SEGMENTS),
     ] = ()
     pieces_s: Annotated[
         float | None,
         Option(
-            "--pieces", "With --log: after what time a simulation begins anew. [default: by model]", "Through a log"
+            "--pieces",
+            "With --log: restart the simulation from the log after this time. [default: by model]",
+            "Through a log",
         ),
     ] = None
     hold: Annotated[HoldChoice, Written()] = "auto"
@@ -51,5 +53,5 @@ class FlySettings(Settings):
         require_seed(self.seed)
         require_words(self)
         if self.pieces_s is not None and not 0.0 < self.pieces_s < math.inf:
-            raise UsageError(f"pieces of {self.pieces_s:g} s came", needed="a finite length above zero")
+            raise UsageError(f"--pieces {self.pieces_s:g} is not a length", needed="more than 0 s")
         self._set(segments=tuple(self.segments))

@@ -1,4 +1,4 @@
-"""Controllers that a person gives in a file, for logs that do not hold the gains."""
+"""Controllers from a file, for logs without the gains."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rotorid.typing import Axis
 
 @dataclass(frozen=True, kw_only=True)
 class GivenController(Immutable):
-    """A controller that a person gave.
+    """A controller from a file.
 
     Parameters
     ----------
@@ -56,13 +56,15 @@ def read_controllers(path: Path) -> dict[Axis, GivenController]:
     Raises
     ------
     UsageError
-        The file cannot be read, is no TOML, or says something else; the message names the line.
+        The file cannot be read, is not TOML, or has wrong values; the message names the line.
     """
     text = read_text(path, needed="a TOML file with gains")
     try:
         table = parse_toml(text)
     except DocumentError as error:
-        raise UsageError(f"{path.name} is no TOML: {error}", needed="[pitch] and proportional_s = 0.15") from error
+        raise UsageError(
+            f"{path.name} is not valid TOML: {error}", needed="[pitch] and proportional_s = 0.15"
+        ) from error
     source = Source(text=text, where=path.name)
     try:
         found = {
@@ -71,7 +73,7 @@ def read_controllers(path: Path) -> dict[Axis, GivenController]:
     except ModelError as error:
         raise UsageError(error.came, needed=error.needed, remedy=error.remedy) from None
     if not found:
-        raise UsageError(f"{path.name} holds no controller", needed=f"a table [{'], ['.join(RATE_OF)}]")
+        raise UsageError(f"no controller in {path.name}", needed=f"a table [{'], ['.join(RATE_OF)}]")
     return found
 
 
@@ -94,7 +96,7 @@ def _given(table: Mapping[str, Any], axis: str, source: Source) -> GivenControll
         elif name != "setpoint":
             values[name] = source.number(value, (axis, name))
     if "proportional_s" not in values:
-        raise source.error((axis,), f"[{axis}] has no proportional_s", needed="the gain on the rate")
+        raise source.error((axis,), f"[{axis}] lacks proportional_s", needed="the gain on the rate")
     try:
         controller = RateController(**values)
     except UsageError as error:

@@ -42,7 +42,7 @@ _FEWEST_RUNS = 2
 
 
 def require_search(search: str | None, evaluations: int | None, starts: str, runs: int | None = None) -> None:
-    """Refuse searches that there are not, and options that need one.
+    """Raise for searches that do not exist, and for options that need a search.
 
     Parameters
     ----------
@@ -58,27 +58,27 @@ def require_search(search: str | None, evaluations: int | None, starts: str, run
     Raises
     ------
     UsageError
-        There is no such search, or what came does not go together.
+        There is no such search, or the options contradict each other.
     """
     if search is None:
         if evaluations is not None:
-            raise UsageError("--evaluations came without a search", needed="--search NAME beside it")
+            raise UsageError("--evaluations needs a search", remedy="add --search NAME")
         if runs is not None:
-            raise UsageError("--runs came without a search", needed="--search NAME beside it, such as genetic:15x50")
+            raise UsageError("--runs needs a search", remedy="add --search NAME, such as genetic:15x50")
         return
     if runs is not None and runs < _FEWEST_RUNS:
-        raise UsageError(f"{runs} runs of a search came", needed="two or more, and some hundred for a table")
+        raise UsageError(f"--runs {runs} is too few", needed="2 or more, and some hundred for a table")
     if starts != "default":
-        raise UsageError("--search and --starts came", needed="one of them: a design of starts is a search too")
+        raise UsageError("--search and --starts exclude each other", remedy="use one of them")
     if evaluations is not None and evaluations < 1:
-        raise UsageError(f"a budget of {evaluations} evaluations came", needed="1 or more")
+        raise UsageError(f"--evaluations {evaluations} is too few", needed="1 or more")
     from rotorid.search.catalog import search as known
 
     known(search)
 
 
 def require_runs(runs: int | None) -> None:
-    """Refuse a bootstrap of less than two runs.
+    """Raise for a bootstrap of less than two runs.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def require_runs(runs: int | None) -> None:
         There are fewer.
     """
     if runs is not None and runs < _FEWEST_RUNS:
-        raise UsageError(f"a bootstrap of {runs} runs came", needed="two or more, and some hundred for intervals")
+        raise UsageError(f"--bootstrap {runs} is too few", needed="2 or more, and some hundred for intervals")
 
 
 _STARTS = re.compile(r"default|central|(sobol|random):[1-9]\d*")
@@ -154,111 +154,124 @@ class IdentifySettings(MeasureSettings):
         ``physical.hover`` too, which has its arm and the diameter of its propellers from them.
     """
 
-    fix: Annotated[Mapping[str, float], Option("--fix", "A parameter to hold. Repeatable.", "Models", FIXED)] = field(
-        default_factory=dict
+    fix: Annotated[Mapping[str, float], Option("--fix", "Fix a parameter at a value. Repeatable.", "Models", FIXED)] = (
+        field(default_factory=dict)
     )
     known: Annotated[
         Mapping[str, tuple[float, float]],
         Option(
             "--known",
-            "What no log tells, such as I_zz=0.012:0.0004; motors, rotors and thrust follow with it. Repeatable.",
+            "Give a value that logs cannot show, such as I_zz=0.012:0.0004, to derive thrust and rotors. Repeatable.",
             "Models",
             KNOWN,
         ),
         Written("given"),
     ] = field(default_factory=dict)
-    ties: Annotated[
-        Mapping[str, str], Option("--tie", "A parameter that follows others. Repeatable.", "Models", TIES)
-    ] = field(default_factory=dict)
+    ties: Annotated[Mapping[str, str], Option("--tie", "Tie a parameter to others. Repeatable.", "Models", TIES)] = (
+        field(default_factory=dict)
+    )
     correct_filters: Annotated[
         bool,
-        Option("--correct-filters", "Take known filters of the autopilot off the outputs, out of the model.", "Data"),
+        Option(
+            "--correct-filters",
+            "Remove known autopilot filters from the outputs, so that the model excludes them.",
+            "Data",
+        ),
         Written("given"),
     ] = False
     correct_sensors: Annotated[
         bool,
         Option(
             "--correct-sensors",
-            "Take scale, bias, misalignment and place of the sensors out, as attitude and velocity tell them.",
+            "Estimate and remove scale, bias, misalignment and position of the sensors.",
             "Data",
         ),
         Written("given"),
     ] = False
     free: Annotated[
-        tuple[str, ...], Option("--free", "A held parameter of the model, to be fitted. Repeatable.", "Models", WORDS)
+        tuple[str, ...], Option("--free", "Fit a parameter that the model fixes. Repeatable.", "Models", WORDS)
     ] = ()
     constants: Annotated[
-        Mapping[str, float], Option("--constant", "A constant, such as the trim. Repeatable.", "Models", CONSTANTS)
+        Mapping[str, float],
+        Option("--constant", "Set a constant of the model, such as theta0. Repeatable.", "Models", CONSTANTS),
     ] = field(default_factory=dict)
     outputs: Annotated[
         tuple[str, ...],
-        Option("--outputs", "Channels to fit. [default: sensors]", "Models", NAMES, metavar="CHANNEL,..."),
+        Option("--outputs", "Channels to fit. [default: all logged sensors]", "Models", NAMES, metavar="CHANNEL,..."),
     ] = ()
     pairs: Annotated[
         Mapping[str, tuple[float, float] | None],
-        Option("--pair", "A response to fit, and no others. Repeatable.", "Models", PAIRS),
+        Option("--pair", "Fit only this response, in this band. Repeatable.", "Models", PAIRS),
     ] = field(default_factory=dict)
     pair_weights: Annotated[
-        Mapping[str, float], Option("--weight", "A factor on the cost of a response. Repeatable.", "Models", WEIGHTS)
+        Mapping[str, float], Option("--weight", "Weigh a response in the cost. Repeatable.", "Models", WEIGHTS)
     ] = field(default_factory=dict)
     weights: Annotated[
         WeightsChoice,
         Option(
             "--weights",
-            "How the cost weighs errors: covariance is that of all errors, auto goes by the number of outputs.",
+            "Weights of the cost: CIFER's, or the measured covariance; auto decides by the number of outputs.",
             "Models",
         ),
     ] = "auto"
-    reduce: Annotated[bool, Option("--reduce", "Drop step by step what the data do not show.", "Models")] = False
+    reduce: Annotated[bool, Option("--reduce", "Drop parameters that the data do not need.", "Models")] = False
     speed_damping: Annotated[
-        SpeedDamping, Option("--speed-damping", "X_u and Y_v: with all else, or before it.", "Models")
+        SpeedDamping, Option("--speed-damping", "Fit X_u and Y_v together with all others, or first.", "Models")
     ] = "joint"
     method: Annotated[
         MethodChoice,
         Option(
             "--method",
-            "How to fit; auto is output_error for response.* and black_box:N, and frequency for others. "
-            "physical.motors has prediction_error or accelerations.",
+            "Fit method; auto is output_error for response.* and black_box:N, frequency for others. "
+            "physical.motors takes prediction_error or accelerations.",
             "Fit",
         ),
     ] = "auto"
     hold: Annotated[
-        HoldChoice, Option("--hold", "Order of hold between samples, in time; auto is zero for logged commands.", "Fit")
+        HoldChoice,
+        Option("--hold", "Hold of inputs between samples, for fits in time; auto is zero for commands.", "Fit"),
     ] = "auto"
     pieces_s: Annotated[
         float | None,
-        Option("--pieces", "Seconds after which a fit in time begins anew. [default: as growing modes need]", "Fit"),
+        Option(
+            "--pieces", "Restart a fit in time after so many seconds. [default: whole records of stable models]", "Fit"
+        ),
     ] = None
     starts: Annotated[
-        str, Option("--starts", "Where searches in time begin.", "Fit", metavar="default|central|sobol:N|random:N")
+        str, Option("--starts", "Starting points of fits in time.", "Fit", metavar="default|central|sobol:N|random:N")
     ] = "default"
     search: Annotated[
         str | None,
         Option(
             "--search",
-            "A global search before the fit: evolution[:POPULATION] (when in doubt), cma[:POPULATION], "
+            "Global search before the fit: evolution[:POPULATION] (when in doubt), cma[:POPULATION], "
             "genetic[:POPULATIONxGENERATIONS], kmeans[:CANDIDATES], sobol[:STARTS], random[:STARTS] or central. "
-            "[default: none, the starts of the model]",
+            "[default: none]",
             "Fit",
             metavar="NAME[:OPTIONS]",
         ),
     ] = None
     evaluations: Annotated[
-        int | None, Option("--evaluations", f"Costs that --search may compute. [default: {EVALUATIONS}]", "Fit")
+        int | None, Option("--evaluations", f"Most cost evaluations of --search. [default: {EVALUATIONS}]", "Fit")
     ] = None
     runs: Annotated[
         int | None,
-        Option("--runs", "Repeat --search from so many seeds: mean, spread, extremes.", "Fit"),
+        Option("--runs", "Repeat --search with so many seeds and compare the results.", "Fit"),
         Written("given"),
     ] = None
     bootstrap: Annotated[
-        int | None, Option("--bootstrap", "Refits to noise drawn anew, for spreads and intervals: 200 and more.", "Fit")
+        int | None,
+        Option(
+            "--bootstrap",
+            "Refit so many times to simulated noise, for standard deviations and intervals (200 or more).",
+            "Fit",
+        ),
     ] = None
     layout: Annotated[
         str | None,
         Option(
             "--layout",
-            "Of physical.*: quad.x, hexa.plus, ..., or a file of rotors. [default: as the log says]",
+            "Rotor layout of physical.*: quad.x, hexa.plus, ... or a file. [default: from the log]",
             "Models in physical parameters",
             metavar="NAME|FILE.toml",
         ),
@@ -268,7 +281,7 @@ class IdentifySettings(MeasureSettings):
         float | None,
         Option(
             "--arm",
-            "Of physical.*: meters from the center of gravity to the farthest rotor.",
+            "Distance from the center of gravity to the farthest rotor, for physical.*.",
             "Models in physical parameters",
         ),
         Written("never"),
@@ -277,7 +290,7 @@ class IdentifySettings(MeasureSettings):
         "ChosenCurve",
         Option(
             "--curve",
-            "Of physical.motors: thrust by output.",
+            "Thrust curve of physical.motors.",
             "Models in physical parameters",
             words=("auto", "linear", "quadratic", "affine", "polynomial"),
         ),
@@ -287,7 +300,7 @@ class IdentifySettings(MeasureSettings):
         float | None,
         Option(
             "--rotor-diameter",
-            "In meters: checks the thrust of rotors whose speed is logged; D of physical.hover.",
+            "Rotor diameter, to check thrust against logged rotor speed; D of physical.hover.",
             "Models in physical parameters",
         ),
         Written("never"),
@@ -301,25 +314,25 @@ class IdentifySettings(MeasureSettings):
         )
         for name in {*self.fix, *self.ties, *self.free}:
             if sum(name in group for group in (self.fix, self.ties, self.free)) > 1:
-                raise UsageError(f"{name} is to be two things at once", needed="one of --fix, --tie and --free")
+                raise UsageError(f"{name} has more than one of --fix, --tie and --free", remedy="use one of them")
         if self.pieces_s is not None and not 0.0 < self.pieces_s < math.inf:
-            raise UsageError(f"pieces of {self.pieces_s:g} s came", needed="a length above 0 s")
+            raise UsageError(f"--pieces {self.pieces_s:g} is not a length", needed="more than 0 s")
         if not _STARTS.fullmatch(self.starts):
-            raise UsageError(f"the starts {self.starts!r} came", needed="default, central, sobol:N or random:N")
+            raise UsageError(f"unknown --starts {self.starts!r}", needed="default, central, sobol:N or random:N")
         require_search(self.search, self.evaluations, self.starts, self.runs)
         require_runs(self.bootstrap)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelSettings(Immutable):
-    """What is identified, and judged on what."""
+    """Which models are identified, and which logs validate them."""
 
     models: Annotated[
         tuple[str, ...],
         Option(
             "--model",
-            "hover.longitudinal, rate.roll, ... (see rotorid models), or FILE.toml. Several with commas or "
-            "repeated; all: every one that the logs may support.",
+            "Model to identify: rate.roll, hover.lateral, ... (see rotorid models) or a file; "
+            "all tries every model. Several with commas.",
             "Models",
             LISTED,
             metavar="NAME|FILE.toml,...",
@@ -327,26 +340,27 @@ class ModelSettings(Immutable):
         ),
     ]
     verify: Annotated[
-        tuple[Path, ...], Option("--verify", "A log kept unseen, to judge the model on. Repeatable.", "Judging", PATHS)
+        tuple[Path, ...],
+        Option("--verify", "Log to validate the model on; it is not fitted. Repeatable.", "Judging", PATHS),
     ] = ()
     inputs: Annotated[
         tuple[str, ...],
         Option(
             "--inputs",
-            "Channels that drive response.*, transfer:m/n, black_box:N and black_box:auto.",
+            "Input channels of response.*, transfer:m/n and black_box:N.",
             "Models",
             NAMES,
             metavar="CHANNEL,...",
         ),
     ] = ()
     decoupled: Annotated[
-        bool, Option("--decoupled", "A black box for each input and its output, side by side.", "Models")
+        bool, Option("--decoupled", "Fit a separate black box for each input and its output.", "Models")
     ] = False
     cross_validate: Annotated[
         str | None,
         Option(
             "--cross-validate",
-            "each: identify on each log alone, score on all others. leave_one_out: on all but one, score on that one.",
+            "Identify on each log and score on the others, or leave one out and score on it.",
             "Judging",
             words=("each", "leave_one_out"),
         ),
@@ -354,7 +368,7 @@ class ModelSettings(Immutable):
 
     @property
     def beside(self) -> dict[str, object]:
-        """Options of one linear model alone."""
+        """Options that need a single linear model."""
         return {
             "--cross-validate": self.cross_validate,
             "--inputs": self.inputs,

@@ -1,4 +1,4 @@
-"""Choices about how responses are measured, which every verb that measures has."""
+"""Choices about how responses are measured."""
 
 import math
 from collections.abc import Mapping
@@ -73,32 +73,37 @@ class MeasureSettings(Settings):
 
     band_rad_s: Annotated[
         tuple[float, float] | None,
-        Option("--band", "In rad/s, or LO:HIHz. [default: what was excited]", "Responses", BAND),
+        Option(
+            "--band",
+            "Frequency band in rad/s, or with a unit: 0.5:15Hz. [default: the excited band]",
+            "Responses",
+            BAND,
+        ),
     ] = None
     windows_s: Annotated[
-        tuple[float, ...], Option("--windows", "Window lengths in seconds.", "Responses", SECONDS)
+        tuple[float, ...], Option("--windows", "Window lengths, in seconds.", "Responses", SECONDS)
     ] = ()
     input_windows_s: Annotated[
         Mapping[str, tuple[float, ...]],
-        Option(
-            "--input-windows", "Window lengths for the responses to one input. Repeatable.", "Responses", INPUT_WINDOWS
-        ),
+        Option("--input-windows", "Window lengths for one input. Repeatable.", "Responses", INPUT_WINDOWS),
         Written("given"),
     ] = field(default_factory=dict)
     composition: Annotated[
         CompositionChoice,
-        Option("--composition", "How windows are joined; least_squares is CIFER's way.", "Responses"),
+        Option(
+            "--composition", "How to combine windows of several lengths; least_squares is CIFER's method.", "Responses"
+        ),
         Written("given"),
     ] = "variance"
-    taper: Annotated[TaperChoice, Option("--taper", "How windows fade.", "Responses"), Written("given")] = "hann"
+    taper: Annotated[TaperChoice, Option("--taper", "Shape of the windows.", "Responses"), Written("given")] = "hann"
     overlap: Annotated[
-        float, Option("--overlap", "Share of a window that the next one covers too.", "Responses"), Written("given")
+        float, Option("--overlap", "Overlap of neighboring windows, 0 to 0.95.", "Responses"), Written("given")
     ] = OVERLAP
     coherence: Annotated[
         float | None,
         Option(
             "--coherence",
-            f"Least coherence of a point. [default: {DIRECT_COHERENCE:g} direct, {JOINT_COHERENCE:g} joint]",
+            f"Reject points below this coherence. [default: {DIRECT_COHERENCE:g} direct, {JOINT_COHERENCE:g} joint]",
             "Responses",
         ),
     ] = None
@@ -106,7 +111,7 @@ class MeasureSettings(Settings):
         EstimateChoice,
         Option(
             "--estimate",
-            "How responses are estimated: direct, or joint with an instrument; auto is joint where one is logged.",
+            "Estimator: direct, or joint with an instrument; auto is joint if one is logged.",
             "Responses",
         ),
     ] = "auto"
@@ -114,7 +119,7 @@ class MeasureSettings(Settings):
         tuple[str, ...],
         Option(
             "--instrument",
-            "Channels to use as instruments, one for each input.",
+            "Instruments of the joint estimate, one for each input.",
             "Responses",
             NAMES,
             metavar="CHANNEL,...",
@@ -122,13 +127,16 @@ class MeasureSettings(Settings):
     ] = ()
     segments: Annotated[
         "tuple[Maneuver, ...]",
-        Option("--segment", "A stretch to use instead of what is found, in log seconds. Repeatable.", "Data", SEGMENTS),
+        Option(
+            "--segment",
+            "Use this part of the log, in log seconds, instead of the maneuvers found. Repeatable.",
+            "Data",
+            SEGMENTS,
+        ),
     ] = ()
     shifts: Annotated[
         Mapping[str, float],
-        Option(
-            "--shift", "What to delay a channel by, where inspect finds its stamps wrong. Repeatable.", "Data", SHIFTS
-        ),
+        Option("--shift", "Delay a channel, if inspect finds its time stamps wrong. Repeatable.", "Data", SHIFTS),
     ] = field(default_factory=dict)
     seed: Seed = 0
     correct_filters: bool = False
@@ -142,31 +150,37 @@ class MeasureSettings(Settings):
             shifts=self.shifts,
         )
         if self.band_rad_s is not None and not 0.0 < self.band_rad_s[0] < self.band_rad_s[1] < math.inf:
-            raise UsageError(f"the band {self.band_rad_s[0]:g}:{self.band_rad_s[1]:g} is empty", needed="0 < LO < HI")
+            raise UsageError(
+                f"the band {self.band_rad_s[0]:g} to {self.band_rad_s[1]:g} rad/s is empty", needed="0 < LO < HI"
+            )
         for name, lengths in self.input_windows_s.items():
             if not lengths:
-                raise UsageError(f"no window of {name} came", needed="one length or more")
+                raise UsageError(f"no window length for {name}", needed="at least one")
         for length in (*self.windows_s, *(length for lengths in self.input_windows_s.values() for length in lengths)):
             if not 0.0 < length <= LONGEST_WINDOW_S:
                 needed = f"lengths above 0 and up to {LONGEST_WINDOW_S:g} s"
-                raise UsageError(f"a window of {length:g} s came", needed=needed)
+                raise UsageError(f"a window of {length:g} s is impossible", needed=needed)
         for segment in self.segments:
             if not (math.isfinite(segment.start_s) and math.isfinite(segment.stop_s)):
                 raise UsageError(
-                    f"a segment from {segment.start_s:g} to {segment.stop_s:g} s came",
-                    needed="seconds on the log's own clock, as rotorid inspect shows them",
+                    f"the segment from {segment.start_s:g} to {segment.stop_s:g} s is not finite",
+                    needed="seconds of the log, as rotorid inspect prints them",
                 )
         for name, seconds in self.shifts.items():
             if not math.isfinite(seconds):
-                raise UsageError(f"a shift of {name} by {seconds:g} s came", needed="a finite number of seconds")
+                raise UsageError(f"the shift of {name} is {seconds:g} s", needed="a finite number of seconds")
         require_seed(self.seed)
         if self.coherence is not None and not 0.0 <= self.coherence < 1.0:
-            raise UsageError(f"a coherence of {self.coherence:g} came", needed="a number from 0 to below 1")
+            raise UsageError(f"--coherence {self.coherence:g} is out of range", needed="a number from 0 to below 1")
         require_words(self)
         if not 0.0 <= self.overlap <= LARGEST_OVERLAP:
-            raise UsageError(f"an overlap of {self.overlap:g} came", needed=f"a share from 0 to {LARGEST_OVERLAP:g}")
+            raise UsageError(
+                f"--overlap {self.overlap:g} is out of range", needed=f"a number from 0 to {LARGEST_OVERLAP:g}"
+            )
         if self.estimate == "direct" and self.instruments:
-            raise UsageError("a direct estimate takes no instrument", remedy="leave out --instrument or --estimate")
+            raise UsageError(
+                "a direct estimate has no instrument", remedy="leave out --instrument or --estimate direct"
+            )
 
     def least_coherence(self, *, joint: bool) -> float:
         """The limit in force."""
@@ -191,13 +205,13 @@ class ResponseSettings(MeasureSettings):
     """
 
     correct_filters: Annotated[
-        bool, Option("--correct-filters", "Take known filters of the autopilot off the outputs.", "Data")
+        bool, Option("--correct-filters", "Remove known autopilot filters from the outputs.", "Data")
     ] = False
     correct_sensors: Annotated[
         bool,
         Option(
             "--correct-sensors",
-            "Take scale, bias, misalignment and place of the sensors out, as attitude and velocity tell them.",
+            "Estimate and remove scale, bias, misalignment and position of the sensors.",
             "Data",
         ),
         Written("given"),

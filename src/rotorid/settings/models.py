@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 ALL = "all"
-"""In place of the names of models: every one of the library that the logs may support."""
+"""Stands for every model of the library that the logs may support."""
 
 
 def asks_all(models: object) -> bool:

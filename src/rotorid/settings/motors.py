@@ -1,12 +1,11 @@
 """Choices of ``physical.motors``."""
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, Union, get_args
 
-from rotorid.errors import UsageError
+from rotorid.errors import UsageError, unknown_name
 from rotorid.io.documents import read_text
 from rotorid.settings.identifying import IdentifySettings, require_search
 from rotorid.settings.option import Settings, Written
@@ -24,7 +23,7 @@ FROM_ANGLES = ("phi", "theta", "psi", "down")
 """Channels that are differentiated twice where gyros or accelerometer are missing, or where they are asked for."""
 
 ChosenCurve: TypeAlias = Union[Literal["auto"], "Curve"]
-"""``auto``: linear for demands of thrust, quadratic for speeds, and for outputs all that the flight can tell."""
+"""``auto``: linear for demanded thrust, quadratic for speeds, and for outputs as many terms as the flight supports."""
 
 
 def _rounded(known: Mapping[str, float]) -> list[str]:
@@ -100,31 +99,26 @@ class MotorSettings(Settings):
         require_search(self.search, self.evaluations, "default", self.runs)
         if self.method not in get_args(MotorMethod):
             raise UsageError(
-                f"the method {self.method!r} came with physical.motors", needed=" or ".join(get_args(MotorMethod))
+                f"physical.motors has no method {self.method!r}", needed=" or ".join(get_args(MotorMethod))
             )
         if self.method == "accelerations" and self.bootstrap is not None:
             raise UsageError(
-                "--bootstrap came with --method accelerations, which has none",
-                needed="--runs N beside --search NAME, or --method prediction_error",
+                "--method accelerations has no bootstrap",
+                remedy="use --search NAME --runs N, or --method prediction_error",
             )
         if self.outputs and (self.method != "accelerations" or not set(self.outputs) <= set(FROM_ANGLES)):
             raise UsageError(
-                f"--outputs {','.join(self.outputs)} came with physical.motors",
-                needed=f"--method accelerations and {','.join(FROM_ANGLES)}, or some of them, to be differentiated",
-                remedy="leave --outputs out for gyros and accelerometer",
+                f"physical.motors cannot fit --outputs {','.join(self.outputs)}",
+                needed=f"{', '.join(FROM_ANGLES[:-1])} or {FROM_ANGLES[-1]} with --method accelerations",
+                remedy="leave out --outputs to fit gyros and accelerometer",
             )
-        for name, length_m in (("an arm", self.arm_m), ("a rotor diameter", self.rotor_diameter_m)):
+        for name, length_m in (("--arm", self.arm_m), ("--rotor-diameter", self.rotor_diameter_m)):
             if length_m is not None and not length_m > 0.0:
-                raise UsageError(f"{name} of {length_m:g} m came", needed="a positive length")
+                raise UsageError(f"{name} {length_m:g} m is not positive")
         from rotorid.models.motors import CURVE_TERMS
 
         if self.curve not in ("auto", *CURVE_TERMS):
-            near = difflib.get_close_matches(self.curve, ["auto", *CURVE_TERMS], n=1)
-            raise UsageError(
-                f"the curve {self.curve!r} came",
-                needed=f"auto, {', '.join(CURVE_TERMS)}",
-                remedy=f"did you mean {near[0]}?" if near else "",
-            )
+            raise unknown_name("curve", self.curve, ("auto", *CURVE_TERMS))
 
 
 def motor_settings(settings: IdentifySettings) -> MotorSettings:
@@ -158,7 +152,7 @@ def chosen_layout(text: str) -> "RotorLayout":
     Raises
     ------
     UsageError
-        There is neither; the nearest name is suggested.
+        There is neither; the error suggests the nearest name.
     ModelError
         The file does not describe rotors.
     """
@@ -168,10 +162,5 @@ def chosen_layout(text: str) -> "RotorLayout":
         return library_layout(text)
     path = Path(text)
     if path.suffix != ".toml":
-        near = difflib.get_close_matches(text, layout_names(), n=1)
-        raise UsageError(
-            f"there is no layout {text!r}",
-            needed=f"a TOML file, or one of {', '.join(layout_names())}",
-            remedy=f"did you mean {near[0]}?" if near else "",
-        )
+        raise unknown_name("layout", text, layout_names())
     return layout_from_toml(read_text(path, needed="a TOML file of [[rotor]] tables"), where=path.name)

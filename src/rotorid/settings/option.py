@@ -5,13 +5,12 @@ a field makes an option of the command line of it, and :meth:`Settings.as_json` 
 is heavy: ``rotorid --help`` reads it.
 """
 
-import difflib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar, get_args, get_origin
 
 from rotorid.data.base import Immutable
-from rotorid.errors import UsageError
+from rotorid.errors import UsageError, nearest_name, unknown_name
 
 if TYPE_CHECKING:
     from dataclasses import Field
@@ -107,7 +106,7 @@ class Written:
     write: Callable[[Any], Setting] | None = None
 
 
-Seed: TypeAlias = Annotated[int, Option("--seed", "Seed of everything drawn at random."), Written("never")]
+Seed: TypeAlias = Annotated[int, Option("--seed", "Random seed."), Written("never")]
 """A provenance holds it by itself."""
 
 
@@ -132,7 +131,7 @@ class Settings(Immutable):
 
 
 def require_words(settings: "DataclassInstance") -> None:
-    """Refuse what is none of the few words that a field takes by its type.
+    """Raise for a word that the type of its field does not list.
 
     Raises
     ------
@@ -142,8 +141,7 @@ def require_words(settings: "DataclassInstance") -> None:
     for item in fields(settings):
         known, value = words_of(item), getattr(settings, item.name)
         if known and value not in known:
-            came = f"the {item.name.replace('_', ' ')} {value!r} came"
-            raise UsageError(came, needed=f"one of {', '.join(known)}")
+            raise unknown_name(item.name.replace("_", " "), str(value), known)
 
 
 def _fixed(value: Any) -> Setting:
@@ -220,7 +218,7 @@ def as_settings(kind: type[Kind], settings: Kind | None, options: Mapping[str, A
     Raises
     ------
     TypeError
-        There is no such field; the nearest name is suggested.
+        There is no such field; the error suggests the nearest name.
     UsageError
         A value cannot be.
 
@@ -233,9 +231,8 @@ def as_settings(kind: type[Kind], settings: Kind | None, options: Mapping[str, A
     known = [item.name for item in fields(kind)]  # type: ignore[arg-type]
     for name in options:
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            raise TypeError(f"there is no option {name!r}{hint}")
+            near = nearest_name(name, known)
+            raise TypeError(f"unknown option {name!r}{f'; did you mean {near}?' if near else ''}")
     chosen = settings or kind()
     return replace(chosen, **options) if options else chosen  # type: ignore[type-var]
 
@@ -252,7 +249,7 @@ def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
 
 
 def require_seed(seed: int) -> None:
-    """Refuse a seed that no generator takes.
+    """Raise for a seed that no generator takes.
 
     Raises
     ------
@@ -260,4 +257,4 @@ def require_seed(seed: int) -> None:
         It is negative.
     """
     if seed < 0:
-        raise UsageError(f"the seed {seed} came", needed="zero or a positive whole number")
+        raise UsageError(f"the seed {seed} is negative", needed="0 or a positive whole number")

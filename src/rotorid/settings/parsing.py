@@ -26,13 +26,13 @@ def parse_segment(text: str) -> "Maneuver":
     from rotorid.data.record import AXES, Maneuver
 
     parts = text.split(":")
-    wanted = "AXIS:START:STOP with an axis of roll, pitch, yaw, thrust and seconds on the log's own clock"
+    wanted = "AXIS:START:STOP in log seconds, such as roll:31.7:57.7"
     if len(parts) != 3 or parts[0] not in AXES:
         raise UsageError(f"the segment {text!r} cannot be read", needed=wanted)
     came = f"the segment {text!r} cannot be read"
     start_s, stop_s = read_measures(":".join(parts[1:]), "s", ":", came=came, needed=wanted)
     if not start_s < stop_s:
-        raise UsageError(f"the segment {text!r} stops before it starts", needed=wanted)
+        raise UsageError(f"the segment {text!r} ends before it starts", needed=wanted)
     return Maneuver(axis=parts[0], kind="other", start_s=start_s, stop_s=stop_s, origin="given")  # type: ignore[arg-type]
 
 
@@ -47,7 +47,7 @@ def write_segments(segments: "Iterable[Maneuver]") -> list[str]:
 
 
 def parse_band(text: str) -> tuple[float, float]:
-    """Read ``LO:HI`` in rad/s, or in the unit that stands behind.
+    """Read ``LO:HI`` in rad/s, or in the unit behind it.
 
     Examples
     --------
@@ -70,7 +70,7 @@ def parse_numbers(text: str) -> tuple[float, ...]:
     >>> parse_numbers("20,10"), parse_numbers("1min,800ms")
     ((20.0, 10.0), (60.0, 0.8))
     """
-    needed = "seconds with commas between them"
+    needed = "seconds with commas, such as 20,10,5"
     return read_measures(text, "s", ",", came=f"the list {text!r} cannot be read", needed=needed)
 
 
@@ -89,7 +89,7 @@ def parse_input_windows(texts: Sequence[str]) -> dict[str, tuple[float, ...]]:
             needed = "INPUT:S,S,... such as roll_command:14,9,6"
             raise UsageError(f"the windows {text!r} cannot be read", needed=needed)
         if name in windows:
-            raise UsageError(f"windows of {name} came twice", needed="each input once")
+            raise UsageError(f"windows of {name} are given twice", remedy="give each input once")
         windows[name] = parse_numbers(lengths)
     return windows
 
@@ -120,8 +120,8 @@ def parse_channels(text: str, *, option: str) -> tuple[str, ...]:
     """
     names = parse_names(text)
     if not all(names) or len(set(names)) < len(names):
-        needed = "channel names, each once, with commas between them: roll_command,p"
-        raise UsageError(f"{option} {text!r} came", needed=needed)
+        needed = "channel names, each once, with commas: roll_command,p"
+        raise UsageError(f"{option} {text!r} is not a list of channels", needed=needed)
     return names
 
 
@@ -231,7 +231,7 @@ def _assignments(texts: Sequence[str], wanted: str) -> dict[str, str]:
         if not (name and equals and value):
             raise UsageError(f"{text!r} cannot be read", needed=wanted)
         if name in found:
-            raise UsageError(f"{name} came twice", needed="each name once")
+            raise UsageError(f"{name} is given twice", remedy="give each name once")
         found[name] = value
     return found
 
@@ -272,7 +272,7 @@ def parse_shifts(texts: Sequence[str]) -> dict[str, float]:
             raise UsageError(came, needed=needed)
         seconds = read_measure(value, "s", came=came, needed=needed)
         if name.strip() in shifts:
-            raise UsageError(f"two shifts of {name.strip()} came", needed="one for each channel", remedy="add them up")
+            raise UsageError(f"{name.strip()} has two shifts", remedy="add them up")
         shifts[name.strip()] = seconds
     return shifts
 
@@ -292,7 +292,9 @@ def parse_low_pass(text: str) -> "LowPass":
     """
     if text in ("auto", "none"):
         return None if text == "none" else "auto"
-    return read_measure(text, "rad/s", came=f"the low-pass {text!r} came", needed="a cutoff in rad/s, auto or none")
+    return read_measure(
+        text, "rad/s", came=f"the low-pass {text!r} cannot be read", needed="a cutoff in rad/s, auto or none"
+    )
 
 
 def parse_assignments(
@@ -318,12 +320,12 @@ def parse_assignments(
     numbers: dict[str, float] = {}
     for text in texts:
         name, sign, value = (part.strip() for part in text.partition("="))
-        came, known = f"{option} {text} came", units.get(name, otherwise)
+        came, known = f"{option} {text} cannot be read", units.get(name, otherwise)
         unit = None if known is None else writable(known)
         if not (name and sign):
             raise UsageError(came, needed="NAME=VALUE with a finite number")
         if name in numbers:
-            raise UsageError(f"{option} {name} came twice", needed="each name once")
+            raise UsageError(f"{option} {name} is given twice", remedy="give each name once")
         needed = "NAME=VALUE with a finite number" + ("" if unit in (None, "1") else f", {name} in {unit}")
         numbers[name] = read_measure(value, unit, came=came, needed=needed)
     return numbers

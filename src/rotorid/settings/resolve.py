@@ -101,7 +101,7 @@ def asked_model(
 
 
 def require_known(structure: LinearStructure, settings: IdentifySettings) -> None:
-    """Refuse a name that a structure does not have, before any log is read for it.
+    """Raise for a name that the structure does not have, before any log is read.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def require_known(structure: LinearStructure, settings: IdentifySettings) -> Non
     Raises
     ------
     ModelError
-        A name is unknown, the nearest one is suggested; or a choice of parameters is impossible.
+        A name is unknown (the error suggests the nearest one), or a choice of parameters is impossible.
     UsageError
         Nothing is left free.
     """
@@ -137,12 +137,12 @@ def require_known(structure: LinearStructure, settings: IdentifySettings) -> Non
         raise ModelError(
             f"{structure.name} at its start values: {error.came}",
             needed=error.needed,
-            remedy=error.remedy or "give other values",
+            remedy=error.remedy or "use other values",
         ) from None
 
 
 def chosen_parameters(structure: LinearStructure | NonlinearStructure, settings: IdentifySettings) -> ParameterSet:
-    """Parameters of a structure as the user wants them: freed, held or tied.
+    """Parameters of a structure as the user chose them: freed, fixed or tied.
 
     Raises
     ------
@@ -159,5 +159,5 @@ def chosen_parameters(structure: LinearStructure | NonlinearStructure, settings:
     for name, text in settings.ties.items():
         parameters = parameters.tie(name, text)
     if not parameters.free:
-        raise UsageError("every parameter is fixed", needed="at least one that is free")
+        raise UsageError("every parameter is fixed, so nothing can be fitted", remedy="leave out one --fix or --tie")
     return parameters

@@ -53,7 +53,7 @@ def test_a_person_sees_how_much_is_explained(logs: tuple[Path, Path], tmp_path: 
     )
     assert ran.code == 0, ran.err
     assert "output error, zero-order hold; explained: phi" in ran.out
-    assert "cross-validated on unseen records" in ran.out
+    assert "cross-validated on other records" in ran.out
     assert "Cross-validation" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 

@@ -51,8 +51,8 @@ def test_a_refusal_exits_with_one_and_says_why(tmp_path: Path) -> None:
         (["--starts", "central"], "--starts does not apply to physical.motors"),
         (["--cross-validate", "each"], "--cross-validate does not apply to physical.motors"),
         (["--decoupled"], "--decoupled does not apply to physical.motors"),
-        (["--curve", "cubic"], "the curve 'cubic' came"),
-        (["--arm", "-1"], "an arm of -1 m came"),
+        (["--curve", "cubic"], "unknown curve 'cubic'"),
+        (["--arm", "-1"], "--arm -1 m is not positive"),
     ],
 )
 def test_options_that_do_not_belong_are_refused(log: Path, words: list[str], said: str) -> None:

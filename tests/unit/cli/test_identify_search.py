@@ -24,7 +24,7 @@ def test_a_person_sees_what_was_searched_and_how_it_scatters(ran: tuple[Path, Ra
     folder, told = ran
     assert (told.code, told.err) == (0, "")
     assert "search by sobol:4: 4 evaluations and 4 local searches" in told.out
-    assert "bootstrap: standard deviations over 40 refits to noise drawn anew" in told.out
+    assert "bootstrap: standard deviations of 40 refits with new noise" in told.out
     header = next(line for line in told.out.splitlines() if line.startswith("parameter"))
     assert "bootstrap" in header
     page = (folder / "report.html").read_text(encoding="utf-8")
@@ -64,8 +64,8 @@ def test_help_lists_every_search(monkeypatch: pytest.MonkeyPatch) -> None:
         (("--search", "evolutoin"), "did you mean evolution?"),
         (("--search", "central:5"), "central, which has no options"),
         (("--search", "evolution", "--evaluations", "3"), "a budget of 3"),
-        (("--evaluations", "300"), "without a search"),
-        (("--bootstrap", "1"), "a bootstrap of 1 runs"),
+        (("--evaluations", "300"), "--evaluations needs a search"),
+        (("--bootstrap", "1"), "--bootstrap 1 is too few"),
         (("--method", "prediction_error", "--bootstrap", "20"), "prediction error"),
         (("--method", "equation_error", "--search", "sobol:4"), "equation error"),
     ],

@@ -39,7 +39,7 @@ def test_a_second_model_is_not_the_only_one_that_counts(flight: Path, tmp_path: 
         "identify", flight, "--model", "rate.yaw", "--model", "rate.roll", "--band", "12:50", "--out", tmp_path
     )
     assert ran.code == 0
-    assert "rate.yaw: refused" in ran.out
+    assert "rate.yaw: no model" in ran.out
     assert "L_roll" in ran.out
 
 

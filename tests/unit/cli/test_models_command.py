@@ -109,7 +109,7 @@ def test_one_model_as_json_has_its_text() -> None:
         (("hover.longitudnal",), "did you mean hover.longitudinal"),
         (("rate.rol",), "did you mean rate.roll"),
         (("transfer:3/1", "--inputs", "u", "--outputs", "y"), "a transfer function of the orders 3 over 1"),
-        (("rate.roll", "--outputs", "p"), "--inputs and --outputs came with rate.roll"),
+        (("rate.roll", "--outputs", "p"), "rate.roll has its own inputs and outputs"),
         (("mine.toml",), "there is no model 'mine.toml'"),
         (("response.first", "--inputs", "phi_setpoint"), "there is no model 'response.first'"),
         (("black_box:x", "--inputs", "u", "--outputs", "y"), "there is no model 'black_box:x'"),

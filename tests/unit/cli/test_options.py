@@ -87,7 +87,7 @@ def test_what_was_not_given_is_left_to_the_settings_or_to_the_default_of_the_opt
 def test_a_number_comes_with_its_unit_and_its_default_with_all_digits() -> None:
     assert ran(Sizes) == Sizes(size_m=1.23456789)
     assert ran(Sizes, "--size", "20cm") == Sizes(size_m=0.2)
-    with pytest.raises(UsageError, match="--size '2s' came, which is in s"):
+    with pytest.raises(UsageError, match="--size '2s' is in s"):
         ran(Sizes, "--size", "2s")
 
 

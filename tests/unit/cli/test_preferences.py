@@ -30,13 +30,13 @@ def test_what_it_says_is_read(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [('colour = "red"', r"'colour' in line 1, .* not known; expected one of frequency, angles, magnitude, theme, out"),
+    [('colour = "red"', r"'colour' in line 1, .* unknown; expected one of frequency, angles, magnitude, theme, out"),
      ('theme = "pink"', r"sets theme = 'pink' in line 1; expected 'light' or 'dark'"), ("out = 3", "expected a folder"),
      ('theme = "dark"\nangles = "grad"', r"sets angles = 'grad' in line 2; expected 'rad' or 'deg'"),
      ('# mine\n"color" = 1\ntheme = "dark"\n[lab]\nport = 1', r"sets 'color' in line 2 and 'lab' in line 4, which are"),
      ("lab.port = 1", "'lab' in line 1"), ("frequency = [", "cannot be read"), ("theme = {}", "'light' or 'dark'"),
      ("\0", "cannot be read"),
-     ('out = "~nosuch/x"', "out = '~nosuch/x' in line 1; expected a folder that there can be"),
+     ('out = "~nosuch/x"', "out = '~nosuch/x' in line 1; expected an existing home folder"),
      ('out = "a\\u0000b"', "in line 1; expected a folder"), ('out = ""', "expected a folder"),
      ("x = " + "[" * 3000, "64 deep")],
 )  # fmt: skip

@@ -132,10 +132,10 @@ def test_it_is_printed(document: ResultDocument, capsys: pytest.CaptureFixture[s
     from pathlib import Path
 
     short = replace(document.derived, missing={"c_P": ("I_zz",)})  # type: ignore[type-var]
-    print_result(document.model_copy(update={"derived": short}), Path("folder"))
+    print_result(document.model_copy(update={"derived": short}), Path("folder"), verbose=True)
     printed = capsys.readouterr().out
     assert "c_T 0.1" in printed
-    assert "c_P would follow with I_zz (--known I_zz=VALUE:STD)" in printed
+    assert "c_P also needs I_zz: add --known I_zz=VALUE:STD" in printed
 
 
 def test_a_known_quantity_is_told_in_the_provenance() -> None:

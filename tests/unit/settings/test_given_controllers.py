@@ -53,10 +53,10 @@ class TestReading:
             ("[roll]\nproportional_s = 1\nintegrl = 2\n", "line 3.*integrl"),
             ("[roll]\nproportional_s = 1\nintegral = 'much'\n", "line 3"),
             ("[roll]\nproportional_s = 1\nderivative_of_error = 1\n", "true or false"),
-            ("[roll]\nintegral = 1\n", "no proportional_s"),
+            ("[roll]\nintegral = 1\n", "lacks proportional_s"),
             ("[roll]\nproportional_s = -1\n", "gains"),
             ("roll = 3\n", "table"),
-            ("[roll\n", "no TOML"),
+            ("[roll\n", "not valid TOML"),
             ("", "no controller"),
         ],
     )
