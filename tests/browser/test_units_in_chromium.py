@@ -17,7 +17,7 @@ PROBE = (
     f"async () => {{{SETTLED}"
     + """
   const find = (value) => document.querySelector(`button[value="${value}"]`);
-  const places = Array.from(document.querySelectorAll("[data-picture]"));
+  const places = Array.from(document.querySelectorAll("[data-picture]")).filter((one) => one.data);
   const place = places.find((one) => one.dataset.picture.includes("response"));
   const before = places.map((one) => one.data.map((trace) => trace.x.length));
   %s

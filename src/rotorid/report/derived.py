@@ -1,4 +1,4 @@
-"""What a page says of quantities behind the parameters: motors, rotors, and thrust over the advance ratio."""
+"""Quantities computed from the parameters, as a page shows them: motors, rotors, thrust over the advance ratio."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rotorid.results.summary import DerivedSummary, ThrustPoint
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class QuantityRow:
-    """A quantity with its deviation, and the part of that which the parameters bring."""
+    """A quantity with its deviation, and the part of the deviation that is from the parameters."""
 
     name: str
     words: str
@@ -35,7 +35,7 @@ class ThrustRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DerivedShown:
-    """Quantities, what they were made with, what is missing, and thrust over the advance ratio."""
+    """Quantities, the given values, what is missing, and thrust over the advance ratio."""
 
     rows: tuple[QuantityRow, ...]
     known: str
@@ -72,7 +72,7 @@ def derived_shown(derived: DerivedSummary | None, *, key: str) -> DerivedShown |
             for name, quantity in derived.quantities.items()
         ),
         known=", ".join(known),
-        missing=tuple(f"{name} would follow with {', '.join(needed)}" for name, needed in derived.missing.items()),
+        missing=tuple(f"{name} needs {', '.join(needed)}" for name, needed in derived.missing.items()),
         thrust=tuple(
             ThrustRow(
                 advance_ratio=significant(point.advance_ratio),

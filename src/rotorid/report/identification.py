@@ -1,9 +1,8 @@
 """The report on identifications: a section for each model, with its tables, sentences and pictures.
 
-A section holds parameters, costs, responses, poles and matrices, the budget of delays, correlated parameters, the steps
-of a reduction, a search with all of its minima, and the spread of a bootstrap, as far as the result has them. What a
-number means is said by :mod:`rotorid.report.words`; the parts that other pages share are in
-:mod:`rotorid.report.parts`.
+A section has parameters, costs, responses, poles and matrices, delays, correlated parameters, the steps of a reduction,
+the minima of a search and the spread of a bootstrap, where the result has them. :mod:`rotorid.report.words` explains
+the numbers; :mod:`rotorid.report.parts` has the parts that other pages share.
 """
 
 from __future__ import annotations
@@ -13,17 +12,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.data.display import counted, listed
 from rotorid.data.quantity import MISSING, error_columns, milliseconds, minus, percent, significant, unit, with_interval
 from rotorid.data.trust import BOUNDS_MEANING
 from rotorid.documents.base import FindingDocument
 from rotorid.documents.result import ResultDocument
 from rotorid.errors import UsageError
 from rotorid.models.library import SPIN_UP
-from rotorid.plot.figure import quantity
+from rotorid.plot.curves import Frequency, View
+from rotorid.plot.figure import Figure, quantity
 from rotorid.plot.loops import correlation_map
 from rotorid.plot.search import clusters, convergence, run_histogram
 from rotorid.report.derived import DerivedShown, derived_shown
-from rotorid.report.frame import Picture, render
+from rotorid.report.frame import Picture, over_frequency, render
 from rotorid.report.motors import MotorsShown, motors_shown
 from rotorid.report.parts import (
     Cell,
@@ -55,13 +56,15 @@ from rotorid.report.words import (
     pole_rows,
     poles_picture,
     poles_sentence,
+    result_sentences,
+    several_sentences,
     sparkline,
     summary,
     time_sentences,
     worst_maneuver,
     worst_record,
 )
-from rotorid.results.model import IdentifiedModel
+from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.results.summary import (
     BootstrapSummary,
     Correlation,
@@ -71,7 +74,7 @@ from rotorid.results.summary import (
     SearchRuns,
     SearchSummary,
 )
-from rotorid.results.verdicts import LEVELS, Verdict, badge, cost_verdict
+from rotorid.results.verdicts import LEVELS, Verdict, badge, cost_verdict, refused_verdict
 from rotorid.search.catalog import POPULATIONS
 from rotorid.search.result import Progress
 
@@ -86,7 +89,7 @@ class MatrixTable:
 
 
 def matrix_tables(document: ResultDocument) -> tuple[MatrixTable, ...]:
-    """All matrices that say something: one that is zero, and an identity, are left out.
+    """All matrices but those that are zero or the identity.
 
     Columns of rows are named after states, inputs and outputs where their number fits.
     """
@@ -142,7 +145,7 @@ class DelayRow:
 
 
 def delay_rows(document: ResultDocument) -> tuple[DelayRow, ...]:
-    """One row for each input and each budget of its own; outputs that share one stand together."""
+    """One row for each input and each budget; outputs that share a budget share a row."""
     return tuple(
         DelayRow(
             input=name,
@@ -158,16 +161,16 @@ def delay_rows(document: ResultDocument) -> tuple[DelayRow, ...]:
 
 
 def delay_sentence(document: ResultDocument) -> str:
-    """How late each input is answered; of outputs with a budget of their own, the first counts.
+    """The delay of the vehicle after each input; of outputs with their own budget, the first counts.
 
-    Where the spin-up of rotors answers first, the delays are not how late the vehicle is, and nothing is said.
+    Empty where the spin-up of rotors answers first, because the delays are then not those of the vehicle.
 
     Examples
     --------
     >>> budget = DelayBudget(
     ...     input_delay_s=0.03, motor_lag_s=0.01, output_delay_s=0.0, total_s=0.04, total_std_s=0.0004)
     >>> delay_sentence(ResultDocument.model_construct(delays={"q/pitch_command": budget}))
-    'The vehicle answers the pitch command after 40.0 ± 0.4 ms.'
+    'The vehicle responds to the pitch command after 40.0 ± 0.4 ms.'
     """
     delay_words: dict[str, str] = {}
     for name, outputs, budget in _ways(document):
@@ -175,7 +178,7 @@ def delay_sentence(document: ResultDocument) -> str:
             delay_words[name] = (
                 f"the {quantity(name).words} after {milliseconds(budget.total_s, budget.total_std_s)} ms"
             )
-    return f"The vehicle answers {', '.join(delay_words.values())}." if delay_words else ""
+    return f"The vehicle responds to {listed(list(delay_words.values()))}." if delay_words else ""
 
 
 def _spins_up(document: ResultDocument) -> bool:
@@ -204,7 +207,7 @@ HIGH = 0.9
 """Correlation beyond which two parameters are named."""
 
 _LEAST_DRAWN = 5
-"""Parameters from which correlations are drawn and not only said."""
+"""Number of parameters from which correlations are drawn."""
 
 _MOST_LISTED = 8
 """Pairs that are named; the others are counted."""
@@ -230,20 +233,17 @@ def correlation_sentence(correlation: Correlation | None) -> str:
     Examples
     --------
     >>> correlation_sentence(Correlation(names=("M_q", "M_u"), matrix=((1.0, -0.93), (-0.93, 1.0))))
-    'Correlated by more than 0.9, so that an error of one is an error of the other: M_q and M_u: −0.93.'
+    'Correlated by more than 0.9 (an error in one is an error in the other): M_q and M_u: −0.93.'
     """
     pairs = _pairs(correlation) if correlation else []
     if not pairs:
         return ""
     high = [pair for pair in pairs if abs(pair.correlation) > HIGH]
     if not high:
-        return f"No two parameters are correlated by more than {HIGH:g}; the highest is {pairs[0].words}."
+        return f"No parameters are correlated by more than {HIGH:g}. Highest: {pairs[0].words}."
     correlation_words = "; ".join(pair.words for pair in high[:_MOST_LISTED])
     more = f"; and {len(high) - _MOST_LISTED} more" if len(high) > _MOST_LISTED else ""
-    return (
-        f"Correlated by more than {HIGH:g}, so that an error of "
-        f"one is an error of the other: {correlation_words}{more}."
-    )
+    return f"Correlated by more than {HIGH:g} (an error in one is an error in the other): {correlation_words}{more}."
 
 
 def correlation_picture(correlation: Correlation | None, *, key: str) -> Picture | None:
@@ -270,8 +270,8 @@ def _pairs(correlation: Correlation) -> list[Together]:
 
 
 _SOURCES = {
-    "responses": "errors of the responses, as they are stated and as they go together",
-    "outputs": "noise of the outputs, colored as the residuals are",
+    "responses": "random errors of the responses with their covariance",
+    "outputs": "noise of the outputs with the spectrum of the residuals",
 }
 
 
@@ -327,15 +327,15 @@ def _line(document: ResultDocument, again: BootstrapSummary, name: str, disagree
 
 def _bootstrap_words(again: BootstrapSummary) -> str:
     left = sum(again.left_out.values())
-    without = f" {left} of them had no answer and do not count." if left else ""
-    return f"{again.runs} refits of the model, each to {_SOURCES[again.source]}, drawn anew.{without}"
+    without = f" {left} did not converge and {'is' if left == 1 else 'are'} not counted." if left else ""
+    return f"{again.runs} refits, each to newly drawn {_SOURCES[again.source]}.{without}"
 
 
 _MOST_ROWS = 12
 _COSTS = {
     "frequency": "CIFER's cost, summed over the responses",
-    "output_error": "the sum of squared output errors, outputs weighed by their size",
-    "accelerations": "the mean of the absolute errors of accelerations, each over its own deviations from the mean",
+    "output_error": "the sum of squared output errors, each output relative to its size",
+    "accelerations": "the mean absolute error of accelerations, each relative to its deviations from the mean",
 }
 
 
@@ -456,7 +456,7 @@ def _run_picture(document: SearchSummary, runs: SearchRuns, key: str) -> Picture
     )
     return Picture(
         key=key,
-        description=f"Where {runs.runs} runs of {document.name} ended, a histogram for each parameter",
+        description=f"Results of {runs.runs} runs of {document.name}, a histogram for each parameter",
         figure=run_histogram(alone, polished, centers=centers),
     )
 
@@ -464,21 +464,21 @@ def _run_picture(document: SearchSummary, runs: SearchRuns, key: str) -> Picture
 def _search_words(document: SearchSummary) -> str:
     local = "1 local search" if document.local_searches == 1 else f"{document.local_searches} local searches"
     return (
-        f"Before the fit, {document.name} searched {_COSTS[document.objective]}: {document.evaluations} evaluations, "
-        f"and {document.polishing} of residuals with their derivatives in {local}."
+        f"Before the fit, {document.name} minimized {_COSTS[document.objective]}: {document.evaluations} evaluations, "
+        f"then {document.polishing} in {local}."
     )
 
 
 def _minima_words(document: SearchSummary) -> str:
     count = len(document.minima)
     if count == 1:
-        return "Every local search that came to rest ended in one place, from which the fit went on."
-    ways = {
-        "frequency": "the first of them",
-        "output_error": "all of them, and from the starts of the model",
-        "accelerations": "the first of them",
+        return "All converged local searches ended in the same minimum, where the fit started."
+    starts = {
+        "frequency": "the lowest",
+        "output_error": "all of them, and from the initial values of the model",
+        "accelerations": "the lowest",
     }
-    return f"Local searches came to rest in {count} places. The fit went on from {ways[document.objective]}."
+    return f"Local searches found {count} minima. The fit started from {starts[document.objective]}."
 
 
 def _cluster_picture(document: SearchSummary, key: str) -> Picture | None:
@@ -488,19 +488,22 @@ def _cluster_picture(document: SearchSummary, key: str) -> Picture | None:
         return None
     owners = np.array([step.owners for step in steps])
     of_responses = len(document.points) == owners.shape[1]
-    places = np.array([point.omega_rad_s for point in document.points]) if of_responses else np.arange(owners.shape[1])
+    places = np.array(
+        [point.omega_rad_s for point in document.points] if of_responses else range(owners.shape[1]), dtype=np.float64
+    )
     costs = [[np.nan if cluster.cost is None else cluster.cost for cluster in step.clusters] for step in steps]
-    return Picture(
-        key=key,
-        description=f"Points that each candidate of {document.name} owns, and its cost, over the iterations",
-        figure=clusters(
+
+    def draw(*, frequency: Frequency = "rad/s") -> Figure:
+        return clusters(
             np.array(costs, dtype=np.float64),
             owners,
-            places=places.astype(np.float64),
-            place="frequency [rad/s]" if of_responses else "number of the point",
+            places=View(frequency=frequency).across(places) if of_responses else places,
+            place=f"Frequency [{frequency}]" if of_responses else "Number of the point",
             logarithmic=of_responses,
-        ),
-    )
+        )
+
+    description = f"Cost and data points of each candidate of {document.name} over the iterations"
+    return over_frequency(draw, key=key, description=description)
 
 
 def _picture(document: SearchSummary, key: str) -> Picture | None:
@@ -518,7 +521,7 @@ def _picture(document: SearchSummary, key: str) -> Picture | None:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StepRow:
-    """One parameter that was looked at, and what became of it."""
+    """One parameter that was tested, and whether it was dropped."""
 
     anchor: str
     number: int
@@ -556,36 +559,34 @@ def step_rows(steps: Sequence[ReductionStep], *, anchor: str) -> tuple[StepRow, 
 
 
 def reduction_sentence(steps: Sequence[ReductionStep]) -> str:
-    """How many parameters went, and what it cost.
+    """How many parameters were dropped, and how the cost changed.
 
     Examples
     --------
     >>> step = ReductionStep(parameter="Z_q", action="dropped", reason="", value_before=0.0, insensitivity_percent=None,
     ...     cramer_rao_percent=None, mean_cost_before=0.221, mean_cost_after=0.222)
     >>> reduction_sentence([step])
-    '1 of 1 parameter looked at was dropped; the mean cost went from 0.221 to 0.222.'
+    '1 of 1 tested parameter dropped; the mean cost changed from 0.221 to 0.222.'
     """
     if not steps:
         return ""
     dropped = [step for step in steps if step.action == "dropped"]
-    looked = "1 parameter" if len(steps) == 1 else f"{len(steps)} parameters"
-    verb = "was" if len(dropped) == 1 else "were"
-    sentence = f"{len(dropped) or 'None'} of {looked} looked at {verb} dropped"
+    sentence = f"{len(dropped) or 'None'} of {counted(len(steps), 'tested parameter')} dropped"
     if not dropped:
         return f"{sentence}."
     before, after = significant(steps[0].mean_cost_before), significant(dropped[-1].mean_cost_after)
-    return f"{sentence}; the mean cost went from {before} to {after}."
+    return f"{sentence}; the mean cost changed from {before} to {after}."
 
 
 def repeats_steps(finding: FindingDocument, document: ResultDocument) -> bool:
-    """Whether a finding only repeats what the table of steps says; a warning is worth its repetition."""
+    """Whether a finding only repeats the table of steps; warnings are always shown."""
     parameters = {step.parameter for step in document.reduction}
     return finding.kind == "dropped_parameter" and finding.severity == "info" and finding.where in parameters
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitShown:
-    """How the fit went."""
+    """How the fit ended."""
 
     sentences: tuple[str, ...]
     curve: str
@@ -598,7 +599,7 @@ class Section:
     anchor: str
     title: str
     document: ResultDocument
-    records: tuple[str, ...]
+    result: str
     sentences: tuple[str, ...]
     cost: Verdict | None
     unseen: Verdict | None
@@ -630,6 +631,7 @@ class Section:
     findings: tuple[FindingRow, ...]
     findings_in_steps: int
     maneuvers: tuple[ManeuverRow, ...]
+    excitations: str
     timelines: tuple[Picture, ...]
     time: TimeFits | None = None
     crossed: Crossed | None = None
@@ -637,6 +639,11 @@ class Section:
     bootstrap: BootstrapShown | None = None
     motors: MotorsShown | None = None
     derived: DerivedShown | None = None
+
+    @property
+    def warnings(self) -> int:
+        """How many findings are more than a note."""
+        return sum(1 + len(row.others) for row in self.findings if row.severity != "info")
 
     @property
     def far_from_truth(self) -> bool:
@@ -660,8 +667,10 @@ class Section:
         )
 
 
-def section(shown: Shown, *, anchor: str, truth: Mapping[str, float]) -> Section:
-    """Everything that the page says about one identification.
+def section(
+    shown: Shown, *, anchor: str, truth: Mapping[str, float], common: Iterable[FindingDocument] = ()
+) -> Section:
+    """Everything that the page shows of one identification.
 
     Parameters
     ----------
@@ -669,15 +678,19 @@ def section(shown: Shown, *, anchor: str, truth: Mapping[str, float]) -> Section
         Prefix of the identifiers on the page, unique among its sections.
     truth
         True parameter values where they are known, as ``model.name`` or ``name``.
+    common
+        Findings that the page shows once for several models.
     """
     document = shown.document
     responses = model_pictures(shown, anchor=anchor)
-    findings = [finding for finding in document.findings if not repeats_steps(finding, document)]
+    own = [finding for finding in document.findings if not repeats_steps(finding, document)]
+    findings = [finding for finding in own if finding not in common]
+    flown = {maneuver.record for maneuver in document.provenance.maneuvers}
     return Section(
         anchor=anchor,
         title=_title(document),
         document=document,
-        records=tuple(dict.fromkeys(segment.record for segment in shown.data.segments)),
+        result=" ".join(result_sentences(document)),
         sentences=summary(document),
         cost=badge(document_verdict(document)),
         unseen=_unseen(document),
@@ -713,8 +726,9 @@ def section(shown: Shown, *, anchor: str, truth: Mapping[str, float]) -> Section
         correlation=correlation_picture(document.correlation, key=f"{anchor}-correlation"),
         correlation_words=correlation_sentence(document.correlation),
         findings=finding_rows(findings),
-        findings_in_steps=len(document.findings) - len(findings),
-        maneuvers=tuple(maneuver_row(flown.record, flown) for flown in document.provenance.maneuvers),
+        findings_in_steps=len(document.findings) - len(own),
+        maneuvers=tuple(maneuver_row(maneuver.record, maneuver) for maneuver in document.provenance.maneuvers),
+        excitations=f"{counted(len(document.provenance.maneuvers), 'maneuver')} in {counted(len(flown), 'log')}",
         time=None if document.motors else time_fits(shown, key=f"{anchor}-time"),
         motors=motors_shown(shown, key=f"{anchor}-motors"),
         derived=derived_shown(document.derived, key=f"{anchor}-thrust-coefficient"),
@@ -743,7 +757,7 @@ def _cost(cost: float) -> Verdict:
 
 
 def _unseen(document: ResultDocument) -> Verdict | None:
-    """The worse of what unseen maneuvers and unseen sweeps say."""
+    """The worse verdict of unseen maneuvers and unseen sweeps."""
     costs = document.verification.frequency.values()
     found = document.verification
     flown = worst_maneuver(found.maneuvers) if found.maneuvers else worst_record(found.records)
@@ -759,7 +773,13 @@ def _fit(document: ResultDocument) -> FitShown | None:
     return FitShown(sentences=sentences, curve=sparkline(document.fit.trace))
 
 
-def render_report(models: Sequence[IdentifiedModel], *, title: str, truth: Mapping[str, float] | None = None) -> str:
+def render_report(
+    models: Sequence[IdentifiedModel],
+    *,
+    title: str,
+    truth: Mapping[str, float] | None = None,
+    refused: Mapping[str, Refused] | None = None,
+) -> str:
     """The whole report as one HTML document, which holds everything it shows and lets no text of a log act.
 
     Parameters
@@ -768,24 +788,54 @@ def render_report(models: Sequence[IdentifiedModel], *, title: str, truth: Mappi
         At least one; each becomes a section.
     truth
         True parameter values where they are known, as ``model.name`` or ``name``: adds a column to the tables.
+    refused
+        Models that the data cannot support, which the page lists.
 
     Raises
     ------
     UsageError
         There is nothing to report.
     """
-    return render_sections([Shown.of(model) for model in models], title=title, truth=truth)
+    return render_sections([Shown.of(model) for model in models], title=title, truth=truth, refused=refused)
 
 
-def render_sections(shown: Sequence[Shown], *, title: str, truth: Mapping[str, float] | None = None) -> str:
+def common_findings(documents: Sequence[ResultDocument]) -> list[FindingDocument]:
+    """Findings that several models have in the same words, once each."""
+    each = [
+        finding
+        for document in documents
+        for number, finding in enumerate(document.findings)
+        if finding not in document.findings[:number]
+    ]
+    return [finding for number, finding in enumerate(each) if each.count(finding) > 1 and finding not in each[:number]]
+
+
+def render_sections(
+    shown: Sequence[Shown],
+    *,
+    title: str,
+    truth: Mapping[str, float] | None = None,
+    refused: Mapping[str, Refused] | None = None,
+) -> str:
     """The same of models with their documents."""
     if not shown:
-        raise UsageError("a report on no identification was asked for", needed="at least one identification")
-    sections = [section(model, anchor=f"s{number}", truth=truth or {}) for number, model in enumerate(shown, start=1)]
+        raise UsageError("a report needs at least one identification")
+    documents = [model.document for model in shown]
+    several = len(shown) > 1 or bool(refused)
+    common = common_findings(documents) if several else []
+    sections = [
+        section(model, anchor=f"s{number}", truth=truth or {}, common=common)
+        for number, model in enumerate(shown, start=1)
+    ]
+    left_out = {name: refused_verdict(answer.findings).reason for name, answer in (refused or {}).items()}
     return render(
         "identification.html",
         title=title,
         sections=sections,
+        several=several,
+        answer=several_sentences(documents, left_out),
+        common=finding_rows(common),
+        refused=list(left_out.items()),
         has_truth=bool(truth),
         logs=[name for model in shown for name in model.document.provenance.inputs],
         pictures=[picture for each in sections for picture in each.pictures],

@@ -31,13 +31,13 @@ from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.verification.verification import Scores
 
 _NAMES = {"m": "Mass", "I_xx": "Roll inertia", "I_yy": "Pitch inertia", "I_zz": "Yaw inertia"}
-_STATUS = {"fixed": "given", "tied": "follows from the others", "free": ""}
+_STATUS = {"fixed": "given", "tied": "computed from the others", "free": ""}
 _CHANNELS = {"az": "az", "p": "p_dot", "q": "q_dot", "r": "r_dot"}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VehicleRow:
-    """A property of the vehicle; quiet where it was not told."""
+    """A property of the vehicle; ``known`` is false where the flight does not determine it."""
 
     words: str
     symbol: str
@@ -89,7 +89,7 @@ def _body(document: ResultDocument, motors: MotorPhysics) -> Iterator[VehicleRow
             )
         elif name == "m" and motors.scale is None:
             yield VehicleRow(
-                words=words, symbol=name, value="1", unit="kg", note="assumed: multiply thrust and inertia"
+                words=words, symbol=name, value="1", unit="kg", note="assumed; multiply thrust and inertia by your mass"
             )
         else:
             note = _STATUS.get(found.status, found.status)
@@ -99,7 +99,7 @@ def _body(document: ResultDocument, motors: MotorPhysics) -> Iterator[VehicleRow
 
 def _missing(motors: MotorPhysics, axis: str) -> str:
     if any(axis in flight.counted for flight in motors.excitation):
-        return "kappa over I_zz alone is told"
+        return "only kappa / I_zz is known"
     return f"{AXIS_WORDS[axis]} was not excited"
 
 
@@ -115,9 +115,9 @@ def _thrust(motors: MotorPhysics) -> Iterator[VehicleRow]:
     highest = motors.flown_outputs[1]
     beyond = f"extrapolated, flown up to {significant(highest, digits=2)}" if highest < FULL_OUTPUT else ""
     labels = {
-        "thrust_hover": ("Thrust of a rotor near hover", f"at the mean output, {hover}"),
-        "thrust_slope": ("Its slope there", "by the speed" if speed else "by the output from 0 to 1"),
-        "thrust_full": ("Thrust of a rotor at full output", beyond),
+        "thrust_hover": ("Rotor thrust near hover", f"at the mean output, {hover}"),
+        "thrust_slope": ("Slope of thrust near hover", "per speed" if speed else "per output from 0 to 1"),
+        "thrust_full": ("Rotor thrust at full output", beyond),
         "thrust_to_weight": ("Thrust to weight", beyond),
     }
     for name, (words, note) in labels.items():
@@ -142,9 +142,9 @@ def _torque(document: ResultDocument) -> Iterator[VehicleRow]:
     found = document.parameters
     if "kappa" in found:
         note = _STATUS.get(found["kappa"].status, found["kappa"].status)
-        yield _row("Torque of a rotor by its thrust", "kappa", found["kappa"], note=note)
+        yield _row("Rotor torque per thrust", "kappa", found["kappa"], note=note)
     elif "kappa_per_I_zz" in found:
-        yield _row("Torque by thrust, over yaw inertia", "kappa_per_I_zz", found["kappa_per_I_zz"])
+        yield _row("Torque per thrust, over yaw inertia", "kappa_per_I_zz", found["kappa_per_I_zz"])
     if "h_per_I_zz" in found:
         yield _row("Angular momentum of a rotor, over yaw inertia", "h_per_I_zz", found["h_per_I_zz"])
 
@@ -190,8 +190,8 @@ _POINTS = 201
 _BEYOND = 1.15
 _TERMS = {"c_0": 0, "c_1": 1, "c_2": 2}
 _OUTPUTS = {
-    "output": "outputs to the motors, from 0 to 1",
-    "thrust_demand": "thrust that the mixer demands of each motor, from 0 to 1",
+    "output": "motor outputs from 0 to 1",
+    "thrust_demand": "thrust commands of the mixer to each motor, from 0 to 1",
     "speed": "measured speeds",
 }
 
@@ -230,7 +230,7 @@ class MotorsShown:
 
 
 def motors_shown(shown: Shown, *, key: str) -> MotorsShown | None:
-    """What to show of a fit of ``physical.motors``; nothing for another model.
+    """What the page shows of a fit of ``physical.motors``; nothing for another model.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def motors_shown(shown: Shown, *, key: str) -> MotorsShown | None:
         source=_source(motors),
         layout=Picture(
             key=f"{key}-layout",
-            description=f"{len(motors.spins)} rotors from above with the numbers of their motors",
+            description=f"{len(motors.spins)} rotors from above with motor numbers",
             figure=rotor_layout(np.array(motors.rotors), np.array(motors.spins), in_meters=motors.arm_m is not None),
         ),
         curve=_curve(document, motors, key=f"{key}-curve"),
@@ -264,7 +264,9 @@ def motors_shown(shown: Shown, *, key: str) -> MotorsShown | None:
 
 def _source(motors: MotorPhysics) -> str:
     rate = significant(motors.outputs_rate_hz, digits=4)
-    return f"Motors: {_OUTPUTS.get(motors.outputs, motors.outputs)}, of {motors.source} at {rate} Hz. {motors.layout}."
+    return (
+        f"Motors: {_OUTPUTS.get(motors.outputs, motors.outputs)}, from {motors.source} at {rate} Hz. {motors.layout}."
+    )
 
 
 def _curve(document: ResultDocument, motors: MotorPhysics, *, key: str) -> Picture:
@@ -276,7 +278,7 @@ def _curve(document: ResultDocument, motors: MotorPhysics, *, key: str) -> Pictu
     mass = document.parameters["m"].value
     return Picture(
         key=key,
-        description="Thrust of a rotor by its output, with one standard deviation and the outputs that were flown",
+        description="Thrust of a rotor over its output, with one standard deviation and the outputs that were flown",
         figure=thrust_curve(
             outputs,
             thrust_n,
@@ -284,7 +286,7 @@ def _curve(document: ResultDocument, motors: MotorPhysics, *, key: str) -> Pictu
             flown=motors.flown_outputs,
             hover=motors.hover_output,
             weight_n=mass * STANDARD_GRAVITY_M_S2 / len(motors.spins),
-            axis="Speed of the motor [rad/s]" if speed else "Output of the motor",
+            axis="Motor speed [rad/s]" if speed else "Motor output",
         ),
     )
 
@@ -334,7 +336,7 @@ def _flights(shown: Shown, motors: MotorPhysics, key: str) -> tuple[Stretch, ...
             title=f"{simulated.record}, {simulated.time_s[0]:.1f} to {simulated.time_s[-1]:.1f} s",
             picture=Picture(
                 key=f"{key}-flight-{number}",
-                description=f"Accelerations measured and made by the motors, and the motors, in {simulated.record}",
+                description=f"Measured and predicted accelerations, and the motors, in {simulated.record}",
                 figure=made_by_motors(
                     simulated.time_s,
                     simulated.inputs,
@@ -359,9 +361,7 @@ def _unseen(shown: Shown, motors: MotorPhysics, key: str) -> tuple[Stretch, ...]
         rows = [verification.output_names.index(name) for name in verification.moved]
         picture = Picture(
             key=f"{key}-unseen-{number}",
-            description=(
-                f"Accelerations measured and made by the motors, and the motors, in {verification.record}, unseen"
-            ),
+            description=(f"Measured and predicted accelerations, and the motors, in {verification.record}, unseen"),
             figure=made_by_motors(
                 verification.time_s,
                 verification.inputs,

@@ -22,17 +22,18 @@ def write_several(
     figures: PrintedAs | None = None,
     tables: Sequence[TableFormat] = (),
 ) -> None:
-    """Write a folder for each model that stands, then ``report.html`` and ``results.json``, both or none.
+    """Write a folder for each identified model, then ``report.html`` and ``results.json``, both or none.
 
     Parameters
     ----------
     folder
         Where they go; it is made when missing.
     models
-        What to write; those that were refused stand in ``results.json`` alone.
+        What to write; models that were refused are in ``results.json`` and on the page alone.
     figures, tables
         Kinds of files for a paper, written into the folder of each model.
     """
+    from rotorid.data.display import counted
     from rotorid.documents.results import RESULTS, results_document
     from rotorid.flying.model_from_results import joined_halves
     from rotorid.report.frame import with_files
@@ -50,6 +51,8 @@ def write_several(
     if whole is not None:
         write_results(folder / whole.name, whole, title=f"{whole.name} from {logs}")
         folders.append(whole.name)
-    page = render_report(list(models.identified.values()), title=title)
+    page = render_report(
+        list(models.identified.values()), title=f"{counted(len(models), 'model')} from {logs}", refused=models.refused
+    )
     linked = with_files(page, [f"{folder}/report.html" for folder in folders])
     write_together(folder, {"report.html": linked, RESULTS: results_document(models)})

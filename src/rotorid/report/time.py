@@ -1,4 +1,4 @@
-"""A fit in time on the page: records measured and simulated, residuals, and the frequency domain beside.
+"""A fit in time on the page: records measured and simulated, residuals, and a comparison with the frequency domain.
 
 A cross-validation is a table: the model of a row was identified on its records and is scored on that of each column.
 """
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.data.display import counted
 from rotorid.data.quantity import MISSING, significant, unit, with_error
 from rotorid.documents.result import ResultDocument
 from rotorid.plot.figure import quantity
@@ -21,7 +22,7 @@ from rotorid.results.summary import CrossValidationSummary, FoldSummary, OrderCh
 from rotorid.results.verdicts import Verdict
 
 _FAR_SIGMAS = 3.0
-"""Standard deviations between the values of time and frequency from which they are marked."""
+"""Difference of the values in time and frequency, in standard deviations, from which it is marked."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -50,7 +51,7 @@ class DomainRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EquationRow:
-    """An equation of motion: how much of its left side is explained, and how well unseen rows are predicted."""
+    """An equation of motion: the explained share of its left side, and the error on held-out rows."""
 
     name: str
     explained: str
@@ -84,7 +85,7 @@ class OrderLine:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class OrderTable:
-    """The orders that were compared, and what was made of it."""
+    """The orders that were compared, and the proposed one in words."""
 
     lines: tuple[OrderLine, ...]
     words: str
@@ -269,14 +270,12 @@ def _orders(document: ResultDocument) -> OrderTable | None:
 
 
 def order_words(choice: OrderChoice) -> str:
-    """What was made of a comparison of orders, in a sentence."""
+    """The proposed order and the reason, in a sentence."""
     if choice.best == choice.order:
-        return (
-            f"Order {choice.order} is proposed: no order does better on what it has not seen, and no smaller so well."
-        )
+        return f"Order {choice.order} is proposed: it predicts held-out data best, and no smaller order is as good."
     return (
-        f"Order {choice.order} is proposed: order {choice.best} does best on what it has not seen, but by no more than "
-        "the standard error of the difference, and no smaller order does as well."
+        f"Order {choice.order} is proposed: order {choice.best} predicts held-out data best, but by less than the "
+        "standard error of the difference, and no smaller order is as good."
     )
 
 
@@ -285,9 +284,8 @@ def _information(document: ResultDocument) -> str:
         return ""
     information = document.information
     return (
-        f"{information.numbers} numbers were estimated; Akaike's "
-        f"criterion is {significant(information.aic, digits=5)}, Schwarz's "
-        f"{significant(information.bic, digits=5)}, for comparing models on the same records."
+        f"{counted(information.numbers, 'estimated number')}. To compare models on the same records: Akaike "
+        f"{significant(information.aic, digits=5)}, Schwarz {significant(information.bic, digits=5)}."
     )
 
 
@@ -311,7 +309,7 @@ class CrossedRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Crossed:
-    """What the page says of a cross-validation."""
+    """A cross-validation on the page."""
 
     records: tuple[str, ...]
     rows: tuple[CrossedRow, ...]
@@ -352,32 +350,32 @@ def _with_spread(mean: float | None, spread: float | None) -> str:
 
 def _words(document: CrossValidationSummary) -> str:
     how = (
-        "Identified on each record alone and scored on all others."
+        "Identified on each record alone, scored on all others."
         if document.kind == "each"
-        else "Identified on all records but one and scored on that one."
+        else "Identified on all records but one, scored on that one."
     )
     ahead = (
         ""
         if document.horizon_s is None
-        else f" The models are unstable: they predicted {document.horizon_s:.2g} s ahead, again and again."
+        else f" The models are unstable, so they predict {document.horizon_s:.2g} s ahead from every sample."
     )
     within = (
         ""
         if document.band_rad_s is None
-        else f" Only what lies within {' to '.join(significant(edge) for edge in document.band_rad_s)} rad/s counts."
+        else f" Only {' to '.join(significant(edge) for edge in document.band_rad_s)} rad/s counts."
     )
     looks = (
         ""
         if document.band_rad_s is None or document.horizon_s is None
-        else " That filter has no phase and shows a prediction a little of what comes, so these scores are higher than "
-        "those of a prediction in flight."
+        else " The zero-phase filter looks slightly ahead, so these scores are higher than those of a prediction in "
+        "flight."
     )
     mean = f" Unseen records: {_with_spread(document.mean_percent, document.spread_percent)} on average."
     best = document.best
     chosen = (
         ""
         if best is None
-        else f" Best to identify on is {best.record} with {best.mean_percent:.1f} %, which is optimistic: it was "
-        "chosen by these very scores."
+        else f" Best record for identification: {best.record} with {best.mean_percent:.1f} % (optimistic, because it "
+        "was chosen by these scores)."
     )
     return f"{how}{ahead}{within}{looks}{mean}{chosen}"

@@ -8,14 +8,14 @@ the steps of a fit.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from rotorid.data.axes import ANGLE_OF, AXIS_WORDS, RATE_OF
-from rotorid.data.display import capital, listed
+from rotorid.data.display import capital, counted, listed
 from rotorid.data.findings import KINDS
 from rotorid.data.quantity import in_decibels, milliseconds, significant, unit, with_error
 from rotorid.data.record import LOWEST_RATE_HZ
@@ -36,7 +36,15 @@ from rotorid.results.summary import (
     ParameterEstimate,
     PoleEstimate,
 )
-from rotorid.results.verdicts import Level, Verdict, cost_verdict, fit_verdict, percent_level, refused_verdict
+from rotorid.results.verdicts import (
+    LEVEL_OF,
+    Level,
+    Verdict,
+    cost_verdict,
+    fit_verdict,
+    percent_level,
+    refused_verdict,
+)
 from rotorid.verification.scores import GOOD_FIT_PERCENT, GOOD_TIC, GUIDELINES, guidelines_met
 from rotorid.verification.verification import Scores
 from rotorid.verification.verification import Verdict as Found
@@ -51,12 +59,11 @@ _POOR_PERCENT = 0.0
 
 
 def motor_sentences(document: ResultDocument) -> tuple[str, ...]:
-    """Inertia, thrust and lag in numbers, and a scale that was assumed; empty for other models."""
+    """Inertia, thrust and lag in numbers; empty for other models."""
     motors = document.motors
     if motors is None:
         return ()
-    assumed = scale_sentence(document) if motors.scale is None else ""
-    sentences = (_inertia(document, motors), _thrust(motors), _lag(document, motors), assumed)
+    sentences = (_inertia(document, motors), _thrust(motors), _lag(document, motors))
     return tuple(sentence for sentence in sentences if sentence)
 
 
@@ -97,7 +104,7 @@ def _lag(document: ResultDocument, motors: MotorPhysics) -> str:
 
 
 def no_lag(document: ResultDocument) -> str:
-    """What a fit without a motor lag says of it.
+    """Why a fit has no motor lag.
 
     Parameters
     ----------
@@ -106,82 +113,82 @@ def no_lag(document: ResultDocument) -> str:
     """
     delay = document.parameters.get("tau_gyro")
     if delay is None:
-        return "not told from none, or from a delay"
-    return "none is seen, nor a delay" if delay.value == 0.0 else "not told from none, or from the delay tau_gyro"
+        return "too short to separate from a delay"
+    return "none found, and no delay either" if delay.value == 0.0 else "too short to separate from the delay tau_gyro"
 
 
 def scale_sentence(document: ResultDocument) -> str:
-    """What the scale of mass, thrust and inertia rests on; empty for other models."""
+    """Where the scale of mass, thrust and inertia is from; empty for other models."""
     motors = document.motors
     if motors is None:
         return ""
     if motors.scale is None:
         return (
-            "No mass, thrust or inertia was given, and accelerations tell their ratios alone: the numbers are those of "
-            "a vehicle of 1 kg, to be multiplied with its mass."
+            "No mass, thrust or inertia was given, and accelerations only show their ratios. These numbers assume a "
+            "vehicle of 1 kg: multiply them by its mass."
         )
     mass = document.parameters.get("m") if motors.scale == "m" else None
     what = f"mass of {significant(mass.value, digits=4)} kg" if mass else motors.scale
     others = "thrust and inertia are" if motors.scale == "m" else "mass, thrust and inertia are"
-    return f"The given {what} sets the scale: {others} off by the percent that it is off."
+    return f"The given {what} sets the scale: {others} wrong by the same percentage as it."
 
 
 def open_questions(document: ResultDocument) -> tuple[str, ...]:
-    """What stays undetermined and why, a sentence each."""
+    """What this flight does not determine, and what to do, a sentence each."""
     return tuple(_open(document, document.motors)) if document.motors else ()
 
 
 def _open(document: ResultDocument, motors: MotorPhysics) -> Iterator[str]:
     quiet = [axis for axis in AXIS_WORDS if not any(axis in flight.counted for flight in motors.excitation)]
     if turns := [AXIS_WORDS[axis] for axis in quiet if axis != "az"]:
-        yield f"Inertia and damping of {listed(turns)}: no stretch excites that. Fly a sweep or doublets."
+        yield f"Inertia and damping of {listed(turns)}: no segment excites it. Fly a sweep or doublets."
     if "az" in quiet:
-        yield "The curve of thrust: no stretch excites thrust, and it rests on the weight and the other axes alone."
+        yield "Thrust curve: no segment excites thrust, so it is from the weight and the other axes. Sweep thrust."
     if motors.scale is None:
-        yield "The scale of mass, thrust and inertia: weigh the vehicle and give --fix m=KILOGRAMS."
+        yield "Scale of mass, thrust and inertia: weigh the vehicle and add --fix m=KILOGRAMS."
     if motors.arm_m is None and {"I_xx", "I_yy"} & set(document.parameters):
         yield (
-            "The size of the vehicle: I_xx and I_yy are those of an arm of 1 m. Measure from the center to the "
-            "farthest rotor and give --arm METERS."
+            "Size of the vehicle: I_xx and I_yy assume an arm of 1 m. Measure from the center to the farthest rotor "
+            "and add --arm METERS."
         )
     if "kappa_per_I_zz" in document.parameters and "I_zz" not in document.parameters:
         yield (
-            "The yaw inertia I_zz and the torque constant kappa apart: yaw tells their ratio alone. Give "
-            "--fix kappa=METERS from a bench, or --fix I_zz=VALUE."
+            "Yaw inertia I_zz and torque constant kappa: yaw only shows their ratio. Add --fix kappa=METERS from a "
+            "test bench, or --fix I_zz=VALUE."
         )
     if motors.outputs != "speed" and "T_motor" not in document.parameters:
-        yield f"The lag of the motors: {no_lag(document)}."
+        yield f"Motor lag: {no_lag(document)}."
     if "thrust_full" in motors.derived and motors.flown_outputs[1] < FULL_OUTPUT and motors.curve != "linear":
         yield (
-            f"Thrust beyond an output of {significant(motors.flown_outputs[1], digits=2)}: nothing was flown there, "
-            "and full thrust is extrapolated."
+            f"Thrust above an output of {significant(motors.flown_outputs[1], digits=2)}: not flown, so full thrust "
+            "is extrapolated."
         )
 
 
 def motor_warnings(document: ResultDocument) -> tuple[str, ...]:
-    """What makes the numbers rough: motors that were logged too slowly, a fit that did not rest, motion left over."""
+    """Why the numbers are rough: motors logged too slowly, a fit that did not converge, motion left over."""
     return tuple(_warnings(document, document.motors)) if document.motors else ()
 
 
 def _warnings(document: ResultDocument, motors: MotorPhysics) -> Iterator[str]:
     if motors.outputs_rate_hz < LOWEST_RATE_HZ:
         yield (
-            f"The motors are known only {significant(motors.outputs_rate_hz, digits=2)} times a second, and at least "
-            f"{LOWEST_RATE_HZ:.0f} are needed: what they did in between is not in the log. Take these numbers as rough "
-            "values; their ± includes what the gaps may hide."
+            f"Motors were logged at {significant(motors.outputs_rate_hz, digits=2)} Hz; at least "
+            f"{LOWEST_RATE_HZ:.0f} Hz are needed. Take these numbers as rough values; their ± includes the effect of "
+            "the slow log."
         )
     rates = [flight.sample_rate_hz for flight in motors.excitation if flight.counted]
     if rates and min(rates) < LOWEST_RATE_HZ:
-        yield f"Rates or accelerations were logged at {significant(min(rates), digits=3)} Hz, too slowly as well."
+        yield f"Rates or accelerations were logged too slowly as well, at {significant(min(rates), digits=3)} Hz."
     if any(finding.kind == "not_converged" for finding in document.findings):
-        yield "The fit did not come to rest."
+        yield "The fit did not converge."
     worse = [quantity(name).words for name, percent in (document.fit_percent or {}).items() if percent <= _POOR_PERCENT]
     if worse:
-        yield f"Of {', '.join(worse)} the motors explain nothing: do not use what was identified from it."
+        yield f"The motors do not explain {listed(worse)}: do not use the values identified from it."
 
 
 def method_sentences(document: ResultDocument) -> tuple[str, ...]:
-    """How the values were found; empty for other models."""
+    """How the values were estimated; empty for other models."""
     motors = document.motors
     if motors is None:
         return ()
@@ -191,30 +198,32 @@ def method_sentences(document: ResultDocument) -> tuple[str, ...]:
 
 def _absolute_errors() -> Iterator[str]:
     yield (
-        "Absolute errors of accelerations up to 5 Hz, each over its own deviations from the mean, as published for a "
-        "genetic algorithm: outliers count little, and what the controller feeds back of noise and gusts biases the "
-        "values."
+        "Minimized absolute errors of accelerations up to 5 Hz, each relative to its deviations from the mean, as "
+        "published for a genetic algorithm. Outliers count little; noise and gusts that the controller feeds back "
+        "bias the values."
     )
-    yield "A stretch counts for an axis where its motors explain the slow motion; its mean force counts as weight."
+    yield _COUNTED
 
 
 def _methods(motors: MotorPhysics) -> Iterator[str]:
     counted = {axis for flight in motors.excitation for axis in flight.counted}
     if counted - {"az"}:
         yield (
-            "Prediction error: from sample to sample the motors predict how the rates change. The autoregressions that "
-            "whiten the errors of that were estimated by turns with the values, so that a controller that answers to "
-            "noise does not bias them."
+            "Prediction error method: the motors predict the change of the rates from sample to sample. Noise models "
+            "were estimated in turn with the values, so that a controller reacting to noise does not bias them."
         )
     if "az" in counted:
-        yield "Errors of the specific force were squared as they are; their color counts in the uncertainty."
-    yield "A stretch counts for an axis where its motors explain the slow motion; its mean force counts as weight."
+        yield "Specific force: least squares; correlated errors are included in the uncertainty."
+    yield _COUNTED
 
 
 def _between(motors: MotorPhysics) -> str:
     if motors.outputs == "speed":
-        return "Measured speeds were joined by straight lines between their samples."
-    return "Outputs were held between their samples, as motors are told them."
+        return "Motor speeds are interpolated linearly between samples."
+    return "Motor outputs are constant between samples (zero-order hold)."
+
+
+_COUNTED = "A segment is used for an axis where the motors explain its slow motion; its mean force counts as weight."
 
 
 _STILL_RAD_S = 1e-9
@@ -272,7 +281,7 @@ def pole_words(pole: PoleEstimate) -> str:
     if abs(pole.real) <= _STILL_RAD_S:
         return f"neither decays nor grows{swing}"
     if not _sure(pole):
-        return f"{'decays' if pole.real < 0.0 else 'grows'} slowly or not at all: within 2 σ of neither{swing}"
+        return f"{'decays' if pole.real < 0.0 else 'grows'} slowly, or not at all within 2 σ{swing}"
     if pole.real < 0.0:
         return f"stable, time constant {significant(-1.0 / pole.real)} s{swing}"
     return f"grows, doubling in {_doubling(pole)} s{swing}"
@@ -284,34 +293,35 @@ def grows(pole: PoleEstimate) -> bool:
 
 
 def mode_sentences(document: ResultDocument) -> tuple[str, ...]:
-    """What a pilot without an autopilot would meet; nothing where no mode grows for sure."""
+    """Unstable modes; nothing where no mode is unstable for sure."""
     growing = [pole for pole in _modes(document.poles) if grows(pole)]
     swinging = [pole for pole in growing if pole.imag]
     hovering = [axis for axis, states in _HOVERING.items() if set(states) <= set(document.states)]
     axes = hovering or [axis for axis in RATE_OF if {RATE_OF[axis], ANGLE_OF[axis]} & set(document.states)]
     of = axes[0].capitalize() if len(axes) == 1 else "The vehicle"
-    known = ", as multirotors do without an autopilot" if hovering else ""
+    known = ", as usual for a multirotor without an autopilot" if hovering else ""
     sentences = []
     if len(swinging) == 1:
         (pole,) = swinging
         speed = significant(pole.frequency_rad_s)
-        sentences.append(f"{of} oscillates at {speed} rad/s and grows, doubling in {_doubling(pole)} s{known}.")
+        sentences.append(f"{of} is unstable: it oscillates at {speed} rad/s and doubles in {_doubling(pole)} s{known}.")
     elif swinging:
         fastest = max(swinging, key=lambda pole: pole.real)
         sentences.append(
-            f"{len(swinging)} modes oscillate and grow, the fastest doubling in {_doubling(fastest)} s{known}."
+            f"{len(swinging)} oscillations are unstable; the fastest doubles in {_doubling(fastest)} s{known}."
         )
     sentences += [
-        f"One mode grows without oscillating, doubling in {_doubling(pole)} s." for pole in growing if not pole.imag
+        f"One mode is unstable without oscillation and doubles in {_doubling(pole)} s."
+        for pole in growing
+        if not pole.imag
     ]
     return tuple(sentences)
 
 
 def poles_sentence(poles: Sequence[PoleEstimate]) -> str:
-    """How many poles there are and how many of them grow."""
+    """How many poles there are and how many of them are unstable."""
     growing = sum(grows(pole) for pole in poles)
-    total = "1 pole" if len(poles) == 1 else f"{len(poles)} poles"
-    return f"{total}, {growing or 'none'} of them unstable."
+    return f"{counted(len(poles), 'pole')}, {growing or 'none'} unstable."
 
 
 def poles_picture(poles: Sequence[PoleEstimate], *, key: str) -> Picture | None:
@@ -376,24 +386,24 @@ _PHYSICAL = {
     "I_xx": "roll inertia",
     "I_yy": "pitch inertia",
     "I_zz": "yaw inertia",
-    "c_0": "thrust of a rotor at no output",
-    "c_1": "thrust of a rotor by its output",
-    "c_2": "thrust of a rotor by its output squared",
-    "kappa": "torque of a rotor by its thrust",
-    "kappa_per_I_zz": "torque by thrust, over yaw inertia",
-    "h_per_I_zz": "angular momentum of a rotor at full output, or by its speed, over yaw inertia",
+    "c_0": "thrust of a rotor at zero output",
+    "c_1": "thrust of a rotor per output",
+    "c_2": "thrust of a rotor per output squared",
+    "kappa": "torque of a rotor per thrust",
+    "kappa_per_I_zz": "torque per thrust, over yaw inertia",
+    "h_per_I_zz": "angular momentum of a rotor over yaw inertia",
 }
 _LATE = {
-    "tau_gyro": "delay from outputs to the gyros",
-    "tau_gyro_yaw": "delay from outputs to the gyro of yaw",
-    "tau_accel": "delay from outputs to the accelerometer",
+    "tau_gyro": "delay from motor outputs to the gyros",
+    "tau_gyro_yaw": "delay from motor outputs to the yaw gyro",
+    "tau_accel": "delay from motor outputs to the accelerometer",
 }
 _FOUND: dict[Found, tuple[Level, str, str]] = {
     "good": ("good", "good", "predicted well"),
     "diverges": (
         "good",
-        "good ahead, diverges in open loop",
-        "predicted well ahead, while the open loop diverges as that of an unstable airframe must",
+        "good short-term, diverges in open loop",
+        "predicted well over short times (the airframe is unstable, so the open loop diverges)",
     ),
     "disturbed": ("fair", "disturbed", "too disturbed to judge"),
     "poor": ("poor", "poor", "predicted poorly"),
@@ -415,7 +425,7 @@ def prediction_verdict(tic: float, fit_percent: float) -> Verdict:
     if met == GUIDELINES:
         return Verdict("good", "good")
     if met == 0:
-        return Verdict("poor", "both beyond the guideline")
+        return Verdict("poor", "TIC and fit outside the guideline")
     return Verdict("fair", "TIC above the guideline" if fit_percent >= GOOD_FIT_PERCENT else "fit below the guideline")
 
 
@@ -454,7 +464,7 @@ def worst_maneuver(maneuvers: Sequence[ManeuverCheck]) -> Verdict | None:
 
 
 def unseen_sentences(maneuvers: Sequence[ManeuverCheck]) -> tuple[str, ...]:
-    """What unseen maneuvers say about the model: how many of each verdict, and the worst open loop of what moved."""
+    """How the model did on unseen maneuvers: how many of each verdict, and the worst output in open loop."""
     found = [check.verdict for check in maneuvers]
     several = "1 maneuver" if len(found) == 1 else f"{len(found)} maneuvers"
     groups = [(found.count(kind), words) for kind, (_, _, words) in _FOUND.items() if kind in found]
@@ -468,9 +478,9 @@ def unseen_sentences(maneuvers: Sequence[ManeuverCheck]) -> tuple[str, ...]:
     name, worst = max(scores, key=lambda item: _badness(item[1]))
     return (
         sentence,
-        f"In open loop {'the worst' if len(scores) > 1 else 'the output'} is {quantity(name).words} with a TIC of "
-        f"{significant(worst.tic, digits=2)} and a fit of {significant(worst.nrmse_fit_percent, digits=2)} % (good: "
-        f"TIC up to {GOOD_TIC:g} and a fit of {GOOD_FIT_PERCENT:g} % and more).",
+        f"{'Worst output' if len(scores) > 1 else 'Output'} in open loop: {quantity(name).words}, TIC "
+        f"{significant(worst.tic, digits=2)}, fit {significant(worst.nrmse_fit_percent, digits=2)} % (good: TIC up to "
+        f"{GOOD_TIC:g}, fit {GOOD_FIT_PERCENT:g} % and more).",
     )
 
 
@@ -484,14 +494,14 @@ def worst_record(records: Mapping[str, Mapping[str, Scores]]) -> Verdict | None:
 def _records_sentence(records: Mapping[str, Mapping[str, Scores]]) -> str:
     rows = [(where, name, scores) for where, record in records.items() for name, scores in record.items()]
     if not rows:
-        return "The unseen flight moves no axis enough to judge the model."
+        return "The unseen flight does not move any axis enough to judge the model."
     where, name, worst = max(rows, key=lambda item: _badness(item[2]))
     good = sum(guidelines_met(scores.tic, scores.nrmse_fit_percent) == GUIDELINES for _, _, scores in rows)
     return (
-        f"Unseen flight: {good} of {len(rows)} predicted well{'; the worst is' if len(rows) > 1 else ':'} "
-        f"{quantity(name).words} of {where} with a TIC of {significant(worst.tic, digits=2)} and a fit of "
-        f"{significant(worst.nrmse_fit_percent, digits=2)} % (good: TIC up to {GOOD_TIC:g} and a fit of "
-        f"{GOOD_FIT_PERCENT:g} % and more)."
+        f"Unseen flight: {good} of {len(rows)} predicted well{'. Worst' if len(rows) > 1 else ''}: "
+        f"{quantity(name).words} in {where}, TIC {significant(worst.tic, digits=2)}, fit "
+        f"{significant(worst.nrmse_fit_percent, digits=2)} % (good: TIC up to {GOOD_TIC:g}, fit {GOOD_FIT_PERCENT:g} % "
+        "and more)."
     )
 
 
@@ -505,16 +515,56 @@ def has_held_out_costs(document: ResultDocument) -> bool:
     return any(finding.kind == "held_out" for finding in document.findings)
 
 
-def summary(document: ResultDocument) -> tuple[str, ...]:
-    """What was found: each input, modes that grow, the cost or the fit, and each kind of check."""
+_VERDICTS: Mapping[Level, str] = {"good": "well", "fair": "in part", "poor": "poorly", "": "without a verdict"}
+
+
+def several_sentences(documents: Sequence[ResultDocument], refused: Iterable[str]) -> tuple[str, ...]:
+    """How many of several models fit, which do not, and how they did on unseen flight.
+
+    Parameters
+    ----------
+    documents
+        The identified models.
+    refused
+        Names of models that the data cannot support.
+    """
+    fits: dict[Level, list[str]] = {}
+    for document in documents:
+        fits.setdefault(LEVEL_OF[document_verdict(document).color], []).append(document.model)
+    refused = list(refused)
+    total = len(documents) + len(refused)
+    good = len(fits.pop("good", ()))
+    if good == total:
+        answer = "The model fits the data well." if total == 1 else f"All {total} models fit the data well."
+    else:
+        parts = [f"{good} of {counted(total, 'model')} {'fits' if good == 1 else 'fit'} the data well"]
+        parts += [f"{len(names)} {_VERDICTS[level]} ({listed(names)})" for level, names in fits.items()]
+        parts += [f"{len(refused)} {'has' if len(refused) == 1 else 'have'} not enough data"] if refused else []
+        answer = f"{listed(parts)}."
+    checks = [document.verification for document in documents]
+    tested = sum(bool(found.maneuvers or found.records or found.frequency) for found in checks)
+    if not tested:
+        return (answer, "None was checked on unseen flight yet, so treat them as fits, not as predictions.")
+    return (answer, f"{tested} of {counted(len(documents), 'model')} checked on unseen flight.")
+
+
+def result_sentences(document: ResultDocument) -> tuple[str, ...]:
+    """The main numbers of a model: gain, lag and delay of each input, or inertia, thrust and lag."""
     sentences = [sentence for name in document.inputs if (sentence := _input_sentence(document, name))]
     sentences += motor_sentences(document)
     if not sentences:
         free = sum(parameter.status == "free" for parameter in document.parameters.values())
-        sentences.append(f"{document.model}: {free} parameters identified.")
+        sentences.append(f"{document.model}: {counted(free, 'parameter')} identified.")
     if lag := _lag_sentence(document):
         sentences.append(lag)
-    sentences += mode_sentences(document)
+    return tuple(sentences)
+
+
+def summary(document: ResultDocument) -> tuple[str, ...]:
+    """The main numbers, unstable modes, the cost or the fit, and each kind of check."""
+    sentences = [*result_sentences(document), *mode_sentences(document)]
+    if document.motors is not None and document.motors.scale is None:
+        sentences.append(scale_sentence(document))
     if document.fit_percent:
         parts = [
             f"{significant(percent)} % of {quantity(name).words}" for name, percent in document.fit_percent.items()
@@ -543,8 +593,8 @@ def _fit_sentence(document: ResultDocument) -> str:
     worst = max(pairs, key=lambda pair: pairs[pair].value, default="")
     if len(pairs) > 1 and pairs[worst].value > EXCELLENT_COST:
         value = pairs[worst].value
-        sentence += f" The worst of {len(pairs)} responses is {worst} with a cost of {significant(value)}"
-        sentence += f": {cost_verdict(value).words}."
+        sentence += f" Worst of {len(pairs)} responses: {worst}, cost {significant(value)} "
+        sentence += f"({cost_verdict(value).words})."
     return sentence
 
 
@@ -557,15 +607,13 @@ def _unseen_sentences(document: ResultDocument) -> tuple[str, ...]:
     if costs := document.verification.frequency:
         cost = max(costs.values())
         what = (
-            "Held-out maneuver, by a second model fitted without it"
-            if has_held_out_costs(document)
-            else "Unseen sweeps"
+            "Held-out maneuver (second model, fitted without it)" if has_held_out_costs(document) else "Unseen sweeps"
         )
-        sentences.append(f"{what}: cost at worst {significant(cost)}, {cost_verdict(cost).words}.")
+        sentences.append(f"{what}: worst cost {significant(cost)} ({cost_verdict(cost).words}).")
     crossed = document.cross_validation
     if crossed is not None and crossed.mean_percent is not None:
-        sentences.append(f"On records it was not identified on it explains {significant(crossed.mean_percent)} %.")
-    return tuple(sentences) or ("Not verified on an unseen flight yet.",)
+        sentences.append(f"Cross-validation: explains {significant(crossed.mean_percent)} % of held-out records.")
+    return tuple(sentences) or ("Not checked on unseen flight yet.",)
 
 
 def _input_sentence(document: ResultDocument, name: str) -> str:
@@ -635,41 +683,41 @@ def parameter_group(name: str, unit: str) -> str:
 
 
 def finding_heading(kind: str) -> str:
-    """A friendly heading for a kind of finding.
+    """Heading of a kind of finding.
 
     Examples
     --------
     >>> finding_heading("gap"), finding_heading("odd_thing")
-    ('A gap in the data', 'Odd thing')
+    ('Gap in the data', 'Odd thing')
     """
     return KINDS[kind].heading if kind in KINDS else kind.replace("_", " ").capitalize()
 
 
 _WEIGHTS = {
-    "cifer": "Errors were weighed as CIFER does, by coherence alone.",
+    "cifer": "Errors are weighted by coherence, as in CIFER.",
     "covariance": (
-        "Errors were weighed by their measured covariance, over frequencies and outputs together, after a fit with "
-        "CIFER's weights."
+        "Errors are weighted by their measured covariance over frequencies and outputs, after a first fit with CIFER's "
+        "weights."
     ),
 }
 _WIDTH, _HEIGHT, _MARGIN = 120.0, 26.0, 3.0
 
 
 def fit_sentences(fit: FitEnd) -> tuple[str, ...]:
-    """What was weighed how, how the solver ended, and what its residuals say about the standard deviations."""
+    """The weights, how the solver ended, and how the residuals changed the standard deviations."""
     outcome = fit.outcome.rstrip(".")
     count = "1 evaluation" if fit.evaluations == 1 else f"{fit.evaluations} evaluations"
     sentences = [_WEIGHTS[fit.weights], f"The solver ended after {count}: {outcome[:1].lower()}{outcome[1:]}."]
     if len(fit.trace) > 1:
         steps = "1 step" if len(fit.trace) == 2 else f"{len(fit.trace) - 1} steps"
         first, last = significant(fit.trace[0]), significant(fit.trace[-1])
-        sentences.append(f"In {steps} the cost of all responses together went from {first} to {last}.")
+        sentences.append(f"In {steps} the total cost fell from {first} to {last}.")
     if fit.model_error:
         worst = max(fit.model_error, key=lambda name: fit.model_error[name])
         sentences.append(
-            f"Over frequency the structure misses {worst} by {significant(100.0 * fit.model_error[worst], digits=2)} %"
-            f"{', and the others by less' if len(fit.model_error) > 1 else ''}; with this and with clocks standard "
-            f"deviations are {significant(fit.inflation, digits=2)} times those of random errors."
+            f"The model structure misses {worst} by {significant(100.0 * fit.model_error[worst], digits=2)} %"
+            f"{' and the others by less' if len(fit.model_error) > 1 else ''}. With this and with clock errors, "
+            f"standard deviations are {significant(fit.inflation, digits=2)} times those of random errors."
         )
     return tuple(sentences)
 
@@ -695,8 +743,8 @@ def sparkline(trace: Sequence[float]) -> str:
 
 
 _HOLDS = {
-    "zero": "Inputs were held between their samples, as the commands were sent.",
-    "first": "Inputs were joined by straight lines between their samples.",
+    "zero": "Inputs are constant between samples (zero-order hold), as the commands were sent.",
+    "first": "Inputs are interpolated linearly between samples.",
 }
 
 
@@ -711,22 +759,22 @@ def time_sentences(document: ResultDocument, fit: FitEnd) -> tuple[str, ...]:
     if document.hold:
         sentences.append(_HOLDS[document.hold])
     if document.pieces_s is not None:
-        sentences.append(f"The simulation began anew every {significant(document.pieces_s)} s.")
+        sentences.append(f"The simulation restarted every {significant(document.pieces_s)} s.")
     sentences.append(f"The solver ended after {count}: {outcome[:1].lower()}{outcome[1:]}.")
     if document.residuals and document.residuals.memory:
         sentences.append(
-            f"Residuals remember some {document.residuals.memory} samples; for that standard deviations are "
+            f"Residuals are correlated over about {document.residuals.memory} samples, so standard deviations are "
             f"{significant(document.residuals.inflation, digits=2)} times those of white residuals."
         )
     return tuple(sentences)
 
 
 _FEW = 3
-"""So many responses are told one by one; of more, the best and the worst."""
+"""Up to this many responses are listed one by one; of more, the best and the worst."""
 
 
 def response_summary(result: Responses) -> tuple[str, ...]:
-    """What was measured and how, what of it can be used, the loops, and the most serious finding."""
+    """What was measured and how, the usable bands, the loops, and the most serious finding."""
     return (
         *_measured(result),
         *_usable(result),
@@ -750,29 +798,29 @@ def _measured(result: Responses) -> tuple[str, str]:
 def _estimate(result: Responses) -> str:
     if result.estimate == "joint":
         instruments = f"{listed(result.instruments)} as instrument{_s(result.instruments)}"
-        return f"Joint estimate with {instruments}, which keeps feedback out of it."
-    return "Direct estimate, without an instrument: feedback through the controller may bias it."
+        return f"Joint estimate with {instruments}, so feedback does not bias it."
+    return "Direct estimate without an instrument: feedback through the controller may bias it."
 
 
 def _usable(result: Responses) -> tuple[str, ...]:
     count = len(result.pairs)
     if count <= _FEW:
         return tuple(
-            f"{capital(_words(name))}: {f'usable {_band(pair)}' if pair.points else 'nothing can be used'}."
+            f"{capital(_words(name))}: {f'usable {_band(pair)}' if pair.points else 'not usable'}."
             for name, pair in result.pairs.items()
         )
     usable = {name: pair for name, pair in result.pairs.items() if pair.points}
     if not usable:
-        return (f"None of the {count} responses can be used.",)
+        return (f"None of the {count} responses is usable.",)
     ordered = sorted(usable, key=lambda name: _octaves(usable[name]))
     narrow, wide = ordered[0], ordered[-1]
     found = "All" if len(usable) == count else f"{len(usable)} of"
-    first = f"{found} {count} responses can be used in some band."
+    first = f"{found} {count} responses are usable in some band."
     if narrow != wide and len({pair.band_rad_s for pair in usable.values()}) == 1:
         coherence = min(pair.mean_coherence or 0.0 for pair in usable.values())
         worst = max(pair.mean_random_error or 0.0 for pair in usable.values())
         band = _band(replace(usable[wide], mean_coherence=coherence, mean_random_error=worst))
-        return (first, f"Each {band} at worst.")
+        return (first, f"Each is usable {band} at worst.")
     return (
         first,
         f"Widest: {_words(wide)}, {_band(usable[wide])}.",
@@ -789,9 +837,9 @@ def _words(name: str) -> str:
 def _band(pair: Pair) -> str:
     """The usable band of a response and how good it is there."""
     low, high = pair.band_rad_s or (math.nan, math.nan)
-    quality = f"a mean coherence of {pair.mean_coherence:.2f} and an error of"
+    quality = f"mean coherence {pair.mean_coherence:.2f}, random error"
     error = significant(100.0 * (pair.mean_random_error or 0.0), digits=2)
-    return f"from {significant(low)} to {significant(high)} rad/s, with {quality} {error} %"
+    return f"from {significant(low)} to {significant(high)} rad/s, {quality} {error} %"
 
 
 def _octaves(pair: Pair) -> float:
@@ -800,7 +848,7 @@ def _octaves(pair: Pair) -> float:
 
 
 def _loop(axis: str, loop: AxisLoop) -> str:
-    """Crossover and margins of one axis, of the rate loop and of the whole loop; empty where none was seen."""
+    """Crossover and margins of one axis, for the rate loop and the whole loop; empty where none was measured."""
     whole = _loop(axis, loop.whole) if loop.whole is not None else ""
     sentences = []
     if crossover := loop.numbers.get("crossover_rad_s"):

@@ -43,7 +43,7 @@ def test_the_four_files_and_one_object(logs: tuple[Path, Path], tmp_path: Path) 
     assert again.parameters["K_phi"].value == pytest.approx(document["parameters"]["K_phi"]["value"])
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "Measured and simulated" in page
-    assert "Beside the fit in the frequency domain" in page
+    assert "Comparison with the fit in the frequency domain" in page
 
 
 def test_a_person_sees_how_much_is_explained(logs: tuple[Path, Path], tmp_path: Path) -> None:

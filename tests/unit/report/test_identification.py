@@ -63,7 +63,7 @@ def test_policy_allows_exactly_the_embedded_scripts(page: Page) -> None:
 def test_answer_comes_first_and_truth_beside_it(page: Page) -> None:
     text = " ".join("".join(page.text).split())
     assert "Roll: 437 ± 3 rad/s² per unit command, motor lag 27.9 ± 0.6 ms, delay 2.43 ± 0.11 ms." in text
-    assert text.index("437 ± 3") < text.index("Cramér–Rao") < text.index("How it is known") < text.index("sha256")
+    assert text.index("437 ± 3") < text.index("Cramér–Rao") < text.index("Found by") < text.index("sha256")
     assert "Truth" in text
 
 
@@ -75,8 +75,8 @@ def test_why_a_truth_may_lie_far_off_is_said_where_one_does(truth: float, said: 
 
 def test_it_is_said_what_an_error_covers() -> None:
     text = " ".join("".join(Page(render_sections([identification()], title="t")).text).split())
-    assert "± is one standard deviation, random and model error together" in text
-    assert "what the structure leaves out as far as the residuals show it" in text
+    assert "± is one standard deviation of random and model error together" in text
+    assert "errors of the model structure that the residuals show" in text
 
 
 def test_guideline_of_coherence_is_the_one_in_force() -> None:
@@ -132,7 +132,7 @@ def test_missing_numbers_are_dashes() -> None:
     )
     bare = shown_with(hollow, direct=None, segments=(), verifications=())
     text = "".join(Page(render_sections([bare], title="t")).text)
-    assert "Not verified on an unseen flight yet." in text
+    assert "Not checked on unseen flight yet." in text
     assert "Nothing to remark." in text
     assert "None" not in text
 

@@ -81,10 +81,11 @@ class TestSummary:
         assert summary(hover_document()) == (
             "Pitch: 149.2 ± 0.3 rad/s² per unit command, delay 39.70 ± 0.14 ms.",
             "Thrust: −13.80 ± 0.05 m/s² per unit command, delay 39.70 ± 0.14 ms.",
-            "Pitch oscillates at 5.02 rad/s and grows, doubling in 0.27 s, as multirotors do without an autopilot.",
+            "Pitch is unstable: it oscillates at 5.02 rad/s and doubles in 0.27 s, as usual for a multirotor without "
+            "an autopilot.",
             "Fit: good. The average cost is 25.6 (up to 50 is good, up to 100 acceptable). "
-            "The worst of 10 responses is az/pitch_command with a cost of 120: the model misses the measurement.",
-            "Unseen sweeps: cost at worst 4.7, practically indistinguishable from the flight.",
+            "Worst of 10 responses: az/pitch_command, cost 120 (the model misses what was measured).",
+            "Unseen sweeps: worst cost 4.7 (hardly distinguishable from the flight).",
         )
 
     def test_a_lag_that_axes_share_is_said_once(self) -> None:
@@ -115,7 +116,7 @@ class TestParameters:
     def test_dropped_ones_are_a_sentence_that_links_to_the_reason(self, page: Page) -> None:
         targets = {one.name: one.target for one in dropped_parameters(hover_document(), anchor="s1")}
         assert targets == {"M_q": "s1-step-0", "T_motor": "s1-findings"}
-        assert "links to its reason: M_q, T_motor. Their true values: M_q 0.9." in page.words
+        assert "(click for the reason): M_q, T_motor. True values: M_q 0.9." in page.words
         assert set(DROPPED) & {row[0] for group in page.tables for row in group} == set()
 
 
@@ -124,8 +125,8 @@ class TestFit:
         fit = hover_document().fit
         assert fit is not None
         assert " ".join(fit_sentences(fit)).endswith(
-            "The solver ended after 6 evaluations: the cost no longer falls. In 2 steps the cost of all responses "
-            "together went from 66 to 26.9."
+            "The solver ended after 6 evaluations: the cost no longer falls. In 2 steps the total cost fell from 66 to "
+            "26.9."
         )
 
     def test_words_say_what_the_structure_misses(self) -> None:
@@ -138,14 +139,14 @@ class TestFit:
             model_error={"p/roll_command": 0.005, "ay/roll_command": 0.04},
         )
         assert fit_sentences(fit)[-1] == (
-            "Over frequency the structure misses ay/roll_command by 4 %, and the others by less; with this and with "
-            "clocks standard deviations are 2 times those of random errors."
+            "The model structure misses ay/roll_command by 4 % and the others by less. With this and with clock "
+            "errors, standard deviations are 2 times those of random errors."
         )
 
     def test_nothing_is_said_of_what_did_not_happen(self) -> None:
         still = FitEnd(weights="cifer", outcome="Done.", evaluations=1, trace=(3.0,), inflation=1.0)
         assert fit_sentences(still) == (
-            "Errors were weighed as CIFER does, by coherence alone.",
+            "Errors are weighted by coherence, as in CIFER.",
             "The solver ended after 1 evaluation: done.",
         )
 
@@ -165,35 +166,36 @@ class TestPoles:
         assert [row.imag for row in rows] == ["0", "0", "4.300 ± 0.009"]
         assert [row.unstable for row in rows] == [False, False, True]
         assert rows[-1].words == f"grows, doubling in {math.log(2.0) / GROWTH_1_S:.2g} s, oscillates at 5.02 rad/s"
-        assert poles_sentence(poles()) == "4 poles, 2 of them unstable."
+        assert poles_sentence(poles()) == "4 poles, 2 unstable."
 
     def test_growth_within_its_deviation_is_not_called_growth(self) -> None:
         doubtful = PoleEstimate(real=0.01, imag=0.0, damping=-1.0, frequency_rad_s=0.01, real_std=0.02)
         (row,) = pole_rows([doubtful])
         assert not row.unstable
-        assert row.words == "grows slowly or not at all: within 2 σ of neither"
+        assert row.words == "grows slowly, or not at all within 2 σ"
         assert mode_sentences(changed(poles=[doubtful])) == ()
 
     @pytest.mark.parametrize(
         ("states", "start"),
         [
-            (["p", "r", "v", "phi"], "Roll oscillates"),
-            (["q"], "Pitch oscillates"),
-            (["u", "v", "p", "q", "phi", "theta"], "The vehicle oscillates"),
-            (["x1"], "The vehicle oscillates"),
+            (["p", "r", "v", "phi"], "Roll is unstable: it oscillates"),
+            (["q"], "Pitch is unstable: it oscillates"),
+            (["u", "v", "p", "q", "phi", "theta"], "The vehicle is unstable: it oscillates"),
+            (["x1"], "The vehicle is unstable: it oscillates"),
         ],
     )
     def test_a_mode_is_named_where_the_states_leave_no_doubt(self, states: list[str], start: str) -> None:
         (sentence,) = mode_sentences(changed(states=states))
         assert sentence.startswith(start)
-        assert ("as multirotors do" in sentence) == ("v" in states)
+        assert ("as usual for a multirotor" in sentence) == ("v" in states)
 
     def test_several_modes_share_a_sentence(self) -> None:
         faster = [dataclasses.replace(pole, real=2.0 * pole.real) for pole in poles()[:2]]
         lone = PoleEstimate(real=0.2, imag=0.0, damping=-1.0, frequency_rad_s=0.2)
         assert mode_sentences(changed(poles=[*poles(), *faster, lone])) == (
-            "2 modes oscillate and grow, the fastest doubling in 0.13 s, as multirotors do without an autopilot.",
-            "One mode grows without oscillating, doubling in 3.5 s.",
+            "2 oscillations are unstable; the fastest doubles in 0.13 s, as usual for a multirotor without an "
+            "autopilot.",
+            "One mode is unstable without oscillation and doubles in 3.5 s.",
         )
 
     def test_no_finite_pole_no_picture(self) -> None:
@@ -213,7 +215,7 @@ class TestDelays:
 
     def test_the_sentence_is_of_the_first_budget(self) -> None:
         assert delay_sentence(hover_document()) == (
-            "The vehicle answers the pitch command after 39.7 ± 0.4 ms, the thrust command after 39.7 ± 0.4 ms."
+            "The vehicle responds to the pitch command after 39.7 ± 0.4 ms and the thrust command after 39.7 ± 0.4 ms."
         )
 
     @pytest.mark.parametrize(("status", "told"), [("free", False), ("dropped", True)])
@@ -232,7 +234,7 @@ class TestDelays:
 
 
 def test_ranges_are_in_the_units_of_paper(page: Page) -> None:
-    assert page.rows("Lowest") == [
+    assert page.rows("Minimum") == [
         ["forward speed u", "−2.49", "3.37", "1.04", "m/s"],
         ["pitch angle theta", "−30", "20", "10", "°"],
         ["throttle (thrust command)", "−20.4", "15.2", "8.1", "%"],
@@ -248,19 +250,19 @@ def test_every_step_has_its_reason_and_is_told_once(page: Page) -> None:
         ["2", "Z_w protected", "Z_w is essential physics.", "2.24", "–", "–"],
     ]
     assert page.words.count("M_q is seen, but not apart from M_u.") == 1
-    assert "1 more on dropped parameters" in page.words
+    assert "1 more is listed under" in page.words
     assert "No lag is seen." in page.words
     assert reduction_sentence(hover_document().reduction) == (
-        "1 of 2 parameters looked at was dropped; the mean cost went from 0.25 to 2.24."
+        "1 of 2 tested parameters dropped; the mean cost changed from 0.25 to 2.24."
     )
-    assert reduction_sentence(hover_document().reduction[1:]) == "None of 1 parameter looked at were dropped."
+    assert reduction_sentence(hover_document().reduction[1:]) == "None of 1 tested parameter dropped."
 
 
 class TestCorrelation:
     def test_strong_pairs_are_named(self) -> None:
-        assert correlation_sentence(correlation()).endswith("of the other: M_u and X_u: −0.97.")
+        assert correlation_sentence(correlation()).endswith("in the other): M_u and X_u: −0.97.")
         assert correlation_sentence(correlation(-0.9)) == (
-            "No two parameters are correlated by more than 0.9; the highest is M_u and X_u: −0.90."
+            "No parameters are correlated by more than 0.9. Highest: M_u and X_u: −0.90."
         )
 
     def test_many_strong_pairs_are_counted(self) -> None:
@@ -296,7 +298,7 @@ def test_pictures_of_the_axis_lead_and_the_others_fold() -> None:
 def test_only_the_first_check_is_open() -> None:
     checked = shown_with(hover_identification(), verifications=(doublet(), doublet(seed=2)))
     shown = Page(render_sections([checked], title="t"))
-    checks = [found for tag, found in shown.elements if tag == "details"]
+    checks = [found for tag, found in shown.elements if tag == "details" and "fold" not in (found.get("class") or "")]
     assert sum("open" in found for found in checks) == 1
     assert shown.words.count("Doublet in roll_doublet.ulg") + shown.words.count("Roll doublet in") == 2
 

@@ -51,22 +51,22 @@ def page_of(result: ResultDocument) -> Page:
 
 def test_a_search_shows_how_its_cost_fell_and_every_minimum() -> None:
     page = page_of(document().model_copy(update={"search": a_search()}))
-    assert "sobol:10 searched CIFER's cost, summed over the responses: 10 evaluations" in page.words
-    assert "123 of residuals with their derivatives in 10 local searches" in page.words
-    assert "came to rest in 2 places" in page.words
+    assert "sobol:10 minimized CIFER's cost, summed over the responses: 10 evaluations" in page.words
+    assert "then 123 in 10 local searches" in page.words
+    assert "Local searches found 2 minima" in page.words
     assert page.rows("Local searches [%]") == [["21.5", "50", "437", "0.0024"], ["22.5", "50", "438", "0.0024"]]
     figure = page.figures["pictures"]["s1-search-cost"]
     assert figure["data"][0]["x"] == [14, 31]
     assert figure["data"][0]["y"] == [60, 21.5]
     assert set(figure["data"][1]["y"]) == {21.5}
     assert "#s1-search" in page.attributes("href")
-    assert "how much of the box leads there" in page.words
+    assert "how much of the box leads to this minimum" in page.words
 
 
 def test_the_share_of_a_population_is_said_to_say_little() -> None:
     page = page_of(document().model_copy(update={"search": a_search(name="genetic:15x50", minima=1)}))
-    assert "They say little about how wide a basin is" in page.words
-    assert "ended in one place" in page.words
+    assert "They do not measure how wide a basin is" in page.words
+    assert "ended in the same minimum" in page.words
 
 
 def test_of_many_minima_the_lowest_are_shown() -> None:
@@ -89,8 +89,8 @@ def test_a_bootstrap_stands_beside_what_is_stated() -> None:
     ((name, unit, value, stated, *spread),) = page.rows("Stated std")
     assert (name, unit, (value, stated)) == ("L_roll", "rad/s²", error_columns(one.value, one.std))
     assert spread == ["437", "3", "0.71", "431 to 444"]
-    assert "500 refits of the model, each to errors of the responses" in page.words
-    assert "3 of them had no answer" in page.words
+    assert "500 refits, each to newly drawn random errors of the responses" in page.words
+    assert "3 did not converge and are not counted" in page.words
 
 
 def test_a_spread_that_contradicts_what_is_stated_is_marked() -> None:

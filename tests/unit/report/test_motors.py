@@ -108,7 +108,7 @@ def test_unseen_flight_stands_on_the_page_and_in_its_summary() -> None:
         flight.picture.figure["data"][2]["y"], identified().verifications.maneuvers[0].measured[0], rtol=1e-4
     )
     sentence = summary(identified().document)[-1]
-    assert sentence.startswith("Unseen flight: 1 of 2 predicted well; the worst is downward specific force az")
+    assert sentence.startswith("Unseen flight: 1 of 2 predicted well. Worst: downward specific force az")
     verdict = section(identified(), anchor="s", truth={}).unseen
     assert verdict is not None
     assert verdict.words == "fit below the guideline"
@@ -150,12 +150,12 @@ def test_slow_motors_are_said_above_everything() -> None:
     slow = changed(document().model_copy(update={"findings": findings}), outputs_rate_hz=9.4)
     page = render_sections([shown_with(identified(), document=slow)], title="t")
     words = " ".join(Page(page).text)
-    assert words.index("known only 9.4 times a second") < words.index("Inertia: I_xx")
-    assert "did not come to rest" in words
+    assert words.index("Motors were logged at 9.4 Hz") < words.index("Inertia: I_xx")
+    assert "did not converge" in words
     assert motor_warnings(document()) == ()
     lost = document().model_copy(update={"fit_percent": {"p_dot": -38.0}})
     assert motor_warnings(lost) == (
-        "Of roll acceleration the motors explain nothing: do not use what was identified from it.",
+        "The motors do not explain roll acceleration: do not use the values identified from it.",
     )
 
 
@@ -180,28 +180,28 @@ def test_what_was_assumed_is_said_with_its_remedy() -> None:
 
 
 def test_a_lag_that_is_not_there_is_not_invented() -> None:
-    assert "not told from none, or from the delay tau_gyro" in " ".join(motor_sentences(without("T_motor")))
+    assert "too short to separate from the delay tau_gyro" in " ".join(motor_sentences(without("T_motor")))
     calm = without("T_motor")
     none = dataclasses.replace(calm.parameters["tau_gyro"], value=0.0, status="fixed", std=None)
     calm = calm.model_copy(update={"parameters": calm.parameters | {"tau_gyro": none}})
-    assert "none is seen, nor a delay" in " ".join(motor_sentences(calm))
+    assert "none found, and no delay either" in " ".join(motor_sentences(calm))
     assert "lag" not in " ".join(motor_sentences(changed(without("T_motor"), outputs="speed")))
 
 
 def test_measured_speeds_are_joined_and_have_their_unit() -> None:
     fast = changed(outputs="speed", hover_output=660.0, flown_outputs=(500.0, 900.0))
     found = shown(shown_with(identified(), document=fast))
-    assert found.curve.figure["layout"]["xaxis"]["title"]["text"] == "Speed of the motor [rad/s]"
+    assert found.curve.figure["layout"]["xaxis"]["title"]["text"] == "Motor speed [rad/s]"
     assert "shape" not in found.flights[0].picture.figure["data"][-1]["line"]
     assert shown().flights[0].picture.figure["data"][-1]["line"]["shape"] == "hv"
-    assert method_sentences(fast)[-1].startswith("Measured speeds were joined")
+    assert method_sentences(fast)[-1].startswith("Motor speeds are interpolated")
 
 
 def test_words_of_the_method_are_those_of_this_fit() -> None:
     one = document()
     assert one.fit is not None
     told = time_sentences(one, one.fit)
-    assert told[0].startswith("Prediction error: from sample to sample")
+    assert told[0].startswith("Prediction error method: the motors predict")
     assert told[-1] == "The last search ended after 3 evaluations: the cost rests."
     vertical = changed(excitation=[motors().excitation[1]])
     assert not any("rates" in sentence for sentence in method_sentences(vertical))

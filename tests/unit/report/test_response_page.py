@@ -158,11 +158,11 @@ def test_words_come_first_and_name_what_was_measured(page: Page) -> None:
         "from 2 roll sweeps of 80 s together."
     )
     assert second == (
-        "Joint estimate with roll_excitation and yaw_excitation as instruments, which keeps feedback out of it."
+        "Joint estimate with roll_excitation and yaw_excitation as instruments, so feedback does not bias it."
     )
-    assert rest[0] == "3 of 4 responses can be used in some band."
+    assert rest[0] == "3 of 4 responses are usable in some band."
     # All of them have the same band: none is the widest.
-    assert rest[1].startswith("Each from 0.5 to ")
+    assert rest[1].startswith("Each is usable from 0.5 to ")
     assert rest[1].endswith(" at worst.")
     assert "Whole loop of roll: crossover at" in " ".join(rest)
     assert rest[-1] == ("Most serious finding: unheard of (roll_sweeps.ulg): A file was named roll_sweeps.ulg.")
@@ -188,7 +188,7 @@ def test_the_coherence_in_force_is_told_and_drawn(page: Page) -> None:
 def test_nothing_usable_leaves_a_page_that_says_so() -> None:
     nothing = responses(used=np.zeros((2, 2, OMEGA.size), dtype=bool))
     shown = Page(render_responses(dataclasses.replace(nothing, loops={}), title="t"))
-    assert "None of the 4 responses can be used." in shown.words
+    assert "None of the 4 responses is usable." in shown.words
     assert not any(row.usable for row in pair_rows(nothing))
     assert not [key for key in shown.attributes("data-picture") if key.startswith(("response", "windows", "loop"))]
     assert "None" not in shown.words.replace("None of the", "")

@@ -7,7 +7,7 @@ import pytest
 from rotorid.report.time import crossed
 from rotorid.results.summary import CrossValidationSummary, FoldSummary, SignalScore
 
-LOOKS_AHEAD = "a little of what comes"
+LOOKS_AHEAD = "looks slightly ahead"
 
 
 def document(band_rad_s: tuple[float, float] | None, horizon_s: float | None) -> CrossValidationSummary:

@@ -54,10 +54,10 @@ def test_the_page_says_what_was_done_and_compares(fitted: Shown) -> None:
     page = render_sections([shown_with(fitted, document=document)], title="t")
     for words in (
         "Measured and simulated",
-        "Beside the fit in the frequency domain",
-        "half a step of delay",
-        "1 other place where a search came to rest",
-        "held between their samples, as the commands were sent",
+        "Comparison with the fit in the frequency domain",
+        "half a sample of delay",
+        "1 other local minimum",
+        "constant between samples (zero-order hold), as the commands were sent",
         "Standard deviation of the output errors",
     ):
         assert words in page, words

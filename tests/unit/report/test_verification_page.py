@@ -99,7 +99,7 @@ def test_several_maneuvers_are_counted_by_verdict() -> None:
         f"{verify_document().model} on 4 unseen maneuvers: 1 predicted well, 1 predicted well ahead (open loop "
         "diverges, as for any unstable airframe), 1 too disturbed to judge, 1 predicted poorly."
     )
-    assert second.startswith("In open loop the worst is roll rate p with a TIC of 0.5 and a fit of −20 %")
+    assert second.startswith("Worst output in open loop: roll rate p, TIC 0.5, fit −20 %")
 
 
 def test_a_hostile_log_can_only_be_read() -> None:

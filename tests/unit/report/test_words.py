@@ -80,8 +80,8 @@ def test_cost_guidelines(cost: float, level: str) -> None:
         (0.25, 50.0, "good", "good"),
         (0.06, 49.0, "fair", "fit below the guideline"),
         (0.33, 50.0, "fair", "TIC above the guideline"),
-        (0.26, 49.0, "poor", "both beyond the guideline"),
-        (math.nan, math.nan, "poor", "both beyond the guideline"),
+        (0.26, 49.0, "poor", "TIC and fit outside the guideline"),
+        (math.nan, math.nan, "poor", "TIC and fit outside the guideline"),
         (0.1, -math.inf, "fair", "fit below the guideline"),
     ],
 )
@@ -99,12 +99,11 @@ def verified(*kinds: str, **costs: float) -> ResultDocument:
 def test_summary_speaks_of_gain_lag_delay_and_cost() -> None:
     assert summary(document()) == (
         "Roll: 437 ± 3 rad/s² per unit command, motor lag 27.9 ± 0.6 ms, delay 2.43 ± 0.11 ms.",
-        "Roll oscillates at 0.91 rad/s and grows, doubling in 5.8 s.",
+        "Roll is unstable: it oscillates at 0.91 rad/s and doubles in 5.8 s.",
         "Fit: good. The cost is 1.9 (up to 50 is good, up to 100 acceptable).",
         "Unseen flight: 1 maneuver predicted well.",
-        "In open loop the output is roll rate p with a TIC of 0.041 and a fit of 92 % (good: TIC up to 0.25 and a fit "
-        "of 50 % and more).",
-        "Unseen sweeps: cost at worst 12.3, practically indistinguishable from the flight.",
+        "Output in open loop: roll rate p, TIC 0.041, fit 92 % (good: TIC up to 0.25, fit 50 % and more).",
+        "Unseen sweeps: worst cost 12.3 (hardly distinguishable from the flight).",
     )
 
 
@@ -112,10 +111,10 @@ def test_summary_of_a_foreign_model_counts_its_parameters() -> None:
     foreign = verified().model_copy(update={"model": "mine", "inputs": ["x"], "cost": None, "fit_percent": {"p": 88.0}})
     assert summary(foreign) == (
         "mine: 4 parameters identified.",
-        "Roll oscillates at 0.91 rad/s and grows, doubling in 5.8 s.",
+        "Roll is unstable: it oscillates at 0.91 rad/s and doubles in 5.8 s.",
         "The model explains 88 % of roll rate p.",
         "Fit: good. The model explains 88.0 % of p (50 % and more is good).",
-        "Not verified on an unseen flight yet.",
+        "Not checked on unseen flight yet.",
     )
 
 
@@ -124,18 +123,18 @@ def test_summary_names_the_worst_prediction() -> None:
     several = [maneuver(), maneuver(tic=0.31, fit=55.0, verdict="poor"), maneuver(tic=0.2, fit=45.0, verdict="poor")]
     flown = document().model_copy(update={"verification": Checks(maneuvers=several)})
     assert "Unseen flight: 3 maneuvers, 1 predicted well, 2 predicted poorly." in summary(flown)
-    assert summary(flown)[-1].startswith("In open loop the worst is roll rate p with a TIC of 0.31 and a fit of 55 %")
+    assert summary(flown)[-1].startswith("Worst output in open loop: roll rate p, TIC 0.31, fit 55 %")
 
 
 def test_an_unseen_sweep_counts_as_unseen_flight() -> None:
     sentences = summary(verified(p=4313.0))
-    assert sentences[-1] == "Unseen sweeps: cost at worst 4.31·10³, the model misses the measurement."
+    assert sentences[-1] == "Unseen sweeps: worst cost 4.31·10³ (the model misses what was measured)."
     assert not any("Not verified" in sentence for sentence in sentences)
 
 
 def test_a_held_out_maneuver_is_not_said_to_judge_the_model_itself() -> None:
     held = verified("held_out", p=12.0)
-    assert summary(held)[-1].startswith("Held-out maneuver, by a second model fitted without it: cost at worst 12,")
+    assert summary(held)[-1].startswith("Held-out maneuver (second model, fitted without it): worst cost 12 (")
 
 
 @pytest.mark.parametrize(

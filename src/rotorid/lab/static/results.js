@@ -8,7 +8,7 @@ const WORDS = { waiting: "waits for a free place", running: "runs", done: "done"
 /** Responses that are drawn at once; of more, each is drawn when it is opened. */
 const FEW = 4;
 /** Verdicts on unseen maneuvers in the words of reports. */
-const PREDICTIONS = { good: "good", diverges: "good ahead, diverges in open loop", disturbed: "disturbed", poor: "poor" };
+const PREDICTIONS = { good: "good", diverges: "good short-term, diverges in open loop", disturbed: "disturbed", poor: "poor" };
 const plain = (name) => name.replaceAll("_", " ");
 const goes = (row) => ["waiting", "running"].includes(row.state);
 /** What a step printed of each model: one or several. */
