@@ -1,8 +1,8 @@
-"""``rotorid response``: logs in, frequency responses with coherence and error out."""
+"""``rotorid response``: frequency responses of logs, and the margins of their loops."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +16,7 @@ from rotorid.settings.parsing import parse_channels
 
 if TYPE_CHECKING:
     from rotorid.documents.response import LoopDocument, ResponseDocument
+    from rotorid.plot.curves import Frequency
 
 
 def response_command(
@@ -25,7 +26,7 @@ def response_command(
         str | None,
         Option(
             "--inputs",
-            "Input channels, such as roll_command. [default: the excited set-points or commands]",
+            "Input channels, such as roll_command. [default: the excited set-points, else commands]",
             "Channels",
             metavar="CHANNEL,...",
         ),
@@ -34,7 +35,7 @@ def response_command(
         str | None,
         Option(
             "--outputs",
-            "Output channels, such as p,ay. [default: the controlled ones]",
+            "Output channels, such as p,ay. [default: those of the set-points]",
             "Channels",
             metavar="CHANNEL,...",
         ),
@@ -44,7 +45,7 @@ def response_command(
     output: Output,
     paper: ForPaper,
 ) -> None:
-    """Estimate frequency responses with coherence and error, and loop margins."""
+    """Measure frequency responses, and the crossover, margins and bandwidth of each loop."""
     from rotorid.documents.response import response_document
     from rotorid.loops.responses import refused_response, response
     from rotorid.report.files import write_responses
@@ -52,8 +53,8 @@ def response_command(
 
     if (inputs is None) is not (outputs is None):
         raise UsageError(
-            f"{'--outputs' if inputs is None else '--inputs'} needs {'--inputs' if inputs is None else '--outputs'}",
-            remedy="give both, or neither for the excited channels",
+            f"{'--outputs' if inputs is None else '--inputs'} is used alone",
+            needed="--inputs and --outputs, or neither of them for what was excited",
         )
     drivers = () if inputs is None else parse_channels(inputs, option="--inputs")
     answers = () if outputs is None else parse_channels(outputs, option="--outputs")
@@ -77,25 +78,34 @@ def response_command(
 
 
 def _print(document: ResponseDocument, folder: Path, *, verbose: bool = False) -> None:
-    """Print what can be used of the responses, margins, findings and where the files are."""
+    """The answer on each loop, usable bands and findings; with ``verbose`` all numbers of the loops."""
     from rich.table import Table
 
     from rotorid.cli.console import output_console, print_findings, print_table
     from rotorid.documents.response import loops_of
+    from rotorid.report.frame import frequency_of
+    from rotorid.report.response import loop_answer
 
-    console = output_console()
+    console, frequency = output_console(), frequency_of(document.provenance.inputs)
+    for axis, _, loop in loops_of(document.loops):
+        answer = loop_answer(axis, loop, frequency=frequency)
+        console.print(f"{answer.headline} {answer.sentence}", markup=False, highlight=False, soft_wrap=True)
+        if verbose:
+            _print_loop(axis, loop, frequency)
+    if document.loops:
+        console.print("± is one standard deviation; review and tune print 95 % intervals.\n", style="dim", markup=False)
     with_instrument = f" with {', '.join(document.instruments)}" if document.instruments else ""
     console.print(f"{document.estimate} estimate{with_instrument}", markup=False, highlight=False)
     table = Table(box=None, pad_edge=False)
     table.add_column("response", justify="left")
-    for name in ("usable in rad/s", "points", "coherence", "error in %", "direct differs by dB", "unit"):
+    for name in (f"usable [{frequency}]", "points", "coherence", "error [%]", "direct differs by dB", "unit"):
         table.add_column(name, justify="right" if name != "unit" else "left")
-    rows, unusable = [], []
+    rows = []
     for name, pair in document.pairs.items():
         if pair.band_rad_s is None:
-            unusable.append(name)
+            rows.append((name, "nothing", "", "", "", "", pair.unit))
             continue
-        low, high = pair.band_rad_s
+        low, high = (end / (2.0 * math.pi) if frequency == "Hz" else end for end in pair.band_rad_s)
         difference = pair.direct_difference_db
         rows.append(
             (
@@ -108,72 +118,18 @@ def _print(document: ResponseDocument, folder: Path, *, verbose: bool = False) -
                 pair.unit,
             )
         )
-    if rows:
-        print_table(table, rows, verbose=verbose, item="response", most=_MOST_RESPONSES)
-    if unusable:
-        shown = fold(unusable, verbose=verbose, most=_MOST_NAMES)
-        more = f" and {len(unusable) - len(shown)} more" if len(unusable) > len(shown) else ""
-        console.print(f"not usable: {', '.join(shown)}{more}", markup=False, highlight=False)
-    if document.loops:
-        loops = list(loops_of(document.loops))
-        if verbose:
-            for axis, _, loop in loops:
-                _print_loop(axis, loop)
-        else:
-            _print_margins([(axis, loop) for axis, _, loop in loops])
-        console.print("± is one standard deviation; review and tune print 95 % intervals.", style="dim", markup=False)
+    print_table(table, rows, verbose=verbose, item="response")
     print_findings(document.findings, verbose=verbose)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 
 
-_MOST_RESPONSES = 10
-_MOST_NAMES = 4
-_MARGINS = {
-    "crossover_rad_s": "crossover",
-    "phase_margin_rad": "phase margin",
-    "gain_margin_up": "gain margin",
-    "delay_margin_s": "delay margin",
-    "disturbance_rejection_bandwidth_rad_s": "rejects up to",
-}
-"""What a normal run shows of a loop."""
-
-
-def _print_margins(loops: Sequence[tuple[str, LoopDocument]]) -> None:
-    """Print a table with a row for each loop."""
-    from rich.table import Table
-
-    from rotorid.cli.console import output_console, print_table
-    from rotorid.data.quantities import QUANTITIES
-    from rotorid.report.response import LOOP_SCOPES
-
-    table = Table(box=None, pad_edge=False)
-    table.add_column("loop")
-    for name, head in _MARGINS.items():
-        table.add_column(f"{head} in {QUANTITIES[name].unit}", justify="right")
-
-    def cell(loop: LoopDocument, name: str) -> str:
-        if name in loop.numbers:
-            return QUANTITIES[name].with_error(loop.numbers[name].value, loop.numbers[name].std)
-        if (bound := loop.bounds.get(name)) is not None:
-            return f"{'≥' if bound.at_least else '≤'} {QUANTITIES[name].with_error(bound.value, bound.std)}"
-        return ""
-
-    rows = [(f"{axis} {LOOP_SCOPES[loop.scope]}", *(cell(loop, name) for name in _MARGINS)) for axis, loop in loops]
-    print_table(table, rows, verbose=False, item="loop", most=_MOST_LOOPS)
-    methods = dict.fromkeys(loop.method for _, loop in loops)
-    output_console().print(f"margins from: {'; '.join(methods)}", style="dim", markup=False)
-
-
-_MOST_LOOPS = 6
-
-
-def _print_loop(axis: str, loop: LoopDocument) -> None:
+def _print_loop(axis: str, loop: LoopDocument, frequency: Frequency) -> None:
     from rotorid.cli.console import output_console
     from rotorid.report.response import LOOP_SCOPES, loop_rows, unseen
 
     console = output_console()
     console.print(f"{axis} {LOOP_SCOPES[loop.scope]} ({loop.method})", markup=False, highlight=False, soft_wrap=True)
-    for row in loop_rows(loop):
+    for row in loop_rows(loop, frequency=frequency):
         console.print(f"  {row.words}: {row.value} {row.unit}".rstrip(), markup=False, highlight=False)
     for missing in unseen(loop):
         console.print(f"  {missing.words}: {missing.reason}", markup=False, highlight=False, soft_wrap=True)

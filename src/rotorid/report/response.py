@@ -1,26 +1,27 @@
-"""The report on measured frequency responses: what can be used, the responses, the loops, and the data behind them."""
+"""The report on measured frequency responses: loops, responses, their usable bands, and the data."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 
 from rotorid.data.display import capital
-from rotorid.data.quantities import QUANTITIES
-from rotorid.data.quantity import MISSING, significant, unit
+from rotorid.data.quantities import QUANTITIES, Judgment
+from rotorid.data.quantity import MISSING, Quantity, significant, unit, with_unit
 from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument, loops_of
 from rotorid.loops.rate_loops import AxisLoop
 from rotorid.loops.responses import Pair, Responses
-from rotorid.plot.curves import runs
+from rotorid.plot.curves import Frequency, runs
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode, coherence_map, window_contributions
 from rotorid.plot.loops import MINUS_3_DB, Crossing, broken_loop, disturbance_rejection
 from rotorid.report.frame import Picture, in_all_units, over_frequency, render
-from rotorid.report.parts import ManeuverRow, finding_rows, maneuver_row, timelines
+from rotorid.report.parts import ManeuverRow, finding_rows, maneuver_row, remark_count, timelines
 from rotorid.report.words import response_summary
 from rotorid.results.verdicts import Verdict
 from rotorid.spectral.derived import Estimated, read_points
@@ -46,18 +47,18 @@ _LOOP_NUMBERS = (
     "attitude_phase_delay_s",
     "attitude_fitted_phase_delay_s",
 )
-"""What a loop shows, in the order of the table."""
+"""Numbers of a loop, in the order of the table."""
 
 _LARGEST = {
     "modulus_omega_rad_s": "modulus_margin",
     "disturbance_rejection_peak_omega_rad_s": "disturbance_rejection_peak",
 }
-"""Of a place, what lies there."""
+"""A place to the number that belongs to it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PairRow:
-    """What can be used of one response."""
+    """The usable part of one response."""
 
     name: str
     words: str
@@ -73,7 +74,7 @@ class PairRow:
 
     @property
     def usable(self) -> bool:
-        """Whether there is anything to use."""
+        """Whether any point can be used."""
         return self.points != "0"
 
 
@@ -108,46 +109,170 @@ def _coherence(value: float | None) -> str:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoopRow:
-    """A number that a loop showed."""
+    """A number of a loop, with what to know of it."""
 
     words: str
     value: str
     unit: str
+    scale: str = ""
+
+    @property
+    def shown(self) -> str:
+        """The number with its unit and scale."""
+        return f"{with_unit(self.value, self.unit)}{f' ({self.scale})' if self.scale else ''}"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoopAnswer:
+    """What a loop is like: a headline, and its main numbers with a scale where they have one."""
+
+    axis: str
+    verdict: Verdict
+    headline: str
+    rows: tuple[LoopRow, ...]
+
+    @property
+    def sentence(self) -> str:
+        """The main numbers in one line."""
+        parts = [f"{row.words[:1].lower()}{row.words[1:]} {row.shown}" for row in self.rows]
+        return f"{capital(', '.join(parts))}." if parts else ""
+
+
+_MAIN = (
+    "crossover_rad_s",
+    "phase_margin_rad",
+    "gain_margin_up",
+    "modulus_margin",
+    "disturbance_rejection_bandwidth_rad_s",
+    "attitude_bandwidth_rad_s",
+)
+"""Numbers of the answer."""
+
+_ANSWERED: Mapping[Judgment, Verdict] = MappingProxyType(
+    {
+        "good": Verdict("good", "good"),
+        "look": Verdict("fair", "look here"),
+        "cannot": Verdict("unknown", "not enough data"),
+    }
+)
+
+
+def loop_answer(axis: str, loop: AxisLoop | LoopDocument, *, frequency: Frequency = "rad/s") -> LoopAnswer:
+    """The answer on one loop: whether its phase margin is safe, and its main numbers.
+
+    Parameters
+    ----------
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    frequency
+        Unit of frequencies.
+    """
+    named, limit = f"{axis} {LOOP_SCOPES[loop.scope]}", QUANTITIES["phase_margin_deg"]
+    margin, model = _margin(loop), False
+    if margin is None and loop.beyond and (known := loop.beyond.numbers.get("phase_margin_rad")):
+        margin, model = _in_degrees(known), True
+    judgment = "cannot" if margin is None else limit.judged(margin)
+    rows = [row for name in _MAIN if (row := _main_row(name, loop, judgment, frequency)) is not None]
+    if margin is None:
+        headline = f"The phase margin of the {named} was not measured."
+    elif judgment == "cannot":
+        headline = f"Unclear whether the {named} is far from oscillation."
+    else:
+        headline = f"The {named} is {'far from' if judgment == 'good' else 'close to'} oscillation."
+    source = " This is by model, beyond the measured band." if model else ""
+    return LoopAnswer(axis=named, verdict=_ANSWERED[judgment], headline=f"{headline}{source}", rows=tuple(rows))
+
+
+def _in_degrees(margin: Estimated | EstimatedDocument) -> Quantity:
+    return Quantity.normal(math.degrees(margin.value), math.degrees(margin.std), "deg")
+
+
+def _margin(loop: AxisLoop | LoopDocument) -> Quantity | None:
+    """The phase margin, or a bound that is on the bad side of the limit: what is beyond is no better."""
+    if (known := loop.numbers.get("phase_margin_rad")) is not None:
+        return _in_degrees(known)
+    bound = loop.bounds.get("phase_margin_rad")
+    if bound is None or bound.at_least:
+        return None
+    most = _in_degrees(bound)
+    return most if QUANTITIES["phase_margin_deg"].judged(most) == "look" else None
+
+
+def _main_row(name: str, loop: AxisLoop | LoopDocument, judgment: Judgment, frequency: Frequency) -> LoopRow | None:
+    further = loop.beyond.numbers if loop.beyond else {}
+    if name in loop.numbers:
+        row = _row(name, loop.numbers[name], frequency=frequency)
+    elif name in further:
+        row = replace(_row(name, further[name], frequency=frequency), scale="by model")
+    elif name in loop.bounds:
+        row = _row(name, loop.bounds[name], frequency=frequency)
+        row = replace(row, value=f"{'≥' if loop.bounds[name].at_least else '≤'} {row.value}")
+    else:
+        return None
+    scale = row.scale
+    if name == "phase_margin_rad":
+        scale = "; ".join(part for part in (QUANTITIES["phase_margin_deg"].scale(judgment), row.scale) if part)
+    elif name == "modulus_margin" and name in loop.numbers:
+        # The peak of the sensitivity is one over the distance from −1.
+        peak = QUANTITIES["sensitivity_peak"]
+        inverse = 1.0 / loop.numbers[name].value
+        scale = f"M_s {significant(inverse)}; {peak.scale('good' if inverse <= peak.limit else 'look')}"
+    return replace(row, scale=scale)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Unseen:
-    """Numbers that a loop did not show, all for one reason."""
+    """Numbers of a loop that were not measured, all for one reason."""
 
     words: str
     reason: str
 
 
-def loop_rows(loop: AxisLoop | LoopDocument) -> tuple[LoopRow, ...]:
-    """What was seen of a loop, with standard deviations; then what the end of the band and a model say beyond it."""
+def loop_rows(loop: AxisLoop | LoopDocument, *, frequency: Frequency = "rad/s") -> tuple[LoopRow, ...]:
+    """Numbers of a loop with standard deviations: measured, bounded by the end of the band, and by a model beyond it.
+
+    Parameters
+    ----------
+    frequency
+        Unit of frequencies.
+    """
     further = loop.beyond.numbers if loop.beyond else {}
     return (
-        *(_row(name, loop.numbers[name]) for name in _LOOP_NUMBERS if name in loop.numbers),
-        *(_bound_row(name, loop.bounds[name]) for name in _LOOP_NUMBERS if name in loop.bounds),
+        *(_row(name, loop.numbers[name], frequency=frequency) for name in _LOOP_NUMBERS if name in loop.numbers),
+        *(_bound_row(name, loop.bounds[name], frequency) for name in _LOOP_NUMBERS if name in loop.bounds),
         *(
-            _row(name, further[name], ", by model", "(not measured: model times controller)")
+            _row(name, further[name], ", by model", "(not measured: model times controller)", frequency)
             for name in _LOOP_NUMBERS
             if name in further
         ),
     )
 
 
-def _row(name: str, number: Estimated | EstimatedDocument, source: str = "", note: str = "") -> LoopRow:
+def _row(
+    name: str,
+    number: Estimated | EstimatedDocument,
+    source: str = "",
+    note: str = "",
+    frequency: Frequency = "rad/s",
+) -> LoopRow:
     row = QUANTITIES[name]
-    shown = row.with_error(number.value, number.std)
-    return LoopRow(words=f"{capital(row.words)}{source}", value=shown, unit=f"{row.unit} {note}".strip())
+    hertz = row.unit == "rad/s" and frequency == "Hz"
+    factor = _PER_TURN if hertz else 1.0
+    shown = row.with_error(factor * number.value, factor * number.std)
+    return LoopRow(
+        words=f"{capital(row.words)}{source}", value=shown, unit=f"{'Hz' if hertz else row.unit} {note}".strip()
+    )
 
 
-def _bound_row(name: str, bound: Bound | BoundDocument) -> LoopRow:
-    row = QUANTITIES[name]
-    where = f"(at {significant(bound.omega_rad_s)} rad/s, the end of the band; {_going(bound)})"
-    value = f"{'≥' if bound.at_least else '≤'} {row.with_error(bound.value, bound.std)}"
-    return LoopRow(words=capital(row.words), value=value, unit=f"{row.unit} {where}".lstrip())
+_PER_TURN = 0.5 / math.pi
+
+
+def _bound_row(name: str, bound: Bound | BoundDocument, frequency: Frequency) -> LoopRow:
+    row = _row(name, bound, frequency=frequency)
+    at = f"{significant(bound.omega_rad_s * (_PER_TURN if frequency == 'Hz' else 1.0))} {frequency}"
+    where = f"(at {at}, the end of the band; {_going(bound)})"
+    value = f"{'≥' if bound.at_least else '≤'} {row.value}"
+    return LoopRow(words=row.words, value=value, unit=f"{row.unit} {where}".lstrip())
 
 
 def _going(bound: Bound | BoundDocument) -> str:
@@ -155,11 +280,11 @@ def _going(bound: Bound | BoundDocument) -> str:
 
 
 def unseen(loop: AxisLoop | LoopDocument) -> tuple[Unseen, ...]:
-    """What was not seen of a loop: one entry for each reason."""
+    """What was not measured of a loop: one entry for each reason."""
     reasons: dict[str, list[str]] = {}
     for name in _LOOP_NUMBERS:
         if name in loop.not_seen and not {name, _LARGEST.get(name)} & set(loop.bounds):
-            # A peak and the place of it are missed together, or bounded together.
+            # A peak and its place are missing together, or bounded together.
             words = QUANTITIES[name].words.removesuffix(" at")
             reasons.setdefault(loop.not_seen[name], []).append(words)
     return tuple(
@@ -224,7 +349,7 @@ def _span(omega_rad_s: FloatArray, run: slice) -> tuple[float, float]:
     inside = omega_rad_s[run]
     if inside.size > 1:
         return float(inside[0]), float(inside[-1])
-    # A lonely point stands for the half steps to its neighbors: a bar needs a width.
+    # A single point extends half a step to each side: a bar needs a width.
     below, above = omega_rad_s[max(run.start - 1, 0)], omega_rad_s[min(run.stop, omega_rad_s.size - 1)]
     return float(np.sqrt(below * inside[0])), float(np.sqrt(inside[0] * above))
 
@@ -280,8 +405,8 @@ LOOP_SCOPES = {"rate": "rate loop", "whole": "whole loop"}
 
 
 def loop_pictures(axis: str, loop: AxisLoop) -> tuple[Picture, ...]:
-    """The broken loop with its margins and the sensitivity with its bandwidth; none where the loop was not seen."""
-    # What no number was read from is no picture: the axis was not excited.
+    """The broken loop with its margins and the sensitivity with its bandwidth; none where it was not measured."""
+    # Without a number there is no picture: the axis was not excited.
     if loop.loop is None or not (used := read_points(loop.loop)).any():
         return ()
     margins, rejection = loop.margins, loop.rejection
@@ -342,7 +467,7 @@ class Loop:
 
 
 def render_responses(result: Responses, *, title: str) -> str:
-    """The report as one HTML document, which holds everything it shows and lets no text of a log act.
+    """The report as one HTML document, which needs no other file and in which no text of a log can act.
 
     Parameters
     ----------
@@ -361,6 +486,8 @@ def render_responses(result: Responses, *, title: str) -> str:
         bands=drawn.bands,
         responses=drawn.responses,
         loops=drawn.loops,
+        answers=[loop_answer(axis, loop) for axis, _, loop in loops_of(result.loops)],
+        remark_count=remark_count(result.findings),
         splits=split_rows(result),
         condition=significant(result.largest_condition),
         windows=drawn.windows,

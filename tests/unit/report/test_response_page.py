@@ -166,9 +166,8 @@ def test_words_come_first_and_name_what_was_measured(page: Page) -> None:
     assert rest[1].endswith(" at worst.")
     assert "Whole loop of roll: crossover at" in " ".join(rest)
     assert rest[-1] == ("Most serious finding: unheard of (roll_sweeps.ulg): A file was named roll_sweeps.ulg.")
-    # Behind the menu, which names the parts too.
     shown = page.words[page.words.index(first) :]
-    order = [shown.index(words) for words in ("What can be used", "Loops and margins", "sha256")]
+    order = [shown.index(words) for words in ("Frequency responses", "Loops and margins", "Usable bands", "sha256")]
     assert order == sorted(order)
 
 
