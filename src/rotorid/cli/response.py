@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from rotorid.cli.command import carry_out
-from rotorid.cli.console import default_folder, fold
+from rotorid.cli.console import default_folder
 from rotorid.cli.options import ForPaper, Logs, Map, Output
 from rotorid.errors import UsageError
 from rotorid.settings.measuring import ResponseSettings

@@ -79,7 +79,7 @@ def test_too_short_a_rest_is_exit_1(log: Path, tmp_path: Path) -> None:
     [
         (("--model", "hover.full"), "rate.roll"),
         (("--step", "2"), "0.02 to 0.5"),
-        (("--first", "soon"), "expected a number in s, or with its unit"),
+        (("--first", "soon"), "expected a number in s, or with a unit"),
     ],
 )
 def test_a_slip_is_one_sentence(log: Path, tmp_path: Path, words: tuple[str, ...], said: str) -> None:

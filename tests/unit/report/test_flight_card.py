@@ -241,7 +241,7 @@ def test_the_hand_is_told_what_the_picture_asks_for(inputs: tuple[PlannedInput, 
 
 
 def test_it_says_what_holds_the_vehicle() -> None:
-    assert "Hands off: the script holds place and height slowly" in words(at_once(), facts("PX4"))
+    assert "Hands off: the script keeps position and height slowly" in words(at_once(), facts("PX4"))
     guided = words(at_once(), facts("ArduPilot"))
     assert "Hands off: the script holds the place slowly, and the autopilot works the throttle" in guided
     by_mode = words(four_chirps(), facts("ArduPilot"))

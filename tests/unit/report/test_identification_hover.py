@@ -84,8 +84,8 @@ class TestSummary:
             "Pitch is unstable: it oscillates at 5.02 rad/s and doubles in 0.27 s, as usual for a multirotor without "
             "an autopilot.",
             "Fit: good. The average cost is 25.6 (up to 50 is good, up to 100 acceptable). "
-            "Worst of 10 responses: az/pitch_command, cost 120 (the model misses what was measured).",
-            "Unseen sweeps: worst cost 4.7 (hardly distinguishable from the flight).",
+            "Worst of 10 responses: az/pitch_command, cost 120 (the model misses the measurement).",
+            "Unseen sweeps: worst cost 4.7 (practically indistinguishable from the flight).",
         )
 
     def test_a_lag_that_axes_share_is_said_once(self) -> None:

@@ -103,7 +103,7 @@ def test_summary_speaks_of_gain_lag_delay_and_cost() -> None:
         "Fit: good. The cost is 1.9 (up to 50 is good, up to 100 acceptable).",
         "Unseen flight: 1 maneuver predicted well.",
         "Output in open loop: roll rate p, TIC 0.041, fit 92 % (good: TIC up to 0.25, fit 50 % and more).",
-        "Unseen sweeps: worst cost 12.3 (hardly distinguishable from the flight).",
+        "Unseen sweeps: worst cost 12.3 (practically indistinguishable from the flight).",
     )
 
 
@@ -128,7 +128,7 @@ def test_summary_names_the_worst_prediction() -> None:
 
 def test_an_unseen_sweep_counts_as_unseen_flight() -> None:
     sentences = summary(verified(p=4313.0))
-    assert sentences[-1] == "Unseen sweeps: worst cost 4.31·10³ (the model misses what was measured)."
+    assert sentences[-1] == "Unseen sweeps: worst cost 4.31·10³ (the model misses the measurement)."
     assert not any("Not verified" in sentence for sentence in sentences)
 
 
