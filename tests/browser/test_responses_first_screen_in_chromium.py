@@ -1,4 +1,4 @@
-"""The page of ``response``: the answer on each loop before any scrolling, with the responses; everything else folded."""
+"""The page of ``response``: the answer on each loop before any scrolling; everything else folds."""
 
 from __future__ import annotations
 

@@ -19,7 +19,8 @@ PROBE = (
     f"async () => {{{SETTLED}"
     + """
   for (const value of %s) document.querySelector(`button[value="${value}"]`).click();
-  const before = Array.from(document.querySelectorAll("details:not([open]) [data-picture]"), (place) => Boolean(place.data));
+  const folded = document.querySelectorAll("details:not([open]) [data-picture]");
+  const before = Array.from(folded, (place) => Boolean(place.data));
   await openAll(document.querySelectorAll("details"));
   await settled();
   const seen = (place) => [place.dataset.picture, {

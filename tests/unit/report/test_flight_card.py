@@ -243,9 +243,9 @@ def test_the_hand_is_told_what_the_picture_asks_for(inputs: tuple[PlannedInput, 
 def test_it_says_what_holds_the_vehicle() -> None:
     assert "Hands off: the script keeps position and height slowly" in words(at_once(), facts("PX4"))
     guided = words(at_once(), facts("ArduPilot"))
-    assert "Hands off: the script holds the place slowly, and the autopilot works the throttle" in guided
+    assert "Hands off: the script keeps the position slowly, and the autopilot works the throttle" in guided
     by_mode = words(four_chirps(), facts("ArduPilot"))
-    assert "script holds" not in by_mode  # System ID: the pilot holds it
+    assert "script keeps" not in by_mode  # System ID: the pilot keeps it
     assert "You work the throttle" in by_mode
     assert "Tried in hover: Stabilize, throttle near the middle; and the way out, switch to Loiter" in by_mode
     assert "Stabilize" not in guided

@@ -64,7 +64,7 @@ def _wind(record: FlightRecord) -> str:
 def _how(_plan: FlightPlan, _flown: Sequence[PlannedInput], _firmware: str) -> str:
     return (
         "Start the script, hover in the middle in Position mode, then switch to Offboard. Hands off: the script "
-        "has place and height slowly, and moving the sticks ends the test. It hands back in Position mode."
+        "keeps position and height slowly; moving the sticks ends the test. It then returns to Position mode."
     )
 
 
