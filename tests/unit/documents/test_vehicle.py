@@ -106,7 +106,7 @@ def test_rotors_are_placed_one_by_one() -> None:
         ("name =", "nmae =", "did you mean name?"),
         ("lag_up_s", "lag_s", "[rotors] holds lag_s"),
         ("0.02]", "0.05]", "principal moments of inertia 0.012, 0.012, 0.05"),
-        ("9.0]", "1.0]", "hovers at 1.7"),
+        ("9.0]", "1.0]", "would hover at 1.7"),
         ("mass_kg = 1.2", "mass_kg = nan", "body.mass_kg = nan"),
         ("mass_kg = 1.2", "mass_kg = -1.2", "positive mass"),
         ("0.02\nlag", "1e308\nlag", "numbers up to 1e+12"),
@@ -232,7 +232,7 @@ def test_files_are_printed_and_flown(results: dict[str, Path], tmp_path: Path) -
         "vehicles", "--from", results["motors"], results["hover"], "--like", "px4_quad", "--set", "kappa=0.02"
     )
     assert ran.code == 0
-    assert ran.err.startswith("taken from px4_quad: ")
+    assert ran.err.startswith("not identified, so taken from px4_quad: ")
     assert "#   m = 1.5 kg, given: physical.motors of one.ulg" in ran.out
     own = tmp_path / "mine.toml"
     own.write_text(ran.out, encoding="utf-8")
@@ -259,9 +259,9 @@ def test_files_are_printed_and_flown(results: dict[str, Path], tmp_path: Path) -
 def test_wrong_use_of_the_commands(results: dict[str, Path], tmp_path: Path) -> None:
     for words, said in {
         ("vehicles", "--from", str(results["motors"])): "--like px4_quad",
-        ("vehicles", "x500"): "expected --toml",
-        ("vehicles", "--toml"): "--toml came alone",
-        ("vehicles", "x500", "--toml", "--set", "m=3"): "--set m came for a file",
+        ("vehicles", "x500"): "add --toml",
+        ("vehicles", "--toml"): "--toml needs a vehicle",
+        ("vehicles", "x500", "--toml", "--set", "m=3"): "--set m cannot be written to a vehicle file",
         ("simulate", "x50", "--out", str(tmp_path / "a")): "did you mean x500",
         ("design", "sweep", "--vehicle", "motros", "--out", str(tmp_path / "a")): "a vehicle file .toml",
         ("simulate", str(results["motors"]), "--like", "px4_quad", "--set", "kappa=0.2"): "no rigid body",

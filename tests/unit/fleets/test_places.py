@@ -61,7 +61,7 @@ def test_nothing_is_one_sentence(path: str) -> None:
 
 
 def test_an_empty_folder_is_one_sentence(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="holds no flight log"):
+    with pytest.raises(UsageError, match="contains no flight log"):
         places_of([tmp_path])
 
 

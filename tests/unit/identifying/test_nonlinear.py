@@ -155,9 +155,9 @@ def test_responses_and_drag_make_a_flight() -> None:
     assert flown.model.name == "flight"
     (stretch,) = flown.stretches
     assert stretch.scores["velocity_north"].nrmse_fit_percent > 85.0
-    with pytest.raises(UsageError, match="came together"):
+    with pytest.raises(UsageError, match="cannot be flown together"):
         fly_log([answers, answers], records)
-    with pytest.raises(UsageError, match="do not say how"):
+    with pytest.raises(UsageError, match="no model of"):
         fly_log([identify(records, "response.first_order", outputs=("phi",)), drag], records)
 
 
