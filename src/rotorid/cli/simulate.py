@@ -305,7 +305,7 @@ def _plan(given: str | None, flight: SimulateSettings) -> FlightPlan | None:
 
 
 def _print(document: SimulationDocument, folder: Path, *, verbose: bool = False) -> None:
-    """Print what flew, what it reached and where the logs are."""
+    """Print the vehicle, what it reached, and where the logs are."""
     from rich.table import Table
 
     from rotorid.cli.console import output_console

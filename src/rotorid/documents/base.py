@@ -1,4 +1,4 @@
-"""What all documents have in common, and the parts that nearly all have: findings and provenance.
+"""The base of all documents, and the parts that nearly all have: findings and provenance.
 
 A document is made from a value at the border, ``FindingDocument.model_validate(finding)``: its fields are read from
 attributes of the same names, so a value needs no copy of its own for JSON.
@@ -36,7 +36,7 @@ def to_json(document: Document) -> str:
 
 
 def _shown(value: Any) -> Any:
-    """A document with every text in letters that a file can hold."""
+    """A document with every text in letters that can be written to a file."""
     if isinstance(value, str):
         return visible(value)
     if isinstance(value, dict):

@@ -75,7 +75,7 @@ class TrackDocument(Document):
 
 
 def track_document(found: FlightTracking | Refused) -> TrackDocument:
-    """What was followed as ``track.json`` holds it; of data that cannot tell, why."""
+    """The document of a tracked flight; for a refusal only its findings."""
     common = {
         "findings": [FindingDocument.model_validate(finding) for finding in found.findings],
         "provenance": ProvenanceDocument.model_validate(found.provenance),

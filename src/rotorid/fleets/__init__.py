@@ -1,4 +1,4 @@
-"""Many logs into one table: each read and identified once, and what the fleet says of its vehicles."""
+"""Many logs into one table: each read and identified once, then compared over the fleet."""
 
 from rotorid._faces import lazy
 

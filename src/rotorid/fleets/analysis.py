@@ -1,4 +1,4 @@
-"""What a fleet's table says: what is normal, which vehicles and flights are odd, what changed, what groups differ in.
+"""Analysis of a fleet: normal values, odd vehicles and flights, changes, and differences between groups.
 
 The flights of each vehicle are put in order. Odd flights go first, then steps or drifts are looked for in what is left;
 a vehicle counts for the population with its flights before its first change, and a vehicle that is odd does not count.
@@ -101,7 +101,7 @@ class History(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class Difference(Immutable):
-    """What a group of flights differs in from another; positive where ``group`` is larger."""
+    """The difference between two groups of flights; positive where ``group`` is larger."""
 
     model: str
     parameter: str
@@ -115,7 +115,7 @@ class Difference(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class Cause(Immutable):
-    """What happened to one vehicle at one flight, and what usually does that."""
+    """Changes of one vehicle at one flight, and their usual cause."""
 
     vehicle: str
     at_flight: int
@@ -147,7 +147,7 @@ class OtherGains(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FleetAnalysis(Immutable):
-    """All that a table says.
+    """The analysis of a table.
 
     Parameters
     ----------
@@ -297,7 +297,7 @@ def _other_gains(rows: Sequence[Row], gains: Mapping[str, Mapping[str, float]]) 
 
 
 def _population(of: _Parameter, many: Sequence[tuple[_Series, BoolArray, bool]]) -> Population:
-    """What is normal, without odd vehicles unless there are no others."""
+    """Normal values, without odd vehicles unless there are no others."""
     counted = [(series, keep) for series, keep, strange in many if not strange] or [
         (series, keep) for series, keep, _ in many
     ]
@@ -313,7 +313,7 @@ def _population(of: _Parameter, many: Sequence[tuple[_Series, BoolArray, bool]])
 
 
 def _parameters(rows: Iterable[Row]) -> dict[Name, _Parameter]:
-    """Histories by parameter and vehicle; values without an error say nothing.
+    """Histories by parameter and vehicle; values without an error are left out.
 
     A parameter that some logs state in another unit than most, such as inertia without a known arm, or that was
     measured in another way, such as a delay fitted without a lag, or that a fit left at its bound of zero, has a
@@ -339,7 +339,7 @@ def _parameters(rows: Iterable[Row]) -> dict[Name, _Parameter]:
 
 
 class _Kind(NamedTuple):
-    """What makes numbers of one name those of one quantity."""
+    """The key that separates quantities of the same name."""
 
     unit: str
     basis: str
@@ -524,7 +524,7 @@ def _before(found: tuple[tuple[Change, ...], Drift | None] | None, flights: int)
 def _odd_vehicles(
     found: Mapping[Name, _Parameter], kept: Mapping[tuple[Name, str], BoolArray]
 ) -> dict[tuple[Name, str], float]:
-    """Vehicles that lie apart from all others, each judged by the others; again without those that were found."""
+    """Vehicles unlike all others, each compared with the others; repeated without those that were found."""
     out: dict[tuple[Name, str], float] = {}
     for _ in range(3):
         entries = []
@@ -571,7 +571,7 @@ def _odd_ones(scale: Scale, series: _Series, odd: BoolArray, p: FloatArray) -> t
 
 
 def _differences(parameters: Mapping[Name, _Parameter], groups: Mapping[str, str]) -> tuple[Difference, ...]:
-    """What each group differs in from the one that comes first by its name."""
+    """Differences of each group from the first by name."""
     found: list[dict[str, Any]] = []
     for name, of in parameters.items():
         rows = [

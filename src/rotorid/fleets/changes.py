@@ -69,7 +69,7 @@ class Change(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class OddFlight(Immutable):
-    """A flight that lies apart from those before and after it."""
+    """A flight unlike those before and after it."""
 
     flight: int
     value: Quantity
@@ -129,7 +129,7 @@ def within_by_neighbors(
 
 
 class Scatter(NamedTuple):
-    """What flights of one vehicle scatter by, and what that is known from.
+    """Scatter of the flights of one vehicle, and where it is known from.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def _best_split(y: FloatArray, weight: FloatArray, spread: Spread, fewest: int) 
 
 
 def least_step(stds: AnyArray, spread: Spread) -> float:
-    """Standard deviation of a step where it is seen best, which is the middle of the flights; nan of a single one.
+    """Smallest standard deviation of a step, which is that in the middle of the flights; nan of a single one.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def first_step(values: AnyArray, stds: AnyArray, spread: Spread) -> float:
 
 
 def steps(values: AnyArray, stds: AnyArray, spread: Spread, *, unit: str) -> tuple[Change, ...]:
-    """All steps of a series of which the first is held to be one: the rest by splitting each side again.
+    """All steps of a series with one accepted step: the others by splitting each side again.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What carries a fleet out: processes of this machine, or the workers of a Dask cluster.
+"""Engines that run a fleet: processes of this machine, or workers of a Dask cluster.
 
 Both do the same with the same log, since both let a child do it (:mod:`rotorid.fleets.worker`): one that is limited in
 memory and time, whose end costs its log's attempt and nothing else. A log whose attempts ended two children is set
@@ -48,7 +48,7 @@ _READY = b"ready\n"
 
 @dataclass(frozen=True, kw_only=True)
 class Limits(Immutable):
-    """What one log may use.
+    """Limits for one log.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ _children: dict[tuple[int, Limits], Child] = {}
 
 
 def answer_here(task: dict[str, Any], limits: Limits, data: bytes | None = None) -> dict[str, Any]:
-    """What a worker of a cluster does: let a child of its own answer.
+    """The task of a cluster worker: run it in a child process.
 
     Returns
     -------

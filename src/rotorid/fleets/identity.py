@@ -58,7 +58,7 @@ def board_of(log: Path) -> bytes:
 
 
 def hidden(identity: bytes, salt: bytes) -> str:
-    """What the table calls a vehicle whose number must not be known.
+    """The name of a vehicle whose board number is secret.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def hidden(identity: bytes, salt: bytes) -> str:
 
 
 def time_of(address: str) -> str:
-    """When a log was made, as its name or its folder says: an ISO date with the time where there is one.
+    """Date of a log from its name or folder: an ISO date, with the time where there is one.
 
     Examples
     --------
@@ -104,7 +104,7 @@ def natural(name: str) -> tuple[tuple[int, int, str], ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class Named(Immutable):
-    """What a file says of logs, by the name, the path or the hash of a log."""
+    """Vehicles of a CSV file, by the name, path or hash of a log."""
 
     vehicle: Mapping[str, str] = field(default_factory=dict)
     time: Mapping[str, str] = field(default_factory=dict)

@@ -114,7 +114,7 @@ def _in_file(log: Path) -> Iterator[Place]:
 
 
 def _members(archive: Path) -> list[tuple[str, int]]:
-    """Logs in an archive; none where it holds but one file, which the readers unpack themselves."""
+    """Logs in an archive; none where it has only one file, which the readers unpack themselves."""
     try:
         with zipfile.ZipFile(archive) as opened:
             inside = [member for member in opened.infolist() if not member.is_dir()]

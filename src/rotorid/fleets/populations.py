@@ -1,4 +1,4 @@
-r"""What is normal: a parameter's mean over a fleet, its spread between vehicles, and within a vehicle between flights.
+r"""Normal values: a parameter's mean over a fleet, its spread between vehicles, and between flights of a vehicle.
 
 Random effects. Flight :math:`j` of vehicle :math:`i` gives
 

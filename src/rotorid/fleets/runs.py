@@ -95,7 +95,7 @@ class Fleet:
 
     @property
     def engine(self) -> Engine:
-        """What carries it out."""
+        """The engine of the run."""
         if self._engine is None:
             cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
             self._engine = Processes(min(self.settings.workers or cores, len(self.places)), self._limits)
@@ -139,7 +139,7 @@ class Fleet:
                 running.close()
 
     def _known(self, place: Place) -> LogAnswer | None:
-        """What an earlier run, of this version and with these settings, answered of a log that has not changed."""
+        """The answer of an earlier run with this version and these settings for an unchanged log."""
         found = self._journal.answers.get((place.address, self._hash))
         fits = found is not None and found.mark == place.mark and found.version == __version__ and found.done
         return found if fits else None

@@ -33,7 +33,7 @@ def parse_memory(text: str) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class FleetSettings(Settings):
-    """Choices of a fleet; with the same log, the same version and what a provenance holds of them, a row is the same.
+    """Choices of a fleet; the same log, version and written settings give the same rows.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ class Row(Immutable):
 
     @property
     def key(self) -> tuple[str, str, int, str, str]:
-        """What rows are sorted by, and no two share."""
+        """Unique key by which rows are sorted."""
         return self.log, self.log_sha256, self.flight, self.model, self.parameter
 
 
@@ -112,7 +112,7 @@ class Failed(Immutable):
 
     @property
     def key(self) -> tuple[str, str, int, str]:
-        """What failures are sorted by."""
+        """Key by which failures are sorted."""
         return self.log, self.log_sha256, self.flight, self.model
 
 
@@ -171,7 +171,7 @@ class LogAnswer(Immutable):
 
     @classmethod
     def from_json(cls, text: str) -> LogAnswer:
-        """The answer that a line holds.
+        """The answer in a line.
 
         Raises
         ------
@@ -235,13 +235,13 @@ def _without_nan(value: Any) -> Any:
 
 
 def settings_hash(asked: Mapping[str, Any]) -> str:
-    """Hash of what was asked of every log."""
+    """Hash of the settings."""
     return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:16]
 
 
 @dataclass(eq=False)
 class Journal:
-    """Answers as they came, one a line; a run that is ended at any moment loses at most the last one."""
+    """Answers in the order of arrival, one per line; an interrupted run loses at most the last one."""
 
     path: Path
     answers: dict[tuple[str, str], LogAnswer] = field(default_factory=dict)

@@ -28,7 +28,7 @@ class SeveralVehicles(Immutable):
 
 
 def separated(rows: Iterable[Row]) -> tuple[list[Row], tuple[SeveralVehicles, ...]]:
-    """Rows in their order, with vehicles by what their logs say, and the names that stood for several.
+    """Rows in order, with vehicles separated by their logs, and the names that meant several.
 
     Examples
     --------
@@ -52,7 +52,7 @@ def separated(rows: Iterable[Row]) -> tuple[list[Row], tuple[SeveralVehicles, ..
 
 
 def order_of(row: Row) -> tuple[Any, ...]:
-    """What puts the flights of a vehicle in order: their time, else the names of their logs."""
+    """Sort key of flights: their time, else the names of their logs."""
     return row.time_utc, natural(row.log), row.log_sha256, row.flight
 
 

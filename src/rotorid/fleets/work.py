@@ -1,4 +1,4 @@
-"""What is done with one log: read, cut into its flights, identified, reviewed; the answer as rows."""
+"""Work on one log: read it, cut it into flights, identify and review these; the answer as rows."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _MARGIN_S = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Task(Immutable):
-    """One log, and what is asked of it.
+    """One log, and the settings for it.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Task(Immutable):
 
 
 def answer(task: Task) -> LogAnswer:
-    """Read a log, identify its flights, and say what each model gave, or why it gave nothing."""
+    """Read a log and identify its flights: numbers of each model, or the reason for none."""
     started_s = time.monotonic()
     try:
         if task.copy:
@@ -153,7 +153,7 @@ def _answer(task: Task, log: Path) -> LogAnswer:
 
 
 def _model_results(record: FlightRecord, task: Task) -> Iterator[tuple[str, list[dict[str, Any]] | str]]:
-    """Each model by name with its numbers, or the sentence that says why there are none."""
+    """Each model by name with its numbers, or the reason for none."""
     from rotorid.identifying.identify_many import identify_several
 
     models = task.asked["models"]

@@ -15,7 +15,7 @@ from rotorid.io.children import end_with_parent
 
 
 def main() -> None:
-    """Answer what comes, until nothing comes any more."""
+    """Answer tasks until there are no more."""
     memory_bytes, work = int(sys.argv[1]), sys.argv[2]
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ[name] = "1"
@@ -39,7 +39,7 @@ def main() -> None:
 
 
 def _limit(memory_bytes: int) -> None:
-    """Bound what is asked for beyond what the libraries have taken already."""
+    """Limit the memory beyond what the libraries have taken already."""
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
 

@@ -1,8 +1,8 @@
 """Plans for a vehicle, each test input as large as limits allow, with the errors of parameters that it will give.
 
-Amplitudes are searched for in the nonlinear simulator, one axis after the other and then the whole plan; what the
-flight will tell follows from the linear loop about hover. What is believed of the vehicle before the flight comes from
-its library entry, or from a previous result.
+Amplitudes are searched for in the nonlinear simulator, one axis after the other and then the whole plan. Predicted
+errors follow from the linear loop about hover. The expected values of the vehicle come from its library entry, or from
+a previous result.
 """
 
 from __future__ import annotations
@@ -353,7 +353,7 @@ def _entry(aircraft: Aircraft, choices: PlanSettings, axis: Axis, shape: Shape) 
 
 
 def _rate_hz(aircraft: Aircraft, choices: PlanSettings) -> float:
-    """Rate of the samples: what is sent and held has to switch between two turns of the loop."""
+    """Sample rate: a held sample has to switch between two turns of the loop."""
     return _SAMPLE_RATE_HZ if choices.interface is None else aircraft.autopilot.rate_hz
 
 
@@ -703,7 +703,7 @@ def _shortest(
     kind: Shape,
     planned: Planned,
 ) -> dict[str, Shortest]:
-    """Durations by model; amplitudes stay those of the plan, so that only time is asked for."""
+    """Shortest durations by model, with the amplitudes of the plan."""
     swept = [planned_input for planned_input in planned.plan.inputs if planned_input.shape == kind]
     sizes: dict[str, float] = {planned.axis: abs(planned.amplitude) for planned in swept}
 
@@ -792,7 +792,7 @@ def _model(choices: DesignSettings, name: str) -> LinearStructure:
 
 
 def _setpoint_channels(choices: DesignSettings) -> tuple[str, ...]:
-    """Set-points of the excited axes and what answers them, as a log will hold them."""
+    """Set-points of the excited axes and the channels that follow them, as they will be logged."""
     names = [setpoint_of(axis, _setpoint_entry(choices, axis)) for axis in choices.plan.axes]
     return tuple(channel for name in names if name is not None for channel in (name, SETPOINTS[name].response))
 

@@ -132,7 +132,7 @@ class FlownStretch(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlownModel(Immutable):
-    """What an identified model does with the inputs of logs or of a plan.
+    """Simulated flights of an identified model through logs or a plan.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def fly_log(
 def refused_flight(
     error: InsufficientDataError, records: Sequence[FlightRecord], name: str, settings: FlySettings
 ) -> Refused:
-    """What to say of logs that a model cannot fly through."""
+    """The refusal of logs that a model cannot fly through."""
     remarks = [finding for record in records for finding in record.findings]
     return Refused(
         name=name,
@@ -332,7 +332,7 @@ def _stretch(simulation: Simulation, values: Mapping[str, float], draws: Sequenc
 
 
 def _others(simulation: Simulation, draws: Sequence[Mapping[str, float]]) -> Iterator[FloatArray]:
-    """What other vehicles do, as far as they can be simulated."""
+    """Outputs of other likely vehicles, of those that can be simulated."""
     for values in draws:
         try:
             rows = simulation.outputs_at(values)
@@ -371,7 +371,7 @@ def _drawn_values(model: IdentifiedModel, parameters: ParameterSet, *, seed: int
 
 
 def _band(rows: FloatArray, others: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Quantiles over draws; the simulation itself where hardly a draw can be simulated."""
+    """Quantiles over draws; the simulation itself where too few draws can be simulated."""
     if len(others) < _DRAWS // 2:
         return rows, rows
     low, high = np.percentile(np.stack(others), _BAND, axis=0)

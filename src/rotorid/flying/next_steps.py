@@ -1,4 +1,4 @@
-"""What to do next with a log: one list of commands for every verb, each checked before it is printed.
+"""Next steps for a log: one list of commands for all verbs, each checked before it is printed.
 
 A command stands in the list only if its channels are logged, the verb would take the log, and the firmware has what it
 asks for. The way in which the log was read (a mapping of its columns) is part of each command. A plan is for the
@@ -40,7 +40,7 @@ class LoopChannels(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownOfLog(Immutable):
-    """What a verb found out about a log, from which the next steps follow.
+    """Facts that a verb found in a log, from which the next steps follow.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def craft_of(record: FlightRecord) -> str:
 
 
 def _vehicle(known: KnownOfLog, folder: str) -> tuple[str, ...]:
-    """The vehicle of a plan: that of the log, as far as it is known and the plan would take it."""
+    """The vehicle of a plan: that of the log, where it is known and the plan accepts it."""
     from rotorid.vehicles.catalog import VEHICLES
 
     record, like = known.record, craft_of(known.record)

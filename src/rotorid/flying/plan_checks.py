@@ -33,7 +33,7 @@ _SIZE = 1.25
 
 
 def plan_findings(record: FlightRecord, plan: FlightPlan) -> tuple[Finding, ...]:
-    """What a log says about a plan, before its flight or after it.
+    """Checks of a plan against a log, before or after its flight.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def _counted(count: int, kind: Kind) -> str:
 
 
 def _compared(record: FlightRecord, asked: PlannedInput, flown: Maneuver) -> Finding | None:
-    """What of a test input was flown otherwise than planned; ``None`` where nothing was."""
+    """How a test input was flown differently from the plan; ``None`` where it was not."""
     parts = [*_band(asked, flown), *_length(asked, flown), *_size(record, asked, flown)]
     if not parts:
         return None

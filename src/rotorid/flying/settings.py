@@ -1,4 +1,4 @@
-"""What a user may choose about a planned or a simulated flight: inputs, limits, wind, vehicle; and a flown model."""
+"""Choices for planned and simulated flights (inputs, limits, wind, vehicle) and for flown models."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -252,7 +252,7 @@ class VehicleFileSettings(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class AutopilotSettings(Immutable):
-    """What is taken from a log or a result of the vehicle that will fly, and for which autopilot files are written."""
+    """Options that take gains, noise and wind from a log or result, and name the autopilot for files."""
 
     gains: Annotated[
         Path | None,
@@ -315,7 +315,7 @@ class Air:
 
 @dataclass(frozen=True, kw_only=True)
 class PlanSettings(Immutable):
-    """What is to be flown.
+    """Choices of a plan.
 
     Parameters
     ----------
@@ -533,7 +533,7 @@ def plan_settings(
 
 @dataclass(frozen=True, kw_only=True)
 class DesignSettings(Immutable):
-    """What is to be designed.
+    """Choices of ``design``.
 
     Parameters
     ----------
@@ -645,14 +645,14 @@ class DesignSettings(Immutable):
 
     @property
     def entry(self) -> "VehicleEntry":
-        """What is known of the vehicle."""
+        """The library entry of the vehicle."""
         from rotorid.vehicles.catalog import entry_of
 
         return entry_of(self.vehicle)
 
     @property
     def aircraft(self) -> "Aircraft":
-        """What will fly, with a pilot who brings it back."""
+        """The vehicle, with a pilot who brings it back."""
         from rotorid.simulation.multirotor_flight import piloted
 
         # What is sent to a vehicle behind set-points is the test input alone, and nobody leans against drift.
@@ -660,7 +660,7 @@ class DesignSettings(Immutable):
 
     @property
     def vehicle_changed(self) -> bool:
-        """Whether what flies is none that can be named: changed, or with gains, noise or rotors of a log or a result.
+        """Whether the vehicle has no name: it was changed, or has gains, noise or rotors of a log or result.
 
         One behind set-points has no gains, and no file can hold it.
         """
@@ -670,7 +670,7 @@ class DesignSettings(Immutable):
 
     @property
     def craft(self) -> "Aircraft":
-        """What will fly: body, autopilot and sensors, with all that was changed."""
+        """Body, autopilot and sensors, with all changes."""
         from rotorid.flying.user_vehicles import hovering_at
         from rotorid.simulation.multirotor_flight import changed
         from rotorid.vehicles.px4 import with_gains
@@ -700,7 +700,7 @@ class DesignSettings(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class SimulateSettings(Immutable):
-    """What is to be simulated.
+    """Choices of ``simulate``.
 
     Parameters
     ----------
@@ -811,14 +811,14 @@ class SimulateSettings(Immutable):
 
     @property
     def entry(self) -> "VehicleEntry":
-        """What is known of the vehicle."""
+        """The library entry of the vehicle."""
         from rotorid.vehicles.catalog import entry_of
 
         return entry_of(self.vehicle)
 
     @property
     def aircraft(self) -> "Aircraft":
-        """What flies, before anything is drawn."""
+        """The vehicle, before anything is drawn."""
         from rotorid.simulation.multirotor_flight import changed, piloted
 
         craft = changed(self.entry.aircraft, self.changes)

@@ -83,7 +83,7 @@ class SimulatedLog(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class Simulation(Immutable):
-    """What flew, what was true, and the logs.
+    """The vehicle, its true values, and the logs.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class Simulation(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run(Immutable):
-    """One flight: its seed, what was drawn for it, and what came of it."""
+    """One flight: its seed, the numbers drawn for it, and its result."""
 
     seed: int
     drawn: Mapping[str, float]
@@ -172,7 +172,7 @@ _SHARE_OF_STICK: Mapping[Axis, float] = MappingProxyType({"roll": 1.0, "pitch": 
 
 
 def everyday_plan(craft: Aircraft, *, duration_s: float = EVERYDAY_S, level: float = 0.5, seed: int = 0) -> FlightPlan:
-    """Sticks of a flight in which nobody tests anything; nothing in it counts as a maneuver.
+    """Sticks of an ordinary flight, without maneuvers.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def everyday_plan(craft: Aircraft, *, duration_s: float = EVERYDAY_S, level: flo
 
 
 def write_run(path: Path, run: Run, choices: SimulateSettings) -> SimulatedLog:
-    """Write the log of a run, and say what it is."""
+    """Write the log of a run and describe it."""
     shown = choices.entry.shown
     written = run.flown if shown is None else shown(run.flown, np.random.default_rng([run.seed, 2]))
     write_log(path, written, format=choices.log_format)
@@ -238,7 +238,7 @@ def write_run(path: Path, run: Run, choices: SimulateSettings) -> SimulatedLog:
 def simulation_of(
     choices: SimulateSettings, logs: Sequence[SimulatedLog], *, command: Sequence[str] = ()
 ) -> Simulation:
-    """What flew, what was true, and where the logs are."""
+    """The vehicle, its true values, and where the logs are."""
     craft = choices.aircraft
     start_s = WRITERS[choices.log_format].start_s
     planned = () if choices.plan is None else choices.plan.maneuvers
@@ -363,7 +363,7 @@ def write_rig(path: Path, record: FlightRecord) -> None:
 
 
 def rig_simulation(record: FlightRecord, path: Path, *, seed: int, command: Sequence[str] = ()) -> Simulation:
-    """What moved, what was true, and where the log is."""
+    """The rig, its true values, and where the log is."""
     topic, known = record.topics[0], VEHICLES[RIG]
     return Simulation(
         vehicle=FlownVehicle(name=RIG, description=known.summary, source=known.source, autopilot="simple"),

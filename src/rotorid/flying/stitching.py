@@ -291,7 +291,7 @@ def _trim(point: StitchedPoint, name: str) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class _Draw:
-    """What draws the results of one model: chance for each by itself, and the model errors that all have alike."""
+    """Draws of the results of one model: random errors of each, and model errors shared by all."""
 
     rng: np.random.Generator
     alike: Mapping[str, float]
@@ -580,7 +580,7 @@ def _scored(
 
 
 def _beyond_speeds(record: FlightRecord, history: TimeHistory, speeds: FloatArray) -> list[Finding]:
-    """What to say of a flight that is more than 1 m/s slower or faster than all models."""
+    """The warning for a flight that is more than 1 m/s slower or faster than all models."""
     reach = [float(history["u"].min()), float(history["u"].max())]
     if reach[0] >= speeds[0] - 1.0 and reach[1] <= speeds[-1] + 1.0:
         return []

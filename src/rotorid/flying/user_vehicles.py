@@ -1,4 +1,4 @@
-"""A vehicle of one's own that flies: what results say of it, with autopilot and sensors of a vehicle of the library.
+"""A user's vehicle that flies: identified numbers, with autopilot and sensors of a similar library vehicle.
 
 Missing numbers are taken from that vehicle, with a remark. Gains are those of the log where its autopilot is of
 the same kind. Thrust at hover, the shape of the mixer and the place of each rotor follow from the results.
@@ -168,7 +168,7 @@ _ANSWERS: Mapping[Axis, tuple[str, str]] = {
 
 
 def _answering(joined: JoinedVehicle, like: Aircraft) -> dict[str, VehicleNumber]:
-    """Moments of inertia with which a vehicle answers as its rate models say, where no result knows them.
+    """Moments of inertia that follow from rate models, where no result has them.
 
     The moment of a command is that of the other vehicle's rotors, so that with it :math:`I = M / L` gives the
     acceleration L that was identified; as an inertia it is as wrong as that moment.
@@ -190,7 +190,7 @@ def _answering(joined: JoinedVehicle, like: Aircraft) -> dict[str, VehicleNumber
 
 
 def _autopilot(joined: JoinedVehicle, body: Multirotor, like: Aircraft) -> tuple[Autopilot, list[str]]:
-    """The autopilot of a vehicle of the library as it flies this one, and what of it is not this one's."""
+    """The autopilot of a library vehicle adapted to this one, and which parts are not this one's."""
     own, taken = like.autopilot, [f"the autopilot, {like.autopilot.kind} at {like.autopilot.rate_hz:g} Hz"]
     flew = joined.controller
     gains = controllers_of_result(flew).parameters if flew is not None else {}
@@ -227,7 +227,7 @@ def _linearization(joined: JoinedVehicle, own: Autopilot) -> Linearization:
 
 
 def _logged(own: Autopilot, layout: RotorLayout, line: Linearization) -> dict[str, float]:
-    """Parameters by which the log says how the rotors stand and how thrust is straightened."""
+    """Parameters of the log for rotor geometry and thrust linearization."""
     if own.kind == "px4":
         return {**rotor_parameters(layout), "THR_MDL_FAC": line.expo}
     if own.kind != "ardupilot":

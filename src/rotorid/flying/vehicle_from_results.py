@@ -1,4 +1,4 @@
-r"""What several results say of one vehicle, joined: a rigid body with rotors, and where each of its numbers comes from.
+r"""One vehicle from several results: a rigid body with rotors, and the source of each number.
 
 Results of motors know mass, inertia, thrust and lag, those of hover the damping by speed and rate, those of rates what
 is left. A quantity that several know is their mean, weighted by variances,
@@ -117,7 +117,7 @@ _UNIT_WORDS: Mapping[str, str] = {"rad/(s m)": "1/(m s)", "rad/(m s)": "1/(m s)"
 
 @dataclass(frozen=True, kw_only=True)
 class VehicleNumber(Immutable):
-    """A number of a vehicle, with where it comes from.
+    """A number of a vehicle, with its source.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ class VehicleNumber(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JoinedVehicle(Immutable):
-    """What several results say of one vehicle.
+    """A vehicle joined from several results.
 
     Parameters
     ----------
@@ -288,7 +288,7 @@ def _asked_for(missing: Sequence[str], *, from_motors: bool) -> list[str]:
 
 
 def _yaw_words(asked: Sequence[str], known: Mapping[str, VehicleNumber]) -> str:
-    """What physics says of yaw where neither the torque constant nor the inertia is known."""
+    """Bounds of physics where neither the torque constant nor the yaw inertia is known."""
     if not {"kappa", "I_zz"} <= set(asked) or "kappa_per_I_zz" not in known:
         return ""
     words = "; the flight gives their ratio, so one of the two is enough"
@@ -306,7 +306,7 @@ def joined_vehicle(
     layout: RotorLayout | None = None,
     usual: Mapping[str, VehicleNumber] | None = None,
 ) -> JoinedVehicle:
-    """Join what results say of one vehicle.
+    """Join results of one vehicle.
 
     Parameters
     ----------
@@ -375,7 +375,7 @@ def _assumed(
 
 
 def _usual(numbers: Mapping[str, VehicleNumber], usual: Mapping[str, VehicleNumber]) -> dict[str, VehicleNumber]:
-    """What is missing and does not follow from what is known: curves are whole, and kappa and I_zz have a ratio.
+    """Missing numbers that do not follow from known ones: curves are whole, and kappa and I_zz have a ratio.
 
     The momentum of a rotor may follow from what is filled in here, and comes after it.
     """
@@ -472,7 +472,7 @@ Estimates: TypeAlias = dict[str, list[VehicleNumber]]
 def _joined_numbers(
     models: Sequence[IdentifiedModel], flown: Sequence[IdentifiedModel], known: Mapping[str, float]
 ) -> dict[str, VehicleNumber]:
-    """Every number that results hold, joined over them."""
+    """All numbers of the results, joined."""
     scaled = [model for model in flown if model.motors is not None and model.motors.scale is not None]
     others = [model for model in flown if model not in scaled]
     parts = [_of_motors(model, known, None) for model in scaled]
@@ -511,7 +511,7 @@ def _number(name: str, found: ParameterEstimate, of: str, factor: float = 1.0) -
 def _of_motors(
     model: IdentifiedModel, known: Mapping[str, float], mass: VehicleNumber | None
 ) -> dict[str, VehicleNumber]:
-    """Numbers of a result of motors in meters, shares of output and kilograms, as far as these are known."""
+    """Numbers of a motor result in meters, shares of output and kilograms, where these are known."""
     motors, of = model.motors, _label(model)
     assert motors is not None
     kept = {name: estimate for name, estimate in model.parameters.items() if estimate.status != "dropped"}
@@ -805,7 +805,7 @@ def _product(name: str, number: VehicleNumber, factor: float, other: VehicleNumb
 
 
 def _lead_of(model: IdentifiedModel) -> VehicleNumber | None:
-    """By how many seconds of torque yaw leads, where a model from commands says so."""
+    """Lead of yaw in seconds of torque, where a model from commands has one."""
     spin, torque = model.parameters.get("N_spin"), model.parameters.get("N_yaw")
     if spin is None or torque is None or spin.status == "dropped" or spin.value <= 0.0 or torque.value <= 0.0:
         return None

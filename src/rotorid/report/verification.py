@@ -158,7 +158,7 @@ def check_section(check: Verification, *, key: str) -> Check:
 
 
 def _loop_words(flown: ClosedLoop) -> str:
-    """What drove the controllers, and how well they are known."""
+    """The set-points of the closed loop, and how well the controllers are known."""
     driven = [
         f"{quantity(command).words} from {quantity(channel).words} "
         f"(TIC of the controller alone: {significant(flown.controller_tic[command], digits=2)})"
@@ -262,7 +262,7 @@ def _response(
 
 
 def render_verification(verified: Verified, *, title: str) -> str:
-    """The report as one HTML document, which holds everything it shows and lets no text of a log act.
+    """The report as one self-contained HTML document, in which no text of a log can act.
 
     Parameters
     ----------

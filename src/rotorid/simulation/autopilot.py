@@ -73,7 +73,7 @@ class RateLoop(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class Guidance(Immutable):
-    """What stands above the attitude: how sticks are read, and what is held.
+    """The outer loops: how sticks are read, and what is controlled.
 
     Parameters
     ----------

@@ -565,7 +565,7 @@ class Sortie(Immutable):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome(Immutable, Generic[Kept]):
-    """What came of a flight.
+    """The result of a flight.
 
     Parameters
     ----------
@@ -586,7 +586,7 @@ class Outcome(Immutable, Generic[Kept]):
 
     @property
     def result(self) -> Kept:
-        """What was kept of the flight.
+        """The samples that were kept of the flight.
 
         Raises
         ------

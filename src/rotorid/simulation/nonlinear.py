@@ -137,7 +137,7 @@ class Scheme:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NonlinearSensitivities:
-    """What a model does with the inputs of one record, and how that moves.
+    """Outputs of a model for the inputs of one record, with derivatives.
 
     Parameters
     ----------

@@ -92,7 +92,7 @@ def sampled_model(system: StateSpace, slopes: Slopes, *, sample_rate_hz: float, 
 
 
 class Innovations(NamedTuple):
-    """What a predictor makes of a record.
+    """Prediction of a record.
 
     Parameters
     ----------
@@ -270,8 +270,8 @@ def kalman_start(
     with :math:`f` and :math:`d` from the held and delayed inputs, and
     :math:`Q = \int_0^{\Delta t} e^{A s} W e^{A^T s} ds`. For a linear model an extended Kalman filter is this filter.
     It forgets the prior where the outputs show the states; a stretch shorter than the slowest mode leaves some of it,
-    which the covariance says. The stretch must be flown: repeating the first sample in front of a record tells the
-    filter of a rest that never was.
+    which the covariance includes. The stretch must be flown: repeating the first sample in front of a record would
+    pretend a rest that never was.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ class Proper(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    r"""What a linear model does with the inputs of one record, with exact derivatives.
+    r"""Outputs of a linear model for the inputs of one record, with exact derivatives.
 
     .. math:: M \dot x = F x + G u(t - \tau_u) + b, \qquad y(t + \tau_y) = H_0 x + H_1 \dot x
 
@@ -103,7 +103,7 @@ class Stepped:
     _step_s: float
 
     def motion(self, u: FloatArray, before: FloatArray, *, starts: bool = True, biases: bool = False) -> Motion:
-        """What the model does with the inputs of one record.
+        """Outputs of the model for the inputs of one record.
 
         Parameters
         ----------

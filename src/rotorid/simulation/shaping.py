@@ -1,4 +1,4 @@
-r"""What ArduPilot makes of the attitude that it is asked for, before its attitude controller sees it.
+r"""ArduPilot's shaping of attitude set-points, before its attitude controller.
 
 GUIDED mode does not fly an attitude set-point: it moves a target towards it, and the target is what flies and what the
 log shows. With the set-point :math:`u`, the target :math:`a`, its rate :math:`w` and the tick :math:`h`, each axis does

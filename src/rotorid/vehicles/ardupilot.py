@@ -1,4 +1,4 @@
-r"""The default quadrotor of ArduPilot's simulator, an X of 3 kg, as logs of it show it.
+r"""The default quadrotor of ArduPilot's simulator, an X of 3 kg, as in its logs.
 
 With the output :math:`x`, the share :math:`c = (x - 0.15)/0.8` between the ends of its range, and the weight
 :math:`m g`,

@@ -29,7 +29,7 @@ _RIG_SOURCE = "Frequency-domain identification of a quadrotor with composite win
 
 @dataclass(frozen=True, kw_only=True)
 class Interface(Immutable):
-    """What a vehicle takes from outside where nothing inside can be reached: set-points, sent at a rate of their own.
+    """The interface of a vehicle that accepts set-points only, at a rate of their own.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ Vehicle: TypeAlias = str | VehicleEntry | Aircraft
 
 
 def entry_of(vehicle: Vehicle) -> VehicleEntry:
-    """What is known of a vehicle, however it is named.
+    """The entry of a vehicle by its name or file.
 
     Parameters
     ----------

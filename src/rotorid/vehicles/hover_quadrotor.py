@@ -1,4 +1,4 @@
-r"""A quadrotor of 1 kg in hover, with what a paper on genetic algorithms has printed of it, in a flight of one minute.
+r"""A quadrotor of 1 kg in hover, with the values of a paper on genetic algorithms, in a flight of one minute.
 
 Motors in a plus, driven by normalized outputs :math:`\sigma_i`, that settle in :math:`T_{motor}` and carry
 

@@ -1,4 +1,4 @@
-r"""The AscTec Hummingbird: published models of pitch, yaw and heave, and a vehicle that flies freely as they say.
+r"""The AscTec Hummingbird: published models of pitch, yaw and heave, and a vehicle that flies like them.
 
 **Published.** A quadrotor in a plus, flown outdoors with pilot's sweeps below 2 Hz and injected ones above (Niermeyer,
 Raffler and Holzapfel, *Open-Loop Quadrotor Flight Dynamics Identification in Frequency Domain via Closed-Loop Flight

@@ -198,7 +198,7 @@ def px4_autopilot(
 
 
 def stabilized(parameters: Mapping[str, float]) -> Guidance:
-    """PX4's mode Stabilized: sticks ask for tilt, yaw rate and thrust, and a heading is held while its stick rests.
+    """PX4's mode Stabilized: sticks command tilt, yaw rate and thrust; heading is kept while the yaw stick is centered.
 
     PX4's yaw stick has a dead zone and is partly cubic. Here it is straight, and asks for what PX4's does at 0.4.
 
@@ -224,7 +224,7 @@ def stabilized(parameters: Mapping[str, float]) -> Guidance:
 
 
 def hover_guidance(parameters: Mapping[str, float]) -> Guidance:
-    r"""A hover that is held in velocity and height, with sticks that ask for tilt and climb on top.
+    r"""A hover with control of velocity and height, and sticks that add tilt and climb.
 
     PX4's loops of velocity give accelerations. Where they close over thrust, an acceleration of :math:`g` is the thrust
     that hovers, ``MPC_THR_HOVER``.
@@ -362,7 +362,7 @@ _ARDUPILOT = (
 
 
 def with_gains(aircraft: Aircraft, parameters: Mapping[str, float], *, source: str) -> Aircraft:
-    """The same vehicle with the gains and filters of rate and attitude that an autopilot's parameters hold.
+    """The same vehicle with the rate and attitude gains and filters of an autopilot's parameters.
 
     What stands above the attitude, the mixer, the delays and the rate of the loop stay those of the vehicle. A
     parameter that the log lacks stays too.

@@ -152,7 +152,7 @@ def lateral() -> StateSpace:
 
 
 def vehicle() -> HoverVehicle:
-    """Both motions and the heading as one vehicle, with an autopilot that holds the hover.
+    """Both motions and the heading as one vehicle, with an autopilot that keeps it in hover.
 
     The motions do not couple: none was seen in flight.
 
