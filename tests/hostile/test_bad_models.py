@@ -172,7 +172,7 @@ def test_parameters_that_no_fitted_response_shows_are_named(flight: Path, here: 
 def test_outputs_and_inputs_that_the_log_lacks_are_named(channels: tuple[str, ...], flight: Path, here: Path) -> None:
     ran = rotorid("identify", flight, "--model", "transfer:0/1", *channels)
     sentence = assert_one_sentence(ran, 1)
-    assert f"holds no {channels[1] if channels[1] != 'roll_command' else channels[3]}" in sentence
+    assert f"has no {channels[1] if channels[1] != 'roll_command' else channels[3]}" in sentence
     assert "roll_command, pitch_command" in sentence
     assert list(here.iterdir()) == []
 
@@ -181,5 +181,5 @@ def test_a_model_of_which_the_log_holds_no_output_is_refused(flight: Path, here:
     file = tmp_path / "mine.toml"
     file.write_text(EQUATION.replace('outputs = ["p"]', 'outputs = ["spin = p"]') + NUMBERS, encoding="utf-8")
     sentence = assert_one_sentence(rotorid("identify", flight, "--model", file), 1)
-    assert "holds no spin" in sentence
+    assert "has no spin" in sentence
     assert list(here.iterdir()) == []

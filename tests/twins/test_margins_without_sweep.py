@@ -200,7 +200,7 @@ def test_what_is_missing_is_said(px4: FlightRecord) -> None:
     for record, words in (
         (replace(px4, parameters={}), "no known gains for the roll controller"),
         (without(px4, {"p"}), "contains no p"),
-        (without(px4, {"roll_command"}), "holds no roll_command"),
+        (without(px4, {"roll_command"}), "contains no roll_command"),
     ):
         found, untold = reviewed(record)
         assert found is None

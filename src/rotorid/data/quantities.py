@@ -439,5 +439,6 @@ def require_figures(part: Part, numbers: Mapping[str, object]) -> None:
     """
     if unknown := [name for name in numbers if _MOTOR.sub("motor_#_", name) not in BY_PART[part]]:
         raise UsageError(
-            f"{listed(unknown)} of {part} came", needed="a row with words, unit and limit in rotorid.data.quantities"
+            f"{listed(unknown)} of {part} is no known figure of merit",
+            needed="a row with words, unit and limit in rotorid.data.quantities",
         )

@@ -187,7 +187,7 @@ def test_every_log_that_adds_nothing_is_named_with_its_cause(first: Fit, record:
     assert causes.keys() == {"quiet.csv", "deaf.csv", "lacking.csv"}
     assert "contains no excitation of roll" in causes["quiet.csv"]
     assert "no point of its sweeps in the fitted band" in causes["deaf.csv"]
-    assert "lacking.csv holds no p" in causes["lacking.csv"]
+    assert "lacking.csv has no p" in causes["lacking.csv"]
     assert found.frequency["p/roll_command"] < 50.0
 
 

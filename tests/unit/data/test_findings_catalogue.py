@@ -19,7 +19,9 @@ COUNTING = (
 )
 OF_THE_PROJECT_OUTSIDE = {"ArduPilot", "PX4", "Betaflight"}
 LONGEST_HEADING, LONGEST_MEANING = 6, 25
-PLURAL_BY_HAND = re.compile(r"""(['"])e?s\1 \* ?\(|(['"])s\2 if |\bif .{1,40} == 1 else (['"])e?s\3|[a-z]{4}\(s\)""")
+PLURAL_BY_HAND = re.compile(
+    r"""(['"])e?s\1 \* ?\(|(['"])s\2 if |\bif .{1,40} == 1 else (['"])e?s\3|[a-z]{4}\(s\)(?= )"""
+)
 
 catalogue = pytest.mark.parametrize(("name", "kind"), KINDS.items(), ids=KINDS)
 

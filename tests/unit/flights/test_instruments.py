@@ -47,7 +47,7 @@ def test_flags_go_before_thrust_and_are_not_cut() -> None:
 
 
 def test_flags_of_a_log_that_never_flew_go_before_thrust() -> None:
-    with pytest.raises(InsufficientDataError, match="as vehicle_land_detected tells"):
+    with pytest.raises(InsufficientDataError, match="as vehicle_land_detected shows"):
         airborne(record(thrust_command=np.full(TIME_S.size, 0.5), status=flown()))
 
 

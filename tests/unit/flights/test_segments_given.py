@@ -110,7 +110,7 @@ def test_of_several_logs_those_that_it_does_not_reach_take_no_part(linear: Ident
 
 
 def test_a_missing_channel_within_the_segment_is_about_the_data() -> None:
-    with pytest.raises(InsufficientDataError, match="holds no roll_command"):
+    with pytest.raises(InsufficientDataError, match="has no roll_command"):
         identify([log("p")], "rate.roll", segments=(parse_segment("roll:5:30"),))
 
 

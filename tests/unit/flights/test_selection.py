@@ -212,7 +212,7 @@ def test_an_instrument_that_one_of_several_logs_lacks_is_refused(order: int) -> 
         Flight(record(SWEEP, name="other.csv"), SWEEP),
     ]
     settings = IdentifySettings(instruments=("phi_setpoint",))
-    with pytest.raises(InsufficientDataError, match=r"other\.csv holds no phi_setpoint"):
+    with pytest.raises(InsufficientDataError, match=r"other\.csv has no phi_setpoint"):
         choose_instruments(flown[::order], ["roll_command"], ["p"], settings)
     assert choose_instruments(flown[:1], ["roll_command"], ["p"], settings) == ("phi_setpoint",)
 

@@ -141,7 +141,7 @@ def test_wrong_instruments_are_named(instruments: tuple[str, ...], words: str, r
 
 
 def test_an_instrument_that_is_not_logged_is_missed(record: FlightRecord) -> None:
-    with pytest.raises(InsufficientDataError, match="holds no roll_excitation"):
+    with pytest.raises(InsufficientDataError, match="has no roll_excitation"):
         delay([record], input=INPUT, output=OUTPUT, settings=MeasureSettings(instruments=("roll_excitation",)))
 
 

@@ -110,7 +110,7 @@ def test_outputs_must_be_in_every_record() -> None:
     other = log(at_rest("imu", 200.0, "q", "ax", *COMMANDS), name="second.csv")
     scope = scoped(LONGITUDINAL, sweeps(AUTOPILOT, ["pitch", "thrust"]), [AUTOPILOT, other], IdentifySettings())
     assert scope.structure.outputs == ("q", "ax")
-    with pytest.raises(InsufficientDataError, match=r"second\.csv holds no az"):
+    with pytest.raises(InsufficientDataError, match=r"second\.csv has no az"):
         scoped(
             LONGITUDINAL,
             sweeps(AUTOPILOT, ["pitch", "thrust"]),
@@ -149,7 +149,7 @@ def test_records_of_other_units_or_without_a_common_axis_are_refused() -> None:
 
 def test_a_log_without_any_output_names_the_first_that_is_missing() -> None:
     record = log(at_rest("out", 100.0, *COMMANDS))
-    with pytest.raises(InsufficientDataError, match="holds no q") as refused:
+    with pytest.raises(InsufficientDataError, match="has no q") as refused:
         scoped(LONGITUDINAL, sweeps(record, ["pitch", "thrust"]), [record], IdentifySettings())
     assert refused.value.findings[0].kind == "missing_channel"
 

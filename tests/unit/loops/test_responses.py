@@ -201,7 +201,7 @@ def test_a_band_above_the_nyquist_frequency_is_refused(roll: FlightRecord) -> No
 
 
 def test_a_channel_that_is_not_there_is_named(roll: FlightRecord) -> None:
-    with pytest.raises(InsufficientDataError, match="holds no motor_1"):
+    with pytest.raises(InsufficientDataError, match="has no motor_1"):
         response([roll], inputs=["motor_1"], outputs=["p"])
 
 
