@@ -133,11 +133,12 @@ def _print_list(*, verbose: bool) -> None:
         if structure is not None and len(channels) > _WIDEST:
             channels = f"{len(structure.inputs)} inputs -> {len(structure.outputs)} outputs"
         number = "" if structure is None else str(len(structure.parameters))
-        table.add_row(model.name, *([channels] if verbose else []), number, model.about)
+        about = model.about if verbose else model.about.partition(":")[0]
+        table.add_row(model.name, *([channels] if verbose else []), number, about)
     console = output_console()
     console.print(table)
     if not verbose:
-        console.print("-v shows inputs and outputs", style="dim")
+        console.print("-v shows inputs, outputs and more of each", style="dim")
     console.print("rotorid models NAME prints a model as TOML, to start your own from.", soft_wrap=True)
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from rotorid.data import synonyms
 from rotorid.data.base import Immutable
-from rotorid.errors import UsageError
+from rotorid.errors import unknown_name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,16 +67,8 @@ def target_named(name: str) -> Target:
     >>> target_named("mujuco")
     Traceback (most recent call last):
     ...
-    rotorid.errors.UsageError: there is no target mujuco; expected one of px4-sih, ardupilot, gazebo, mujoco, rotorpy, \
-urdf, matlab, control, fmu, json; did you mean mujoco?
+    rotorid.errors.UsageError: unknown target 'mujuco'; did you mean mujoco?
     """
-    from difflib import get_close_matches
-
     if name in TARGETS:
         return TARGETS[name]
-    near = get_close_matches(name.lower(), TARGETS, n=1)
-    raise UsageError(
-        f"there is no target {name}",
-        needed=f"one of {', '.join(TARGETS)}",
-        remedy=f"did you mean {near[0]}?" if near else "",
-    )
+    raise unknown_name("target", name, TARGETS, synonyms=synonyms.TARGETS, see="rotorid export --help")

@@ -82,7 +82,7 @@ def test_gains_that_may_change_are_held_as_those_that_stay() -> None:
     assert as_settings(TuneSettings, settings, {"noise": 1.0}).keep == ("I", "A")
     with pytest.raises(UsageError, match="--keep and --only exclude each other"):
         TuneSettings(keep=("P",), only=("D",))
-    with pytest.raises(UsageError, match="the gain X came; expected of P, I, D and A"):
+    with pytest.raises(UsageError, match="unknown gain 'X'; use P, I, D or A"):
         TuneSettings(only=("X",))
 
 
