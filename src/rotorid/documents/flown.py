@@ -18,7 +18,7 @@ FLOWN, SIGNALS = "flown.json", "flown.npz"
 
 
 class FlownFlightDocument(Document):
-    """One flight: where it lies in its log, how often the simulation began anew, and how each output was followed.
+    """One flight: its place in the log, the number of restarts of the simulation, and scores of each output.
 
     ``signals`` is the prefix of its arrays in ``flown.npz``: ``time_s``, ``inputs``, ``measured``, ``simulated``,
     ``lower`` and ``upper``, with rows in the order of ``inputs`` and ``outputs``.
@@ -37,7 +37,7 @@ class FlownFlightDocument(Document):
 
 
 class FlownDocument(Document):
-    """``flown.json``: what a model does with the inputs of logs, beside what was measured, or with those of a plan."""
+    """``flown.json``: a model simulated with the inputs of logs, with the measurement, or with those of a plan."""
 
     schema_name: Annotated[Literal["rotorid.flown/1"], Field(alias="schema")] = "rotorid.flown/1"
     model: str
@@ -48,7 +48,7 @@ class FlownDocument(Document):
 
 
 def flown_document(flown: FlownModel) -> FlownDocument:
-    """A flown model as ``flown.json`` holds it."""
+    """The document of a flown model."""
     return FlownDocument(
         model=flown.model.name,
         parameters=dict(flown.model.parameters),
@@ -73,7 +73,7 @@ def flown_document(flown: FlownModel) -> FlownDocument:
 
 
 def refused_flown_document(refused: Refused) -> FlownDocument:
-    """The document of logs that a model cannot fly through: its findings say why."""
+    """The document of logs that a model cannot be simulated with: its findings give the reason."""
     return FlownDocument(
         model=refused.name,
         findings=[FindingDocument.model_validate(finding) for finding in refused.findings],
@@ -82,7 +82,7 @@ def refused_flown_document(refused: Refused) -> FlownDocument:
 
 
 def flown_arrays(flown: FlownModel) -> Mapping[str, np.ndarray]:
-    """All signals, as ``flown.npz`` holds them."""
+    """All signals, for ``flown.npz``."""
     kinds = ("time_s", "inputs", "measured", "simulated", "lower", "upper")
     return {
         f"flight_{number + 1}/{kind}": np.asarray(getattr(stretch, kind))

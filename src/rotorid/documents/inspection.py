@@ -1,4 +1,4 @@
-"""The document that ``rotorid inspect`` prints."""
+"""The document of ``rotorid inspect``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class SupportDocument(Document):
 
 
 class ChannelDocument(Document):
-    """A channel in one topic: the same channel may stand in several."""
+    """A channel in one topic: the same channel may be in several."""
 
     name: str
     unit: str
@@ -47,13 +47,13 @@ class ChannelDocument(Document):
 
 
 class CandidateDocument(ManeuverDocument):
-    """A stretch that moves an axis enough to try, and the value of ``--segment`` that takes it."""
+    """A stretch of strong motion of an axis, and the value of ``--segment`` that selects it."""
 
     segment: str
 
 
 class BatteryDocument(Document):
-    """Voltage of the battery at both ends of the flights, of the log where it never flew, and the lowest."""
+    """Voltage of the battery at the start and end of the flights (of the log where it never flew), and the lowest."""
 
     start_v: float
     stop_v: float
@@ -61,7 +61,7 @@ class BatteryDocument(Document):
 
 
 class FlightDocument(Document):
-    """An interval in the air, and what told."""
+    """An interval in the air, and the channels that show it."""
 
     start_s: float
     stop_s: float
@@ -69,7 +69,7 @@ class FlightDocument(Document):
 
 
 class KinematicsDocument(Document):
-    """A sensor against the motion that attitude or velocities give: scale, bias and lag with standard deviations."""
+    """A sensor compared with attitude or velocities: scale, bias and lag with standard deviations."""
 
     channel: str
     against: str
@@ -86,7 +86,7 @@ class KinematicsDocument(Document):
 
 
 class SkewDocument(Document):
-    """How far one signal comes after another, what filters explain of it, and the ``--shift`` for the rest."""
+    """The lag of one signal behind another, the part that filters explain, and the ``--shift`` for the rest."""
 
     channel: str
     reference: str

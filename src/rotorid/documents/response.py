@@ -25,12 +25,12 @@ class EstimatedDocument(Document):
 
 
 class PairDocument(Document):
-    """One response: what of it can be used, and its values on the grid of the document.
+    """One response: its usable part, and its values on the grid of the document.
 
-    ``band_rad_s`` is the usable band, ``null`` where there is none; the means are taken inside of it.
+    ``band_rad_s`` is the usable band, ``null`` where there is none; the means are over it.
     ``direct_difference_db`` is the rms difference of the direct from the joint estimate there, ``leakage_percent`` the
-    rms of what the windows would have added, ``largest_input_noise_db`` how much too low noise at a measured input can
-    have made a direct estimate at most.
+    rms error that the windows would have caused, ``largest_input_noise_db`` the largest bias of a direct estimate by
+    noise at a measured input.
     """
 
     unit: str
@@ -49,21 +49,21 @@ class PairDocument(Document):
 
 
 class RecordDocument(ManeuverDocument):
-    """A maneuver with its own mean coherence by pair, and whether it entered the estimate."""
+    """A maneuver with its own mean coherence by pair, and whether the estimate uses it."""
 
     coherence: dict[str, float] = Field(default_factory=dict)
     used: bool = True
 
 
 class BoundDocument(EstimatedDocument):
-    """What the end of a band, ``omega_rad_s``, says about a number beyond: it is ``at_least`` this, or at most."""
+    """A bound by the end of the band, ``omega_rad_s``, on a number beyond it: ``at_least`` this, or at most."""
 
     at_least: bool
     omega_rad_s: float
 
 
 class BeyondDocument(Document):
-    """What a model of the vehicle times the controller in the log says beyond the band: nothing of it was measured."""
+    """Numbers beyond the band, by a model of the vehicle times the controller in the log: none was measured."""
 
     method: str
     up_to_rad_s: float
@@ -73,9 +73,9 @@ class BeyondDocument(Document):
 class LoopDocument(Document):
     """Margins of the loop of one axis: numbers with their uncertainty, or in ``not_seen`` why there is none.
 
-    ``scope`` says of which loop: ``rate`` is the rate loop alone, ``whole`` the loop with all outer loops closed around
-    it. Of some that were not seen ``bounds`` says on which side of the end of the band they are, and ``beyond`` what a
-    model makes of them. ``whole`` is the whole loop, where a test signal at the mixer shows it beside the rate loop.
+    ``scope`` names the loop: ``rate`` is the rate loop alone, ``whole`` the loop with all outer loops closed around it.
+    ``bounds`` has bounds on numbers beyond the band, and ``beyond`` their values by a model. ``whole`` is the whole
+    loop, where a test signal at the mixer shows it in addition to the rate loop.
     """
 
     method: str
@@ -89,7 +89,7 @@ class LoopDocument(Document):
 
 
 class ResponseDocument(Document):
-    """``response.json``: frequency responses with their errors and what can be used of them."""
+    """``response.json``: frequency responses with their errors and usable bands."""
 
     schema_name: Annotated[Literal["rotorid.response/1"], Field(alias="schema")] = "rotorid.response/1"
     inputs: list[str]
@@ -109,7 +109,7 @@ class ResponseDocument(Document):
 
 
 def response_document(result: Responses | Refused) -> ResponseDocument:
-    """What ``rotorid response`` writes; of a refusal its findings alone, and no number."""
+    """The document of ``rotorid response``; of a refusal with findings alone."""
     return ResponseDocument.model_validate(result)
 
 

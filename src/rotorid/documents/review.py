@@ -1,4 +1,4 @@
-"""``review.json``, schema ``rotorid.review/1``: what an ordinary flight tells, and the arrays beside it."""
+"""``review.json``, schema ``rotorid.review/1``: the review of an ordinary flight, and its arrays."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class QuantityDocument(Document):
 
 
 class _OmitsUnavailable(Document):
-    """A part of which a number that cannot be told is absent."""
+    """A part without the numbers that were not measured."""
 
     @model_serializer(mode="wrap")
     def _without_gaps(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -92,7 +92,7 @@ class GainChangeDocument(Document):
 
 
 class OscillationDocument(Document):
-    """An axis that swings by itself: how fast, how much of its range the command uses, and what to change."""
+    """An axis that oscillates: how fast, how much of its range the command uses, and what to change."""
 
     axis: Axis
     loop: Literal["rate", "attitude"]
@@ -121,7 +121,7 @@ class FlightReviewDocument(Document):
 
 
 class PeakDocument(Document):
-    """A line in the noise, and what makes it."""
+    """A line in the noise, and its cause."""
 
     channel: str
     frequency_hz: QuantityDocument
@@ -132,7 +132,7 @@ class PeakDocument(Document):
 
 
 class NoiseReviewDocument(Document):
-    """Noise of the sensors, and what of it reaches the motors."""
+    """Noise of the sensors, and noise at the motors."""
 
     peaks: list[PeakDocument] = Field(default_factory=list)
     numbers: dict[str, QuantityDocument] = Field(default_factory=dict)
@@ -155,8 +155,8 @@ class LoggingReviewDocument(Document):
     change: list[str] = Field(default_factory=list)
 
 
-class UntoldDocument(Document):
-    """What the flight cannot tell, why, and what would make it tell."""
+class UnavailableDocument(Document):
+    """What was not measured, what was missing, and what would measure it."""
 
     what: str
     why: str
@@ -164,7 +164,7 @@ class UntoldDocument(Document):
 
 
 class CardDocument(Document):
-    """A judgment of the first screen."""
+    """An answer of the first screen."""
 
     key: str
     title: str
@@ -176,7 +176,7 @@ class CardDocument(Document):
 
 
 class ReviewDocument(Document):
-    """``review.json``: everything that one ordinary flight tells."""
+    """``review.json``: the review of one ordinary flight."""
 
     schema_name: Annotated[Literal["rotorid.review/1"], Field(alias="schema")] = "rotorid.review/1"
     name: str
@@ -197,7 +197,7 @@ class ReviewDocument(Document):
     models: dict[str, ResultDocument] = Field(default_factory=dict)
     noise: NoiseReviewDocument
     motors: MotorReviewDocument
-    cannot_tell: list[UntoldDocument] = Field(default_factory=list)
+    cannot_tell: list[UnavailableDocument] = Field(default_factory=list)
     next_commands: list[str] = Field(default_factory=list)
     findings: list[FindingDocument] = Field(default_factory=list)
 
@@ -253,7 +253,7 @@ def review_document(review: Review) -> ReviewDocument:
             pattern=review.motors.pattern,
             events=list(review.motors.events),
         ),
-        cannot_tell=[UntoldDocument.model_validate(gap) for gap in review.cannot_tell],
+        cannot_tell=[UnavailableDocument.model_validate(gap) for gap in review.cannot_tell],
         next_commands=list(review.next_commands),
         findings=[FindingDocument.model_validate(finding) for finding in review.findings],
     )

@@ -1,4 +1,4 @@
-"""The page of ``simulate RESULT --log``: what a model does with the inputs of a flight, beside what was measured."""
+"""The page of ``simulate RESULT --log``: a model simulated with the inputs of a flight, and the measurement."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rotorid.flying.flown_models import FlownModel, FlownStretch
 from rotorid.plot.figure import quantity
 from rotorid.plot.time import flown as drawn
 from rotorid.report.frame import Picture, render
-from rotorid.report.parts import finding_rows
+from rotorid.report.parts import finding_rows, remark_count
 from rotorid.report.tables import Column, Table
 from rotorid.report.words import prediction_verdict
 from rotorid.results.verdicts import Verdict
@@ -23,7 +23,7 @@ _VELOCITIES = ("velocity_north", "velocity_east", "velocity_down", "velocity_for
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FlownScore:
-    """How one output was followed, as a row."""
+    """Scores of one output, as a row."""
 
     output: str
     tic: str
@@ -44,7 +44,7 @@ class FlownFlight:
 
 
 def render_flown(flown: FlownModel, *, title: str) -> str:
-    """The report as one HTML document, which holds everything it shows and lets no text of a log act."""
+    """The report as one HTML document, which needs no other file and in which no text of a log can act."""
     document = flown_document(flown)
     flights = [_flight(stretch, number) for number, stretch in enumerate(flown.stretches)]
     return render(
@@ -55,6 +55,7 @@ def render_flown(flown: FlownModel, *, title: str) -> str:
         sentences=flown_sentences(document),
         flights=flights,
         remarks=finding_rows(document.findings),
+        remark_count=remark_count(document.findings),
         pictures=[picture for flight in flights for picture in flight.pictures],
     )
 
@@ -70,17 +71,16 @@ def flown_sentences(document: FlownDocument) -> tuple[str, ...]:
     for flight in document.flights:
         if not flight.scores:
             words = f"{document.model} flew {flight.record} for {significant(flight.stop_s - flight.start_s)} s."
-            sentences.append(f"{words} Nothing was measured to hold against it.")
+            sentences.append(f"{words} No output was measured for comparison.")
             continue
         best = ", ".join(
             f"{quantity(name).words} {significant(scores.nrmse_fit_percent, digits=2)} %"
             for name, scores in flight.scores.items()
         )
-        how = "from its first sample on" if flight.pieces == 1 else f"in {flight.pieces} pieces"
+        how = "from the first sample" if flight.pieces == 1 else f"in {flight.pieces} pieces"
         sentences.append(
-            f"Flown through {significant(flight.stop_s - flight.start_s)} "
-            f"s of {flight.record} {how}, {document.model} follows "
-            f"the motion by: {best}."
+            f"{document.model} predicts {significant(flight.stop_s - flight.start_s)} s of {flight.record} {how}; "
+            f"fit: {best}."
         )
     return tuple(sentences)
 
@@ -94,7 +94,7 @@ def flown_table(document: FlownDocument) -> Table:
     ]
     return Table(
         name="flown",
-        caption="How the model follows each output when it is flown through the inputs of the log; 100 % is perfect.",
+        caption="Fit of each output when the model is simulated with the inputs of the log; 100 % is perfect.",
         columns=(
             Column("record", "Record"),
             Column("start_s", "From [s]"),

@@ -123,7 +123,7 @@ def _picture(shown: Shown, key: str, output: str, input: str) -> Picture:
 _SEVERITIES = ("error", "warning", "info")
 
 
-def remark_count(findings: Sequence[Finding]) -> str:
+def remark_count(findings: Sequence[Finding | FindingDocument]) -> str:
     """How many warnings and notes there are, in words.
 
     Examples

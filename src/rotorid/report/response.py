@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
+from typing import TypeAlias
 
 import numpy as np
 
@@ -54,6 +55,9 @@ _LARGEST = {
     "disturbance_rejection_peak_omega_rad_s": "disturbance_rejection_peak",
 }
 """A place to the number that belongs to it."""
+
+
+_Number: TypeAlias = Estimated | EstimatedDocument | Bound | BoundDocument
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -152,7 +156,7 @@ _ANSWERED: Mapping[Judgment, Verdict] = MappingProxyType(
     {
         "good": Verdict("good", "good"),
         "look": Verdict("fair", "look here"),
-        "cannot": Verdict("unknown", "not enough data"),
+        "cannot": Verdict("", "not enough data"),
     }
 )
 
@@ -183,7 +187,7 @@ def loop_answer(axis: str, loop: AxisLoop | LoopDocument, *, frequency: Frequenc
     return LoopAnswer(axis=named, verdict=_ANSWERED[judgment], headline=f"{headline}{source}", rows=tuple(rows))
 
 
-def _in_degrees(margin: Estimated | EstimatedDocument) -> Quantity:
+def _in_degrees(margin: _Number) -> Quantity:
     return Quantity.normal(math.degrees(margin.value), math.degrees(margin.std), "deg")
 
 
@@ -250,7 +254,7 @@ def loop_rows(loop: AxisLoop | LoopDocument, *, frequency: Frequency = "rad/s") 
 
 def _row(
     name: str,
-    number: Estimated | EstimatedDocument,
+    number: _Number,
     source: str = "",
     note: str = "",
     frequency: Frequency = "rad/s",
