@@ -309,7 +309,7 @@ def test_names_are_words_of_a_shell(lab: LabPage) -> None:
     assert (out, step) == ("--out", "step-1")
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     page.click("#command-review + button")
-    lab.until("document.querySelector('#message').textContent.includes('copied')")
+    lab.until("document.querySelector('#message').textContent.includes('Copied')")
     assert page.evaluate("navigator.clipboard.readText()") == page.text_content("#command-review")
     page.click("#run-review")
     page.click("#step-1 button:text-is('Cancel')")

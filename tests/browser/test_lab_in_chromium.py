@@ -197,7 +197,7 @@ def test_what_is_seen(looking: LabPage) -> None:
     assert stop - start < lab.view()[1] - lab.view()[0]
     page.fill("#channel", "no_such")
     page.press("#channel", "Enter")
-    lab.until("document.querySelector('#message').textContent.includes('no_such is no channel')")
+    lab.until("document.querySelector('#message').textContent.includes('unknown channel')")
     page.click("#keys")
     assert page.is_visible("#keyboard")
 
@@ -303,11 +303,11 @@ def test_a_killed_worker_and_a_canceled_one_are_said(with_log: LabPage) -> None:
     page.wait_for_selector("#step-1[data-state=running]")
     # Seconds go on beside the words that are read aloud.
     lab.until("/^[1-9]/.test(document.querySelector('#step-1 .since').textContent.trim())")
-    assert page.text_content("#step-1 .told") == "runs"
+    assert page.text_content("#step-1 .state") == "running"
     (worker,) = _workers()
     os.kill(worker, signal.SIGKILL)
     assert lab.ended(1) == "failed"
-    assert "signal 9" in page.text_content("#step-1 .told")
+    assert "signal 9" in page.text_content("#step-1 .state")
     page.click("#run-identify")
     page.wait_for_selector("#step-2[data-state=running]")
     page.click("#step-2 button:text-is('Cancel')")

@@ -13,12 +13,13 @@ from rotorid.lab.settings import LabSettings
 
 def lab_command(
     given: Annotated[
-        Path | None, typer.Argument(metavar="[FOLDER|LOG|PROJECT]", help="Logs to choose from, a log, or rotorid.toml.")
+        Path | None,
+        typer.Argument(metavar="[FOLDER|LOG|PROJECT]", help="A folder of logs, a log, or a rotorid.toml to repeat."),
     ] = None,
     *,
     settings: LabSettings,
 ) -> None:
-    """Open a page on this machine where logs are seen, chosen and identified with the mouse."""
+    """Open a local web page to view logs, mark segments and identify models with the mouse."""
     from rotorid.cli.preferences import CHOICES, preferences
     from rotorid.lab.serving import serve
 

@@ -1,4 +1,4 @@
-"""A worker of the lab: one command of the command line, which tells its progress in lines of JSON."""
+"""A worker of the lab: one command of the command line, which reports its progress in lines of JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Connections that are slow or broken hold up nobody: what does not come in time is closed."""
+"""Slow and broken connections: those that do not send in time are closed, so that nobody waits for them."""
 
 import asyncio
 from typing import Any, Literal, TypeAlias

@@ -100,7 +100,7 @@ class Guard:
                 await PlainTextResponse("The server could not answer that.", 500)(scope, receive, answer)
 
     def _own_answer(self, scope: Scope, headers: Headers) -> Response | None:
-        """What the guard answers by itself; ``None`` passes the request on."""
+        """The guard's own answer; ``None`` passes the request on."""
         hosts = [host.lower() for host in headers.getlist("host")]
         if len(hosts) != 1 or hosts[0] not in self._hosts:
             return _refusal(421, "This server has another name.")
@@ -143,7 +143,7 @@ _TOO_LARGE = "The request is too large."
 
 
 class TooLargeError(Exception):
-    """More came than was announced or allowed."""
+    """A request is larger than announced or allowed."""
 
 
 def _is(secret: str, given: list[str]) -> bool:
@@ -178,5 +178,5 @@ def _cookies(values: list[str], name: str) -> list[str]:
 
 
 def _refusal(status: int, sentence: str) -> Response:
-    """What a stranger is told, for whom no connection is kept."""
+    """The answer to a stranger, for whom no connection is kept."""
     return PlainTextResponse(sentence, status, {"connection": "close"})

@@ -8,12 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from rotorid.data.findings import KINDS
+from rotorid.data.quantities import QUANTITIES
 from rotorid.errors import RotoridError, UsageError
 from rotorid.lab.guard import Guard, TooLargeError
 from rotorid.lab.session import OpenLog, Ran, Session, curves, document, parts
 from rotorid.lab.steps import Step, first_wrong
 from rotorid.lab.tracks import Tracks, listed
 from rotorid.lab.workers import Job
+from rotorid.report.unavailable import gathered
+from rotorid.reviewing.loops import LOOPS
+from rotorid.reviewing.values import Unavailable
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -183,6 +188,17 @@ def _add_steps(app: "FastAPI", session: Session) -> None:
     """Routes that carry out commands."""
     from fastapi.responses import JSONResponse, PlainTextResponse, Response
 
+    @app.get("/api/words")
+    def words() -> Response:
+        figures = {
+            name: {"words": row.words, "unit": row.unit, "factor": row.factor or 1.0}
+            for name, row in QUANTITIES.items()
+        }
+        headings = {name: kind.heading for name, kind in KINDS.items()}
+        return JSONResponse(
+            {"figures": figures, "findings": headings, "loops": {loop.name: loop.words for loop in LOOPS}}
+        )
+
     @app.get("/api/models")
     def models() -> Response:
         return JSONResponse(session.models())
@@ -204,9 +220,16 @@ def _add_steps(app: "FastAPI", session: Session) -> None:
     def step(number: int) -> Response:
         ran = _step_of(session, number)
         if not ran.job.ended.is_set():
-            return JSONResponse({"document": None, "curves": {}, "parts": {}, "files": []})
+            return JSONResponse({"document": None, "curves": {}, "parts": {}, "files": [], "unavailable": []})
         files = [path.relative_to(ran.folder).as_posix() for path in session.files(ran)]
-        answer = {"document": document(ran), "curves": curves(ran.folder), "parts": parts(ran.folder), "files": files}
+        printed = document(ran)
+        answer = {
+            "document": printed,
+            "curves": curves(ran.folder),
+            "parts": parts(ran.folder),
+            "files": files,
+            "unavailable": unavailable(printed) if ran.step.verb == "review" else [],
+        }
         return PlainTextResponse(json.dumps(answer), media_type="application/json")
 
     @app.delete("/api/steps/{number}")
@@ -258,7 +281,7 @@ def _step_of(session: Session, number: int) -> Ran:
 
 
 async def _taken_in(session: Session, name: str, parts: AsyncIterable[bytes], announced: int) -> OpenLog:
-    """The log that a page sends, put down as it comes and opened; nothing of it stays where that fails."""
+    """Save and open an uploaded log; on failure nothing of it remains."""
     from anyio import open_file
 
     path, called = session.upload_path(name)
@@ -278,10 +301,24 @@ async def _taken_in(session: Session, name: str, parts: AsyncIterable[bytes], an
         raise
 
 
+def unavailable(printed: Any) -> list[list[dict[str, str]]]:
+    """What each review of a document could not measure, in words."""
+    if printed is None:
+        return []
+    reviews = printed.get("reviews") or [printed]
+    return [
+        [
+            {"what": gap.what, "why": gap.why, "remedy": gap.remedy}
+            for gap in gathered(Unavailable(**row) for row in review.get("cannot_tell", ()))
+        ]
+        for review in reviews
+    ]
+
+
 def _describe_log(log: OpenLog) -> dict[str, Any]:
     answer = {"number": log.number, "name": log.name, "note": log.note, "bytes": log.size_bytes}
     closed = {"state": "closed"} if log.closed else {}
-    return answer | {"seen": log.tracks is not None} | _describe_job(log.job) | closed
+    return answer | {"readable": log.tracks is not None} | _describe_job(log.job) | closed
 
 
 def _describe_step(ran: Ran, logs: list[OpenLog]) -> dict[str, Any]:
@@ -294,4 +331,4 @@ def _describe_step(ran: Ran, logs: list[OpenLog]) -> dict[str, Any]:
 
 def _describe_job(job: Job) -> dict[str, Any]:
     """How far a job is."""
-    return {"state": job.state, "told": job.told, "share": job.share, "sentence": job.sentence}
+    return {"state": job.state, "doing": job.doing, "share": job.share, "sentence": job.sentence}

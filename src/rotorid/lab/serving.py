@@ -1,4 +1,4 @@
-"""A server for one session: where it listens, who is told of it, and how it ends."""
+"""A server for one session: where it listens, who learns its address, and how it ends."""
 
 import contextlib
 import html

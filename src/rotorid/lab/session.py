@@ -1,4 +1,4 @@
-"""What a session holds: logs that were opened, steps that were chosen, the private folder that goes away."""
+"""A session: opened logs, steps, and a private folder that is removed at the end."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _NAME_BYTES = 200
 
 @dataclass(eq=False)
 class OpenLog:
-    """A log of the session: its file, what is shown of it, and the job that reads it.
+    """A log of the session: its file, its tracks, and the job that reads it.
 
     ``name`` is what the page and a project file call it, ``words`` how a command line names it; ``note`` says where the
     name is not that of the file.
@@ -345,7 +345,7 @@ class Session:
         ]
 
     def project(self) -> str:
-        """The session as a project file: the steps that stand or are to come, the logs of these and the open ones."""
+        """The session as a project file: successful and planned steps, their logs and the open ones."""
         with self._lock:
             planned = enumerate(self._planned(), start=len(self.steps) + 1)
             rows = [*((ran.number, ran.step) for ran in self.steps if ran.may_stand), *planned]
@@ -379,7 +379,7 @@ class Session:
         return sorted(path for path in ran.folder.rglob("*") if path.is_file() and not path.is_symlink())
 
     def report(self, ran: Ran) -> Path:
-        """The page that a step wrote; where it wrote several, the one that tells of all.
+        """The page that a step wrote; where it wrote several, the one about all.
 
         Raises
         ------
@@ -393,7 +393,7 @@ class Session:
 
 
 def _entries(folder: Path, most: int) -> list[os.DirEntry[str]]:
-    """What is in a folder and is not hidden, in the order of the names; nothing of one that cannot be looked into."""
+    """Visible entries of a folder, sorted by name; none of a folder that cannot be read."""
     found: list[os.DirEntry[str]] = []
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
@@ -410,7 +410,7 @@ def _text(name: str) -> str:
 
 
 def document(ran: Ran) -> Any:
-    """What a step printed, as the command line prints it; nothing where it printed nothing."""
+    """The document that a step printed; ``None`` where it printed none."""
     with contextlib.suppress(OSError, ValueError):
         return json.loads(ran.job.output.read_bytes())
     return None

@@ -1,4 +1,4 @@
-"""Choices of the lab: where it listens, and who may come in."""
+"""Choices of the lab: its address, and who may open it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +11,13 @@ from rotorid.settings.option import Option
 
 @dataclass(frozen=True, kw_only=True)
 class LabSettings(Immutable):
-    """Where the lab listens, and who may come in.
+    """The address of the lab, and who may open it.
 
     Parameters
     ----------
     token
-        What lets browsers in, or the file that holds it behind an ``@``; without one it is drawn at random, and lets in
-        one.
+        Password for browsers, or ``@`` and the file that contains it. Without one it is random, and good for one
+        browser.
     no_browser
         Whether no browser is opened.
 
@@ -28,20 +28,23 @@ class LabSettings(Immutable):
     """
 
     host: Annotated[
-        str, Option("--host", "Of this machine, to listen at; others than its own need a token.", metavar="ADDRESS")
+        str,
+        Option(
+            "--host", "Address of this machine to serve at; any but the local one needs --token.", metavar="ADDRESS"
+        ),
     ] = "127.0.0.1"
-    port: Annotated[int, Option("--port", "0 takes any free one.", metavar="NUMBER", within=(0, 65535))] = 0
+    port: Annotated[int, Option("--port", "Port; 0 takes any free one.", metavar="NUMBER", within=(0, 65535))] = 0
     token: Annotated[
         str | None,
         Option(
             "--token",
-            "Word that lets browsers in, or a file with it, which others on this machine do not see. "
-            "[default: drawn at random, for one browser]",
+            "Password for browsers, or @FILE that contains it, which other users of this machine cannot see. "
+            "[default: random, for one browser]",
             metavar="WORD|@FILE",
             variable="ROTORID_LAB_TOKEN",
         ),
     ] = None
-    no_browser: Annotated[bool, Option("--no-browser", "Print the address, and open no browser.", also="--no-open")] = (
+    no_browser: Annotated[bool, Option("--no-browser", "Print the address, but open no browser.", also="--no-open")] = (
         False
     )
 
@@ -54,7 +57,7 @@ def _word_in(file: Path) -> str:
     try:
         return file.read_text(encoding="utf-8").strip()
     except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or "it is no text"
+        why = getattr(error, "strerror", None) or "it is not text"
         raise UsageError(
             f"the token in {file} cannot be read: {why}", needed="a file that contains only the token"
         ) from None

@@ -163,7 +163,7 @@ def first_wrong(errors: Sequence[Any]) -> str:
 
 
 class Project(BaseModel):
-    """What ``rotorid.toml`` holds: logs as paths beside the file, and steps in their order."""
+    """``rotorid.toml``: logs as paths relative to the file, and steps in order."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     schema_name: Literal["rotorid.project/1"] = Field(default=SCHEMA, alias="schema")

@@ -65,7 +65,7 @@ def _keep(file: Path, text: str) -> None:
 
 
 def listed(values: Any) -> Any:
-    """Numbers that fit into JSON: what is not finite is nothing."""
+    """Numbers for JSON: what is not finite is ``null``."""
     array = np.asarray(values, dtype=float)
     plain = array.astype(object)
     plain[~np.isfinite(array)] = None
@@ -116,7 +116,7 @@ class Tracks:
         self._lock = threading.Lock()
 
     def inspection(self) -> dict[str, Any] | None:
-        """What ``inspect`` says of the log, as soon as it does."""
+        """The inspection of the log, as soon as it is there."""
         try:
             saved: dict[str, Any] = json.loads((self._folder / INSPECTION).read_text(encoding="utf-8"))
         except FileNotFoundError:

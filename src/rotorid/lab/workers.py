@@ -1,4 +1,4 @@
-"""Commands in processes of their own: limited in number, memory and time, told how far they are, ended at any moment.
+"""Commands in processes of their own: limited in number, memory and time, with progress, ended at any moment.
 
 A worker is the command line itself (``python -m rotorid.cli.lab_worker``), so that its numbers are those of the
 terminal. It speaks in lines of JSON on standard error; its document is on standard output. What it does to itself, a
@@ -33,7 +33,7 @@ WALL_S = 3600.0
 """Time after which a command is ended."""
 
 EXIT_WITH_REASON: Final = 3
-"""Code of a worker that could not go on, and has said why in its last line."""
+"""Exit code of a worker that failed and gave the reason in its last line."""
 
 _MOST_OUTPUT = 64 << 20
 """Largest standard output of a command."""
@@ -49,7 +49,7 @@ class Job:
     words: list[str]
     folder: Path
     state: State = "waiting"
-    told: str = ""
+    doing: str = ""
     share: float | None = None
     sentence: str = ""
     process: subprocess.Popen[bytes] | None = None
@@ -60,7 +60,7 @@ class Job:
 
     @property
     def output(self) -> Path:
-        """What it prints."""
+        """The file of its standard output."""
         return self.folder / "output.json"
 
     @property
@@ -70,7 +70,7 @@ class Job:
         return round(until - self.started_s, 1) if self.started_s else 0.0
 
     def end(self, state: State, sentence: str = "") -> None:
-        """Settle how it ended; what was said first holds."""
+        """Set how it ended; the first reason counts."""
         if not self.ended.is_set():
             if self.state != "canceled":
                 self.state, self.sentence = state, sentence
@@ -200,7 +200,7 @@ def _how(code: int, last: str) -> tuple[State, str]:
 
 
 def _listen(job: Job, stream: IO[bytes]) -> str:
-    """Take down what a worker tells of its progress; the last line that is no progress."""
+    """Read the progress of a worker; returns the last line that is no progress."""
     last = ""
     while line := stream.readline(_MOST_LINE):
         text = line.decode("utf-8", "replace").strip()
@@ -210,7 +210,7 @@ def _listen(job: Job, stream: IO[bytes]) -> str:
                 if "cost" in progress:
                     job.costs = [*job.costs[-999:], float(progress["cost"])]
                     continue
-                job.told = str(progress["words"])[:300]
+                job.doing = str(progress["words"])[:300]
                 job.share = float(progress["done"]) / float(progress["total"]) if progress.get("total") else None
         elif text:
             last = text[:2000]

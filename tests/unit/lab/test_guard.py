@@ -398,7 +398,7 @@ def test_a_log_that_finds_no_place_shifts_no_other(session: Session, monkeypatch
 
 
 def _no_place(*_: object, **__: object) -> None:
-    raise UsageError("20 commands run or wait", needed="one of them to end")
+    raise UsageError("20 commands are running or waiting", remedy="wait until one ends, or cancel one")
 
 
 def test_an_upload_without_a_length_counts_too(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -229,7 +229,7 @@ def test_the_demonstration_is_an_open_log_from_the_start(tmp_path: Path) -> None
         client = client_of(session)
         assert client.post("/api/demo").json() == {"log": 1}
         (told,) = client.get("/api/state").json()["logs"]
-        assert (told["name"], told["state"], told["seen"]) == ("flight.ulg", "running", False)
+        assert (told["name"], told["state"], told["readable"]) == ("flight.ulg", "running", False)
         # One flight at a time, and another after it.
         assert client.post("/api/demo").json() == {"log": 1}
         session.logs[0].job.end("failed", "It crashed.")

@@ -132,7 +132,7 @@ def test_a_worker_ends_with_the_server_that_started_it(tmp_path: Path) -> None:
         "import sys, time\nfrom pathlib import Path\nfrom rotorid.lab.workers import Workers\n"
         f"place = Path({str(tmp_path)!r})\n"
         "job = Workers().start(['fly', str(place / 'flight.ulg'), str(place)], place / 'job')\n"
-        "while not job.told: time.sleep(0.01)\n"
+        "while not job.doing: time.sleep(0.01)\n"
         "print(job.process.pid, flush=True)\nsys.stdin.read()\n"
     )
     server = subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

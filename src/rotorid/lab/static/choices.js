@@ -1,4 +1,4 @@
-// What was chosen: one object, the way back, and the step that comes of it.
+// The choices: one object, its undo history, and the step that it makes.
 import { CommandLine } from "./commands.js";
 import { $, keep, kept, make, names, number, omegaOf, redrawn, shownOmega, tried } from "./page.js";
 
@@ -8,7 +8,7 @@ const TEXTS = ["model", "inputs", "outputs", "instrument"];
 const VERBS = ["review", "response", "identify"];
 
 export class Choices {
-  /** `hooks`: `changed()` after every change, `log()` the number of the shown log, `told()` what is known of it, `isOpen(k)` whether a log can be fitted, `isSeen(k)` whether it can be looked at, `names()` of all logs, `view()` what the tracks show, `show(log)`. */
+  /** `hooks`: `changed()` after every change, `log()` the number of the shown log, `shownLog()` its contents, `isOpen(k)` whether a log can be fitted, `isReadable(k)` whether it can be looked at, `names()` of all logs, `view()` what the tracks show, `show(log)`. */
   constructor(hooks) {
     this.hooks = hooks;
     this.now = { ...EMPTY };
@@ -32,31 +32,31 @@ export class Choices {
     });
   }
 
-  /** Take up what this tab chose on these logs, or else what the last step did. */
+  /** Restore the choices of this tab for these logs, or else those of the last step. */
   begin({ logs, steps, waiting }) {
     if (this.begun) return;
     this.begun = true;
-    const last = [...steps.map((row) => row.step), ...waiting].filter((one) => ["identify", "response"].includes(one.verb)).at(-1);
+    const last = [...steps.map((row) => row.step), ...waiting].filter((step) => ["identify", "response"].includes(step.verb)).at(-1);
     if (last) this.now = { ...EMPTY, ...choicesOf(last) };
     try {
-      const { names: before, ...told } = JSON.parse(kept("sessionStorage", "choices") ?? "{}");
+      const { names: before, ...choices } = JSON.parse(kept("sessionStorage", "choices") ?? "{}");
       // Another server at the same address has other logs under the same numbers.
-      if (before?.every((name, k) => logs[k]?.name === name)) this.now = { ...EMPTY, ...told };
+      if (before?.every((name, k) => logs[k]?.name === name)) this.now = { ...EMPTY, ...choices };
     } catch { /* nothing that can be read was kept */ }
   }
 
-  /** Another log is looked at: no choice, so that no step back leads to it. */
+  /** Another log is shown. That is no choice, so undo does not return to it. */
   shown(log) { this.now.log = log; }
 
-  /** Segments are on the clock of the log that they were brushed on. */
-  get segments() { return this.now.segments.filter((one) => one.log === this.hooks.log()); }
+  /** Segments are on the clock of the log that they were marked on. */
+  get segments() { return this.now.segments.filter((segment) => segment.log === this.hooks.log()); }
 
   set(change) {
     if ("band" in change) this.halfBand = "";
     this.finish(change);
   }
 
-  /** A change that is not finished, as of an edge that is dragged: no step back leads to it. */
+  /** An unfinished change, such as a dragged edge: undo does not return to it. */
   preview(change) {
     this.started ??= JSON.stringify(this.now);
     this.now = { ...this.now, ...change };
@@ -74,7 +74,7 @@ export class Choices {
     this.show();
   }
 
-  /** A change that was begun is taken back. */
+  /** Take back an unfinished change. */
   forget() {
     if (this.started) this.now = JSON.parse(this.started);
     this.started = null;
@@ -92,7 +92,7 @@ export class Choices {
     to.push(JSON.stringify({ ...this.now, log: then.log }));
     this.now = then;
     this.halfBand = "";
-    if (this.hooks.isSeen(then.log)) this.hooks.show(then.log);
+    if (this.hooks.isReadable(then.log)) this.hooks.show(then.log);
     else this.now.log = this.hooks.log();
     this.show();
   }
@@ -109,19 +109,19 @@ export class Choices {
 
   /** Of the excitation that the interval shares most with, if any; else of the segment before it. */
   brushed(start_s, stop_s) {
-    const found = this.hooks.told()?.inspection?.excitations ?? [];
-    const shared = (one) => Math.min(stop_s, one.stop_s) - Math.max(start_s, one.start_s);
+    const found = this.hooks.shownLog()?.inspection?.excitations ?? [];
+    const shared = (excitation) => Math.min(stop_s, excitation.stop_s) - Math.max(start_s, excitation.start_s);
     const nearest = [...found].sort((a, b) => shared(b) - shared(a))[0];
     const axis = nearest && shared(nearest) > 0 ? nearest.axis : this.segments.at(-1)?.axis ?? nearest?.axis ?? "roll";
     this.addSegment({ axis, start_s, stop_s });
   }
 
-  addSegment(one) { this.set({ segments: [...this.now.segments, { log: this.hooks.log(), ...one }] }); }
+  addSegment(segment) { this.set({ segments: [...this.now.segments, { log: this.hooks.log(), ...segment }] }); }
 
-  /** All segments, with another in the place of the k-th of this log; nothing takes it away. */
+  /** All segments, with the k-th of this log changed; `null` removes it. */
   #with(k, part) {
     const old = this.segments[k];
-    return { segments: this.now.segments.flatMap((one) => (one !== old ? [one] : part ? [{ ...one, ...part }] : [])) };
+    return { segments: this.now.segments.flatMap((segment) => (segment !== old ? [segment] : part ? [{ ...segment, ...part }] : [])) };
   }
 
   edged(k, side, at, last) {
@@ -150,22 +150,22 @@ export class Choices {
     return step;
   }
 
-  get supports() { return this.hooks.told()?.inspection?.supports ?? {}; }
+  get supports() { return this.hooks.shownLog()?.inspection?.supports ?? {}; }
 
   /** Names of the chosen models: the first that the log gives, where none was chosen. */
   get models() {
     const found = names(this.now.model);
-    return found.length ? found : [Object.entries(this.supports).find(([, one]) => one.possible)?.[0] ?? "rate.roll"];
+    return found.length ? found : [Object.entries(this.supports).find(([, support]) => support.possible)?.[0] ?? "rate.roll"];
   }
 
-  #about(name) { return this.catalog.find((one) => one.name === name || one.name === name.replace(/:.*/, ":N")); }
+  #about(name) { return this.catalog.find((model) => model.name === name || model.name === name.replace(/:.*/, ":N")); }
 
   show() {
     const { now } = this;
     // Only what is finished is stored: the page may be redrawn during a drag that is then cancelled.
     const finished = this.started ? JSON.parse(this.started) : now;
     keep("sessionStorage", "choices", JSON.stringify({ ...finished, names: this.hooks.names() }));
-    // What somebody is typing is not taken away, whatever else is shown anew meanwhile.
+    // Do not overwrite what somebody is typing.
     const fill = (name, text) => { if (document.activeElement !== $(name)) $(name).value = text; };
     for (const name of TEXTS) fill(name, now[name]);
     for (const [k, name] of ["low", "high"].entries()) if (!this.halfBand) fill(name, now.band ? number(shownOmega(now.band[k])) : "");
@@ -188,13 +188,13 @@ export class Choices {
     $("shared-segments").hidden = !segments.length || !this.now.with.some((k) => this.hooks.isOpen(k));
     while (list.children.length < segments.length) list.append(this.#segmentRow(list.children.length));
     while (list.children.length > segments.length) {
-      const last = list.lastElementChild, held = last.contains(document.activeElement);
+      const last = list.lastElementChild, focused = last.contains(document.activeElement);
       last.remove();
-      if (held) (list.lastElementChild?.lastElementChild ?? $("add-segment")).focus();
+      if (focused) (list.lastElementChild?.lastElementChild ?? $("add-segment")).focus();
     }
-    segments.forEach((one, k) => {
+    segments.forEach((segment, k) => {
       for (const field of list.children[k].querySelectorAll("[data-of]")) {
-        const value = one[field.dataset.of];
+        const value = segment[field.dataset.of];
         if (document.activeElement !== field || field.tagName === "SELECT") field.value = typeof value === "number" ? Number(value.toFixed(3)) : value;
       }
     });
@@ -204,9 +204,9 @@ export class Choices {
     const edge = (name, label, isRight) => {
       const field = make("input", "", { type: "number", step: "0.1", "data-of": name, "aria-label": `${label} of segment ${k + 1} in seconds` });
       field.addEventListener("change", tried(() => {
-        const at = field.valueAsNumber, one = this.segments[k];
-        if (!Number.isFinite(at) || !isRight(at, one)) {
-          field.value = Number(one[name].toFixed(3));
+        const at = field.valueAsNumber, segment = this.segments[k];
+        if (!Number.isFinite(at) || !isRight(at, segment)) {
+          field.value = Number(segment[name].toFixed(3));
           throw new Error("A segment needs a start before its stop, both in seconds.");
         }
         this.set(this.#with(k, { [name]: at }));
@@ -215,23 +215,23 @@ export class Choices {
     };
     const axis = make("select", "", { "data-of": "axis", "aria-label": `axis of segment ${k + 1}` }, ...AXES.map((name) => make("option", name)));
     axis.addEventListener("change", () => this.set(this.#with(k, { axis: axis.value })));
-    return make("li", "", {}, axis, edge("start_s", "start", (at, one) => at < one.stop_s), "to", edge("stop_s", "stop", (at, one) => at > one.start_s), "s",
+    return make("li", "", {}, axis, edge("start_s", "start", (at, segment) => at < segment.stop_s), "to", edge("stop_s", "stop", (at, segment) => at > segment.start_s), "s",
       make("button", "×", { class: "plain", "aria-label": `remove segment ${k + 1}`, onclick: () => this.set(this.#with(k, null)) }));
   }
 
-  /** The models of the library; those that the log was asked about come first, with a mark. */
+  /** The models of the library; those possible with this log come first, with a mark. */
   #showModels() {
     const { supports, models: chosen } = this;
     $("model").placeholder = chosen[0];
     const rank = (name) => (supports[name] ? (supports[name].possible ? 0 : 2) : 1);
-    const all = [...new Set([...Object.keys(supports), ...this.catalog.map((one) => one.name)])].filter((name) => !/[/*]/.test(name));
+    const all = [...new Set([...Object.keys(supports), ...this.catalog.map((model) => model.name)])].filter((name) => !/[/*]/.test(name));
     all.sort((a, b) => rank(a) - rank(b));
     const key = JSON.stringify(all.map((name) => [name, rank(name)]));
     if (this.shownModels !== key) {
       this.shownModels = key;
       const top = $("models").scrollTop;
       redrawn($("models"), all.map((name) => {
-        const mark = ["✓", "", "✗"][rank(name)], words = { "✓": "the log gives what it needs: ", "✗": "the log lacks something: " }[mark] ?? "";
+        const mark = ["✓", "", "✗"][rank(name)], words = { "✓": "possible with this log: ", "✗": "not possible with this log: " }[mark] ?? "";
         const button = make("button", "", { "data-key": name, "aria-label": words + name, onclick: () => this.set({ model: name.replace(":N", ":auto") }) });
         button.append(make("span", mark, { class: `mark ${["good", "", "bad"][rank(name)]}` }), name);
         return make("li", "", {}, button);
@@ -240,24 +240,24 @@ export class Choices {
     }
     const about = this.#about(chosen[0]), support = supports[chosen[0]];
     for (const button of $("models").querySelectorAll("button")) button.setAttribute("aria-pressed", String(chosen.includes(button.dataset.key.replace(":N", ":auto"))));
-    for (const name of ["inputs", "outputs"]) $(name).placeholder = about?.[name]?.length ? `${about[name].join(",")}, as ${chosen[0]} says` : "as the model says";
+    for (const name of ["inputs", "outputs"]) $(name).placeholder = about?.[name]?.length ? `${about[name].join(",")}, from ${chosen[0]}` : "from the model";
     $("needs").replaceChildren(about ? `${about.about} ` : "");
-    if (support) $("needs").append(make("span", `${support.possible ? "The log gives it" : "Not from this log"}: ${support.because}${support.remedy ? `; ${support.remedy}` : ""}.`, { class: support.possible ? "good" : "fair" }));
+    if (support) $("needs").append(make("span", `${support.possible ? "Possible with this log" : "Not possible with this log"}: ${support.because}${support.remedy ? `; ${support.remedy}` : ""}.`, { class: support.possible ? "good" : "fair" }));
   }
 
-  /** The other logs, each to be fitted too, kept unseen to judge the model on, or neither. */
+  /** The other logs: each also fitted, used for verification, or not used. */
   showOthers(logs) {
-    const rows = logs.map((one, k) => [one, k + 1]).filter(([one, k]) => one.state === "done" && k !== this.hooks.log());
-    const key = JSON.stringify(rows.map(([one, k]) => [one.name, k]));
+    const rows = logs.map((log, k) => [log, k + 1]).filter(([log, k]) => log.state === "done" && k !== this.hooks.log());
+    const key = JSON.stringify(rows.map(([log, k]) => [log.name, k]));
     if (this.shownOthers !== key) {
       this.shownOthers = key;
-      redrawn($("others"), rows.map(([one, k]) => {
-        const use = make("select", "", { "data-key": k, "aria-label": `use of ${one.name}` }, make("option", "is not used", { value: "" }), make("option", "is fitted too", { value: "with" }), make("option", "judges the model", { value: "unseen" }));
+      redrawn($("others"), rows.map(([log, k]) => {
+        const use = make("select", "", { "data-key": k, "aria-label": `use of ${log.name}` }, make("option", "not used", { value: "" }), make("option", "also fitted", { value: "with" }), make("option", "for verification", { value: "unseen" }));
         use.addEventListener("change", () => this.set({
           with: [...this.now.with.filter((n) => n !== k), ...(use.value === "with" ? [k] : [])],
           unseen: [...this.now.unseen.filter((n) => n !== k), ...(use.value === "unseen" ? [k] : [])],
         }));
-        return make("li", `${one.name} `, {}, use);
+        return make("li", `${log.name} `, {}, use);
       }));
     }
     for (const use of $("others").querySelectorAll("select")) {
@@ -272,7 +272,7 @@ function choicesOf(step) {
   const [log, ...others] = step.logs;
   return {
     log, with: others, unseen: step.verify, band: step.band_rad_s, reduce: step.reduce, method: step.method,
-    model: step.models.join(","), segments: step.segments.map((one) => ({ log, ...one })),
+    model: step.models.join(","), segments: step.segments.map((segment) => ({ log, ...segment })),
     ...Object.fromEntries(["inputs", "outputs", "instrument"].map((name) => [name, step[name].join(",")])),
   };
 }

@@ -1,4 +1,4 @@
-// Command lines: what a button would run, as it is typed at a terminal, to copy.
+// Command lines: what a button would run, to copy into a terminal.
 import { make, post, say, shellWords, tried } from "./page.js";
 
 const shown = new Set();
@@ -8,9 +8,9 @@ export function copyable(words, what) {
   const code = make("code", shellWords(words), { tabindex: "0", role: "group", "aria-label": `command line of ${what}` });
   const copy = make("button", "Copy", { class: "plain", "aria-label": `copy the command line of ${what}`, onclick: tried(async () => {
     // Only pages from this machine, or over an encrypted connection, may write to the clipboard.
-    if (!navigator.clipboard) { getSelection().selectAllChildren(code); say("This page may not copy: the command is selected, press Ctrl+C."); return; }
+    if (!navigator.clipboard) { getSelection().selectAllChildren(code); say("The browser does not allow copying here. The command is selected: press Ctrl+C."); return; }
     await navigator.clipboard.writeText(code.textContent);
-    say("The command is copied.");
+    say("Copied.");
   }) });
   return { code, copy, place: make("div", "", { class: "command" }, code, copy) };
 }
@@ -24,7 +24,7 @@ export class CommandLine {
     shown.add(this);
   }
 
-  /** Ask the server anew; what it refuses stands there as a sentence, and cannot be copied. */
+  /** Ask the server again; a refusal is shown as a sentence, which cannot be copied. */
   async show() {
     const asked = (this.asked += 1);
     this.copy.disabled = true;
@@ -40,11 +40,11 @@ export class CommandLine {
     this.copy.disabled = bad;
   }
 
-  /** All that can be seen, anew: a step that was started moves the numbers of those to come. */
+  /** Update all visible command lines: a step that was started changes the numbers of later ones. */
   static showAll() {
-    for (const one of shown) {
-      if (!one.place.isConnected) shown.delete(one);
-      else if (one.place.checkVisibility()) one.show();
+    for (const line of shown) {
+      if (!line.place.isConnected) shown.delete(line);
+      else if (line.place.checkVisibility()) line.show();
     }
   }
 }

@@ -1,29 +1,29 @@
-// The page: what is chosen here becomes a step, a step becomes a command line, and the server runs that.
+// The page: choices become a step, a step becomes a command line, and the server runs it.
 import { Choices } from "./choices.js";
-import { $, angles, ask, counted, keep, kept, make, post, redrawn, sentenceOf, tried, unitText, watched } from "./page.js";
+import { $, angles, ask, counted, headingOf, keep, kept, learn, make, post, redrawn, sentenceOf, tried, unitText, watched } from "./page.js";
 import { isDark } from "./plots.js";
 import { Results } from "./results.js";
 import { Spectra } from "./spectra.js";
 import { Tracks, firstTracks } from "./tracks.js";
 
 const POLL_MS = 350;
-const page = { state: { logs: [], steps: [], waiting: [] }, log: 0, told: {}, asked: 0 };
-const told = () => page.told[page.log];
-const goes = (one) => ["waiting", "running"].includes(one.state);
-const isSeen = (log) => Boolean(page.state.logs[log - 1]?.seen);
+const page = { state: { logs: [], steps: [], waiting: [] }, log: 0, contents: {}, asked: 0 };
+const shownLog = () => page.contents[page.log];
+const goes = (work) => ["waiting", "running"].includes(work.state);
+const isReadable = (log) => Boolean(page.state.logs[log - 1]?.readable);
 
 const choices = new Choices({
   changed: () => { choices.showOthers(page.state.logs); tracks.redraw(); showSpan(); },
-  log: () => page.log, told, isOpen: (k) => page.state.logs[k - 1]?.state === "done", isSeen, view: () => tracks.view.map((at) => Number(at.toFixed(3))),
-  names: () => page.state.logs.map((one) => one.name), show: (log) => { if (log !== page.log) showLog(log); },
+  log: () => page.log, shownLog, isOpen: (k) => page.state.logs[k - 1]?.state === "done", isReadable, view: () => tracks.view.map((at) => Number(at.toFixed(3))),
+  names: () => page.state.logs.map((log) => log.name), show: (log) => { if (log !== page.log) showLog(log); },
 });
 const spectra = new Spectra($("spectra"));
 const tracks = new Tracks($("tracks"), {
   bands: () => [
-    ...(told()?.inspection?.flights ?? []).map((one) => ({ start: one.start_s, stop: one.stop_s, color: "--flight" })),
-    ...(told()?.inspection?.excitations ?? []).map((one) => ({ start: one.start_s, stop: one.stop_s, color: "--excitation", label: one.axis })),
+    ...(shownLog()?.inspection?.flights ?? []).map((flight) => ({ start: flight.start_s, stop: flight.stop_s, color: "--flight" })),
+    ...(shownLog()?.inspection?.excitations ?? []).map((excitation) => ({ start: excitation.start_s, stop: excitation.stop_s, color: "--excitation", label: excitation.axis })),
   ],
-  marks: () => (told()?.inspection?.findings ?? []).filter((one) => one.severity !== "info").map(timeOf).filter((at) => at !== null),
+  marks: () => (shownLog()?.inspection?.findings ?? []).filter((finding) => finding.severity !== "info").map(timeOf).filter((at) => at !== null),
   segments: () => choices.segments,
   brushed: (start, stop) => choices.brushed(start, stop),
   edged: (k, side, at, last) => choices.edged(k, side, at, last),
@@ -37,7 +37,7 @@ const start = tried(async (step) => {
 });
 const results = new Results({ log: () => page.log, name: (log) => page.state.logs[log - 1]?.name ?? "the log shown", start, band: (band) => { choices.set({ band }); $("more").open = true; }, refresh: () => refresh() });
 
-/** When a finding happened, as far as it has a time. */
+/** The time of a finding, if it has one. */
 function timeOf(finding) {
   const { start_s, first_s, longest_at_s } = finding.numbers;
   return start_s ?? first_s ?? longest_at_s ?? null;
@@ -47,7 +47,7 @@ function timeOf(finding) {
 const upload = tried(async (files) => {
   const refused = [];
   for (const file of files) {
-    // One that is refused holds up no other.
+    // A refused log does not stop the others.
     try { await sent(file); } catch (error) { refused.push(error.message); }
     await refresh();
   }
@@ -55,21 +55,21 @@ const upload = tried(async (files) => {
   if (refused.length) throw new Error(refused.join(" "));
 });
 
-/** Send a file to the server, and show how much of it is there: only the older kind of request tells. */
+/** Upload a file and show progress, which only the older kind of request reports. */
 const sent = (file) => new Promise((done, fail) => {
   const request = new XMLHttpRequest(), [text, bar] = $("taking").children;
   $("taking").hidden = false;
-  text.textContent = `taking in ${file.name}`;
+  text.textContent = `uploading ${file.name}`;
   bar.value = 0;
   request.upload.addEventListener("progress", ({ loaded, total }) => {
     bar.value = loaded / Math.max(total, 1);
-    text.textContent = `taking in ${file.name}: ${mebibytes(loaded)} of ${mebibytes(total)} MiB`;
+    text.textContent = `uploading ${file.name}: ${mebibytes(loaded)} of ${mebibytes(total)} MiB`;
   });
   request.addEventListener("load", () => {
     if (request.status < 400) done();
     else fail(new Error(sentenceOf(request.responseText)));
   });
-  for (const kind of ["error", "abort"]) request.addEventListener(kind, () => fail(new Error(`${file.name} did not arrive: the server did not take it, or does not answer.`)));
+  for (const kind of ["error", "abort"]) request.addEventListener(kind, () => fail(new Error(`${file.name} was not uploaded: the server refused it or does not answer.`)));
   request.open("POST", `/api/upload?name=${encodeURIComponent(file.name)}`);
   request.send(file);
 });
@@ -77,51 +77,51 @@ const mebibytes = (bytes) => (bytes / 2 ** 20).toFixed(1);
 const opened = (open) => { $("open").hidden = !open; $("opener").setAttribute("aria-expanded", String(open)); };
 
 function showLogs() {
-  const { logs } = page.state, key = JSON.stringify([page.log, logs.map(({ name, state, seen, sentence }) => [name, state, seen, sentence])]);
+  const { logs } = page.state, key = JSON.stringify([page.log, logs.map(({ name, state, readable, sentence }) => [name, state, readable, sentence])]);
   if (page.shownLogs !== key) {
     page.shownLogs = key;
-    redrawn($("logs"), logs.map((one, k) => [one, k + 1]).filter(([one]) => one.state !== "closed").map(([one, k]) => {
-      const row = make("li", "", one.seen && k === page.log ? { "data-shown": true } : {});
-      if (one.seen) row.append(make("button", one.name, { class: "plain", "data-key": `log-${k}`, "aria-pressed": String(k === page.log), onclick: () => showLog(k) }));
-      else row.append(make("span", one.sentence ? `${one.name}: ${one.sentence}` : one.name, one.sentence ? { class: "bad" } : {}));
-      if (goes(one)) row.append(make("progress", "", { "data-log": k, "aria-label": `reading ${one.name}` }), make("span", "", { class: "soft", "data-since": k }));
-      row.append(make("button", "×", { class: "plain", "data-key": `close-${k}`, "aria-label": `close ${one.name}`, onclick: () => close(k) }));
+    redrawn($("logs"), logs.map((log, k) => [log, k + 1]).filter(([log]) => log.state !== "closed").map(([log, k]) => {
+      const row = make("li", "", log.readable && k === page.log ? { "data-shown": true } : {});
+      if (log.readable) row.append(make("button", log.name, { class: "plain", "data-key": `log-${k}`, "aria-pressed": String(k === page.log), onclick: () => showLog(k) }));
+      else row.append(make("span", log.sentence ? `${log.name}: ${log.sentence}` : log.name, log.sentence ? { class: "bad" } : {}));
+      if (goes(log)) row.append(make("progress", "", { "data-log": k, "aria-label": `reading ${log.name}` }), make("span", "", { class: "soft", "data-since": k }));
+      row.append(make("button", "×", { class: "plain", "data-key": `close-${k}`, "aria-label": `close ${log.name}`, onclick: () => close(k) }));
       return row;
     }), $("opener"));
   }
   for (const bar of $("logs").querySelectorAll("progress")) {
-    const one = logs[bar.dataset.log - 1];
-    if (one.share === null || one.share === undefined) bar.removeAttribute("value"); else bar.value = one.share;
-    bar.nextElementSibling.textContent = [one.told, one.bytes ? `${mebibytes(one.bytes)} MiB` : ""].filter(Boolean).join(", ");
+    const log = logs[bar.dataset.log - 1];
+    if (log.share === null || log.share === undefined) bar.removeAttribute("value"); else bar.value = log.share;
+    bar.nextElementSibling.textContent = [log.doing, log.bytes ? `${mebibytes(log.bytes)} MiB` : ""].filter(Boolean).join(", ");
   }
 }
 
 const close = tried(async (log) => {
   await ask(`/api/logs/${log}`, { method: "DELETE" });
   if (page.log === log) page.log = 0;
-  delete page.told[log];
+  delete page.contents[log];
   await refresh();
 });
 
 // See
-const lookUp = async (log) => { page.told[log] = await ask(`/api/logs/${log}`); };
+const lookUp = async (log) => { page.contents[log] = await ask(`/api/logs/${log}`); };
 const showLog = watched(async (log) => {
   const asked = (page.asked += 1);
-  if (!page.told[log]?.inspection) await lookUp(log);
+  if (!page.contents[log]?.inspection) await lookUp(log);
   // Meanwhile another was asked for.
   if (asked !== page.asked) return;
   const other = tracks.log !== log;
   page.log = log;
   choices.shown(log);
-  const { channels, span_s, inspection } = told();
+  const { channels, span_s, inspection } = shownLog();
   $("work").hidden = false;
   if (other) {
     tracks.open(log, channels, span_s);
     spectra.clear();
-    // What is chosen on it stands there at once, while its tracks are still drawn.
+    // Show its choices at once, while its tracks are still drawn.
     choices.show();
-    $("channels").replaceChildren(...channels.map((one, k) => make("option", "", { value: labelOf(channels, k), label: `${one.topic}${one.unit === "1" ? "" : `, ${one.unit}`}` })));
-    $("names").replaceChildren(...[...new Set(channels.map((one) => one.name))].map((name) => make("option", "", { value: name })));
+    $("channels").replaceChildren(...channels.map((channel, k) => make("option", "", { value: labelOf(channels, k), label: `${channel.topic}${channel.unit === "1" ? "" : `, ${channel.unit}`}` })));
+    $("names").replaceChildren(...[...new Set(channels.map((channel) => channel.name))].map((name) => make("option", "", { value: name })));
     $("spectral").replaceChildren(...channels.map((_, k) => make("option", labelOf(channels, k), { value: k })));
     const first = firstTracks(channels, inspection);
     $("spectral").value = String(first.at(-1) ?? 0);
@@ -130,8 +130,8 @@ const showLog = watched(async (log) => {
     tracks.look(...span_s);
     results.named();
   }
-  // What ``inspect`` says may have come while the tracks were drawn.
-  showInspection(told().inspection);
+  // The inspection may have arrived while the tracks were drawn.
+  showInspection(shownLog().inspection);
   showLogs();
   choices.show();
 });
@@ -139,28 +139,28 @@ const showLog = watched(async (log) => {
 /** A name, with its topic where the log has the name twice. */
 function labelOf(channels, k) {
   const { name, topic } = channels[k];
-  return channels.findIndex((one) => one.name === name) === k ? name : `${name} of ${topic}`;
+  return channels.findIndex((channel) => channel.name === name) === k ? name : `${name} of ${topic}`;
 }
 
 function showInspection(inspection) {
-  if (!inspection) { $("facts").replaceChildren("What is in it is looked up …"); return; }
-  const flown = inspection.flights.reduce((sum, one) => sum + one.stop_s - one.start_s, 0);
+  if (!inspection) { $("facts").replaceChildren("Looking for flights and excitations …"); return; }
+  const flown = inspection.flights.reduce((sum, flight) => sum + flight.stop_s - flight.start_s, 0);
   $("facts").textContent = [inspection.name, inspection.firmware || inspection.format, inspection.vehicle, `${(inspection.stop_s - inspection.start_s).toFixed(1)} s, ${flown.toFixed(1)} s in the air`, counted(inspection.excitations.length, "excitation"), page.state.logs[page.log - 1]?.note].filter(Boolean).join(" · ");
-  $("excitations").replaceChildren(...inspection.excitations.map((one) => make("li", `${one.axis} ${one.kind}, ${one.start_s.toFixed(1)} to ${one.stop_s.toFixed(1)} s `, {},
-    make("button", "Use", { onclick: () => choices.addSegment({ axis: one.axis, start_s: one.start_s, stop_s: one.stop_s }) }), " ",
-    make("button", "Look", { onclick: () => tracks.look(one.start_s - 1, one.stop_s + 1) }))));
-  $("findings").replaceChildren(...inspection.findings.map((one) => {
-    const at = timeOf(one), row = make("li", `${one.kind.replaceAll("_", " ")} (${one.where}): ${one.message} `, { class: { error: "bad", warning: "fair" }[one.severity] ?? "" });
+  $("excitations").replaceChildren(...inspection.excitations.map((excitation) => make("li", `${excitation.axis} ${excitation.kind}, ${excitation.start_s.toFixed(1)} to ${excitation.stop_s.toFixed(1)} s `, {},
+    make("button", "Use", { onclick: () => choices.addSegment({ axis: excitation.axis, start_s: excitation.start_s, stop_s: excitation.stop_s }) }), " ",
+    make("button", "Look", { onclick: () => tracks.look(excitation.start_s - 1, excitation.stop_s + 1) }))));
+  $("findings").replaceChildren(...inspection.findings.map((finding) => {
+    const at = timeOf(finding), row = make("li", `${headingOf(finding.kind)} (${finding.where}): ${finding.message} `, { class: { error: "bad", warning: "fair" }[finding.severity] ?? "" });
     if (at !== null) row.append(make("button", "Look", { onclick: () => tracks.look(at - 2, at + 2) }));
     return row;
   }));
-  const worse = inspection.findings.filter((one) => one.severity !== "info").length;
-  $("found").firstElementChild.textContent = `${counted(inspection.excitations.length, "excitation")}, ${counted(inspection.findings.length, "finding")}${worse ? `, ${worse} of which limit the trust` : ""}`;
+  const worse = inspection.findings.filter((finding) => finding.severity !== "info").length;
+  $("found").firstElementChild.textContent = `${counted(inspection.excitations.length, "excitation")}, ${counted(inspection.findings.length, "finding")}${worse ? `, ${worse} of them ${worse === 1 ? "a warning" : "warnings"}` : ""}`;
 }
 
 const spectralSpan = () => {
-  const one = choices.segments.at(-1);
-  return one ? [one.start_s, one.stop_s] : tracks.view;
+  const segment = choices.segments.at(-1);
+  return segment ? [segment.start_s, segment.stop_s] : tracks.view;
 };
 
 const showSpan = () => { $("spectral-span").textContent = `from ${spectralSpan().map((at) => at.toFixed(1)).join(" to ")} s`; };
@@ -172,24 +172,24 @@ const refresh = watched(async () => {
   choices.begin(state);
   showLogs();
   const wanted = choices.now.log;
-  if (!isSeen(page.log)) {
+  if (!isReadable(page.log)) {
     page.log = 0;
-    const last = state.logs.findLastIndex((one) => one.seen) + 1;
-    if (isSeen(wanted) || last) { opened(false); await showLog(isSeen(wanted) ? wanted : last); } else { $("work").hidden = true; opened(true); }
-  } else if (!told().inspection && state.logs[page.log - 1].state === "done") {
+    const last = state.logs.findLastIndex((log) => log.readable) + 1;
+    if (isReadable(wanted) || last) { opened(false); await showLog(isReadable(wanted) ? wanted : last); } else { $("work").hidden = true; opened(true); }
+  } else if (!shownLog().inspection && state.logs[page.log - 1].state === "done") {
     await lookUp(page.log);
-    showInspection(told()?.inspection);
+    showInspection(shownLog()?.inspection);
     choices.show();
   } else choices.showOthers(state.logs);
   if (page.log && !state.logs.some(goes)) listModels();
   await results.show(state.steps);
   $("project-steps").hidden = !state.waiting.length;
-  $("project-steps").firstElementChild.textContent = `${counted(state.waiting.length, "step")} of the project ${state.following ? "to come" : "not run yet"}`;
+  $("project-steps").firstElementChild.textContent = `${counted(state.waiting.length, "step")} of the project ${state.following ? "to run" : "not run yet"}`;
   $("waiting").hidden = state.following;
   if (state.folder) listFolder();
 });
 
-/** Work of the page that is asked for once, beside everything else; what failed is asked for again. */
+/** Work that is done once, in the background; after a failure it is done again. */
 const once = (work) => {
   let asked = false;
   return watched(async () => {
@@ -217,7 +217,7 @@ const watch = async () => {
 };
 
 const redraw = () => {
-  document.querySelectorAll(".unit").forEach((one) => { one.textContent = unitText(); });
+  document.querySelectorAll(".unit").forEach((place) => { place.textContent = unitText(); });
   results.redraw(page.state.steps);
   spectra.redraw();
   choices.show();
@@ -236,15 +236,15 @@ $("demo").addEventListener("click", tried(async () => {
 $("opener").addEventListener("click", () => opened($("open").hidden));
 $("keys").addEventListener("click", () => { $("keyboard").hidden = !$("keyboard").hidden; $("keys").setAttribute("aria-expanded", String(!$("keyboard").hidden)); });
 $("channel").addEventListener("change", tried(async () => {
-  const wanted = $("channel").value.trim(), { channels } = told(), channel = channels.findIndex((_, k) => labelOf(channels, k) === wanted);
-  if (channel < 0) throw new Error(`${wanted} is no channel of this log; the field offers those that are.`);
+  const wanted = $("channel").value.trim(), { channels } = shownLog(), channel = channels.findIndex((_, k) => labelOf(channels, k) === wanted);
+  if (channel < 0) throw new Error(`unknown channel '${wanted}'; choose one from the list.`);
   $("channel").value = "";
   await tracks.add(channel);
 }));
 $("whole").addEventListener("click", () => tracks.whole());
 for (const kind of ["spectrum", "spectrogram"]) {
   $(kind).addEventListener("click", () => {
-    const channel = Number($("spectral").value), { name, unit } = told().channels[channel];
+    const channel = Number($("spectral").value), { name, unit } = shownLog().channels[channel];
     spectra.add(kind, page.log, { channel, name, unit }, spectralSpan());
   });
 }
@@ -261,7 +261,7 @@ $("theme").addEventListener("click", () => {
 });
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 document.addEventListener("keydown", (event) => {
-  // A key that is held says the same again: one command is meant.
+  // A key that is held down repeats: only its first event counts.
   if (event.repeat || ["INPUT", "SELECT"].includes(document.activeElement.tagName)) return;
   if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z") {
     event.preventDefault();
@@ -273,6 +273,7 @@ document.addEventListener("keydown", (event) => {
   }
 });
 theme(kept("localStorage", "theme"));
+learn(await ask("/api/words").catch(() => ({})));
 await refresh();
 const preferred = page.state.preferred ?? {};
 theme(kept("localStorage", "theme") ?? preferred.theme);

@@ -36,7 +36,7 @@ const powers = (value) => (value > 0 && Number.isInteger(Math.round(Math.log10(v
 /** A number beside a curve. */
 const read = (_, value) => (value === null || value === undefined ? "–" : number(value));
 
-/** Curves over a logarithmic axis; a drag tells `brush` from where to where. `within`: the lower and upper edge of a strip around the first curve. A `faded` curve is gray and dashed, a `dashed` one dashed; `color` is the number of its color. */
+/** Curves over a logarithmic axis; a drag calls `brush` with its two ends. `within`: the lower and upper edge of a strip around the first curve. A `faded` curve is gray and dashed, a `dashed` one dashed; `color` is the number of its color. */
 export function lines(box, { title, x, rows, within = [], xLabel, yLabel, logY = false, brush = null, sync = null, height = 190 }) {
   const place = make("div");
   box.append(place);

@@ -1,29 +1,28 @@
-// Results: a card for every step, and a table that puts identifications beside each other.
+// Results: a card for every step, and a table that compares identified models.
 import { CommandLine, copyable } from "./commands.js";
-import { $, ask, counted, ends, make, number, omegaOf, redrawn, shownOmega, shownRate, tableOf, tried, unitOf, unitText, watched, withStd, within, words } from "./page.js";
+import { $, ask, counted, ends, make, number, omegaOf, headingOf, loopOf, redrawn, shownFigure, shownOmega, tableOf, tried, unitOf, unitText, watched, withStd, within, words } from "./page.js";
 import { colors, lines, phaseOf, released } from "./plots.js";
 
 const TARGETS = ["px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "matlab", "control", "fmu", "json"];
-const WORDS = { waiting: "waits for a free place", running: "runs", done: "done", refused: "was refused", failed: "failed", canceled: "was canceled" };
+const WORDS = { waiting: "waiting for a free slot", running: "running", done: "done", refused: "refused", failed: "failed", canceled: "canceled" };
 /** Responses that are drawn at once; of more, each is drawn when it is opened. */
 const FEW = 4;
 /** Verdicts on unseen maneuvers in the words of reports. */
 const PREDICTIONS = { good: "good", diverges: "good short-term, diverges in open loop", disturbed: "disturbed", poor: "poor" };
-const plain = (name) => name.replaceAll("_", " ");
 const goes = (row) => ["waiting", "running"].includes(row.state);
-/** What a step printed of each model: one or several. */
-const resultsOf = (told) => told?.document?.results ?? (told?.document ? [told.document] : []);
+/** Results of a step, one for each model. */
+const resultsOf = (answer) => answer?.document?.results ?? (answer?.document ? [answer.document] : []);
 
 export class Results {
   /** `hooks`: `log()`, `name(log)`, `start(step)`, `band([low, high])`, `refresh()`. */
   constructor(hooks) {
     this.hooks = hooks;
     this.shown = new Map();
-    this.told = new Map();
+    this.answers = new Map();
     this.compared = "";
   }
 
-  /** Draw everything anew, as in another unit or other colors. */
+  /** Draw everything again, in another unit or other colors. */
   async redraw(steps) {
     this.shown.clear();
     this.compared = "";
@@ -45,19 +44,19 @@ export class Results {
   #showStep = watched(async (k, row) => {
     const card = $(`step-${k}`);
     if (this.shown.get(k) !== row.state) {
-      if (!goes(row) && !this.told.has(k)) this.told.set(k, await ask(`/api/steps/${k}`));
+      if (!goes(row) && !this.answers.has(k)) this.answers.set(k, await ask(`/api/steps/${k}`));
       if (this.shown.get(k) !== row.state) this.#draw(card, row, k);
       this.shown.set(k, row.state);
     }
     if (goes(row)) this.#live(card, row);
   });
 
-  /** A card as its step stands; the focus stays in it. */
+  /** The card of a step in its present state; the focus stays in it. */
   #draw(card, row, k) {
     const body = make("div", "", { class: "body" }), bad = ["refused", "failed"].includes(row.state);
     const head = make("header", "", {}, make("h3", `${k}. ${row.step.verb} ${row.step.models.join(", ")}`, { id: `title-${k}` }),
-      make("span", [WORDS[row.state], row.sentence].filter(Boolean).join(": "), { class: `told ${bad ? "bad" : "soft"}`, role: "status" }),
-      // Seconds are seen, and not read aloud each time.
+      make("span", [WORDS[row.state], row.sentence].filter(Boolean).join(": "), { class: `state ${bad ? "bad" : "soft"}`, role: "status" }),
+      // Seconds are visible, but not read aloud each time.
       make("span", `${row.seconds} s`, { class: "since soft" }));
     if (goes(row)) {
       head.append(make("progress", "", { "aria-label": `progress of step ${k}` }), make("canvas", "", { class: "live", width: 440, height: 120, role: "img", "aria-label": "cost over the steps of the fit", hidden: true }),
@@ -70,13 +69,13 @@ export class Results {
     redrawn(card, [head, body], card);
     body.append(copyable(row.command, `step ${k}`).place);
     card.dataset.state = row.state;
-    if (!goes(row)) this.#fill(body, row, this.told.get(k), k);
+    if (!goes(row)) this.#fill(body, row, this.answers.get(k), k);
   }
 
-  /** How far a command is: a share where a count is known, and the cost of the fit step by step. */
+  /** Progress of a command: a share where a count is known, and the cost of the fit step by step. */
   #live(card, row) {
     const bar = card.querySelector("progress"), canvas = card.querySelector("canvas.live");
-    card.querySelector(".since").textContent = [`${row.seconds} s`, row.told].filter(Boolean).join(": ");
+    card.querySelector(".since").textContent = [`${row.seconds} s`, row.doing].filter(Boolean).join(": ");
     if (row.share === null) bar.removeAttribute("value"); else bar.value = row.share;
     canvas.hidden = row.costs.length < 2;
     if (canvas.hidden) return;
@@ -92,21 +91,21 @@ export class Results {
     context.fillText(number(row.costs.at(-1)), canvas.width - 118, 60);
   }
 
-  #fill(body, row, told, k) {
-    const results = resultsOf(told);
-    for (const one of results) {
-      if (results.length > 1) body.append(make("h4", one.model, { class: "model" }));
-      SHOWS[row.step.verb]?.call(this, body, one, k, row);
-      const curves = told.document.results ? told.parts[one.model] : told.curves;
+  #fill(body, row, answer, k) {
+    const results = resultsOf(answer);
+    for (const result of results) {
+      if (results.length > 1) body.append(make("h4", result.model, { class: "model" }));
+      SHOWS[row.step.verb]?.call(this, body, result, k, row, answer);
+      const curves = answer.document.results ? answer.parts[result.model] : answer.curves;
       if (curves?.omega_rad_s) this.#curves(body, curves, k);
-      findings(body, one.findings ?? []);
+      findings(body, result.findings ?? []);
     }
-    if (row.step.verb === "identify" && results.some((one) => one.parameters)) body.append(this.#tuneRow(k, row, results), this.#exportRow(k, [k]));
+    if (row.step.verb === "identify" && results.some((result) => result.parameters)) body.append(this.#tuneRow(k, row, results), this.#exportRow(k, [k]));
     if (row.step.verb === "export" && results.length) body.append(this.#exportRow(k, row.step.results, results[0]));
-    if (!told.files.length) return;
+    if (!answer.files.length) return;
     const files = make("div", "", { class: "row files" });
-    if (told.files.some((name) => name.endsWith(".html"))) files.append(make("a", "Open the report", { href: `/api/steps/${k}/report`, target: "_blank", rel: "noopener" }));
-    files.append(make("span", "Files:", { class: "soft" }), ...told.files.map((name, n) => make("a", name, { href: `/api/steps/${k}/files/${n}`, download: name.split("/").at(-1) })));
+    if (answer.files.some((name) => name.endsWith(".html"))) files.append(make("a", "Open the report", { href: `/api/steps/${k}/report`, target: "_blank", rel: "noopener" }));
+    files.append(make("span", "Files:", { class: "soft" }), ...answer.files.map((name, n) => make("a", name, { href: `/api/steps/${k}/files/${n}`, download: name.split("/").at(-1) })));
     body.append(files);
   }
 
@@ -115,7 +114,7 @@ export class Results {
       .filter(({ i, j }) => usedOf(curves, i, j).some(Boolean));
     for (const pair of pairs) {
       if (pairs.length <= FEW) {
-        body.append(make("h4", `${pair.name} `, {}, make("span", "a drag on a picture chooses the band", { class: "soft" })));
+        body.append(make("h4", `${pair.name} `, {}, make("span", "drag on a picture to choose the band", { class: "soft" })));
         this.#pair(body, curves, k, pair);
         continue;
       }
@@ -154,72 +153,72 @@ export class Results {
     ];
     if (modelRe) drawn.push({ title: `${name}: residual`, rows: [{ label: "|measured − model| / |measured|", y: re.map((value, n) => (!used[n] || [value, im[n], modelRe[n], modelIm[n]].includes(null) ? null : Math.hypot(value - modelRe[n], im[n] - modelIm[n]) / Math.hypot(value, im[n]))) }], yLabel: "", height: 140 });
     place.append(box);
-    for (const one of drawn) lines(box.appendChild(make("div")), { ...shared, ...one });
+    for (const picture of drawn) lines(box.appendChild(make("div")), { ...shared, ...picture });
   }
 
-  /** Identifications side by side: models, bands, methods, logs. */
+  /** Compare identified models: other structures, bands, methods or logs. */
   #compare(steps) {
-    const done = steps.flatMap((row, n) => (row.state === "done" && row.step.verb === "identify" ? resultsOf(this.told.get(n + 1)).filter((one) => one.parameters).map((one) => ({ one, head: `${n + 1}. ${one.model}` })) : []));
+    const done = steps.flatMap((row, n) => (row.state === "done" && row.step.verb === "identify" ? resultsOf(this.answers.get(n + 1)).filter((result) => result.parameters).map((result) => ({ result, head: `${n + 1}. ${result.model}` })) : []));
     const key = done.map(({ head }) => head).join();
     if (this.compared === key) return;
     this.compared = key;
     $("comparison").replaceChildren();
     if (done.length < 2) return;
-    const documents = done.map(({ one }) => one);
-    const rows = [...new Set(documents.flatMap((one) => Object.keys(one.parameters)))].map((name) => {
-      const unit = unitOf(documents.find((one) => one.parameters[name]).parameters[name].unit);
-      return [unit ? `${name} in ${unit}` : name, ...documents.map((one) => (one.parameters[name] ? within(one.parameters[name]) : "–"))];
+    const documents = done.map(({ result }) => result);
+    const rows = [...new Set(documents.flatMap((result) => Object.keys(result.parameters)))].map((name) => {
+      const unit = unitOf(documents.find((result) => result.parameters[name]).parameters[name].unit);
+      return [unit ? `${name} [${unit}]` : name, ...documents.map((result) => (result.parameters[name] ? within(result.parameters[name]) : "–"))];
     });
-    rows.push(["cost", ...documents.map((one) => number(one.cost?.average))]);
-    rows.push(["Theil's coefficient, unseen", ...documents.map((one) => {
-      const told = (one.verification?.maneuvers ?? []).flatMap((flown) => Object.values(flown.scores).map((score) => score.tic)).filter((value) => value !== null);
-      return told.length ? number(told.reduce((sum, value) => sum + value, 0) / told.length, 3) : "–";
+    rows.push(["cost (up to 100 is acceptable)", ...documents.map((result) => number(result.cost?.average))]);
+    rows.push(["TIC on unseen flight (up to 0.25 is good)", ...documents.map((result) => {
+      const tics = (result.verification?.maneuvers ?? []).flatMap((flown) => Object.values(flown.scores).map((score) => score.tic)).filter((value) => value !== null);
+      return tics.length ? number(tics.reduce((sum, value) => sum + value, 0) / tics.length, 3) : "–";
     })]);
-    $("comparison").append(tableOf("Identifications beside each other: value ± half of the 95 % interval", ["", ...done.map(({ head }) => head)], rows));
+    $("comparison").append(tableOf("Identified models: value ± half of the 95 % interval", ["", ...done.map(({ head }) => head)], rows));
   }
 
   #tuneRow(k, row, results) {
-    const [soft, first] = slider("Largest peak M_s", { min: 1.2, max: 2.4, step: 0.05, value: 1.7, text: (value) => `${Number(value).toFixed(2)} ${value < 1.5 ? "soft" : value > 1.9 ? "sharp" : ""}` });
-    const [noise, second] = slider("Noise at the motors", { min: 0.5, max: 4, step: 0.1, value: 2, text: (value) => `${Number(value).toFixed(1)} times that of today` });
+    const [soft, first] = slider("Largest peak sensitivity M_s", { min: 1.2, max: 2.4, step: 0.05, value: 1.7, text: (value) => `${Number(value).toFixed(2)} ${value < 1.5 ? "soft" : value > 1.9 ? "sharp" : ""}` });
+    const [noise, second] = slider("Noise at the motors", { min: 0.5, max: 4, step: 0.1, value: 2, text: (value) => `${Number(value).toFixed(1)} times today's` });
     const keep = ["P", "I", "D", "A"].map((name) => [name, make("input", "", { type: "checkbox" })]);
-    // The gains that flew are those of the logs that were fitted, whichever is looked at now.
+    // The flown gains are those of the fitted logs, whichever log is shown now.
     const tune = () => ({
       verb: "tune", results: [k], logs: row.step.logs, robustness: Number(soft.value), noise: Number(noise.value),
       keep: keep.filter(([, box]) => box.checked).map(([name]) => name),
     });
     const place = make("div", "", { class: "use" }, make("div", "", { class: "row" }, make("b", "Gains"), first, second,
-      make("span", "", { class: "row" }, "keep", ...keep.map(([name, box]) => make("label", "", {}, box, ` ${name === "A" ? "angle" : name}`))), make("button", "Tune", { onclick: () => this.hooks.start(tune()) })), folded("tune", tune, [soft, noise, ...keep.map(([, box]) => box)]));
+      make("span", "", { class: "row" }, "leave unchanged", ...keep.map(([name, box]) => make("label", "", {}, box, ` ${name === "A" ? "angle" : name}`))), make("button", "Tune", { onclick: () => this.hooks.start(tune()) })), folded("tune", tune, [soft, noise, ...keep.map(([, box]) => box)]));
     const verify = () => ({ verb: "verify", results: [k], logs: [this.hooks.log()] });
-    if (results.length > 1) place.append(make("p", "To verify one of these models on another flight, identify it alone.", { class: "soft" }));
+    if (results.length > 1) place.append(make("p", "To verify one of these models on another flight, identify only this one.", { class: "soft" }));
     else place.append(make("div", "", { class: "row" }, make("b", "Another flight"), make("button", `Verify on ${this.hooks.name(this.hooks.log())}`, { class: "verify", onclick: () => this.hooks.start(verify()) })), folded("verify", verify, []));
     return place;
   }
 
-  /** Another log is looked at: what uses it says so. */
+  /** Another log is shown: buttons that use it name it. */
   named() {
     for (const button of document.querySelectorAll("#steps .verify")) button.textContent = `Verify on ${this.hooks.name(this.hooks.log())}`;
     CommandLine.showAll();
   }
 
-  /** Where to, and what the result does not hold: quantities that the last export named can be set. */
+  /** The target of an export, and values that the result does not have. */
   #exportRow(k, results, last = null) {
     const target = make("select", "", { "aria-label": "target of the export" }, ...TARGETS.map((name) => make("option", name)));
     const values = make("input", "", { placeholder: "m=1.4, I_xx=0.02", "aria-label": "values to set, NAME=VALUE with commas" });
     if (last) target.value = last.target;
     const step = () => {
-      const given = Object.fromEntries(values.value.split(",").map((one) => one.split("=").map((part) => part.trim())).filter((pair) => pair[0]).map(([name, value]) => {
-        if (!value || !Number.isFinite(Number(value))) throw new Error(`${name}: NAME=NUMBER is needed, such as m=1.4.`);
+      const given = Object.fromEntries(values.value.split(",").map((pair) => pair.split("=").map((part) => part.trim())).filter((pair) => pair[0]).map(([name, value]) => {
+        if (!value || !Number.isFinite(Number(value))) throw new Error(`${name}: write NAME=NUMBER, such as m=1.4.`);
         return [name, Number(value)];
       }));
       return { verb: "export", results, logs: [], to: target.value, values: given };
     };
-    return make("div", "", { class: "use" }, make("div", "", { class: "row" }, make("b", last ? "Again" : "Files for"), target, make("label", "set ", {}, values), make("button", "Export", { onclick: tried(() => this.hooks.start(step())) })), folded("export", step, [target, values]));
+    return make("div", "", { class: "use" }, make("div", "", { class: "row" }, make("b", last ? "Export again" : "Export to"), target, make("label", "set ", {}, values), make("button", "Export", { onclick: tried(() => this.hooks.start(step())) })), folded("export", step, [target, values]));
   }
 }
 
 /** The command line of a button, asked for when it is opened and when `fields` change. */
 function folded(what, step, fields) {
-  const line = new CommandLine(what, step), place = make("details", "", { class: "terminal" }, make("summary", "The same at a terminal"), line.place);
+  const line = new CommandLine(what, step), place = make("details", "", { class: "terminal" }, make("summary", "Command line"), line.place);
   const show = () => { if (place.open) line.show(); };
   place.addEventListener("toggle", show);
   for (const field of fields) field.addEventListener("change", show);
@@ -227,69 +226,71 @@ function folded(what, step, fields) {
 }
 
 function findings(body, found) {
-  const limits = found.filter((one) => one.severity !== "info"), remarks = found.filter((one) => one.severity === "info");
-  const listed = (list) => make("ul", "", {}, ...list.slice(0, 60).map((one) => make("li", `${plain(one.kind)} (${one.where}): ${one.message}`, { class: { error: "bad", warning: "fair" }[one.severity] ?? "" })));
-  if (limits.length) body.append(make("h4", "What limits the trust"), listed(limits));
-  if (remarks.length) body.append(make("details", "", {}, make("summary", counted(remarks.length, "remark")), listed(remarks)));
+  const limits = found.filter((finding) => finding.severity !== "info"), remarks = found.filter((finding) => finding.severity === "info");
+  const listed = (list) => make("ul", "", {}, ...list.slice(0, 60).map((finding) => make("li", `${headingOf(finding.kind)} (${finding.where}): ${finding.message}`, { class: { error: "bad", warning: "fair" }[finding.severity] ?? "" })));
+  if (limits.length) body.append(make("h4", "Warnings"), listed(limits));
+  if (remarks.length) body.append(make("details", "", {}, make("summary", counted(remarks.length, "note")), listed(remarks)));
 }
 
-const rateInterval = (one) => within(shownRate(one));
-const shownFigure = (name, one) => (name.endsWith("_rad_s") ? rateInterval(one) : within(one));
 /** A row for each figure that any of the columns holds. */
 function figures(caption, columns) {
-  const names = new Set(columns.flatMap(([, one]) => Object.keys(one).filter((name) => one[name]?.unit !== undefined)));
-  return tableOf(caption, ["", ...columns.map(([name]) => name)], [...names].map((name) => [words(name), ...columns.map(([, one]) => shownFigure(name, one[name]))]));
+  const names = new Set(columns.flatMap(([, quantities]) => Object.keys(quantities).filter((name) => quantities[name]?.unit !== undefined)));
+  return tableOf(caption, ["", ...columns.map(([name]) => name)], [...names].map((name) => [words(name), ...columns.map(([, quantities]) => shownFigure(name, quantities[name]))]));
 }
 
-/** Which points of a response the tables count: fitted ones of a model, usable ones of a measurement. */
+/** Which points of a response count: the fitted ones of a model, the usable ones of a measurement. */
 const usedOf = (curves, i, j) => (curves.fitted ?? curves.used)?.[i][j].map(Boolean) ?? curves["values.re"][i][j].map((value) => value !== null);
 
 /** The class of a verdict's color. */
 const CLASSES = { green: "good", yellow: "fair", red: "bad", gray: "soft" };
 
 const SHOWS = {
-  identify(body, told) {
-    const rows = Object.entries(told.parameters ?? {});
+  identify(body, result) {
+    const rows = Object.entries(result.parameters ?? {});
     if (!rows.length) return;
-    body.append(tableOf("Parameters", ["parameter", "value", "95 % from", "to", "unit", "status"], rows.map(([name, one]) => [name, ...ends(one), unitOf(one.unit), one.status])));
-    if (told.verdict) body.append(make("p", "Fit: ", {}, make("b", told.verdict.word, { class: CLASSES[told.verdict.color] }), `. ${told.verdict.reason}`));
-    else if (told.cost) body.append(make("p", `Average cost ${number(told.cost.average)}.`));
-    if (told.poles?.length) {
+    body.append(tableOf("Parameters", ["parameter", "value", "95 % from", "to", "unit", "status"], rows.map(([name, parameter]) => [name, ...ends(parameter), unitOf(parameter.unit), parameter.status])));
+    if (result.verdict) body.append(make("p", "Fit: ", {}, make("b", result.verdict.word, { class: CLASSES[result.verdict.color] }), `. ${result.verdict.reason}`));
+    else if (result.cost) body.append(make("p", `Average cost ${number(result.cost.average)} (up to 100 is acceptable).`));
+    if (result.poles?.length) {
       const part = (value, std) => withStd(shownOmega(value), shownOmega(std));
-      body.append(tableOf(`Poles, in ${unitText()}, ± half of the 95 % interval`, ["real part", "imaginary part", "frequency", "damping"], told.poles.filter((one) => one.imag >= 0).map((one) =>
-        [part(one.real, one.real_std), one.imag ? part(one.imag, one.imag_std) : "0", part(one.frequency_rad_s, one.frequency_std_rad_s), withStd(one.damping, one.damping_std)])));
+      body.append(tableOf(`Poles, in ${unitText()}, ± half of the 95 % interval`, ["real part", "imaginary part", "frequency", "damping"], result.poles.filter((pole) => pole.imag >= 0).map((pole) =>
+        [part(pole.real, pole.real_std), pole.imag ? part(pole.imag, pole.imag_std) : "0", part(pole.frequency_rad_s, pole.frequency_std_rad_s), withStd(pole.damping, pole.damping_std)])));
     }
-    scores(body, told.verification?.maneuvers ?? []);
+    scores(body, result.verification?.maneuvers ?? []);
   },
-  verify(body, told) {
-    scores(body, told.maneuvers ?? []);
+  verify(body, result) {
+    scores(body, result.maneuvers ?? []);
   },
-  review(body, told) {
-    for (const one of told.reviews ?? [told]) {
-      body.append(make("div", "", { class: "cards" }, ...(one.cards ?? []).map((card) => make("div", "", { class: CLASSES[card.color] ?? "" }, make("b", card.title), make("span", card.word ?? "", { class: CLASSES[card.color] ?? "soft" }), make("span", ` ${card.number ?? ""}`, { class: "figure" }), make("p", card.sentence, { class: "soft" })))));
-      const loops = Object.entries(one.loops ?? {}), margins = Object.entries(one.margins ?? {});
-      if (loops.length) body.append(figures("Loops", loops));
-      if (margins.length) body.append(figures("Margins", margins));
-      if (one.cannot_tell?.length) body.append(make("details", "", {}, make("summary", `What this log cannot tell: ${one.cannot_tell.length}`), make("ul", "", {}, ...one.cannot_tell.map((row) => make("li", `${row.what}: ${row.why} ${row.remedy ? `To see it: ${row.remedy}.` : ""}`)))));
+  review(body, result, k, row, answer) {
+    for (const [n, review] of (result.reviews ?? [result]).entries()) {
+      body.append(make("div", "", { class: "cards" }, ...(review.cards ?? []).map((card) => make("div", "", { class: CLASSES[card.color] ?? "" }, make("b", card.title), make("span", card.word ?? "", { class: CLASSES[card.color] ?? "soft" }), make("span", ` ${card.number ?? ""}`, { class: "figure" }), make("p", card.sentence, { class: "soft" })))));
+      const loops = Object.entries(review.loops ?? {}), margins = Object.entries(review.margins ?? {});
+      const tables = [
+        ...(loops.length ? [figures("Loops", loops.map(([name, loop]) => [loopOf(name), loop]))] : []),
+        ...(margins.length ? [figures("Margins", margins)] : []),
+      ];
+      if (tables.length) body.append(make("details", "", {}, make("summary", "Loops and margins in numbers"), ...tables));
+      const gaps = answer.unavailable[n];
+      if (gaps.length) body.append(make("details", "", {}, make("summary", `Not enough data: ${gaps.length}`), make("ul", "", {}, ...gaps.map((gap) => make("li", `${gap.what}: ${gap.why} ${gap.remedy ? `To measure it: ${gap.remedy.replace(/\.$/, "")}.` : ""}`)))));
     }
   },
-  tune(body, told, k) {
-    for (const [axis, one] of Object.entries(told.axes ?? {})) {
-      const gains = Object.entries(one.gains ?? {}), rows = Object.keys(one.flown ?? {}).filter((name) => one.proposed?.[name]);
+  tune(body, result, k) {
+    for (const [axis, tuned] of Object.entries(result.axes ?? {})) {
+      const gains = Object.entries(tuned.gains ?? {}), rows = Object.keys(tuned.flown ?? {}).filter((name) => tuned.proposed?.[name]);
       body.append(tableOf(`${axis}: gains`, ["parameter", "flown", "proposed"], gains.map(([name, gain]) => [name, number(gain.flown), number(gain.proposed)])));
-      body.append(tableOf(`${axis}: rate loop, for every likely vehicle`, ["", "flown", "proposed"], rows.map((name) => [words(name), shownFigure(name, one.flown[name]), shownFigure(name, one.proposed[name])])));
-      for (const sentence of [...(one.reasons ?? []), ...(one.notes ?? [])]) body.append(make("p", typeof sentence === "string" ? sentence : sentence.message ?? "", { class: "soft" }));
+      body.append(tableOf(`${axis}: rate loop, over all likely vehicles`, ["", "flown", "proposed"], rows.map((name) => [words(name), shownFigure(name, tuned.flown[name]), shownFigure(name, tuned.proposed[name])])));
+      for (const sentence of [...(tuned.reasons ?? []), ...(tuned.notes ?? [])]) body.append(make("p", typeof sentence === "string" ? sentence : sentence.message ?? "", { class: "soft" }));
     }
-    body.append(make("p", "", {}, make("a", "Move every gain by hand, with the margins beside it", { href: `/api/steps/${k}/report`, target: "_blank", rel: "noopener" })));
+    body.append(make("p", "", {}, make("a", "Adjust gains by hand and see the margins", { href: `/api/steps/${k}/report`, target: "_blank", rel: "noopener" })));
   },
-  export(body, told) {
-    body.append(tableOf("Quantities", ["quantity", "identified", "exported", "unit"], told.quantities.map((one) => [one.name, number(one.identified), number(one.exported), unitOf(one.unit)])));
+  export(body, result) {
+    body.append(tableOf("Quantities", ["quantity", "identified", "exported", "unit"], result.quantities.map((quantity) => [quantity.name, number(quantity.identified), number(quantity.exported), unitOf(quantity.unit)])));
   },
 };
 
 function scores(body, maneuvers) {
-  const rows = maneuvers.flatMap((one) => Object.entries(one.scores).map(([output, score]) => [`${one.axis} ${one.kind} at ${one.start_s.toFixed(1)} s of ${one.record}`, output, number(score.tic, 3), `${number(score.nrmse_fit_percent, 3)} %`, PREDICTIONS[one.verdict] ?? one.verdict]));
-  if (rows.length) body.append(tableOf("On unseen maneuvers", ["maneuver", "output", "Theil's coefficient", "fit", "verdict"], rows));
+  const rows = maneuvers.flatMap((maneuver) => Object.entries(maneuver.scores).map(([output, score]) => [`${maneuver.axis} ${maneuver.kind} at ${maneuver.start_s.toFixed(1)} s of ${maneuver.record}`, output, number(score.tic, 3), `${number(score.nrmse_fit_percent, 3)} %`, PREDICTIONS[maneuver.verdict] ?? maneuver.verdict]));
+  if (rows.length) body.append(tableOf("On unseen maneuvers", ["maneuver", "output", "TIC (up to 0.25 is good)", "fit", "verdict"], rows));
 }
 
 function slider(label, { min, max, step, value, text }) {

@@ -1,5 +1,5 @@
-// Spectra and spectrograms of an interval: asked of the server once, drawn again in other units and colors.
-import { ask, make, seenAs, shownOmega, times, tried, unitOf, unitText } from "./page.js";
+// Spectra and spectrograms of an interval: computed by the server once, drawn again in other units and colors.
+import { ask, make, displayUnit, shownOmega, times, tried, unitOf, unitText } from "./page.js";
 import { gram, lines, released } from "./plots.js";
 
 /** Densities times a factor, as they are or in decibels. */
@@ -22,23 +22,23 @@ export class Spectra {
   }
 
   add = tried(async (kind, log, { channel, name, unit }, [start, stop]) => {
-    const told = await ask(`/api/logs/${log}/${kind}?channel=${channel}&start=${start}&stop=${stop}`), seen = seenAs(unit);
-    const found = inUnit(told, seen.factor ** 2);
-    if (!(found.density ?? found.density_db).length) throw new Error("The interval holds too few samples for that.");
+    const answer = await ask(`/api/logs/${log}/${kind}?channel=${channel}&start=${start}&stop=${stop}`), display = displayUnit(unit);
+    const found = inUnit(answer, display.factor ** 2);
+    if (!(found.density ?? found.density_db).length) throw new Error("Too few samples in this interval.");
     // What the server really took may be less than what was asked for.
     const title = `${kind} of ${name}, ${(found.start_s ?? start).toFixed(1)} to ${(found.stop_s ?? stop).toFixed(1)} s`;
-    const picture = make("div"), one = { kind, title, found, picture, density: `${unit === "1" ? "1" : `(${unitOf(seen.unit)})²`}/Hz` };
+    const picture = make("div"), spectral = { kind, title, found, picture, density: `${unit === "1" ? "1" : `(${unitOf(display.unit)})²`}/Hz` };
     const box = make("div", "", { class: "spectral" }, make("button", "×", { class: "plain", "aria-label": `remove the ${kind}`, onclick: () => {
-      this.shown = this.shown.filter((other) => other !== one);
+      this.shown = this.shown.filter((other) => other !== spectral);
       released(picture);
       box.remove();
     } }), picture);
     this.box.prepend(box);
-    this.shown.push(one);
-    this.#draw(one);
+    this.shown.push(spectral);
+    this.#draw(spectral);
   });
 
-  redraw() { this.shown.forEach((one) => this.#draw(one)); }
+  redraw() { this.shown.forEach((spectral) => this.#draw(spectral)); }
 
   #draw({ kind, title, found, picture, density }) {
     released(picture);

@@ -1,10 +1,10 @@
 // Tracks: channels over time on one axis. They zoom at once with what is drawn, and are redrawn from the pyramid of
 // the server; brushed segments lie over them, with edges that mouse, finger and keyboard move.
-import { $, ask, make, number, seenAs, times, unitOf, watched } from "./page.js";
+import { $, ask, make, number, displayUnit, times, unitOf, watched } from "./page.js";
 import { axisOf, colors, fitted, style, widthOf } from "./plots.js";
 
 const HEIGHT = 132;
-/** A hand on an edge that moves by less, in pixels, only takes hold of it. */
+/** A drag of an edge by less than this, in pixels, is a click. */
 const STILL = 3;
 const round = (value, digits = 3) => Number(value.toFixed(digits));
 const between = (value, low, high) => Math.min(Math.max(value, low), high);
@@ -30,9 +30,9 @@ export class Tracks {
   }
 
   async add(channel) {
-    if (this.shown.some((one) => one.channel === channel)) return;
+    if (this.shown.some((track) => track.channel === channel)) return;
     const row = this.channels[channel], [start, stop] = this.view, log = this.log;
-    const told = await ask(this.#path(channel, start, stop, 1200)), { unit, factor } = seenAs(row.unit);
+    const samples = await ask(this.#path(channel, start, stop, 1200)), { unit, factor } = displayUnit(row.unit);
     if (log !== this.log) return;
     const value = make("span", "", { class: "value soft" }), picture = make("div", "", { class: "picture" });
     const track = make("div", "", { class: "track" }, make("div", "", { class: "head" }, make("b", row.name),
@@ -50,7 +50,7 @@ export class Tracks {
         draw: [(u) => { this.#marks(u); this.#segments(u); }],
         setCursor: [(u) => { value.textContent = u.cursor.idx === null || u.cursor.idx === undefined ? "" : `${u.data[0][u.cursor.idx].toFixed(3)} s: ${number(u.data[1][u.cursor.idx], 5)}`; }],
       },
-    }, [told.x, times(told.y, factor)], picture);
+    }, [samples.x, times(samples.y, factor)], picture);
     plot.over.tabIndex = 0;
     plot.over.setAttribute("role", "group");
     plot.over.setAttribute("aria-label", `${row.name} over time; plus, minus, arrows and 0 zoom and move`);
@@ -60,11 +60,11 @@ export class Tracks {
   }
 
   remove(channel) {
-    const one = this.shown.find((other) => other.channel === channel);
-    if (!one) return;
-    this.shown = this.shown.filter((other) => other !== one);
-    one.plot.destroy();
-    one.track.remove();
+    const removed = this.shown.find((other) => other.channel === channel);
+    if (!removed) return;
+    this.shown = this.shown.filter((other) => other !== removed);
+    removed.plot.destroy();
+    removed.track.remove();
   }
 
   redraw() { this.shown.forEach(({ plot }) => plot.redraw(false)); }
@@ -90,8 +90,8 @@ export class Tracks {
   #fetch = watched(async () => {
     const asked = (this.asked += 1), [start, stop] = this.view, log = this.log;
     await Promise.all(this.shown.map(async ({ channel, plot, factor }) => {
-      const told = await ask(this.#path(channel, start, stop, plot.width));
-      if (asked === this.asked && log === this.log) plot.setData([told.x, times(told.y, factor)]);
+      const samples = await ask(this.#path(channel, start, stop, plot.width));
+      if (asked === this.asked && log === this.log) plot.setData([samples.x, times(samples.y, factor)]);
     }));
   });
 
@@ -134,14 +134,14 @@ export class Tracks {
   #segments(u) {
     const wide = u.over.clientWidth, list = this.hooks.segments();
     const old = [...u.over.querySelectorAll(".brushed")];
-    list.forEach((one, k) => {
+    list.forEach((segment, k) => {
       const box = old[k] ?? this.#segmentBox(u, k);
-      const a = between(u.valToPos(one.start_s, "x"), -10, wide + 10), b = between(u.valToPos(one.stop_s, "x"), -10, wide + 10);
+      const a = between(u.valToPos(segment.start_s, "x"), -10, wide + 10), b = between(u.valToPos(segment.stop_s, "x"), -10, wide + 10);
       box.style.left = `${a}px`;
       box.style.width = `${Math.max(b - a, 1)}px`;
-      box.firstChild.textContent = one.axis;
+      box.firstChild.textContent = segment.axis;
       u.over.querySelectorAll(`.edge[data-segment="${k}"]`).forEach((edge) => {
-        const at = one[edge.dataset.side];
+        const at = segment[edge.dataset.side];
         edge.style.left = `${u.valToPos(at, "x")}px`;
         edge.hidden = at < this.view[0] || at > this.view[1];
         edge.setAttribute("aria-valuenow", at);
@@ -161,7 +161,7 @@ export class Tracks {
         "aria-label": `${side === "start_s" ? "start" : "stop"} of segment ${k + 1}`, "aria-valuemin": this.span[0], "aria-valuemax": this.span[1],
       });
       const moveTo = (at, last) => {
-        const one = this.hooks.segments()[k], other = side === "start_s" ? one.stop_s : one.start_s;
+        const segment = this.hooks.segments()[k], other = side === "start_s" ? segment.stop_s : segment.start_s;
         const kept = round(side === "start_s" ? between(at, this.span[0], other - 0.05) : between(at, other + 0.05, this.span[1]));
         this.hooks.edged(k, side, kept, last);
       };
@@ -169,17 +169,17 @@ export class Tracks {
         if (event.button !== 0) return;
         event.stopPropagation();
         edge.setPointerCapture(event.pointerId);
-        // An edge keeps its distance from the pointer that took hold of it beside its middle.
+        // The edge keeps its distance from the pointer, wherever in it the drag began.
         const left = u.over.getBoundingClientRect().left, hold = event.clientX - left - u.valToPos(this.hooks.segments()[k][side], "x");
-        const held = new AbortController(), { signal } = held;
+        const drag = new AbortController(), { signal } = drag;
         let moving = false;
         const to = (other, last) => {
           moving ||= Math.abs(other.clientX - event.clientX) >= STILL;
           if (moving) moveTo(u.posToVal(other.clientX - left - hold, "x"), last);
         };
         edge.addEventListener("pointermove", (other) => to(other, false), { signal });
-        edge.addEventListener("pointerup", (other) => { held.abort(); to(other, true); }, { signal });
-        for (const lost of ["pointercancel", "lostpointercapture"]) edge.addEventListener(lost, () => { held.abort(); if (moving) this.hooks.unedged(); }, { signal });
+        edge.addEventListener("pointerup", (other) => { drag.abort(); to(other, true); }, { signal });
+        for (const lost of ["pointercancel", "lostpointercapture"]) edge.addEventListener(lost, () => { drag.abort(); if (moving) this.hooks.unedged(); }, { signal });
       });
       edge.addEventListener("keydown", (event) => {
         const by = { ArrowLeft: -0.1, ArrowRight: 0.1 }[event.key];
@@ -252,6 +252,6 @@ export function firstTracks(channels, inspection) {
   const axis = inspection?.excitations?.[0]?.axis ?? "roll";
   const rate = { roll: "p", pitch: "q", yaw: "r", thrust: "az" }[axis] ?? "p";
   const wanted = [`${axis}_command`, rate, { roll: "phi", pitch: "theta" }[axis]].filter(Boolean);
-  const found = wanted.map((name) => channels.findIndex((one) => one.name === name)).filter((k) => k >= 0);
+  const found = wanted.map((name) => channels.findIndex((channel) => channel.name === name)).filter((k) => k >= 0);
   return found.length ? found : channels.length ? [0] : [];
 }
