@@ -29,10 +29,17 @@ ALONE = {"rotorid.errors", "rotorid.frames", "rotorid.typing", "rotorid.units"}
 """Modules that are their own face."""
 
 STANDING_FOR = {
-    *("rotorid.progress", "rotorid.cli.NAME", "rotorid.result", "rotorid.flown", "rotorid.tune_check"),
+    *(
+        "rotorid.progress",
+        "rotorid.help_all",
+        "rotorid.cli.NAME",
+        "rotorid.result",
+        "rotorid.flown",
+        "rotorid.tune_check",
+    ),
     "rotorid.io.logger_x",
 }
-"""A logger, any command, how some schemas begin (of results, a flown model, checked gains), a format that is added."""
+"""A logger, a setting, any command, how some schemas begin, a format that is added."""
 
 DEFINED = {
     node.name
