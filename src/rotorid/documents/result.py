@@ -245,7 +245,7 @@ def load(path: str | Path) -> IdentifiedModel:
     inside = sorted(file.parent.name for file in Path(path).glob(f"*/{RESULT}")) if not file.exists() else []
     if inside:
         raise UsageError(
-            f"{path} came, which holds {counted(len(inside), 'model')}: {', '.join(inside)}",
+            f"{path} has {counted(len(inside), 'model')}: {', '.join(inside)}",
             needed="one of them",
             remedy=f"give {Path(path) / inside[0]}",
         )
@@ -271,7 +271,7 @@ def model_of(
     file
         The ``result.json``, for messages.
     document, structure, arrays
-        What is in it, in the ``model.toml`` and in the ``responses.npz`` beside it.
+        What is in it, in the ``model.toml`` and in the ``responses.npz`` of its folder.
 
     Raises
     ------
@@ -283,9 +283,9 @@ def model_of(
     # Names that are missing, tables that are not square, arrays of other sizes.
     except (ValueError, LookupError, TypeError) as error:
         raise UsageError(
-            f"{file} and the files beside it do not fit together: {cut(str(error), 120)}",
+            f"{file} and the other files of its folder do not match: {cut(str(error), 120)}",
             needed="all files of one result, as identify wrote them",
-            remedy="identify anew",
+            remedy="run identify again",
         ) from error
 
 
@@ -398,7 +398,7 @@ def response_arrays(data: FittedData) -> dict[str, np.ndarray]:
 
 
 def measured_arrays(response: FrequencyResponse, direct: FrequencyResponse | None) -> dict[str, np.ndarray]:
-    """Arrays of measured responses, and of the direct estimate beside joint ones."""
+    """Arrays of measured responses, and of the direct estimate where there is a joint one."""
     arrays = {
         "omega_rad_s": response.omega_rad_s,
         "values": response.values,
@@ -528,8 +528,8 @@ def read_result(file: Path, text: str) -> ResultDocument:
         raise UsageError(
             f"{file} does not fit its schema at {error}",
             needed=f"a {RESULT} of this version",
-            remedy="identify anew",
+            remedy="run identify again",
         ) from error
     if not document.parameters:
-        raise UsageError(f"{file} holds no model: its data did not support one", needed="results with parameters")
+        raise UsageError(f"{file} has no model: not enough data", needed="results with parameters")
     return document

@@ -58,7 +58,7 @@ def results_document(models: SeveralModels) -> ResultsDocument:
 
 
 def refused_results(models: SeveralModels, error: InsufficientDataError) -> ResultsDocument:
-    """Several models of which none stands, with what each lacks; models that the logs do not support are no results."""
+    """Several models of which none could be identified, with what each lacks; unsupported models are no results."""
     findings = [FindingDocument.model_validate(finding) for finding in error.findings]
     return results_document(models).model_copy(update={"findings": findings})
 
@@ -75,7 +75,7 @@ def load_results(paths: Sequence[str | Path]) -> list[IdentifiedModel]:
     ----------
     paths
         Folders that ``identify`` wrote, of one model or of several, or the ``result.json`` or ``results.json`` in them.
-        Of several models those that stand are read.
+        Of several models the identified ones are read.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def load_results(paths: Sequence[str | Path]) -> list[IdentifiedModel]:
 
 
 def result_files(path: Path) -> list[Path]:
-    """The ``result.json`` of each model behind a path: of several models those that stand, in their order.
+    """The ``result.json`` of each model behind a path: of several models the identified ones, in their order.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def result_files(path: Path) -> list[Path]:
     Raises
     ------
     UsageError
-        Of several models none stands, or the folder of one is missing.
+        Of several models none is identified, or the folder of one is missing.
     """
     folder = path if path.is_dir() else path.parent
     several = path.name == RESULTS if path.is_file() else (folder / RESULTS).is_file()
@@ -105,7 +105,7 @@ def result_files(path: Path) -> list[Path]:
     table = _table(folder / RESULTS)
     standing = [str(row.get("model")) for row in table if isinstance(row, dict) and row.get("parameters")]
     if not standing:
-        raise UsageError(f"{path} holds no model: the data did not support one", needed="results with parameters")
+        raise UsageError(f"{path} has no model: not enough data", needed="results with parameters")
     files = {read_result(file, read_text(file)).model: file for file in sorted(folder.glob(f"*/{RESULT}"))}
     missing = [name for name in standing if name not in files]
     if missing:

@@ -123,7 +123,7 @@ class RatesTable(Document):
 
 
 class GuidanceTable(Document):
-    """What stands above the attitude: sticks, and the loops of velocity, place and height."""
+    """The loops above attitude: sticks, and the loops of velocity, place and height."""
 
     tilt_limit_rad: float | None = None
     stick_tilt_rad: float | None = None
@@ -153,7 +153,7 @@ class LinearizationTable(Document):
 
 
 class AutopilotTable(Document):
-    """A flight controller: that of a vehicle of the library, ``base``, with the numbers that stand here.
+    """A flight controller: that of a vehicle of the library, ``base``, with the numbers given here.
 
     Without a base, ``kind``, ``rate_hz``, ``angle_1_s`` and ``rates.proportional`` are needed. ``parameters`` are the
     autopilot's own, for the log; on top of a base its gains and filters follow them.
@@ -335,7 +335,8 @@ def _require_flight(craft: Aircraft) -> None:
 def _aircraft(file: VehicleFile) -> Aircraft:
     if not NAME.fullmatch(file.name):
         raise ModelError(
-            f"the name {file.name[:80]!r} came", needed="letters, digits, dots, dashes and underscores, 60 at most"
+            f"the name {file.name[:80]!r} is not allowed",
+            needed="letters, digits, dots, dashes and underscores, 60 at most",
         )
     layout = _layout(file)
     wanted = {key: value for key, value in file.rotors.model_dump().items() if key not in ("layout", "arm_m")}
@@ -390,10 +391,10 @@ def _aerodynamics(body: BodyTable) -> np.ndarray | None:
     if body.derivatives is None:
         air = None if body.aerodynamics is None else _matrix("aerodynamics", body.aerodynamics)
         if air is not None and air.shape != (6, 6):
-            raise ModelError(f"aerodynamics of shape {air.shape} came", needed="six rows of six")
+            raise ModelError(f"aerodynamics has the shape {air.shape}", needed="six rows of six")
         return air
     if body.aerodynamics is not None:
-        raise ModelError("aerodynamics and derivatives came", needed="one of them")
+        raise ModelError("aerodynamics and derivatives are both given", needed="one of them")
     inertia = np.array(body.inertia_kg_m2)
     size = np.array([body.mass_kg] * 3 + list(inertia if inertia.ndim == 1 else inertia.diagonal()))
     air = np.zeros((6, 6))
@@ -639,7 +640,7 @@ class NamedVehicle(Immutable):
     changes
         Numbers of it that are to be otherwise, by the names of :func:`rotorid.simulation.multirotor_flight.changed`.
     own
-        Where it came from results: its numbers with their sources.
+        Of results: its numbers with their sources.
     like
         The vehicle of the library that gave the rest, if one of the library did.
     """
@@ -692,12 +693,13 @@ def named_vehicle(
             raise UsageError(f"{' and '.join(words) or 'no vehicle'} came", needed="one vehicle, or results of one")
         if like is not None:
             raise UsageError(
-                f"--like {like} came for {words[0]}, which is whole", needed="--like for results of identify only"
+                f"--like {like} does not apply to {words[0]}, a complete vehicle",
+                needed="results of identify with --like",
             )
         entry = read_vehicle(Path(words[0])) if words[0].endswith(".toml") else _of_library(words[0])
         return NamedVehicle(entry=entry, changes=known)
     if others := [word for word in words if word not in results]:
-        raise UsageError(f"{others[0]} and {results[0]} came together", needed="results of one vehicle only")
+        raise UsageError(f"{others[0]} and {results[0]} cannot be combined", needed="results of one vehicle only")
     from rotorid.documents.results import load_results
 
     models = load_results(results)
@@ -739,7 +741,7 @@ def _named(name: str | None, place: Path) -> str:
         return re.sub(r"[^A-Za-z0-9_.-]+", "_", folder).strip("._-")[:60] or "vehicle"
     if not NAME.fullmatch(name):
         raise UsageError(
-            f"the name {name[:80]!r} came", needed="letters, digits, dots, dashes and underscores, 60 at most"
+            f"the name {name[:80]!r} is not allowed", needed="letters, digits, dots, dashes and underscores, 60 at most"
         )
     return name
 

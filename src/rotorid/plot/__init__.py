@@ -20,7 +20,7 @@ for each picture:
 ``rotorid.plot.made_by_motors``         accelerations measured and made by motors
 ``rotorid.plot.planned_flight``         test inputs and the simulated flight over time
 ``rotorid.plot.predicted_bode``         the response that a planned flight is expected to show
-``rotorid.plot.percent_dots``           predicted deviations of parameters, plan beside plan
+``rotorid.plot.percent_dots``           predicted deviations of parameters, plan next to plan
 ``rotorid.plot.clusters``                candidates of a K-means search over its iterations
 ``rotorid.plot.s_plane``                poles with their uncertainty
 ``rotorid.plot.overview_png``           an identification as a PNG

@@ -185,7 +185,7 @@ class ModelPictures:
         output, input
             Which of the fitted pairs; by default the one with most fitted points.
         **how
-            What :func:`rotorid.bode` takes beside: ``frequency="Hz"``, ``magnitude="linear"``.
+            More arguments of :func:`rotorid.bode`: ``frequency="Hz"``, ``magnitude="linear"``.
 
         Raises
         ------
@@ -229,9 +229,7 @@ class ModelPictures:
         """
         checks = self.model.verifications.maneuvers
         if not 0 <= number < len(checks):
-            raise UsageError(
-                f"the unseen maneuver {number} came", needed=f"one of {len(checks)} that the model was judged on"
-            )
+            raise UsageError(f"there is no unseen maneuver {number}", needed=f"a number below {len(checks)}")
         return verification(checks[number])
 
 
@@ -252,7 +250,7 @@ def _chosen(asked: Sequence[str], there: Sequence[str], where: str) -> list[str]
 
 def _known(name: str, there: Sequence[str], kind: str) -> str:
     if name not in there:
-        raise UsageError(f"the {kind} {name} came", needed=f"one of {', '.join(there)}")
+        raise UsageError(f"unknown {kind} {name}", needed=f"one of {', '.join(there)}")
     return name
 
 

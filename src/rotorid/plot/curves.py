@@ -53,7 +53,7 @@ class View:
             ("magnitude", self.magnitude, get_args(Magnitude)),
         ):
             if came not in known:
-                raise UsageError(f"a picture with {name}={came!r} was asked for", needed=" or ".join(map(repr, known)))
+                raise UsageError(f"unknown {name} {came!r}", needed=" or ".join(map(repr, known)))
 
     def across(self, omega_rad_s: FloatArray) -> FloatArray:
         """Frequencies in the unit of the picture, same shape."""
@@ -111,7 +111,7 @@ class Style:
     color, width, dash, symbol, size, opacity
         As plotly has them.
     legend
-        Whether this trace stands for its group in the legend.
+        Whether this trace represents its group in the legend.
     unit
         Unit of the vertical axis, for the text that follows the pointer.
     """

@@ -1,4 +1,4 @@
-"""Pictures of planned flights: test inputs and what they move, what they excite, what the data will tell."""
+"""Pictures of planned flights: test inputs and what they move, what they excite, and the expected parameter errors."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def planned_flight(strips: Sequence[Strip]) -> Figure:
 
 
 def _strip(strip: Strip, names: Sequence[str], shown: set[str]) -> Panel:
-    """One panel; ``shown`` holds what already stands in the legend."""
+    """One panel; ``shown`` holds what is already in the legend."""
     traces: list[Trace] = []
     for signal in strip.signals:
         known = signal.words in names

@@ -279,7 +279,7 @@ def curve(omega_rad_s: FloatArray, values: ComplexArray, random_error: FloatArra
 
 
 def bands(view: View, drawn: Curve, used: BoolArray, style: Style) -> tuple[list[Trace], list[Trace]]:
-    """Error bands of magnitude and phase; only the first may stand in the legend."""
+    """Error bands of magnitude and phase; only the first may be in the legend."""
     omega, level, half = drawn.omega_rad_s, drawn.magnitude_db, drawn.magnitude_error_db
     low, high = drawn.phase_deg - drawn.phase_error_deg, drawn.phase_deg + drawn.phase_error_deg
     quiet = Style(name=style.name, color=style.color)
@@ -305,7 +305,7 @@ class Named:
     Parameters
     ----------
     name
-        Different from the names beside it.
+        Different from the other names.
     omega_rad_s
         Positive frequencies, rising, shape ``(f,)``; each response may have its own.
     values
@@ -335,7 +335,7 @@ class Named:
         for name, array in arrays.items():
             if array is not None and array.shape != self.omega_rad_s.shape:
                 raise UsageError(
-                    f"{name} of the curve {self.name!r} came with the shape {array.shape}",
+                    f"{name} of the curve {self.name!r} has the shape {array.shape}",
                     needed=f"the shape {self.omega_rad_s.shape} of its frequencies",
                 )
 
@@ -495,7 +495,7 @@ def window_contributions(
     composite_error: FloatArray | None = None,
     frequency: Frequency = "rad/s",
 ) -> Figure:
-    r"""Share of each window length in a composite response, beside the random error of each window alone.
+    r"""Share of each window length in a composite response, and the random error of each window alone.
 
     Where the windows are combined with weights :math:`W_i`, the share is :math:`W_i^2 / \sum_j W_j^2`
     (``rotorid.spectral.composite.window_weights``). Windows of one record share its data: the error of the composite
@@ -568,9 +568,9 @@ def _require(
         ("composite_error", shape[1:] if composite_error is None else composite_error.shape, shape[1:]),
     ):
         if came != needed:
-            raise UsageError(f"{name} came with the shape {came}", needed=f"the shape {needed}")
+            raise UsageError(f"{name} has the shape {came}", needed=f"the shape {needed}")
     if np.nanmin(share, initial=0.0) < 0.0:
-        raise UsageError("a negative share of a window came", needed="shares from 0 to 1")
+        raise UsageError("the share of a window is negative", needed="shares from 0 to 1")
 
 
 def _positive(values: FloatArray) -> FloatArray:
@@ -624,10 +624,10 @@ def coherence_map(
     view = View(frequency=frequency)
     every = [*(span for spans in usable.values() for span in spans), *([asked] if asked else [])]
     if not every:
-        raise UsageError("a map of usable bands came without any band", needed="one band, or the band asked for")
+        raise UsageError("there is no band to draw", needed="a usable band, or the band that was asked for")
     for low, high in every:
         if not 0.0 < low < high:
-            raise UsageError(f"the band {low:g} to {high:g} rad/s came", needed="0 < low < high")
+            raise UsageError(f"the band {low:g} to {high:g} rad/s is empty", needed="0 < low < high")
     edges = np.array(every)
     low, high = view.across(np.array([edges.min(), edges.max()])).tolist()
     outputs = list(dict.fromkeys(output for output, _ in usable))
@@ -785,9 +785,9 @@ def input_spectrum(
     for name, came in curves.items():
         values = came.values if isinstance(came, Density) else came
         if values is not None and values.shape != omega_rad_s.shape:
-            raise UsageError(f"{name} came with the shape {values.shape}", needed=f"the shape {omega_rad_s.shape}")
+            raise UsageError(f"{name} has the shape {values.shape}", needed=f"the shape {omega_rad_s.shape}")
     if noise is not None and output is None:
-        raise UsageError("a noise density came without its output", needed="the density of the output too")
+        raise UsageError("a noise density needs the density of its output")
     driven = [("input", Density(channel=input, values=density), INPUT, "solid")]
     groups = [driven]
     if instrument is not None:

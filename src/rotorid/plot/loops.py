@@ -69,7 +69,9 @@ class Crossing:
 
     def __post_init__(self) -> None:
         if not (self.omega_rad_s > 0.0 and self.omega_std_rad_s >= 0.0 and self.value_std >= 0.0):
-            raise UsageError(f"{self} came", needed="a positive frequency, and deviations that are not negative")
+            raise UsageError(
+                f"{self} is no crossing", needed="a positive frequency, and deviations that are not negative"
+            )
 
 
 def broken_loop(
@@ -124,7 +126,7 @@ def broken_loop(
     counted = np.isfinite(values) if used is None else used
     drawn = _curve(omega_rad_s, values, random_error, counted)
     if any(crossing.value <= 0.0 for crossing in phase_crossovers):
-        raise UsageError("a gain margin that is not positive came", needed="a factor: 2 for 6 dB")
+        raise UsageError("the gain margin is not positive", needed="a factor: 2 for 6 dB")
     level, turn = _with_band(view, drawn, random_error, "broken loop", counted)
     hung = [_gain_margin(view, crossing) for crossing in phase_crossovers]
     stood = [_phase_margin(view, crossing, drawn) for crossing in gain_crossovers]
@@ -215,7 +217,7 @@ def _curve(omega_rad_s: FloatArray, values: ComplexArray, random_error: FloatArr
     error = np.zeros(omega_rad_s.size) if random_error is None else random_error
     for name, came in (("the response", values.shape), ("random_error", error.shape), ("used", used.shape)):
         if came != omega_rad_s.shape:
-            raise UsageError(f"{name} came with the shape {came}", needed=f"the shape {omega_rad_s.shape}")
+            raise UsageError(f"{name} has the shape {came}", needed=f"the shape {omega_rad_s.shape}")
     return curve(omega_rad_s, values, error, reference_deg(omega_rad_s, values, used & np.isfinite(values)))
 
 
@@ -244,7 +246,7 @@ def _with_band(
 
 
 def _beyond(used: BoolArray) -> BoolArray:
-    """Points that do not count, and the used ones beside them, so that a dashed line meets the solid one."""
+    """Points that do not count, and the used ones next to them, so that a dashed line meets the solid one."""
     outside = np.zeros(used.size, dtype=bool)
     outside[1:] |= ~used[:-1]
     outside[:-1] |= ~used[1:]
@@ -380,11 +382,11 @@ def s_plane(
 def _require(poles: ComplexArray, std: ComplexArray, words: Sequence[str]) -> None:
     if poles.ndim != 1 or std.shape != poles.shape or (words and len(words) != poles.size):
         raise UsageError(
-            f"poles of shape {poles.shape} came with deviations of shape {std.shape} and {len(words)} texts",
+            f"poles have the shape {poles.shape}, deviations {std.shape}, and there are {len(words)} texts",
             needed="one row of poles, and one of each for every pole",
         )
     if not np.isfinite(poles).all():
-        raise UsageError("a pole that is not finite came", needed="finite poles")
+        raise UsageError("a pole is not finite", needed="finite poles")
 
 
 def _ranges(poles: ComplexArray, reach: float) -> tuple[list[float], list[float]]:
@@ -477,7 +479,7 @@ def _crosses(poles: ComplexArray, words: Sequence[str], name: str, color: str) -
 
 
 LABELED = 0.5
-"""From this correlation on its number stands in the cell."""
+"""Correlation from which a cell shows its number."""
 
 _CELL_PX, _LEAST_PX = 24.0, 150.0
 _STRONGEST, _FAINTEST = 0.75, 0.05
@@ -509,7 +511,7 @@ def correlation_map(names: Sequence[str], correlation: FloatArray) -> Figure:
     """
     if len(names) < 2 or correlation.shape != (len(names), len(names)):
         raise UsageError(
-            f"{len(names)} names came with a correlation of shape {correlation.shape}",
+            f"there are {len(names)} names for a correlation of shape {correlation.shape}",
             needed="two names and more, and a row and a column for each",
         )
     rows, columns = np.tril_indices(len(names), k=-1)

@@ -63,7 +63,7 @@ def rotor_layout(positions: FloatArray, spins: FloatArray, *, in_meters: bool) -
     """
     if positions.ndim != 2 or positions.shape[1:] != (3,) or spins.shape != positions.shape[:1] or not spins.size:
         raise UsageError(
-            f"positions of shape {positions.shape} came with spins of shape {spins.shape}",
+            f"positions have the shape {positions.shape}, spins {spins.shape}",
             needed="three coordinates and a spin for each rotor",
         )
     places = positions[:, 1] + 1j * positions[:, 0]
@@ -186,7 +186,7 @@ def thrust_curve(
     """
     if outputs.ndim != 1 or not outputs.shape == thrust_n.shape == std_n.shape:
         raise UsageError(
-            f"outputs of shape {outputs.shape} came with thrust of {thrust_n.shape} and deviations of {std_n.shape}",
+            f"outputs have the shape {outputs.shape}, thrust {thrust_n.shape}, deviations {std_n.shape}",
             needed="three rows of equal length",
         )
     inside = (outputs >= flown[0]) & (outputs <= flown[1])
@@ -231,7 +231,7 @@ def thrust_over_inflow(
     """
     if advance_ratio.ndim != 1 or not advance_ratio.shape == c_T.shape == std.shape:
         raise UsageError(
-            f"ratios of shape {advance_ratio.shape} came with values of {c_T.shape} and deviations of {std.shape}",
+            f"ratios have the shape {advance_ratio.shape}, values {c_T.shape}, deviations {std.shape}",
             needed="three rows of equal length",
         )
     line: Trace = {

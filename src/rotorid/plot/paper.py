@@ -273,9 +273,7 @@ def log_png(picture: LogPicture, *, title: str, dots_per_inch: int = 130) -> byt
         matplotlib is not installed, or there is nothing to draw.
     """
     if not picture.topics:
-        raise UsageError(
-            "the log holds no channel to draw", needed="a log with channels", remedy="name them with --map"
-        )
+        raise UsageError("the log has no channel to draw", needed="a log with channels", remedy="name them with --map")
     mpl = matplotlib_or_remedy("a PNG", instead=", or write an .html")
     tables = [(label, bars) for label, bars in _tables(picture) if bars]
     heights = [_ROW_IN * len({bar.row for bar in bars}) + 0.15 for _, bars in tables]

@@ -108,6 +108,10 @@ def saved(canvas: Canvas, kind: PrintedAs) -> bytes:
     return file.getvalue()
 
 
+_INK = "#343a40"
+"""Of numbers in cells, dark enough for every color of a map."""
+
+
 def _draw(cell: Axes, trace: Trace) -> None:
     if trace.get("opacity") == 0 or trace.get("marker", {}).get("opacity") == 0:
         return
@@ -135,7 +139,7 @@ def _draw(cell: Axes, trace: Trace) -> None:
     if "text" in mode:
         words = trace.get("text", ())
         for across, up, word in zip(x, y, [words] * len(x) if isinstance(words, str) else words, strict=False):
-            cell.text(across, up, _plain(str(word)), fontsize=7, ha="center", va="center", color=SECONDARY)
+            cell.text(across, up, _plain(str(word)), fontsize=7, ha="center", va="center", color=_INK)
 
 
 def _dots(cell: Axes, trace: Trace, x: Any, y: FloatArray, label: str | None) -> None:
@@ -160,17 +164,14 @@ def _dots(cell: Axes, trace: Trace, x: Any, y: FloatArray, label: str | None) ->
 
 
 def _bar(cell: Axes, trace: Trace, x: Any, y: FloatArray, label: str | None) -> None:
-    color = (
-        _color(trace.get("marker", {}).get("color"))
-        if not isinstance(trace.get("marker", {}).get("color"), list)
-        else None
-    )
+    colors = trace.get("marker", {}).get("color")
+    color = [_color(each) for each in colors] if isinstance(colors, list) else _color(colors) if colors else None
+    base = _numbers(trace["base"]) if isinstance(trace.get("base"), list) else trace.get("base", 0.0)
     if trace.get("orientation") == "h":
-        base = _numbers(trace["base"]) if isinstance(trace.get("base"), list) else trace.get("base", 0.0)
         cell.barh(list(trace["y"]), _numbers(trace["x"]), left=base, color=color, label=label)
         return
     half = _numbers(trace["error_y"]["array"]) if "array" in trace.get("error_y", {}) else None
-    cell.bar(x, y, width=trace.get("width", 0.8), yerr=half, color=color, label=label, ecolor=SECONDARY)
+    cell.bar(x, y, width=trace.get("width", 0.8), bottom=base, yerr=half, color=color, label=label, ecolor=SECONDARY)
 
 
 def _show(cell: Axes, image: Mapping[str, Any]) -> None:
@@ -195,7 +196,7 @@ def _vertical(cell: Axes, axis: Mapping[str, Any]) -> None:
     if axis.get("showgrid") is False:
         cell.grid(visible=False)
     if "tickvals" in axis:
-        cell.set_yticks(axis["tickvals"], [_plain(str(tick)) for tick in axis.get("ticktext", axis["tickvals"])])
+        cell.set_yticks(axis["tickvals"], _ticks(axis))
     title = axis.get("title", {})
     words = title.get("text", "") if isinstance(title, Mapping) else title
     if words:
@@ -207,15 +208,19 @@ def _horizontal(rows: Sequence[Axes], axis: Mapping[str, Any]) -> None:
     if axis.get("type") == "log":
         last.set_xscale("log")
     if "tickvals" in axis:
-        last.set_xticks(
-            axis["tickvals"], [_plain(str(tick)) for tick in axis.get("ticktext", axis["tickvals"])], minor=False
-        )
+        last.set_xticks(axis["tickvals"], _ticks(axis), minor=False)
         last.set_xticks([], minor=True)
     if "range" in axis:
         low, high = axis["range"]
         last.set_xlim(*((10.0**low, 10.0**high) if axis.get("type") == "log" else (low, high)))
     title = axis.get("title", {})
     last.set_xlabel(_plain(title.get("text", "") if isinstance(title, Mapping) else title))
+
+
+def _ticks(axis: Mapping[str, Any]) -> list[str]:
+    """Words of the ticks, or their numbers as a person writes them: 10, not 10.0."""
+    ticks = axis.get("ticktext", axis["tickvals"])
+    return [_plain(tick) if isinstance(tick, str) else f"{tick:g}".replace("-", "−") for tick in ticks]
 
 
 def _shapes(cells: Mapping[str, Axes], shapes: Sequence[Mapping[str, Any]]) -> None:

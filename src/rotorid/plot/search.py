@@ -1,4 +1,4 @@
-"""How a search came to its answer, and what the answer explains of measured accelerations."""
+"""The cost over a search, and the measured accelerations that its answer explains."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def convergence(traces: Mapping[str, Sequence[Progress]], *, levels: Mapping[str
     ['genetic', 'at the truth']
     """
     if not traces:
-        raise UsageError("no search came", needed="the trace of one search or more")
+        raise UsageError("there is no search to draw", needed="the trace of at least one")
     falls = [_fall(name, trace, number) for number, (name, trace) in enumerate(traces.items())]
     last = max((x for fall in falls for x in fall["x"]), default=1.0)
     drawn = [*falls, *(_level(name, cost, last) for name, cost in (levels or {}).items())]
@@ -103,7 +103,7 @@ def clusters(
     """
     if costs.ndim != 2 or owners.shape != (len(costs), places.size) or not owners.size:
         raise UsageError(
-            f"costs of shape {costs.shape}, owners of {owners.shape} and {places.size} places came",
+            f"costs have the shape {costs.shape}, owners {owners.shape}, for {places.size} places",
             needed="as many iterations of costs and owners, an owner for each place",
         )
     numbered = range(costs.shape[1])
@@ -120,7 +120,7 @@ def clusters(
 
 
 def _owned(mine: BoolArray, places: FloatArray, number: int) -> Trace:
-    """Points of one candidate, a little beside those of the next so that responses of one frequency do not hide."""
+    """Points of one candidate, a little next to those of the next, so that responses of one frequency do not hide."""
     iteration, point = np.nonzero(mine)
     return {
         "type": "scatter",
@@ -225,7 +225,7 @@ def run_histogram(
     """
     drawn = [name for name in alone if centers.get(name, 0.0) != 0.0]
     if not drawn:
-        raise UsageError("no parameter with a value came", needed="one at least")
+        raise UsageError("there is no parameter with a value", needed="at least one")
     off = {name: [100.0 * (np.asarray(of[name]) / centers[name] - 1.0) for of in (alone, polished)] for name in drawn}
     # A run that ended on another side of the box must not squeeze all others into one bar, nor a parameter that is
     # hardly known those that are: what lies beyond is counted in the outermost bars.
@@ -284,7 +284,7 @@ def accelerations(time_s: FloatArray, measured: FloatArray, modeled: FloatArray,
     """
     shape = (len(ACCELERATIONS), time_s.size)
     if not measured.shape == modeled.shape == shape:
-        raise UsageError(f"accelerations of shape {measured.shape} and {modeled.shape} came", needed=f"shape {shape}")
+        raise UsageError(f"accelerations have the shapes {measured.shape} and {modeled.shape}", needed=f"shape {shape}")
     panels = [
         Panel(
             label=label,

@@ -147,7 +147,7 @@ def flown(
     output_names: Sequence[str],
     held: bool = False,
 ) -> Figure:
-    """Outputs of a flight, measured where they were, beside those of a model with its band; the inputs below.
+    """Outputs of a flight, measured where they were, with those of a model and its band; the inputs below.
 
     Parameters
     ----------

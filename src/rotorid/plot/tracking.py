@@ -1,4 +1,4 @@
-"""A gain over a flight, with its band, its steps, and where nothing could be told."""
+"""A gain over a flight, with its band, its steps, and the parts without a verdict."""
 
 from __future__ import annotations
 

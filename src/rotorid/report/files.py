@@ -67,7 +67,7 @@ def write_results(
 
 
 def write_together(folder: Path, files: Mapping[str, Content]) -> None:
-    """Write several files into a folder: all complete, or none; their pages link to what is written beside them.
+    """Write several files into a folder: all complete, or none; their pages link to the other files.
 
     Parameters
     ----------
@@ -101,14 +101,14 @@ def _write(path: Path, content: Content) -> None:
 
 
 def link_files(page: Path, names: Sequence[str]) -> None:
-    """Add links to files beside a page that is written already."""
+    """Add links to other files to a page that is written already."""
     from rotorid.report.frame import with_files
 
     write_atomically(page, with_files(page.read_bytes().decode(), names))
 
 
 def result_kind(main: str) -> ResultKind:
-    """How the results with this main file are known again: by its schema, and by what the command writes beside it."""
+    """How the results with this main file are known again: by its schema and the other files that the command writes."""
     return _KINDS.get(main) or ResultKind(
         mains=(main,), schema=f"rotorid.{Path(main).stem}", files=(f"{Path(main).stem}*", *_REPORT_FILES)
     )
@@ -129,7 +129,9 @@ def require_replaceable(file: Path, *, force: bool) -> None:
             if _OURS.match(opened.read(2048)):
                 return
     raise UsageError(
-        f"{file} is there, and is not rotorid's", needed="a name that is free", remedy="choose another, or give --force"
+        f"{file} exists and was not written by rotorid",
+        needed="an unused name",
+        remedy="choose another, or add --force",
     )
 
 
@@ -310,7 +312,7 @@ def require_autopilot(name: str | None) -> None:
     """Refuse an autopilot for which there are no files."""
     known = [autopilot.key for autopilot in AUTOPILOTS if autopilot.has_plan_files]
     if name is not None and name not in known:
-        raise UsageError(f"--for {name} came", needed=f"one of {', '.join(known)}")
+        raise UsageError(f"unknown autopilot {name!r}", needed=f"one of {', '.join(known)}")
 
 
 def _files(

@@ -213,7 +213,7 @@ def render(
             }
         ),
     )
-    # Headings are of the page alone; what stands in its scripts is left as it is.
+    # Only headings of the page change; its scripts stay as they are.
     body, scripts, rest = page.partition('<script type="application/json"')
     return without_gaps(body) + scripts + rest
 
@@ -247,17 +247,17 @@ def without_gaps(page: str) -> str:
 
 
 _MORE_FILES = "<!-- more files -->"
-_TELLING = {
+_FILE_WORDS = {
     "model.toml": "the model, as commands take it",
     "plan.json": "the flight plan",
-    ".json": "everything that was found, for programs",
+    ".json": "all results, for programs",
     ".npz": "signals and responses, as arrays",
     ".html": "a page of its own",
 }
 
 
 def with_files(page: str, names: Iterable[str]) -> str:
-    """A page with links to files beside it, behind those that it has.
+    """A page with links to other files of its folder, after those that it has.
 
     Parameters
     ----------
@@ -277,12 +277,12 @@ def with_files(page: str, names: Iterable[str]) -> str:
 
 def _link(name: str) -> str:
     file = PurePosixPath(name)
-    words = _TELLING.get(file.name) or _TELLING.get(file.suffix, "")
+    words = _FILE_WORDS.get(file.name) or _FILE_WORDS.get(file.suffix, "")
     return f'<li><a href="{quote(name)}"><code>{html.escape(name)}</code></a>{f": {words}" if words else ""}</li>'
 
 
 def json_for_script(value: Any) -> Markup:
-    r"""JSON that may stand inside a script element: nothing in it can end the element.
+    r"""JSON that may be inside a script element: nothing in it can end the element.
 
     Raises
     ------
@@ -322,7 +322,7 @@ _RAISED = re.compile(r"(?<=[a-z])\^-?[123]\b")
 
 
 def typeset(text: str) -> str:
-    """A sentence with minus signs, powers of ten and units as they stand on paper; commands in it stay as they are.
+    """A sentence with minus signs, powers of ten and units as printed; commands in it stay as they are.
 
     Examples
     --------

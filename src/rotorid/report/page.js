@@ -73,7 +73,7 @@ const rotorid = (() => {
 
   const FONT = 12;
   const onScreen = (place, layout) => fitted(layout, place.clientWidth, FONT);
-  // On paper pictures of one kind stand two beside each other, and a history is as high as its panels need, up to a page.
+  // On paper pictures of one kind are two in a row, and a history is as high as its panels need, up to a page.
   const PAPER = { width: 680, half: 336, least: 160, most: 900, font: 9, above: 38, below: 32, legend: 16 };
   // Of the height on a screen: a history of many panels, two panels, bars with names, one panel.
   const shareOnPaper = (layout) => {
@@ -110,7 +110,7 @@ const rotorid = (() => {
   // In closed details a picture has no width yet; it is drawn when they open.
   const all = (part = document) => Array.from(part.querySelectorAll("[data-picture]"));
   const ready = (place) => pictures[place.dataset.picture] && !place.closest("details:not([open]), [hidden]");
-  // Several may be under way, of details that open one inside the other: how all went is told when the last is done.
+  // Several may be under way, of details that open one inside the other: the state is set when the last is done.
   let [underWay, failed] = [0, ""];
   const redraw = (places = all()) => {
     underWay += 1;
@@ -163,7 +163,7 @@ const rotorid = (() => {
     return Array.from(node.childNodes).filter((one) => !skip(one)).map((one) => text(one, skip)).join("");
   };
   const tidy = (words) => words.replace(/\s+/g, " ").trim();
-  // Rows of a table with a cell for each column: one that spans several rows stands in all of them.
+  // Rows of a table with a cell for each column: one that spans several rows is in all of them.
   const gridOf = (table) => {
     const above = [];
     return Array.from(table.querySelectorAll("tbody tr"), (row) => {
@@ -185,7 +185,7 @@ const rotorid = (() => {
   };
   const headsOf = (table) => Array.from(table.querySelectorAll("thead tr:last-child > *"), (head) => tidy(text(head)));
 
-  // On a narrow screen a row becomes a card, in which every number stands beside the name of its column.
+  // On a narrow screen a row becomes a card, in which every number is next to the name of its column.
   for (const table of document.querySelectorAll("table:has(thead)")) {
     const heads = headsOf(table);
     if (heads.length < 3 || table.closest(".fleet-table")) continue;
@@ -196,14 +196,14 @@ const rotorid = (() => {
         cell.dataset.head = cell.colSpan > 1 ? "" : heads[column];
         if (!cell.childNodes.length) return;
         // Several pieces of a cell stay one piece of the card.
-        const held = document.createElement("div");
-        held.append(...cell.childNodes);
-        cell.append(held);
+        const inner = document.createElement("div");
+        inner.append(...cell.childNodes);
+        cell.append(inner);
       });
     }
   }
   // One unit of frequency on a page. Texts and tables come in rad/s; in Hz each number is shown over 2π, with one more
-  // decimal. A text is converted where a number stands in front of the unit, a column or a row where the unit is in its
+  // decimal. A text is converted where a number is in front of the unit, a column or a row where the unit is in its
   // heading, and a row whose own cell holds the unit. Code and what is marked `data-exact` stay: no frequencies.
   const PLACES = "body *:not(script, style, noscript, code, pre, button, .picture, [data-exact])";
   const A_NUMBER = String.raw`[−-]?\d+(?:\.\d+)?`;

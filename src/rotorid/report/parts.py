@@ -244,7 +244,7 @@ _CONSTANTS = {
     **dict.fromkeys(("theta0", "phi0"), ("°", 180.0 / math.pi)),
     "z_imu": ("m", 1.0),
 }
-"""Unit of paper of the constants of the library, and its factor; others are shown as they stand."""
+"""Unit of paper of the constants of the library, and its factor; others are shown unchanged."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

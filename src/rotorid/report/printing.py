@@ -1,6 +1,6 @@
 """Pages as PDF, printed by a browser that is on this machine anyway.
 
-A page draws its pictures when it is opened, and says in its style how it stands on paper; a browser without a window
+A page draws its pictures when it is opened, and its style has rules for paper; a browser without a window
 prints just that. Nothing of it reaches a network: the page's own policy forbids every request. A typesetter that comes
 as a wheel, such as Typst, reads neither HTML nor its drawings: every page would need a second layout.
 """

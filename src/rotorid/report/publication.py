@@ -37,7 +37,7 @@ _MOST_SIDE_BY_SIDE = 4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideBySide:
-    """Responses to one input that stand side by side in one figure, as pairs of output and input."""
+    """Responses to one input side by side in one figure, as pairs of output and input."""
 
     name: str
     caption: str

@@ -183,7 +183,7 @@ _SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
 def escaped(text: str) -> str:
-    r"""Text that LaTeX prints as it stands.
+    r"""Text escaped for LaTeX.
 
     Examples
     --------
@@ -194,7 +194,7 @@ def escaped(text: str) -> str:
 
 
 def symbol(name: str) -> str:
-    r"""The name of a parameter as a formula: what stands behind the first underscore is its index.
+    r"""The name of a parameter as a formula: the part after the first underscore is its index.
 
     Examples
     --------
@@ -332,7 +332,7 @@ def response_tables(document: ResponseDocument) -> tuple[Table, ...]:
     )
     margins = Table(
         name="margins",
-        caption="Margins of the loops with one standard deviation; the unit stands in the name.",
+        caption="Margins of the loops with one standard deviation; the name has the unit.",
         columns=(
             Column("axis", "Axis"),
             Column("quantity", "Quantity"),
@@ -591,7 +591,7 @@ def _bootstrap(document: ResultDocument) -> Table | None:
         return None
     return Table(
         name="bootstrap",
-        caption=f"Parameters over {document.bootstrap.runs} refits to noise drawn anew.",
+        caption=f"Parameters over {document.bootstrap.runs} refits to newly drawn noise.",
         columns=(
             Column("parameter", "Parameter"),
             Column("mean", "Mean"),
@@ -698,7 +698,7 @@ def derived_tables(derived: DerivedSummary) -> tuple[Table, ...]:
     """What follows from parameters and known quantities, and the thrust coefficient over the advance ratio."""
     quantities = Table(
         name="derived",
-        caption="What follows from the parameters and from what is known beside them, with one standard deviation.",
+        caption="Quantities computed from the parameters and the given values, with one standard deviation.",
         columns=(
             Column("quantity", "Quantity"),
             Column("value", "Value"),

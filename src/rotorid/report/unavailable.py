@@ -37,7 +37,7 @@ _PARTS: Mapping[str, str] = MappingProxyType(
         "vehicle.frame": "frame",
     }
 )
-"""Parts of a review that are no figures."""
+"""Parts of a review that are not numbers."""
 
 
 def unavailable_words(name: str) -> tuple[str, str]:

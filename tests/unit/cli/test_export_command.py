@@ -164,7 +164,7 @@ def test_a_refused_model_is_no_vehicle(of_motors: Path, tmp_path: Path) -> None:
     (tmp_path / "refused").mkdir()
     (tmp_path / "refused" / "result.json").write_text(json.dumps(document))
     out = tmp_path / "out"
-    refused(rotorid("export", tmp_path / "refused", "--to", "json", "--out", out), out, "holds no model")
+    refused(rotorid("export", tmp_path / "refused", "--to", "json", "--out", out), out, "has no model")
     refused(rotorid("export", tmp_path / "nothing", "--to", "json", "--out", out), out, "nothing")
 
 
@@ -199,7 +199,7 @@ def test_several_models_of_one_run_are_read(of_motors: Path, of_hover: Path, tmp
         ("{", "is no JSON"),
         ("[]", "is no results.json"),
         ('{"schema": "rotorid.results/1", "results": 3}', "is no results.json"),
-        ('{"schema": "rotorid.results/1", "results": [{"model": "rate.yaw", "findings": []}]}', "holds no model"),
+        ('{"schema": "rotorid.results/1", "results": [{"model": "rate.yaw", "findings": []}]}', "has no model"),
         ('{"schema": "rotorid.results/1", "results": [{"model": ["x"], "parameters": {"a": 1}}]}', "is not in"),
     ],
 )

@@ -114,7 +114,7 @@ def test_rotors_are_placed_one_by_one() -> None:
         ("L_p = -1.0", "L_q = -1.0", "there is no derivative L_q"),
         ('"quad.x"', '"quad.xx"', "did you mean quad.x?"),
         ('"px4_quad"', '"px4_qaud"', "did you mean px4_quad?"),
-        ('"mine"', '"../mine"', "the name '../mine' came"),
+        ('"mine"', '"../mine"', "the name '../mine' is not allowed"),
         ("vehicle/1", "vehicle/9", "has the schema rotorid.vehicle/9"),
         ("[body]", "[body", "is no vehicle"),
     ],
@@ -213,7 +213,7 @@ def test_thrust_by_demand_flies_without_a_curve() -> None:
     [
         (["x50"], {}, "did you mean x500"),
         (["x500", "iris"], {}, "x500 and iris came; expected one vehicle"),
-        (["x500"], {"like": "iris"}, "--like iris came for x500"),
+        (["x500"], {"like": "iris"}, "--like iris does not apply to x500"),
         ([], {}, "no vehicle came"),
         (["mine.toml"], {}, "mine.toml cannot be read"),
     ],

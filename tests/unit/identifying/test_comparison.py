@@ -225,7 +225,7 @@ def test_what_is_no_result_is_refused(text: str, said: str, results: list[Path],
 def test_a_refused_result_holds_no_model(results: list[Path], tmp_path: Path) -> None:
     table = json.loads((results[0] / "result.json").read_text())
     (tmp_path / "result.json").write_text(json.dumps({**table, "parameters": {}}))
-    with pytest.raises(UsageError, match="holds no model"):
+    with pytest.raises(UsageError, match="has no model"):
         read_results([results[0], tmp_path])
 
 

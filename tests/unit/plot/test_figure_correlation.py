@@ -57,5 +57,5 @@ def test_names_stand_on_both_axes_as_text() -> None:
 
 @pytest.mark.parametrize("wrong", [{"names": ["a"], "correlation": np.eye(1)}, {"correlation": np.eye(3)}])
 def test_what_makes_no_map_is_refused(wrong: dict[str, Any]) -> None:
-    with pytest.raises(UsageError, match="needed"):
+    with pytest.raises(UsageError, match="two names and more"):
         drawn(**wrong)

@@ -145,7 +145,7 @@ class TestOverlay:
             overlay([], **PAIR)
         with pytest.raises(UsageError, match="a name of its own"):
             overlay([Named(name="a", omega_rad_s=OMEGA, values=LOOP)] * 2, **PAIR)
-        with pytest.raises(UsageError, match=r"random_error of the curve 'a' came with the shape \(3,\)"):
+        with pytest.raises(UsageError, match=r"random_error of the curve 'a' has the shape \(3,\)"):
             Named(name="a", omega_rad_s=OMEGA, values=LOOP, random_error=np.zeros(3))
 
 
@@ -213,10 +213,10 @@ class TestSpectrum:
         np.testing.assert_allclose(named(figure, "input")[0]["y"], self.DENSITY, **DIGITS)
 
     def test_noise_of_nothing_and_wrong_shapes_are_refused(self) -> None:
-        with pytest.raises(UsageError, match="without its output"):
+        with pytest.raises(UsageError, match="needs the density of its output"):
             input_spectrum(OMEGA, self.DENSITY, input="roll_command", noise=self.DENSITY)
         short = Density(channel="p", values=self.DENSITY[1:])
-        with pytest.raises(UsageError, match="output came with the shape"):
+        with pytest.raises(UsageError, match="output has the shape"):
             input_spectrum(OMEGA, self.DENSITY, input="roll_command", output=short)
 
 
@@ -252,7 +252,7 @@ class TestCoherenceMap:
 
     @pytest.mark.parametrize(
         ("usable", "match"),
-        [({("p", "roll_command"): []}, "any band"), ({("p", "roll_command"): [(3.0, 2.0)]}, "3 to")],
+        [({("p", "roll_command"): []}, "no band"), ({("p", "roll_command"): [(3.0, 2.0)]}, "3 to")],
     )
     def test_nothing_to_fit_the_axis_to_is_refused(self, usable: Any, match: str) -> None:
         with pytest.raises(UsageError, match=match):
@@ -311,7 +311,7 @@ class TestLoops:
             Crossing(omega_rad_s=0.0, value=1.0)
         with pytest.raises(UsageError, match="not positive"):
             broken_loop(OMEGA, LOOP, phase_crossovers=[Crossing(omega_rad_s=1.0, value=-2.0)])
-        with pytest.raises(UsageError, match="random_error came with the shape"):
+        with pytest.raises(UsageError, match="random_error has the shape"):
             broken_loop(OMEGA, LOOP, random_error=np.zeros(3))
 
 
