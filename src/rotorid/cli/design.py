@@ -1,4 +1,4 @@
-"""``rotorid design``: what to fly, how large, how long, and what the data will be able to tell."""
+"""``rotorid design``: what to fly, how large, how long, and how well it will measure parameters."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from rotorid.cli.console import log_progress, print_findings, progress, say
 from rotorid.cli.options import ForPaper, Only, Output, complete_from
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import Like, print_vehicle_remarks
+from rotorid.data.display import listed
 from rotorid.data.quantity import error_columns, significant
 from rotorid.errors import UsageError
 from rotorid.flying.settings import (
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
     from rotorid.documents.design import DesignDocument, PlanSummaryDocument, PredictionDocument
     from rotorid.documents.vehicle import NamedVehicle
 
+_MOST_NAMED = 8
+"""Parameters of a model that a line names."""
+
 _KINDS = ("sweep", "log_sweep", "multisine", "binary", "doublet", "2-1-1", "3-2-1-1")
 
 Kinds: TypeAlias = Annotated[
@@ -43,15 +47,15 @@ Kinds: TypeAlias = Annotated[
     typer.Argument(
         metavar="KIND...",
         autocompletion=complete_from(_KINDS),
-        help="sweep, log_sweep, multisine, binary, doublet, 2-1-1 or 3-2-1-1. Several are compared.",
+        help="sweep, log_sweep, multisine, binary, doublet, 2-1-1 or 3-2-1-1. Several kinds are compared.",
     ),
 ]
 Vehicle: TypeAlias = Annotated[
     tuple[str, ...],
     Option(
         "--vehicle",
-        "A vehicle of the library (see rotorid vehicles), a vehicle file .toml, or a result of identify; "
-        "several results join. Repeatable.",
+        "Vehicle: a name (see rotorid vehicles), a file .toml, or a result of identify. Several results are combined. "
+        "Repeatable.",
         "Vehicle and autopilot",
         WORDS,
         metavar="NAME|FILE.toml|RESULT",
@@ -72,7 +76,7 @@ def design_command(
     output: Output,
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
-    """Plan a flight: test inputs as large as limits allow, what they will tell, files for pilot and autopilot."""
+    """Plan a test flight: what to fly, how long, how well it will measure, with a card for the pilot."""
     from rotorid.documents.vehicle import named_vehicle
     from rotorid.flying.designs import design as plan_flights
     from rotorid.io.folders import making
@@ -103,12 +107,12 @@ def design_command(
 
 
 def _require_one_band(of_log: AutopilotSettings, plan: dict[str, Any]) -> None:
-    """Refuse options that say twice what ``--for-tune`` says; of the axes it takes all that ``tune`` looks at."""
+    """Refuse options that ``--for-tune`` replaces; its default axes are those of ``tune``."""
     if of_log.tuned is None:
         return
     if of_log.gains is not None or plan.get("band_rad_s") is not None:
         twice = "--gains" if of_log.gains is not None else "--band"
-        raise UsageError(f"--for-tune and {twice} came together", needed="one of them")
+        raise UsageError(f"--for-tune and {twice} exclude each other", remedy="give one of them")
     plan.setdefault("axes", TUNED_AXES)
 
 
@@ -132,7 +136,7 @@ def _settings(
 
 
 def _as_flown(choices: DesignSettings, of_log: AutopilotSettings) -> DesignSettings:
-    """A design with what a log or a result says of the vehicle that will fly."""
+    """A design with the gains, noise and wind of a log or a result."""
     if of_log.tuned is not None:
         return _for_tune(choices, of_log.tuned)
     if of_log.gains is None:
@@ -144,7 +148,7 @@ def _as_flown(choices: DesignSettings, of_log: AutopilotSettings) -> DesignSetti
 
 
 def _for_tune(choices: DesignSettings, given: Path) -> DesignSettings:
-    """The same design with the gains of a log or a result, and the band that they need."""
+    """The same design with the gains of a log or a result, and the band that ``tune`` needs."""
     from rotorid.documents.results import is_result, load_results
     from rotorid.io.registry import read
     from rotorid.planning.prior import read_prior
@@ -159,7 +163,7 @@ def _for_tune(choices: DesignSettings, given: Path) -> DesignSettings:
 
 
 def _simulation(choices: DesignSettings, vehicle: Sequence[str], folder: Path, place: Path) -> str:
-    """The command that flies a plan in simulation: the vehicle and the wind that it was computed for."""
+    """The command that simulates a plan with its vehicle and wind."""
     from rotorid.report.files import VEHICLE_FILE
 
     changes = [word for name, value in choices.changes.items() for word in ("--set", f"{name}={value:.6g}")]
@@ -181,23 +185,52 @@ def _print(
     from rotorid.cli.console import output_console
 
     console = output_console()
+
+    def line(text: str) -> None:
+        console.print(text, markup=False, soft_wrap=True, highlight=False)
+
+    for plan in document.plans:
+        axes = dict.fromkeys(test_input.axis for test_input in plan.inputs)
+        line(f"Fly a {_kind(plan)} on {listed(list(axes))}, {plan.duration_s:.0f} s in all.")
+        for prediction in plan.predictions:
+            line(f"  {_accuracy(prediction)}")
+        for found in plan.shortest:
+            line(f"  {found.model}: {found.words}")
+    if document.best:
+        kinds: dict[str, list[str]] = {}
+        for name, kind in document.best.items():
+            kinds.setdefault(kind.replace("_", " "), []).append(name)
+        line("best for: " + "; ".join(f"{kind}: {', '.join(names)}" for kind, names in kinds.items()))
+    console.print()
     for plan in document.plans:
         _print_plan(plan)
-        for prediction in plan.predictions:
-            _print_prediction(prediction, verbose=verbose)
-        for found in plan.shortest:
-            console.print(f"{found.model}: {found.words}", markup=False, soft_wrap=True)
-    if document.best:
-        console.print("tells most: " + ", ".join(f"{name} {kind}" for name, kind in document.best.items()))
-    print_findings(document.findings, verbose=verbose)
+        for prediction in plan.predictions if verbose else ():
+            _print_prediction(prediction)
+    of_models = [finding for plan in document.plans for each in plan.predictions for finding in each.findings]
+    print_findings([*document.findings, *of_models], verbose=verbose, page="design.html")
     place = folder / document.plans[0].folder
-    console.print(f"plan: {place / 'plan.json'}", soft_wrap=True, markup=False)
-    console.print(f"card: {place / 'flight-card.html'}", soft_wrap=True, markup=False)
-    console.print(
-        f"fly it in simulation: {_simulation(choices, vehicle, folder, place)}",
-        soft_wrap=True,
-        markup=False,
-    )
+    for number, plan in enumerate(document.plans):
+        line(f"{'card for the pilot' if number == 0 else 'card'}: {folder / plan.folder / 'flight-card.html'}")
+    line(f"plan: {place / 'plan.json'}")
+    line(f"page: {folder / 'design.html'}")
+    line(f"fly it in simulation: {_simulation(choices, vehicle, folder, place)}")
+
+
+def _kind(plan: PlanSummaryDocument) -> str:
+    """The kind of a plan in words."""
+    return plan.kind.replace("_", " ")
+
+
+def _accuracy(prediction: PredictionDocument) -> str:
+    """How well a plan measures the parameters of a model, in a line."""
+    if prediction.refused:
+        return f"{prediction.model}: not enough data: {prediction.refused}"
+    known = {name: row.percent for name, row in prediction.parameters.items() if row.percent is not None}
+    # The most accurate first.
+    order = sorted(known, key=known.__getitem__)
+    shown = ", ".join(f"{name} ±{known[name]:.2g} %" for name in order[:_MOST_NAMED])
+    more = f" and {len(order) - _MOST_NAMED} more" if len(order) > _MOST_NAMED else ""
+    return f"It will measure {prediction.model}: {shown}{more}."
 
 
 def _print_plan(plan: PlanSummaryDocument) -> None:
@@ -224,15 +257,15 @@ def _print_plan(plan: PlanSummaryDocument) -> None:
         )
     console.print(table)
     console.print(
-        f"{plan.duration_s:.0f} s in all; reaches {math.degrees(reached.tilt_rad):.0f}° of tilt, "
-        f"{math.degrees(reached.rate_rad_s):.0f}°/s, {reached.position_m:.1f} m from the start, "
-        f"{reached.height_m:.1f} m in height, motors {reached.motor_low:.2f} to {reached.motor_high:.2f}",
+        f"The flight reaches {math.degrees(reached.tilt_rad):.0f}° of tilt, {math.degrees(reached.rate_rad_s):.0f}°/s, "
+        f"{reached.position_m:.1f} m from the start, {reached.height_m:.1f} m in height, and motor outputs of "
+        f"{reached.motor_low:.2f} to {reached.motor_high:.2f}.",
         markup=False,
         soft_wrap=True,
     )
 
 
-def _print_prediction(prediction: PredictionDocument, *, verbose: bool) -> None:
+def _print_prediction(prediction: PredictionDocument) -> None:
     from rich.table import Table
 
     from rotorid.cli.console import output_console
@@ -240,10 +273,9 @@ def _print_prediction(prediction: PredictionDocument, *, verbose: bool) -> None:
 
     console = output_console()
     if prediction.refused:
-        console.print(f"{prediction.model}: {prediction.refused}", markup=False, soft_wrap=True)
         return
-    table = Table(title=f"what it will tell: {prediction.model}", title_justify="left", box=None, pad_edge=False)
-    for name in ("parameter", "value", "expected", "± std", "unit", "% of value", "least %", "off"):
+    table = Table(title=f"predicted accuracy of {prediction.model}", title_justify="left", box=None, pad_edge=False)
+    for name in ("parameter", "value", "expected", "± std", "unit", "error %", "least %", "off"):
         table.add_column(name, justify="left" if name in ("parameter", "unit") else "right")
     for name, parameter in prediction.parameters.items():
         least = 100.0 * parameter.lowest_std / abs(parameter.value) if parameter.value else math.inf
@@ -260,7 +292,7 @@ def _print_prediction(prediction: PredictionDocument, *, verbose: bool) -> None:
     console.print(table)
     for pair, response in prediction.responses.items():
         if response.band_rad_s is None:
-            console.print(f"{pair}: not usable", markup=False)
+            console.print(f"{pair}: no usable points", markup=False)
         else:
             low, high = response.band_rad_s
             console.print(
@@ -268,4 +300,3 @@ def _print_prediction(prediction: PredictionDocument, *, verbose: bool) -> None:
                 f"{100.0 * (response.random_error or 0.0):.1f} %",
                 markup=False,
             )
-    print_findings(prediction.findings, verbose=verbose)

@@ -1,4 +1,4 @@
-"""``rotorid export``: results of identifications in, files of simulators and tools out."""
+"""``rotorid export``: an identified vehicle as files for simulators and tools."""
 
 from __future__ import annotations
 
@@ -10,33 +10,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rotorid.cli.command import command_line
-from rotorid.cli.console import (
-    default_folder,
-    log_progress,
-    output_console,
-    print_findings,
-    print_lines,
-    print_table,
-    progress,
-)
+from rotorid.cli.console import default_folder, fold, log_progress, output_console, print_findings, progress
 from rotorid.cli.options import Output
+from rotorid.data.display import counted
 from rotorid.errors import UsageError
 from rotorid.exports.settings import DrawSettings, ExportSettings, TargetSettings
 
 if TYPE_CHECKING:
-    from rotorid.documents.export import DrawsDocument, ExportDocument
+    from rotorid.documents.export import ComparedDocument, DrawsDocument, ExportDocument
     from rotorid.exports.target import Exported
     from rotorid.flying.vehicle_from_results import JoinedVehicle
     from rotorid.results.model import IdentifiedModel
 
 FILE = "export.json"
-_MOST_LINES = 3
 
 
 def export_command(
     results: Annotated[
         list[Path],
-        typer.Argument(help="Results of identify: folders or result.json; several are joined into one vehicle."),
+        typer.Argument(help="Results of identify. Several of one vehicle are combined."),
     ],
     *,
     what: TargetSettings,
@@ -44,7 +36,7 @@ def export_command(
     drawn: DrawSettings,
     output: Output,
 ) -> None:
-    """Write an identified vehicle for a simulator or a tool, and list what its files keep."""
+    """Export an identified vehicle to a simulator or tool, and report what is kept and what is lost."""
     from rotorid.documents.base import to_json
     from rotorid.documents.results import load_results
     from rotorid.exports.exporting import export, joined
@@ -58,9 +50,9 @@ def export_command(
         models = load_results(results)
         vehicle = joined(models, choices, given=what.given, layout=what.layout)
         exported = export(vehicle, what.to, choices)
-        more, counted = _drawn(models, what, choices, drawn)
+        more, draws = _drawn(models, what, choices, drawn)
         files = _files(exported, more)
-        document = _document(vehicle, exported, choices, files, counted)
+        document = _document(vehicle, exported, choices, files, draws)
         text = to_json(document)
         with making(target) as made:
             _write(made.place, {**files, FILE: text})
@@ -71,10 +63,10 @@ def export_command(
 
 
 def _settings(given: dict[str, Any]) -> ExportSettings:
-    """What was chosen: an order makes states of the delay."""
+    """The chosen settings: a Padé order turns delays into states."""
     if "pade_order" in given:
         if "delay" in given:
-            raise UsageError("--delay-as-lag and --pade exclude each other", remedy="use one of them")
+            raise UsageError("--delay-as-lag and --pade exclude each other", remedy="give one of them")
         given["delay"] = "states"
     return ExportSettings(**given)
 
@@ -104,9 +96,7 @@ def _files(exported: Exported, drawn: Sequence[Exported]) -> dict[str, str | byt
     written: dict[str, str] = {FILE.lower(): FILE}
     for name in files:
         if (other := written.setdefault(name.lower(), name)) != name or name == FILE:
-            raise UsageError(
-                f"{name} and {other} would be one file", needed="names that differ", remedy="choose another with --name"
-            )
+            raise UsageError(f"{name} and {other} would be the same file", remedy="choose another name with --name")
     return files
 
 
@@ -161,11 +151,11 @@ def _write(folder: Path, files: Mapping[str, str | bytes]) -> None:
         write_atomically(folder / name, content)
 
 
-_FIDELITY_WORDS = {"exact": "exact", "approximated": "approximated", "not": "[dim]left out[/dim]"}
+_FIDELITY_WORDS = {"exact": "exact", "approximated": "approximated", "not": "[dim]lost[/dim]"}
 
 
 def _print(document: ExportDocument, folder: Path, *, verbose: bool = False) -> None:
-    """Print what the files keep, what was given or taken from defaults, what was left out, and how to start."""
+    """What was written, how to use it, what is kept and what is lost; with ``-v`` the table of all quantities."""
     from rich.table import Table
 
     from rotorid.exports.target import identified_text, percent_text
@@ -175,31 +165,53 @@ def _print(document: ExportDocument, folder: Path, *, verbose: bool = False) -> 
     def plain(text: str) -> None:
         console.print(text, markup=False, soft_wrap=True, highlight=False)
 
-    table = Table(title=f"{document.name} to {document.target}", title_justify="left", box=None, pad_edge=False)
-    for column, side in (("quantity", "left"), ("identified", "right"), ("exported", "right"), ("unit", "left")):
-        table.add_column(column, justify=side)  # type: ignore[arg-type]
-    table.add_column("difference", justify="right")
-    table.add_column("kept")
-    rows = []
-    for row in document.quantities:
-        percent = "" if row.difference_percent is None else percent_text(row.difference_percent)
-        unit = "" if row.unit == "1" else row.unit
-        was = identified_text(row.identified, row.identified_std)
-        rows.append((row.name, was, f"{row.exported:.5g}", unit, percent, _FIDELITY_WORDS[row.held]))
-    if rows:
-        print_table(table, rows, verbose=verbose, item="quantity", page=FILE)
+    names = [file.name for file in document.files if not file.name.startswith("draws/")]
+    plain(f"Wrote {document.name} for {document.target}: {', '.join(names)}")
+    plain(f"folder: {folder}")
+    plain(f"\nuse it:\n{document.start}\n")
+    for title, held in (("kept exactly", "exact"), ("approximated", "approximated"), ("lost", "not")):
+        if rows := [_quantity(row) for row in document.quantities if row.held == held]:
+            plain(f"{title}: {', '.join(fold(rows, verbose=verbose, most=_MOST_NAMED))}{_more(rows, verbose)}")
+    for sentence in fold(document.left_out, verbose=verbose, most=_MOST_SENTENCES):
+        plain(f"  {sentence}")
     for title, numbers in (("given", document.given), ("default", document.defaults)):
-        lines = [
-            f"{title}: {name} = {number.value:.5g}{'' if number.unit == '1' else f' {number.unit}'}"
+        texts = [
+            f"{name} = {number.value:.5g}{'' if number.unit == '1' else f' {number.unit}'}"
             f"{f' ({number.of})' if number.of else ''}"
             for name, number in numbers.items()
         ]
-        print_lines(lines, verbose=verbose, item=f"{title} value", most=_MOST_LINES, page=FILE)
-    sentences = [f"left out: {sentence}" for sentence in document.left_out]
-    print_lines(sentences, verbose=verbose, item="note", most=_MOST_LINES, page=FILE)
+        if texts:
+            plain(f"{title}: {', '.join(fold(texts, verbose=verbose, most=_MOST_NAMED))}{_more(texts, verbose)}")
     if document.draws is not None:
-        redrawn = document.draws.redrawn
-        plain(f"drawn: {document.draws.count} vehicles in draws; {redrawn} implausible draws were repeated")
-    print_findings(document.findings, verbose=verbose, most=_MOST_LINES, page=FILE)
-    plain(f"\nstart:\n{document.start}")
-    plain(f"files: {folder}")
+        again = f" ({document.draws.redrawn} impossible draws were repeated)" if document.draws.redrawn else ""
+        plain(f"drawn: {counted(document.draws.count, 'vehicle')} in draws{again}")
+    if verbose and document.quantities:
+        table = Table(title="quantities", title_justify="left", box=None, pad_edge=False)
+        for column in ("quantity", "identified", "exported", "unit", "difference", "kept"):
+            table.add_column(column, justify="right" if column in ("identified", "exported", "difference") else "left")
+        for row in document.quantities:
+            percent = "" if row.difference_percent is None else percent_text(row.difference_percent)
+            unit = "" if row.unit == "1" else row.unit
+            was = identified_text(row.identified, row.identified_std)
+            table.add_row(row.name, was, f"{row.exported:.5g}", unit, percent, _FIDELITY_WORDS[row.held])
+        console.print(table)
+    print_findings(document.findings, verbose=verbose, page=FILE)
+
+
+_MOST_NAMED, _MOST_SENTENCES = 8, 8
+"""Quantities of a line, and sentences, that a normal run prints."""
+
+
+def _quantity(row: ComparedDocument) -> str:
+    """The name of a quantity, with its change where it has one."""
+    from rotorid.exports.target import percent_text
+
+    if row.held != "approximated" or row.difference_percent is None:
+        return row.name
+    return f"{row.name} ({percent_text(row.difference_percent)})"
+
+
+def _more(rows: Sequence[str], verbose: bool) -> str:
+    """How many of a line were left out."""
+    left = len(rows) - len(fold(rows, verbose=verbose, most=_MOST_NAMED))
+    return f", and {left} more (-v shows all)" if left else ""

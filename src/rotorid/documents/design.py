@@ -75,7 +75,7 @@ def plan_document(plan: FlightPlan) -> PlanDocument:
 
 
 def plan_of(document: PlanDocument) -> FlightPlan:
-    """The plan that a document holds."""
+    """The plan of a document."""
     inputs = tuple(
         PlannedInput(
             axis=planned.axis,
@@ -101,17 +101,17 @@ def read_plan(path: Path) -> FlightPlan:
     UsageError
         The file cannot be read, or is no plan; the message names the first place that is wrong.
     """
-    wanted = "a plan.json of rotorid design"
+    wanted = "a plan.json from rotorid design"
     text = documents.read_text(path, needed=wanted, most_bytes=documents.MOST_JSON_BYTES)
     try:
         plan = plan_of(checked(PlanDocument, documents.parse_json(text)))
     except documents.DocumentError as error:
-        raise UsageError(f"{path} is no plan: {error}", needed=wanted) from error
+        raise UsageError(f"{path} is not a plan: {error}", needed=wanted) from error
     return plan
 
 
 class TruthDocument(Document):
-    """A number of the vehicle that flew, by the name that an identification would give it."""
+    """A true value of the vehicle, by the name of the identified parameter."""
 
     value: float
     unit: str
@@ -142,7 +142,7 @@ class SimulatedLogDocument(Document):
 
 
 class VehicleDocument(Document):
-    """What flew. ``changed`` holds what the user set otherwise than the source has it."""
+    """The vehicle. ``changed`` contains the values that the user changed."""
 
     name: str
     description: str
@@ -153,9 +153,9 @@ class VehicleDocument(Document):
 
 
 class SimulationDocument(Document):
-    """``simulation.json``: what flew, what was true, and the logs.
+    """``simulation.json``: the vehicle, true values, and the logs.
 
-    ``truth`` holds the derivatives of the exact linear model about hover, in still air. ``maneuvers`` are on the clock
+    ``truth`` contains the derivatives of the exact linear model about hover, in still air. ``maneuvers`` use the clock
     of the logs.
     """
 
@@ -174,7 +174,7 @@ def simulation_document(simulation: Simulation) -> SimulationDocument:
 
 
 class TestInputDocument(Document):
-    """A test input: how large it is, and the limit that a larger one would pass (empty where none was looked for)."""
+    """A test input: its size, and the limit that a larger one would exceed (empty where the size was given)."""
 
     axis: str
     shape: Shape
@@ -188,10 +188,10 @@ class TestInputDocument(Document):
 
 
 class PredictedParameterDocument(Document):
-    """What a flight will tell about a parameter.
+    """The predicted estimate of a parameter.
 
-    ``expected`` is where the fit will end but for chance, ``std`` one standard deviation as an identification will
-    state it, ``percent`` the same of ``value``, ``lowest_std`` what no estimate from the same test inputs falls below.
+    ``expected`` is the mean of the later estimates, ``std`` one standard deviation of the identification, ``percent``
+    the same relative to ``value``, ``lowest_std`` the lower bound for any estimate from the same test inputs.
     """
 
     value: float
@@ -205,7 +205,7 @@ class PredictedParameterDocument(Document):
 
 
 class PredictedResponseDocument(Document):
-    """Where a response will be usable, and how good it will be there: medians over its usable points."""
+    """The usable band of a response, and its quality there: medians over usable points."""
 
     band_rad_s: tuple[float, float] | None
     points: int
@@ -214,9 +214,9 @@ class PredictedResponseDocument(Document):
 
 
 class PredictionDocument(Document):
-    """What a plan will tell for a model; ``refused`` says why it could not support it.
+    """The prediction of a plan for a model; ``refused`` is the reason where the data do not support it.
 
-    ``inflation`` is the factor on standard deviations that stands for a structure which does not fit what will fly.
+    ``inflation`` is the factor on standard deviations for a structure that does not fit the vehicle.
     """
 
     model: str
@@ -228,7 +228,7 @@ class PredictionDocument(Document):
 
 
 class ShortestDocument(Document):
-    """The least duration of each test input that reaches the accuracy asked for; ``null`` where none does."""
+    """The shortest duration of each test input that reaches the requested accuracy; ``null`` where none does."""
 
     model: str
     wanted_percent: dict[str, float]
@@ -238,7 +238,7 @@ class ShortestDocument(Document):
 
 
 class PlanSummaryDocument(Document):
-    """A plan, what it reaches in the simulator, what it will tell, and the folder of its files."""
+    """A plan, its extremes in the simulator, its predictions, and the folder of its files."""
 
     kind: Shape
     folder: str
@@ -251,7 +251,7 @@ class PlanSummaryDocument(Document):
 
 
 class DesignDocument(Document):
-    """``design.json``: plans, what they will tell, and which of them tells most about each parameter (``best``)."""
+    """``design.json``: plans with their predictions, and the best plan for each parameter (``best``)."""
 
     schema_name: Annotated[Literal["rotorid.design/1"], Field(alias="schema")] = "rotorid.design/1"
     vehicle: VehicleDocument
@@ -276,13 +276,13 @@ def design_document(
     Parameters
     ----------
     choices, designed
-        What was asked for, and the answer.
+        The choices, and the designed plans.
     written
-        Of each plan the folder and the names of its files.
+        The folder of each plan and the names of its files.
     findings
-        Remarks on plans and files.
+        Findings on plans and files.
     autopilot
-        Whose files were written.
+        The autopilot of the files.
     """
     provenance = Provenance(
         command=tuple(command),

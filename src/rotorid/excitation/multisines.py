@@ -30,7 +30,7 @@ class Multisine(Immutable):
     .. math:: x(t) = \sum_k a_k \cos(2 \pi k t / T + \phi_k)
 
     Over a whole period two of them without a common harmonic are orthogonal, whatever their phases and however they are
-    shifted: the inputs of several axes can be flown at the same time and told apart. That holds for what is flown from
+    shifted: the inputs of several axes can be flown together and separated. That is true for inputs flown from
     the second period on; in the first the vehicle still answers the start.
 
     Parameters
@@ -62,13 +62,13 @@ class Multisine(Immutable):
         phases = read_only(self.phases_rad, np.float64, ndim=1)
         if not harmonics.size or harmonics[0] < 1 or (np.diff(harmonics) < 1).any() or not self.period_s > 0.0:
             raise UsageError(
-                f"the harmonics {_listed(harmonics)} of {self.period_s:g} s came",
-                needed="at least one, rising, from 1 up, of a positive period",
+                f"invalid harmonics {_listed(harmonics)} of {self.period_s:g} s",
+                needed="rising harmonics from 1 up, and a positive period",
             )
         if amplitudes.shape != harmonics.shape or phases.shape != harmonics.shape or not (amplitudes > 0.0).all():
             raise UsageError(
-                f"{amplitudes.size} amplitudes and {phases.size} phases came for {harmonics.size} harmonics",
-                needed="one of each, the amplitudes positive",
+                f"{amplitudes.size} amplitudes and {phases.size} phases do not fit {harmonics.size} harmonics",
+                needed="one of each per harmonic, with positive amplitudes",
             )
         self._set(harmonics=harmonics, amplitudes=amplitudes, phases_rad=phases)
 
@@ -112,7 +112,7 @@ class Multisine(Immutable):
         sample_rate_hz
             More than twice the highest frequency in Hz; 25 times is good practice.
         periods
-            How many, at least one. The first holds the transient of the vehicle; the others tell its steady answer, and
+            How many, at least one. The first contains the transient of the vehicle; the others its steady response, and
             their differences the noise.
 
         Returns
@@ -127,7 +127,8 @@ class Multisine(Immutable):
         """
         if periods < 1 or not sample_rate_hz * self.period_s > 2 * int(self.harmonics[-1]):
             raise UsageError(
-                f"{periods:g} periods with frequencies up to {self.omega_rad_s[-1]:g} rad/s at {sample_rate_hz:g} Hz",
+                f"invalid multisine: {periods:g} periods with frequencies up to {self.omega_rad_s[-1]:g} rad/s at "
+                f"{sample_rate_hz:g} Hz",
                 needed="at least one period, and more than two samples in the shortest cycle",
                 remedy="raise the sample rate or lower the band",
             )
@@ -188,14 +189,14 @@ def multisine(
     shares = np.ones(harmonics.shape) if powers is None else np.asarray(powers, dtype=np.float64)
     if not harmonics.size or harmonics[0] < LOWEST_HARMONIC or (np.diff(harmonics) < 1).any():
         raise UsageError(
-            f"a multisine of the harmonics {_listed(harmonics)} was asked for",
-            needed=f"at least one, rising, from {LOWEST_HARMONIC} up",
+            f"invalid harmonics {_listed(harmonics)} for a multisine",
+            needed=f"rising harmonics from {LOWEST_HARMONIC} up",
             remedy="lengthen the period or raise the lowest frequency",
         )
     if shares.shape != harmonics.shape or not (shares > 0.0).all() or not np.isfinite(shares).all() or amplitude == 0.0:
         raise UsageError(
-            f"{shares.size} powers and the amplitude {amplitude:g} came for {harmonics.size} harmonics",
-            needed="a positive power for each, and an amplitude that is not zero",
+            f"{shares.size} powers with the amplitude {amplitude:g} do not fit {harmonics.size} harmonics",
+            needed="a positive power for each harmonic, and an amplitude other than zero",
         )
     shape = np.sqrt(shares / shares.sum())
     phases = flat_phases(harmonics, shape, seed=seed)
@@ -239,7 +240,7 @@ def _listed(harmonics: IntArray) -> str:
 
 
 LOWEST_HARMONIC = 2
-"""A period holds two cycles of the lowest frequency and more: one cycle is not told from a drift."""
+"""Least cycles of the lowest frequency in a period: one cycle cannot be separated from a drift."""
 
 
 def interleaved(axes: int, *, band_rad_s: tuple[float, float], period_s: float) -> tuple[IntArray, ...]:
@@ -288,7 +289,7 @@ def halved(axes: int, *, band_rad_s: tuple[float, float], period_s: float) -> tu
 
     All of an axis are multiples, or odd multiples, of one frequency. Such a comb reaches a relative peak factor near 1
     with as few as five harmonics. For it the axes pay with unequal spacings: 2/T, then 4/T twice for three axes, and
-    2/T, 4/T and 8/T twice for four. Put the axis with the most to tell first.
+    2/T, 4/T and 8/T twice for four. Put the most important axis first.
 
     Parameters
     ----------
@@ -350,9 +351,9 @@ def power_law(harmonics: IntArray, exponent: float) -> FloatArray:
 def _shared(parts: tuple[IntArray, ...], band_rad_s: tuple[float, float], period_s: float) -> tuple[IntArray, ...]:
     if not parts or min(part.size for part in parts) == 0:
         raise UsageError(
-            f"{len(parts)} axes shall share the harmonics of {period_s:g} s between {band_rad_s[0]:g} and "
-            f"{band_rad_s[1]:g} rad/s, and not every one gets any",
-            needed="at least one axis, and a harmonic for each",
+            f"too few harmonics of {period_s:g} s between {band_rad_s[0]:g} and {band_rad_s[1]:g} rad/s for "
+            f"{len(parts)} axes",
+            needed="a harmonic for each axis",
             remedy="lengthen the period or widen the band",
         )
     return parts
@@ -552,8 +553,8 @@ def energy_share(values: FloatArray, band_rad_s: tuple[float, float], *, sample_
     low, high = band_rad_s
     if not low < high or not np.any(values):
         raise UsageError(
-            f"{values.size} samples up to {np.abs(values).max(initial=0.0):g}, and a band of {low:g} to {high:g} rad/s",
-            needed="samples that are not all zero and a band that rises",
+            f"{values.size} samples up to {np.abs(values).max(initial=0.0):g} with the band {low:g} to {high:g} rad/s",
+            needed="samples that are not all zero, and a rising band",
         )
     # Zeros behind the samples resolve the edges of the band; they change no energy.
     length = _PADDING * values.size
@@ -590,5 +591,5 @@ def relative_peak_factor(values: FloatArray) -> float:
     """
     rms = math.sqrt(float(np.mean(np.square(values))))
     if rms == 0.0:
-        raise UsageError(f"{values.size} samples without any motion came", needed="a signal")
+        raise UsageError(f"all {values.size} samples are zero", needed="a signal")
     return float(np.ptp(values)) / (2.0 * math.sqrt(2.0) * rms)

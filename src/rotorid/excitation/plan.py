@@ -106,8 +106,8 @@ def planned(
     form = _form(shape)
     if (band_rad_s is not None) != form.banded:
         raise UsageError(
-            f"a {shape} {'without a' if form.banded else 'with a'} band was asked for",
-            needed="a lowest and a highest frequency" if form.banded else "its duration, which alone decides its band",
+            f"a {shape} {'needs a' if form.banded else 'takes no'} band",
+            needed="a lowest and a highest frequency" if form.banded else "a duration, which sets its band",
         )
     wish = _Request(
         amplitude=amplitude,
@@ -148,7 +148,7 @@ def together(
     Parameters
     ----------
     amplitudes
-        Axes, the one with the most to tell first, and the largest value of each.
+        Axes, the most important first, and the largest value of each.
     start_s
         When they begin.
     band_rad_s
@@ -337,7 +337,7 @@ def sequence(name: str, parts: Sequence[PlannedInput | Sequence[PlannedInput]], 
     for part in parts:
         group = (part,) if isinstance(part, PlannedInput) else tuple(part)
         if not group:
-            raise UsageError(f"an empty part of the plan {name} came", needed="at least one test input")
+            raise UsageError(f"the plan {name} has an empty part", needed="at least one test input")
         later_s = free_s - min(test_input.start_s for test_input in group)
         group = tuple(replace(test_input, start_s=test_input.start_s + later_s) for test_input in group)
         placed += group
@@ -390,8 +390,8 @@ def _random_binary(wish: _Request) -> FloatArray:
     turn = wish.sample_rate_hz / clock_hz
     if not (turn >= 1.0 and abs(turn - round(turn)) < _WHOLE):
         raise UsageError(
-            f"clock_hz={clock_hz:g} came for samples at {wish.sample_rate_hz:g} Hz",
-            needed="turns of a whole number of samples",
+            f"clock_hz={clock_hz:g} does not fit samples at {wish.sample_rate_hz:g} Hz",
+            needed="a whole number of samples per clock period",
         )
     values = random_binary(
         amplitude=wish.amplitude,
@@ -478,7 +478,7 @@ def _unknown(what: str, name: str, known: Sequence[str]) -> UsageError:
 def _whole(wish: _Request, name: str, *, least: int = 1) -> int:
     value = wish.settings[name]
     if value != int(value) or value < least:
-        raise UsageError(f"{name}={value:g} came", needed=f"a whole number from {least} up")
+        raise UsageError(f"{name}={value:g} is out of range", needed=f"a whole number from {least} up")
     return int(value)
 
 

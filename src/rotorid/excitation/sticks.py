@@ -54,8 +54,8 @@ def everyday_stick(*, level: float, duration_s: float, sample_rate_hz: float, rn
     """
     if not (0.0 < level <= 1.0 and duration_s > 0.0 and sample_rate_hz > 0.0):
         raise UsageError(
-            f"a stick of {level:g} for {duration_s:g} s at {sample_rate_hz:g} Hz came",
-            needed="a level above 0 and up to 1, and a positive length and rate",
+            f"invalid stick input: level {level:g} for {duration_s:g} s at {sample_rate_hz:g} Hz",
+            needed="a level above 0 and up to 1, and a positive duration and rate",
         )
     time_s = np.arange(round(duration_s * _FINE_HZ) + 1) / _FINE_HZ
     moved = _NOISE * _bursts(time_s, rng) * _noise(time_s.size, rng) + _moves(time_s, rng)

@@ -87,8 +87,8 @@ def pilot_sweep(
     sweep_s = duration_s - slow_s
     if not sweep_s > 0.0 or fade_s < 0.0 or 2.0 * fade_s > duration_s:
         raise UsageError(
-            f"a sweep of {duration_s:g} s with {slow_cycles:g} slow cycles ({slow_s:g} s) and fades of {fade_s:g} s",
-            needed="more time than the slow cycles and the fades take",
+            f"a sweep of {duration_s:g} s is too short for {slow_cycles:g} slow cycles ({slow_s:g} s) and fades of "
+            f"{fade_s:g} s",
             remedy="make the sweep longer or raise its lowest frequency",
         )
     time_s = np.arange(round(duration_s * sample_rate_hz)) / sample_rate_hz
@@ -157,9 +157,9 @@ def logarithmic_sweep(
     sweep_s = duration_s - constant_s
     if not sweep_s > 0.0 or min(fade_in_s, fade_out_s) < 0.0 or fade_in_s + fade_out_s > duration_s:
         raise UsageError(
-            f"a chirp of {duration_s:g} s with {constant_s:g} s of constant frequency and fades of {fade_in_s:g} s and "
+            f"a chirp of {duration_s:g} s is too short for {constant_s:g} s at constant frequency and fades of "
+            f"{fade_in_s:g} s and "
             f"{fade_out_s:g} s",
-            needed="more time than its parts take",
             remedy="make the chirp longer or its parts shorter",
         )
     time_s = np.arange(round(duration_s * sample_rate_hz)) / sample_rate_hz
@@ -175,7 +175,7 @@ def _checked_band(band_rad_s: tuple[float, float], sample_rate_hz: float) -> tup
     low, high = band_rad_s
     if not 0.0 < low < high < math.pi * sample_rate_hz:
         raise UsageError(
-            f"a sweep from {low:g} to {high:g} rad/s at {sample_rate_hz:g} Hz",
+            f"the band {low:g} to {high:g} rad/s does not fit a sample rate of {sample_rate_hz:g} Hz",
             needed="a rising band above zero and below half the sample rate",
             remedy="correct the band or raise the sample rate",
         )
@@ -194,7 +194,7 @@ def _low_passed_noise(samples: int, cutoff_per_sample_rad: float, rng: np.random
     from scipy.signal import lfilter
 
     if rng is None:
-        raise UsageError("noise without a random generator", needed="rng", remedy="pass numpy.random.default_rng(seed)")
+        raise UsageError("noise needs a random generator", remedy="pass rng=numpy.random.default_rng(seed)")
     decay = math.exp(-cutoff_per_sample_rad)
     # The innovation is scaled so that the stationary variance is one.
     noise: FloatArray = lfilter([math.sqrt(1.0 - decay**2)], [1.0, -decay], rng.standard_normal(samples))

@@ -54,8 +54,8 @@ def band_of_rise_time(rise_time_s: float, std_s: float = 0.0) -> tuple[float, fl
     """
     if not rise_time_s > 0.0 or std_s < 0.0:
         raise UsageError(
-            f"a rise time of {rise_time_s:g} s with a standard deviation of {std_s:g} s came",
-            needed="a positive time and a deviation from zero up",
+            f"invalid rise time of {rise_time_s:g} s with a standard deviation of {std_s:g} s",
+            needed="a positive time, and a deviation of 0 or more",
         )
     bandwidth = 2.0 * math.pi * BANDWIDTH_TIMES_RISE / rise_time_s
     return bandwidth, bandwidth * std_s / rise_time_s
@@ -178,10 +178,10 @@ def _lines(band_rad_s: tuple[float, float], samples: int, sample_rate_hz: float)
     inside: BoolArray = (omega >= low) & (omega <= high)
     if not 0.0 < low < high < math.pi * sample_rate_hz or np.count_nonzero(inside) < _LEAST_LINES:
         raise UsageError(
-            f"a random binary signal of {samples / sample_rate_hz:g} s from {low:g} to {high:g} rad/s at "
+            f"a random binary signal of {samples / sample_rate_hz:g} s is too short for {low:g} to {high:g} rad/s at "
             f"{sample_rate_hz:g} Hz",
-            needed=f"a rising band between zero and half the sample rate that holds {_LEAST_LINES} cycles more at its "
-            "upper edge than at its lower",
+            needed=f"a rising band below half the sample rate, with {_LEAST_LINES} cycles more at its upper edge than "
+            "at its lower",
             remedy="lengthen the signal or widen the band",
         )
     return inside
@@ -245,12 +245,12 @@ def multistep(
     edges = np.round(np.concatenate([[0.0], np.cumsum(widths)]) * unit_s * sample_rate_hz).astype(np.int64)
     if edges.size < 2 or np.diff(edges).min() < 1:
         raise UsageError(
-            f"steps of {list(widths)} times {unit_s:g} s at {sample_rate_hz:g} Hz",
+            f"steps of {list(widths)} times {unit_s:g} s are shorter than a sample at {sample_rate_hz:g} Hz",
             needed="steps of at least one sample",
             remedy="lengthen the unit or raise the sample rate",
         )
     if heights is not None and len(heights) != len(widths):
-        raise UsageError(f"{len(heights)} heights came for {len(widths)} steps", needed="one for each")
+        raise UsageError(f"{len(heights)} heights do not fit {len(widths)} steps", needed="a height for each step")
     signs = np.where(np.arange(edges.size - 1) % 2 == 0, 1.0, -1.0)
     levels = amplitude * signs * (1.0 if heights is None else np.asarray(heights))
     return np.pad(np.repeat(levels, np.diff(edges)), round(trim_s * sample_rate_hz))

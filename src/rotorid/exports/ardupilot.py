@@ -271,13 +271,14 @@ def _thrust(vehicle: JoinedVehicle, defaults: dict[str, VehicleNumber], findings
     if not curve.exact:
         message = (
             "SITL's curve lies between a line and a square through no thrust at spin_min, and the vehicle's does not: "
-            "thrust in hover is held and its slope is not."
+            "thrust in hover is kept, its slope is not."
         )
         findings.append(warn("export_compromise", "propExpo", message, expo=curve.expo))
     controller = vehicle.controller
     if controller is not None and controller.autopilot == "ArduPilot":
         message = (
-            f"Outputs do what they did in flight. SITL's autopilot asks the motors for {gain:.3f} times its demand, "
+            f"Outputs have the effect that they had in flight. SITL's autopilot asks the motors for {gain:.3f} times "
+            "its demand, "
             "for density alone; what the autopilot that flew made up for voltage is not in SITL's loops."
         )
         findings.append(remark("export_compromise", "MOT_BAT_VOLT_MAX", message, gain=gain))
@@ -294,7 +295,8 @@ def _straightened(vehicle: JoinedVehicle, known: Straightening, gain: float, fin
     message = (
         f"The vehicle is known by demands of thrust, for which its autopilot asked {flown_gain:.3f} times as much of "
         f"the motors, to make up for voltage and density. SITL asks for {gain:.3f} times as much, for density alone "
-        "(MOT_BAT_VOLT_MAX is 0). hoverThrOut makes up for the difference: demands do what they did in flight, to "
+        "(MOT_BAT_VOLT_MAX is 0). hoverThrOut makes up for the difference: demands have the effect that they had in "
+        "flight, to "
         "about 1 %, as well as SITL's barometer knows the density."
     )
     findings.append(remark("export_compromise", "hoverThrOut", message, flown_gain=flown_gain, gain=gain))
@@ -376,7 +378,7 @@ def _momentum_drag(
         return _usual("mdrag_coef", defaults) if coefficient is None else coefficient
     drag = float(np.mean(known)) / math.sqrt(scale)
     if drag < 0.0:
-        message = f"mdrag_coef would be {drag:.3g}, which pushes instead of braking; it was set to zero."
+        message = f"mdrag_coef would be {drag:.3g}, a push instead of drag; it was set to zero."
         findings.append(warn("export_compromise", "mdrag_coef", message, identified=drag))
     return max(drag, 0.0)
 
@@ -540,11 +542,11 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, thrust: _Thrust) -> list
     remarks = []
     for name, words in (("T_motor", "lag of the motors"), ("delay", "delay")):
         if name in vehicle.numbers and vehicle.numbers[name].value > 0.0:
-            remarks.append(f"SITL has no {words}: {1e3 * vehicle.numbers[name].value:.2g} ms are left out.")
+            remarks.append(f"SITL has no {words}: {1e3 * vehicle.numbers[name].value:.2g} ms are lost.")
     if np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
-        remarks.append("SITL's inertia is diagonal: the products of inertia are left out.")
+        remarks.append("SITL's inertia is diagonal: products of inertia are lost.")
     if any(name in vehicle.numbers for name in ("M_u", "L_v")):
-        remarks.append("SITL has no moment by velocity but that of drag at the rotors: M_u and L_v are left out.")
+        remarks.append("SITL has no moment by velocity but that of drag at the rotors: M_u and L_v are lost.")
     remarks.append("SITL has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
     if not thrust.of_demands:
         full_n = vehicle.hover_force_n / thrust.hover_share

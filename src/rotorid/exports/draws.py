@@ -63,8 +63,8 @@ def draws(
         if redrawn > _TRIALS_PER_DRAW * count:
             raise ModelError(
                 f"of {redrawn + len(made)} vehicles drawn from the covariance {len(made)} are possible",
-                needed="results that are known better",
-                remedy="give what is hardly known with --set",
+                needed="more accurate results",
+                remedy="set the uncertain values with --set",
             )
     return made, redrawn
 
@@ -79,7 +79,7 @@ def require_possible(vehicle: JoinedVehicle) -> None:
     """
     numbers = vehicle.numbers
     if wrong := [name for name in _POSITIVE if name in numbers and numbers[name].value <= 0.0]:
-        raise ModelError(f"{', '.join(wrong)} came below zero", needed="positive numbers")
+        raise ModelError(f"{', '.join(wrong)} would be negative", needed="positive numbers")
     if vehicle.multirotor is not None:
         _ = vehicle.multirotor.hover_shares
 

@@ -81,20 +81,20 @@ def _require_supported_choices(target: Target, choices: ExportSettings) -> None:
     """Refuse choices that the target has no place for, so that no answer says that they were heeded."""
     if target.scale and choices.delay == "states":
         raise UsageError(
-            f"delays as states came for {target.name}",
-            needed="a state space: matlab, control, fmu or json",
-            remedy="--delay-as-lag in place of --pade" if target.lag else "leave --pade out",
+            f"{target.name} cannot have delays as states",
+            needed="matlab, control, fmu or json",
+            remedy="use --delay-as-lag instead of --pade" if target.lag else "leave --pade out",
         )
     if target.scale and choices.sample_rate_hz is not None:
         raise UsageError(
-            f"a sample rate came for {target.name}",
-            needed="a state space: matlab, control, fmu or json",
+            f"{target.name} has no sample rate",
+            needed="matlab, control, fmu or json",
             remedy="leave --sample-rate out",
         )
     if choices.delay == "lag" and not target.lag:
         raise UsageError(
-            f"a delay as lag came for {target.name}, whose motors have no lag",
-            needed="a target with one",
+            f"{target.name} has no motor lag to which the delay could be added",
+            needed="a target with motor lag",
             remedy="leave --delay-as-lag out",
         )
 

@@ -113,7 +113,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     """
     body = vehicle.multirotor
     if not vehicle.models and body is None:
-        raise UsageError("no result came", needed="results with models, or a vehicle whose scale is known")
+        raise UsageError("no model to export", needed="a result with a model, or a complete vehicle")
     models = named_models(vehicle, choices) if vehicle.models else ()
     rows = compared_models(models, choices)
     sentences = delay_words(models, choices)
@@ -192,11 +192,11 @@ def _vehicle(name: str, vehicle: JoinedVehicle, body: Multirotor, choices: Expor
 
 
 def _delay_remarks(vehicle: JoinedVehicle, choices: ExportSettings) -> list[str]:
-    """What became of the delay of the vehicle, and what it has not."""
+    """How the delay of the vehicle is exported, and what is missing, in sentences."""
     remarks, late = [], vehicle.numbers.get(DELAY)
     if late is not None and late.value > 0.0:
         remarks.append(
-            f"The delay of the vehicle, {1e3 * late.value:.2g} ms, is a part of its lag."
+            f"The delay of the vehicle, {1e3 * late.value:.2g} ms, is part of its lag."
             if choices.delay == "lag"
             else f"The delay of the vehicle, {1e3 * late.value:.2g} ms, is "
             f"{delay_steps(vehicle, choices, step_s=STEP_S)} steps of {1e3 * STEP_S:g} ms."

@@ -253,7 +253,7 @@ def _drag(vehicle: JoinedVehicle, body: Multirotor, hover_rad_s: float, findings
     known = [-vehicle.numbers[name].value * body.mass_kg for name in ("X_u", "Y_v") if name in vehicle.numbers]
     mean = float(np.mean(known)) if known else 0.0
     if mean < 0.0:
-        message = "The identified drag pushes instead of braking; rotorDragCoefficient was set to zero."
+        message = "The identified drag is negative; rotorDragCoefficient was set to zero."
         findings.append(remark("export_compromise", "rotorDragCoefficient", message, identified=mean))
     return max(mean, 0.0) / (body.rotors.layout.rotors * hover_rad_s)
 
@@ -337,8 +337,8 @@ def _compared(
 
 
 def _left_out(vehicle: JoinedVehicle, choices: ExportSettings, model: GazeboVehicle) -> list[str]:
-    remarks = ["Gazebo's rotors have no drag along their axis, and the body has none: Z_w and damping are left out."]
-    words = "There is no delay: {} are left out; --delay-as-lag adds them to the lag."
+    remarks = ["Gazebo's rotors have no drag along their axis, and the body has none: Z_w and damping are lost."]
+    words = "There is no delay: {} are lost; --delay-as-lag adds them to the lag."
     remarks += delay_words(vehicle, words, as_lag=choices.delay == "lag")
     if any(name in vehicle.numbers for name in ("M_u", "L_v")):
         remarks.append("M_u and L_v are those of drag at the height of the rotors, not the identified ones.")

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 NAME = "json"
 
 _DELAYS: Mapping[str, str] = {
-    "none": "they are left out of the state space",
-    "states": "in the state space they are states",
-    "lag": "in the state space they are lags",
+    "none": "is without delays",
+    "states": "has delays as states",
+    "lag": "has delays as lags",
 }
 
 
@@ -52,8 +52,8 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     names = [model.name for model in vehicle.models]
     if not names or len(set(names)) < len(names):
         raise UsageError(
-            "no result came" if not names else f"two results of {max(names, key=names.count)} came",
-            needed="results with models of different names",
+            "no model to export" if not names else f"two results of {max(names, key=names.count)}",
+            needed="results of different models",
         )
     spaces = [_state_space(model, choices) for model in vehicle.models]
     documents = [model_document(model, space) for model, space in zip(vehicle.models, spaces, strict=True)]
@@ -64,8 +64,8 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
         files={f"{choices.names}.json": text},
         compared=tuple(_compared(vehicle.models, json.loads(text))),
         left_out=(
-            f"Delays stand beside the matrices and are exact; {_DELAYS[choices.delay]}.",
-            *(f"{name} has no proper state space, and stands as its matrices." for name in improper),
+            f"The state space {_DELAYS[choices.delay]}; delays_s has the exact values.",
+            *(f"{name} has no proper state space; only its matrices are exported." for name in improper),
         ),
         start=f"import json; models = json.load(open('{choices.names}.json'))['models']",
     )

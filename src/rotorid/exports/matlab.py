@@ -71,7 +71,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     models = named_models(vehicle, choices)
     if choices.names in {model.name for model in models} | {f"{model.name}_measured" for model in models}:
         raise UsageError(
-            f"the script and a model in it would both be called {choices.names}",
+            f"the script and a model in it have the same name {choices.names}",
             needed="names that differ",
             remedy="choose another with --name",
         )
@@ -96,7 +96,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
 
 
 def own_delays(choices: ExportSettings) -> bool:
-    """Whether delays stay what they are."""
+    """Whether delays are kept as delays."""
     return choices.sample_rate_hz is None and choices.delay != "lag"
 
 
@@ -104,14 +104,12 @@ def _own_delay_words(models: Sequence[NamedModel], choices: ExportSettings) -> l
     late = [model for model in models if model.delays_s.any()]
     if not late:
         return []
-    remarks = ["MATLAB keeps delays exactly."]
     if choices.delay == "none":
-        return [*remarks, "Octave leaves them out, as long as pade_order is 0 in the script; --pade N sets it."]
-    remarks.append(
-        f"In Octave they are Padé approximations of order {choices.pade_order}, which change the response by up to:"
-    )
+        return ["Octave has no delays: set pade_order in the script, or add --pade N. MATLAB keeps them exactly."]
     return [
-        *remarks,
+        f"In Octave, delays are Padé approximations of order {choices.pade_order} (exact in MATLAB). Largest change "
+        "of the "
+        "response:",
         *(f"{model.model.name}: {model.error:.2g} up to {model.band_rad_s[1]:.3g} rad/s." for model in late),
     ]
 

@@ -218,7 +218,7 @@ def _parameters(
     if abs(hover - vehicle.hover_output) > _SAME_HOVER * vehicle.hover_output:
         message = (
             f"SIH's thrust is a line through zero: with the slope at hover it hovers at {hover:.3f} where the vehicle "
-            f"hovers at {vehicle.hover_output:.3f}. MPC_THR_HOVER says so."
+            f"hovers at {vehicle.hover_output:.3f}. MPC_THR_HOVER is set accordingly."
         )
         findings.append(remark("export_compromise", "SIH_T_MAX", message, hover_output=hover))
     return {name: written(value) for name, value in values.items()}, defaults, findings
@@ -276,7 +276,7 @@ def _mean_drag(
         return value
     mean = float(np.mean(known))
     if mean < 0.0:
-        message = f"{parameter} would be {mean:.3g} {unit}, which pushes instead of braking; it was set to zero."
+        message = f"{parameter} would be {mean:.3g} {unit}, a push instead of drag; it was set to zero."
         findings.append(warn("export_compromise", parameter, message, identified=mean))
     return max(mean, 0.0)
 
@@ -377,10 +377,10 @@ _SAME_PLACE = 0.005
 
 def _left_out(vehicle: JoinedVehicle, choices: ExportSettings) -> list[str]:
     remarks = []
-    words = "SIH has no delay: {} are left out; --delay-as-lag adds them to the lag."
+    words = "SIH has no delay: {} are lost; --delay-as-lag adds them to the lag."
     remarks += delay_words(vehicle, words, as_lag=choices.delay == "lag")
     if any(name in vehicle.numbers for name in ("M_u", "L_v")):
-        remarks.append("SIH has no moment by velocity: M_u and L_v are left out.")
+        remarks.append("SIH has no moment by velocity: M_u and L_v are lost.")
     remarks.append("SIH has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
     remarks += lag_words(vehicle)
     assert vehicle.multirotor is not None

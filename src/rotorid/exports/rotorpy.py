@@ -240,7 +240,7 @@ def _braking(
     known = [-vehicle.numbers[name].value * body.mass_kg for name in names if name in vehicle.numbers]
     mean = float(np.mean(known)) if known else 0.0
     if mean < 0.0:
-        message = f"{' and '.join(names)} push instead of braking; {parameter} was set to zero."
+        message = f"{' and '.join(names)} would push instead of brake; {parameter} was set to zero."
         findings.append(remark("export_compromise", parameter, message, identified=mean))
     return max(mean, 0.0)
 
@@ -320,7 +320,7 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, cho
     ]
     full = model.thrust * model.fastest_rad_s**2
     remarks += full_thrust_words("a square of the speed", full, body.rotors.thrust_at(1.0))
-    words = "RotorPy has no delay: {} are left out; --delay-as-lag adds them to the lag."
+    words = "RotorPy has no delay: {} are lost; --delay-as-lag adds them to the lag."
     remarks += delay_words(vehicle, words, as_lag=choices.delay == "lag")
     if not {"X_u", "Y_v"} & set(vehicle.numbers):
         remarks.append("Drag is not identified: the vehicle has none.")

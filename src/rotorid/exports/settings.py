@@ -57,40 +57,40 @@ class ExportSettings(Immutable):
         A number or the name is out of range.
     """
 
-    names: Annotated[str, Option("--name", "Of the vehicle in files.", "What is written", metavar="NAME")] = "vehicle"
+    names: Annotated[str, Option("--name", "Name of the vehicle.", "What is written", metavar="NAME")] = "vehicle"
     delay: Annotated[
         Literal["states", "lag", "none"],
         Option(
-            "--delay-as-lag", "Add the delay to the lag, where a target has no delay.", "What is written", gives="lag"
+            "--delay-as-lag", "Add the delay to the lag, for targets without delay.", "What is written", gives="lag"
         ),
     ] = "none"
     pade_order: Annotated[
         int,
         Option(
             "--pade",
-            "Order of a Padé approximation: delays as states of a state space.",
+            "Order of a Padé approximation, to keep delays as states.",
             "What is written",
             hidden_default=True,
         ),
     ] = 3
     sample_rate_hz: Annotated[
-        float | None, Option("--sample-rate", "Of discrete state spaces. [default: continuous]", "What is written")
+        float | None, Option("--sample-rate", "Rate of discrete state spaces. [default: continuous]", "What is written")
     ] = None
 
     def __post_init__(self) -> None:
         allowed = self.names.isascii() and self.names.isidentifier() and not iskeyword(self.names)
         if not (allowed and len(self.names) <= _LONGEST_NAME):
             raise UsageError(
-                f"the name {self.names!r} came",
+                f"invalid name {self.names!r}",
                 needed=f"letters, digits and underscores, a letter first, at most {_LONGEST_NAME}, and no keyword",
                 remedy="choose another with --name",
             )
         require_words(self)
         if not 1 <= self.pade_order <= _HIGHEST_ORDER:
-            raise UsageError(f"a Padé order of {self.pade_order} came", needed=f"1 to {_HIGHEST_ORDER}")
+            raise UsageError(f"--pade {self.pade_order} is out of range", needed=f"an order from 1 to {_HIGHEST_ORDER}")
         rate = self.sample_rate_hz
         if rate is not None and not (math.isfinite(rate) and rate > 0.0):
-            raise UsageError(f"a sample rate of {rate:g} Hz came", needed="a positive number")
+            raise UsageError(f"--sample-rate {rate:g} is not positive", needed="a positive number")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,13 +109,13 @@ class TargetSettings(Immutable):
     ]
     given: Annotated[
         Mapping[str, float],
-        Option("--set", "What the results do not hold, such as m=1.4. Repeatable.", "Vehicle", CHANGES),
+        Option("--set", "Value that the results do not contain, such as m=1.4. Repeatable.", "Vehicle", CHANGES),
     ] = field(default_factory=dict)
     layout: Annotated[
         "RotorLayout | None",
         Option(
             "--layout",
-            "quad.x, ..., or a file of rotors, where results hold none.",
+            "Rotor layout, if the results have none: quad.x, ..., or a file.",
             "Vehicle",
             Text("NAME|FILE.toml", parse_layout),
         ),
@@ -136,12 +136,12 @@ class DrawSettings(Immutable):
         int,
         Option(
             "--draws",
-            "Write so many vehicles more, drawn from the covariance.",
+            "Also write N vehicles drawn from the covariance.",
             "What is written",
             within=(0, _MOST_DRAWS),
         ),
     ] = 0
-    seed: Annotated[int, Option("--seed", "Of the draws.")] = 0
+    seed: Annotated[int, Option("--seed", "Random seed.")] = 0
 
     def __post_init__(self) -> None:
         require_seed(self.seed)

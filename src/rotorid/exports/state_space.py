@@ -100,7 +100,7 @@ def named_models(vehicle: JoinedVehicle, choices: ExportSettings) -> tuple[Named
     'hover_longitudinal'
     """
     if not vehicle.models:
-        raise UsageError("no result came", needed="results with models; numbers alone are no state space")
+        raise UsageError("no model to export", needed="a result of identify with a model")
     named = [
         NamedModel(
             name=variable_name(model.name),
@@ -116,7 +116,7 @@ def named_models(vehicle: JoinedVehicle, choices: ExportSettings) -> tuple[Named
     for model in named:
         if names.count(model.name) > 1:
             raise UsageError(
-                f"two results would be called {model.name}",
+                f"two results have the same name {model.name}",
                 needed="results of different models",
                 remedy="export them one by one",
             )
@@ -200,25 +200,23 @@ def early(models: Sequence[NamedModel]) -> tuple[Finding, ...]:
             model.model.system.input_delays_s.min(initial=0.0), model.model.system.output_delays_s.min(initial=0.0)
         )
         if lowest < -_NOTHING_S:
-            message = f"{model.model.name} has a delay of {1e3 * lowest:.3g} ms, which counts as none."
+            message = f"{model.model.name} has a delay of {1e3 * lowest:.3g} ms, which is negligible."
             found.append(warn("export_compromise", model.model.name, message, delay_s=float(lowest)))
     return tuple(found)
 
 
 def delay_words(models: Sequence[NamedModel], choices: ExportSettings) -> list[str]:
-    """What became of the delays, in sentences."""
+    """How delays are exported, in sentences."""
     late = [model for model in models if model.delays_s.max(initial=0.0) > _NOTHING_S]
     if not late:
         return []
     worst = 1e3 * max(float(model.delays_s.max()) for model in late)
     if choices.delay == "none":
-        return [
-            f"Delays of up to {worst:.3g} ms are left out; --pade N makes them states, --delay-as-lag makes them lags."
-        ]
+        return [f"Delays of up to {worst:.3g} ms are lost; add --pade N to keep them as states, or --delay-as-lag."]
     if choices.delay == "states" and choices.sample_rate_hz is not None:
         return ["Delays are exact, as memory of past inputs."]
     how = "lags" if choices.delay == "lag" else f"states, by Padé approximations of order {choices.pade_order}"
-    remarks = [f"Delays are {how}: the response is another one by up to the share that follows."]
+    remarks = [f"Delays are {how}. Largest change of the response:"]
     if choices.sample_rate_hz is None:
         remarks += [f"{model.model.name}: {model.error:.2g} up to {model.band_rad_s[1]:.3g} rad/s." for model in late]
     else:

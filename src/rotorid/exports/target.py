@@ -63,7 +63,7 @@ class Compared(Immutable):
 
     @property
     def difference_percent(self) -> float:
-        """How much more was exported than identified, in percent; infinite where zero came back as something."""
+        """Exported over identified in percent, minus 100; infinite where zero became another value."""
         difference, size = self.exported - self.identified, abs(self.size or self.identified)
         if difference == 0.0:
             return 0.0
@@ -95,7 +95,7 @@ class Exported(Immutable):
     Raises
     ------
     ModelError
-        A quantity that the target holds exactly came back different.
+        A quantity that the target keeps exactly is different in its files.
     """
 
     target: str
@@ -111,9 +111,10 @@ class Exported(Immutable):
         for compared in self.compared:
             if compared.held == "exact" and not abs(compared.difference_percent) <= EXACT_PERCENT:
                 raise ModelError(
-                    f"{compared.name} came back from {self.target} as {compared.exported:.5g} {compared.unit} for "
-                    f"{compared.identified:.5g} identified",
-                    needed=f"a difference of at most {EXACT_PERCENT:g} %, since {self.target} holds it exactly",
+                    f"{compared.name} is {compared.exported:.5g} {compared.unit} in the files for {self.target}, and "
+                    "was identified as "
+                    f"{compared.identified:.5g}",
+                    needed=f"a difference of at most {EXACT_PERCENT:g} %",
                 )
 
     def write(self, folder: str | Path) -> None:
@@ -132,7 +133,7 @@ class Exported(Immutable):
             write_atomically(place, content)
 
 
-_WORDS: Mapping[Fidelity, str] = {"exact": "exact", "approximated": "approximated", "not": "not held"}
+_WORDS: Mapping[Fidelity, str] = {"exact": "exact", "approximated": "approximated", "not": "lost"}
 
 
 def table_lines(compared: Sequence[Compared]) -> list[str]:

@@ -38,9 +38,9 @@ class Target(Immutable):
 TARGETS: Mapping[str, Target] = {
     target.name: target
     for target in (
-        Target(name="px4-sih", summary="PX4's simulation in hardware: parameters and an airframe", module="px4_sih"),
+        Target(name="px4-sih", summary="PX4 simulation-in-hardware: parameters and an airframe", module="px4_sih"),
         Target(
-            name="ardupilot", summary="ArduPilot's SITL: a frame as JSON, and parameters", module="ardupilot", lag=False
+            name="ardupilot", summary="ArduPilot SITL: a frame as JSON, and parameters", module="ardupilot", lag=False
         ),
         Target(name="gazebo", summary="Gazebo with rotors of MulticopterMotorModel: SDF", module="gazebo"),
         Target(name="mujoco", summary="MuJoCo: MJCF with a hovering keyframe", module="mujoco"),

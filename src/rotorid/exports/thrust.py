@@ -134,7 +134,7 @@ def sih_lag(lag_s: float, *, step_s: float = 0.004) -> float:
     0.05003
     """
     if not (lag_s > 0.0 and step_s > 0.0):
-        raise UsageError(f"a lag of {lag_s:g} s and a step of {step_s:g} s came", needed="positive ones")
+        raise UsageError(f"invalid lag of {lag_s:g} s with a step of {step_s:g} s", needed="positive numbers")
     return -step_s / math.expm1(-step_s / lag_s)
 
 
@@ -168,7 +168,7 @@ def delay_words(vehicle: JoinedVehicle, otherwise: str, *, as_lag: bool) -> list
     late = vehicle.numbers.get("delay")
     if late is None or late.value <= 0.0:
         return []
-    words = "The delay of {} is a part of the lag." if as_lag else otherwise
+    words = "The delay of {} is part of the lag." if as_lag else otherwise
     return [words.format(f"{1e3 * late.value:.2g} ms")]
 
 

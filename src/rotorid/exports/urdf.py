@@ -248,14 +248,14 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, rot
 def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, rotors: Arranged) -> list[str]:
     remarks = []
     if rotors.mirrored:
-        remarks.append("All rotors turn the other way there: yaw by the speed of a rotor has the other sign.")
+        remarks.append("All rotors turn the other way there, so yaw from rotor speeds has the opposite sign.")
     if (lag := vehicle.numbers.get("T_motor")) is not None:
-        remarks.append(f"Rotors turn at once: the lag of the motors, {1e3 * lag.value:.3g} ms, is left out.")
+        remarks.append(f"Rotors turn at once: the lag of the motors, {1e3 * lag.value:.3g} ms, is lost.")
     if (late := vehicle.numbers.get(DELAY)) is not None and late.value > 0.0:
-        remarks.append(f"There is no delay: {1e3 * late.value:.2g} ms are left out.")
+        remarks.append(f"There is no delay: {1e3 * late.value:.2g} ms are lost.")
     remarks.append("There is no damping of rates and no moment by velocity; drag needs Physics.PYB_DRAG.")
     if np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
-        remarks.append("Products of inertia stand in the file, and its reader takes the diagonal alone.")
+        remarks.append("Products of inertia are in the file, but its reader uses the diagonal only.")
     full = model.thrust * model.fastest_rad_s**2
     remarks += full_thrust_words("a square of the speed", full, body.rotors.thrust_at(1.0))
     return remarks

@@ -1,4 +1,4 @@
-"""What a planned flight will be able to tell, before it is flown."""
+"""Prediction of how well a planned flight measures parameters."""
 
 from rotorid._faces import lazy
 

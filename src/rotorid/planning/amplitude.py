@@ -24,7 +24,7 @@ _QUANTILE = 0.25
 """Of the flights of a plan, that may pass a limit."""
 
 _NEAR, _NEAR_TOLERANCE = 1.1, 0.05
-"""Steps of the search, and how closely it ends, where another flight has told the size."""
+"""Steps of the search, and its final accuracy, where another flight gives the size."""
 _MOTORS = tuple(f"motor_{number}" for number in range(1, 17))
 
 
@@ -60,11 +60,12 @@ class Limits(Immutable):
         for name in ("tilt_rad", "rate_rad_s", "position_m", "height_m"):
             if not getattr(self, name) > 0.0:
                 raise UsageError(
-                    f"a limit of {limit_words([name])} of {self.words(name)} came", needed="one above zero"
+                    f"the limit {self.words(name)} of {limit_words([name])} is not positive",
+                    needed="a limit above zero",
                 )
         if not self.motor_low < self.motor_high:
             raise UsageError(
-                f"limits of the motors from {self.motor_low:g} to {self.motor_high:g} came",
+                f"the motor limits {self.motor_low:g} to {self.motor_high:g} are empty",
                 needed="motor_low below motor_high",
             )
 
@@ -301,9 +302,8 @@ def usual_reached(flights: Sequence[Reached]) -> Reached:
 
 def _no_room(aircraft: Aircraft, found: Amplitude) -> UsageError:
     return UsageError(
-        f"{aircraft.name} passes its limits of {found.limited_by} with no test input to speak of",
-        needed="limits that a hover leaves room in, with this vehicle, its gains and this wind",
-        remedy="raise the limits, plan for less wind, or lower gains that oscillate first",
+        f"{aircraft.name} exceeds its limits of {found.limited_by} even with a tiny test input",
+        remedy="raise the limits, plan for less wind, or first lower gains that oscillate",
     )
 
 

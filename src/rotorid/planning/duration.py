@@ -1,4 +1,4 @@
-"""How long to fly: the shortest flight that reaches a wanted accuracy, and which of several plans tells most."""
+"""How long to fly: the shortest flight that reaches a requested accuracy, and the best of several plans."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def shortest(
         limiting=high.limiting,
         prediction=high.prediction,
         tried=tuple(tried),
-        words=f"{high.duration_s:.0f} s are enough; {high.limiting} asks for the most.",
+        words=f"{high.duration_s:.0f} s are enough ({high.limiting} needs the longest).",
     )
 
 
@@ -173,14 +173,15 @@ def _unreached(tried: Sequence[Attempt], wanted: Mapping[str, float]) -> Shortes
     best = min(tried, key=lambda attempt: attempt.excess)
     prediction, name = best.prediction, best.limiting
     if prediction is None:
-        words = f"No flight up to {best.duration_s:.0f} s could support the model."
+        words = f"Not enough data for this model even with {best.duration_s:.0f} s."
     elif math.isinf(best.excess):
-        words = f"No flight up to {best.duration_s:.0f} s shows {name} beside the other parameters."
+        words = f"{name} cannot be separated from the other parameters even with {best.duration_s:.0f} s."
     else:
         reached = best.excess * wanted[name]
-        words = f"{best.duration_s:.0f} s bring {name} to {reached:.2g} %, and {wanted[name]:g} % are wanted."
+        asked = f"{wanted[name]:g} % requested"
+        words = f"Not accurate enough: {best.duration_s:.0f} s measure {name} to {reached:.2g} %, {asked}."
         if _inflated(tried[0]):
-            words += " The structure does not fit what will fly, and more time does not help against that."
+            words += " A longer flight does not help, because the model does not fit the vehicle; a richer one may."
     return Shortest(duration_s=None, limiting=name, prediction=prediction, tried=tuple(tried), words=words)
 
 
@@ -197,17 +198,17 @@ def _require_wanted(
                 remedy=f"did you mean {near[0]}?" if near else "",
             )
         if not 0.0 < percent < math.inf:
-            raise UsageError(f"{percent:g} % of {name} came", needed="a positive number")
+            raise UsageError(f"the accuracy {percent:g} % of {name} is not positive", needed="a positive percentage")
     if not wanted or not 0.0 < shortest_s < longest_s < math.inf:
         raise UsageError(
-            f"{len(wanted)} wanted parameters and durations from {shortest_s:g} to {longest_s:g} s came",
+            f"no requested parameter, or the durations {shortest_s:g} to {longest_s:g} s are empty",
             needed="at least one parameter, and a shortest duration below the longest",
         )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison(Immutable):
-    """What several plans will tell about the same parameters.
+    """A comparison of several plans for the same parameters.
 
     Parameters
     ----------
@@ -242,7 +243,7 @@ class Comparison(Immutable):
 
     @property
     def best(self) -> Mapping[str, str]:
-        """The plan that tells most about each parameter that any of them shows."""
+        """The best plan for each parameter that any of them measures."""
         least = self.percent.argmin(axis=0)
         return {
             name: self.plans[row]
@@ -295,7 +296,10 @@ def compare_plans(
     """
     names = tuple(plan.name for plan in plans)
     if not plans or len(set(names)) < len(names):
-        raise UsageError(f"the plans {', '.join(names) or '(none)'} came", needed="at least one, each of its own name")
+        raise UsageError(
+            f"cannot compare the plans {', '.join(names) or '(none)'}",
+            needed="at least one plan, each with its own name",
+        )
     predictions: list[Prediction | None] = []
     refused = {}
     for plan in plans:

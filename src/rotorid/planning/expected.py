@@ -135,7 +135,7 @@ def as_planned(
     fitted = tuple(entered for entered in own if entered.maneuver.kind not in _SHORT_KINDS) or own
     if silent := [axis for axis in axes if axis not in {entered.axis for entered in fitted}]:
         raise InsufficientDataError(
-            f"the plan {plan.name} without test inputs on {', '.join(silent)} came", needed="test inputs on every axis"
+            f"the plan {plan.name} has no test input on {', '.join(silent)}", needed="test inputs on every axis"
         )
     spans = _spans(plan, fitted, declared if alone else ())
     sources = (*axes, *(axis for axis in plan.axes if axis not in axes and _moves(plan, axis, spans)))
@@ -177,7 +177,7 @@ def _moves(plan: FlightPlan, axis: Axis, spans: Sequence[tuple[float, float]]) -
 def _entry(plan: FlightPlan, axis: Axis) -> Entry:
     entries = list(dict.fromkeys(entered.entry for entered in plan.inputs if entered.axis == axis))
     if len(entries) > 1:
-        raise UsageError(f"test inputs of {axis} at {' and '.join(entries)} came", needed="one place for each axis")
+        raise UsageError(f"{axis} has test inputs at {' and '.join(entries)}", needed="one entry for each axis")
     return entries[0]
 
 
@@ -428,7 +428,7 @@ class FitSettings(Immutable):
             ("weights", self.weights, WeightsChoice),
         ):
             if given not in get_args(kind):
-                raise UsageError(f"the {what} {given!r} came", needed=f"one of {', '.join(get_args(kind))}")
+                raise UsageError(f"unknown {what} {given!r}", needed=f"one of {', '.join(get_args(kind))}")
 
     @property
     def joint(self) -> bool:

@@ -179,8 +179,8 @@ class LoopModel(Immutable):
         self._set(entries=self.entries, declared=tuple(self.declared), axes=tuple(self.axes))
         if not self.log_rate_hz > 0.0 or (self.loop_rate_hz is not None and self.loop_rate_hz < self.log_rate_hz):
             raise UsageError(
-                f"a log at {self.log_rate_hz:g} Hz of a loop at {self.loop_rate_hz} Hz came",
-                needed="a positive rate of the log, at most that of the loop",
+                f"a log at {self.log_rate_hz:g} Hz does not fit a loop at {self.loop_rate_hz} Hz",
+                needed="a positive log rate, at most that of the loop",
             )
 
     def input_of(self, axis: Axis) -> str:
@@ -216,7 +216,7 @@ class LoopModel(Immutable):
             return np.repeat(np.eye(len(self.inputs), dtype=np.complex128)[:, :, None], omega_rad_s.size, axis=2)
         if entry not in self.entries:
             raise UsageError(
-                f"a plan with test inputs at the {entry} came",
+                f"the plan has test inputs at the {entry}",
                 needed=f"test inputs at {' or '.join(['command', *self.entries])} for the loop {self.name}",
             )
         return self.entries[entry].response(omega_rad_s)
@@ -423,8 +423,8 @@ class Tabulated(Immutable):
         omega, values = read_only(self.omega_rad_s, np.float64, ndim=1), read_only(self.values, np.complex128, ndim=3)
         if not omega.size or omega[0] <= 0.0 or np.any(np.diff(omega) <= 0.0) or values.shape[2] != omega.size:
             raise UsageError(
-                f"densities of shape {values.shape} at {omega.size} frequencies came",
-                needed="rising frequencies above zero, and a density at each",
+                f"densities of shape {values.shape} do not fit {omega.size} frequencies",
+                needed="rising frequencies above zero, with a density for each",
             )
         self._set(omega_rad_s=omega, values=values)
 
@@ -450,7 +450,7 @@ def disturbances_of(response: FrequencyResponse) -> Tabulated:
         The response holds no disturbances, because it is no plain estimate any more.
     """
     if response.disturbance is None or response.output_correlation is None:
-        raise UsageError("a response without its disturbances came", needed="one as it was estimated")
+        raise UsageError("the response has no disturbances", needed="a response as estimated")
     level = np.sqrt(response.disturbance.level)
     return Tabulated(
         omega_rad_s=response.omega_rad_s, values=response.output_correlation[0] * level[:, None] * level[None, :]
@@ -606,8 +606,8 @@ def axis_loop(
     """
     if len(structure.inputs) != 1 or len(structure.outputs) != 1:
         raise UsageError(
-            f"{structure.name} with {len(structure.inputs)} inputs and {len(structure.outputs)} outputs came",
-            needed="one of each",
+            f"{structure.name} has {len(structure.inputs)} inputs and {len(structure.outputs)} outputs",
+            needed="one input and one output",
             remedy="select them, or build the loop with rotorid.planning.loop.loop_model",
         )
     entries: dict[Entry, Responds] = {}

@@ -1,4 +1,4 @@
-r"""What a planned flight will tell: every parameter with its standard deviation, before anyone has flown.
+r"""Predicted standard deviations of every parameter, before the flight.
 
 The expected response goes the way of a measured one: the structure is fitted to it at the points that will be usable,
 with the weights that will be used, and its errors are carried through the fit into a covariance of the parameters,
@@ -193,7 +193,7 @@ def expected_scatter(
 ) -> FloatArray:
     r"""Standard deviations of the estimates over many flights of one plan, shape ``(p,)``.
 
-    What an identification states holds what windows leave of leakage, too, for in one flight nothing tells it from
+    An identification includes the leakage of its windows, too, since in one flight it cannot be separated from
     noise. Of one plan it is the same in every flight: it moves the estimates, and does not scatter them. With the
     errors e that gusts and noise alone make, and the weights of the fit,
 
@@ -224,7 +224,7 @@ def _least_squares_inverse(jacobian: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class PredictedParameter:
-    """What a flight will tell about a parameter.
+    """The predicted estimate of a parameter.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ class PredictedParameter:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction(Immutable):
-    """What a planned flight will tell.
+    """The prediction of a planned flight.
 
     Parameters
     ----------
@@ -431,7 +431,7 @@ def _scoped(structure: LinearStructure, loop: LoopModel, plan: FlightPlan, choic
         raise UsageError(
             f"{structure.name} leads from {', '.join(structure.inputs)} to {', '.join(structure.outputs)}, the plan "
             f"{plan.name} excites {', '.join(plan.axes)}, and {loop.name} has the outputs {', '.join(loop.outputs)}",
-            needed="an input that is excited and an output that is there",
+            needed="an excited input and an existing output",
         )
     return connected(structure.select(inputs=inputs, outputs=outputs))
 
@@ -443,9 +443,9 @@ def _axis(command: str) -> Axis:
 def _require_values(structure: LinearStructure, values: Mapping[str, float]) -> None:
     if missing := [name for name in structure.parameters.free if name not in values]:
         raise UsageError(
-            f"no value of {', '.join(missing)} came",
-            needed=f"one for each free parameter of {structure.name}",
-            remedy="give it, or fix or drop the parameter",
+            f"missing values of {', '.join(missing)}",
+            needed=f"a value for each free parameter of {structure.name}",
+            remedy="give them, or fix or drop the parameters",
         )
 
 

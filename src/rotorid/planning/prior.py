@@ -48,15 +48,15 @@ def read_prior(path: Path) -> Prior:
         The model has no linear structure, or holds one that the design cannot use.
     """
     file = path / "result.json" if path.is_dir() else path
-    needed = "the result.json of an identification, with its model.toml beside it"
+    needed = "the result.json of an identification, with model.toml in the same folder"
     content = read_text(file, needed=needed, most_bytes=MOST_JSON_BYTES)
     text = read_text(file.with_name("model.toml"), needed=needed)
     try:
         values = _values(content)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UsageError(f"{file} is no result of an identification", needed="a result.json") from error
+        raise UsageError(f"{file} is not a result of an identification", needed="a result.json") from error
     structure = from_toml(text, where=str(file.with_name("model.toml")))
-    # Where it lies is nobody's concern; the name of its folder tells one result from another.
+    # The folder's name, without its path, distinguishes results.
     return Prior(structure=structure, values=values, source="/".join(file.resolve().parts[-2:]))
 
 

@@ -45,11 +45,11 @@ def require_octave(response: FrequencyResponse, used: BoolArray, least_coherence
         return
     names, best = ", ".join(pair_names(response)), float(response.coherence.max())
     low, high = (float(omega[0]), float(omega[-1])) if omega.size else (0.0, 0.0)
-    message = f"Of {names} less than an octave will be usable; the coherence will reach {best:.2f} at best."
+    message = f"Less than an octave of {names} will be usable; the coherence reaches at most {best:.2f}."
     raise InsufficientDataError(
-        f"a flight came of which only {low:.3g} to {high:.3g} rad/s can be used",
+        f"only {low:.3g} to {high:.3g} rad/s of the flight will be usable",
         needed=f"at least an octave with a coherence of {least_coherence:g} and {SMALL_ERROR}",
-        remedy="excite harder, longer or a wider band, or fly in calmer air",
+        remedy="fly a larger, longer or wider test input, or fly in calmer air",
         findings=[
             refusal(
                 "low_coherence",
@@ -103,9 +103,10 @@ def _on_bands(problem: FrequencyProblem, band_rad_s: tuple[float, float]) -> tup
                 warn(
                     "low_coherence",
                     f"{data.outputs[y]}/{data.inputs[u]}",
-                    f"Of the band {low:.2g} to {high:.3g} rad/s of {data.outputs[y]}/{data.inputs[u]} only "
-                    f"{omega[0]:.2g} to {omega[-1]:.3g} rad/s will be usable; above and below coherence will be too "
-                    "low or the windows too short.",
+                    f"Only {omega[0]:.2g} to {omega[-1]:.3g} rad/s of {data.outputs[y]}/{data.inputs[u]} will be "
+                    "usable, "
+                    f"of the planned {low:.2g} to {high:.3g} rad/s: outside, coherence is too low or windows are too "
+                    "short.",
                     low_rad_s=float(omega[0]),
                     high_rad_s=float(omega[-1]),
                 )
@@ -117,7 +118,7 @@ def _on_dropped(name: str) -> Finding:
     return remark(
         "dropped_parameter",
         name,
-        f"The flight will not show {name} beside the other parameters: an identification will leave it out.",
+        f"The flight cannot separate {name} from the other parameters; identify will drop it.",
     )
 
 
@@ -140,7 +141,8 @@ def _on_parameters(solution: Solution, limits: Bounds) -> tuple[Finding, ...]:
                 warn(
                     kind,
                     name,
-                    f"The {what} of {name}, which is no error, will be {percent:.0f} % (usual up to {limit:g} %).",
+                    f"{name} will be hard to measure with this flight: {what} {percent:.0f} % (usual up to {limit:g} "
+                    "%).",
                     **{f"{'insensitivity' if what == 'insensitivity' else 'cramer_rao'}_percent": percent},
                 )
             )
@@ -148,7 +150,7 @@ def _on_parameters(solution: Solution, limits: Bounds) -> tuple[Finding, ...]:
 
 
 def _on_gain(problem: FrequencyProblem, solution: Solution, limits: Bounds) -> tuple[Finding, ...]:
-    """A gain whose sign the flight will not tell."""
+    """A gain whose sign stays uncertain."""
     gain = problem.structure.gain
     if gain not in limits.names:
         return ()
@@ -160,7 +162,7 @@ def _on_gain(problem: FrequencyProblem, solution: Solution, limits: Bounds) -> t
         refusal(
             "not_identifiable",
             gain,
-            f"Not even the sign of {gain} will be certain: {with_error(value, std)}.",
+            f"{gain} will be too uncertain, even its sign: {with_error(value, std)}.",
             value=value,
             std=std,
         ),
@@ -170,22 +172,22 @@ def _on_gain(problem: FrequencyProblem, solution: Solution, limits: Bounds) -> t
 def _on_biases(
     problem: FrequencyProblem, solution: Solution, limits: Bounds, values: Mapping[str, float]
 ) -> tuple[Finding, ...]:
-    """Parameters that the fit will miss by more than chance."""
+    """Parameters whose estimates will be biased."""
     findings = []
     for name, found, std in zip(limits.names, solution.theta, limits.std, strict=True):
         missed = float(found - values[name])
         if abs(missed) > _BY_CHANCE * std:
             cause = (
-                "a direct estimate in closed loop leans toward the inverse of the controller"
+                "feedback biases a direct estimate"
                 if problem.data.estimate == "direct"
-                else "the structure leaves out a part of what the loop does, or windows are too short for it"
+                else "the model lacks a part of the loop, or windows are too short"
             )
             findings.append(
                 warn(
                     "biased_parameter",
                     name,
-                    f"{name} will come out near {found:.3g} and not {values[name]:.3g}, {abs(missed) / std:.1f} "
-                    f"standard deviations away: {cause}.",
+                    f"{name} will be biased: about {found:.3g} instead of {values[name]:.3g} "
+                    f"({abs(missed) / std:.1f} standard deviations), because {cause}.",
                     expected=float(found),
                     value=float(values[name]),
                     std=float(std),
@@ -195,7 +197,7 @@ def _on_biases(
 
 
 def _on_combinations(problem: FrequencyProblem, solution: Solution, limits: Bounds) -> tuple[Finding, ...]:
-    """Groups of parameters that the flight will not tell apart at all."""
+    """Groups of parameters that the flight cannot separate."""
     return tuple(
         warn("not_identifiable", ", ".join(item.names or item.vector), item.words())
         for item in unseen_combinations(problem.parameters.unpack(solution.theta), limits)

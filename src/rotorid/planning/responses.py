@@ -1,4 +1,4 @@
-r"""What a planned flight will tell of responses to set-points, which are fitted to records in time.
+r"""Predicted accuracy of responses to set-points, which are fitted to records in time.
 
 A vehicle under its autopilot answers set-points; from outside its loop is a plant without feedback,
 
@@ -124,7 +124,7 @@ def setpoint_loop(loop: LoopModel, names: Sequence[str], *, sampled: bool = Fals
     array([1.])
     """
     if wrong := [name for name in names if name not in SETPOINTS]:
-        raise UsageError(f"the input {wrong[0]} came", needed=f"set-points, of {', '.join(SETPOINTS)}")
+        raise UsageError(f"{wrong[0]!r} is not a set-point", needed=f"inputs of {', '.join(SETPOINTS)}")
     # Near hover on a level airframe the speed downward is that along its own axis.
     channels = {**{name: name for name in loop.outputs}, "velocity_down": "w"}
     rows = tuple(loop.outputs.index(row) for row in channels.values())
@@ -327,9 +327,9 @@ def _scoped(structure: LinearStructure, loop: LoopModel) -> LinearStructure:
     wrong += [name for name in structure.outputs if name not in loop.outputs]
     if wrong:
         raise UsageError(
-            f"{structure.name} with {wrong[0]} came, and {loop.name} leads from {', '.join(loop.inputs)} to "
+            f"{structure.name} uses {wrong[0]}, but {loop.name} leads from {', '.join(loop.inputs)} to "
             f"{', '.join(loop.outputs)}",
-            needed="set-points that are flown, and outputs that answer them",
+            needed="flown set-points, and outputs of the loop",
         )
     return connected(structure)
 

@@ -155,12 +155,14 @@ def system_id(planned: PlannedInput) -> SystemId:
     axis = _axis_number(planned)
     if planned.shape != "logarithmic_sweep" or planned.band_rad_s is None:
         raise UsageError(
-            f"a {in_words(planned.shape)} on {planned.axis} for ArduPilot's SYSTEMID mode",
-            needed="a logarithmic sweep with its band: the mode flies nothing else",
+            f"ArduPilot's SYSTEMID mode cannot fly a {in_words(planned.shape)} on {planned.axis}",
+            needed="a logarithmic sweep with its band",
             remedy="plan a logarithmic sweep, or an attitude set-point, which a script can fly",
         )
     if not planned.amplitude > 0.0:
-        raise UsageError(f"a sweep of amplitude {planned.amplitude:g} on {planned.axis}", needed="more than zero")
+        raise UsageError(
+            f"the sweep on {planned.axis} has the amplitude {planned.amplitude:g}", needed="an amplitude above zero"
+        )
     low, high = planned.band_rad_s
     begin_s, end_s = excited_s(planned)
     settings = SystemId(
@@ -182,7 +184,7 @@ def _axis_number(planned: PlannedInput) -> int:
     if number_of is None:
         places = ", ".join(f"{in_words(entry)} of {axis}" for entry, axis in SID_AXIS)
         raise UsageError(
-            f"a test input that enters as {in_words(planned.entry)} of {planned.axis} for ArduPilot's SYSTEMID mode",
+            f"ArduPilot's SYSTEMID mode has no entry {in_words(planned.entry)} of {planned.axis}",
             needed=f"one of {places}",
             remedy="plan another entry",
         )
@@ -199,15 +201,14 @@ def _require_ranges(settings: SystemId) -> None:
         or settings.fade_in_s >= settings.record_s - settings.fade_out_s
     ):
         raise UsageError(
-            f"a chirp of {settings.record_s:g} s from {settings.start_hz:g} Hz, whose first two cycles take "
-            f"{settings.constant_s:g} s, with fades of {settings.fade_in_s:g} s and {settings.fade_out_s:g} s",
-            needed="more time than two cycles and the fades",
+            f"a chirp of {settings.record_s:g} s from {settings.start_hz:g} Hz is too short for its first two cycles "
+            f"({settings.constant_s:g} s) and fades of {settings.fade_in_s:g} s and {settings.fade_out_s:g} s",
             remedy="make it longer or raise its lowest frequency",
         )
 
 
 def _require_agreement(settings: SystemId, planned: PlannedInput, trim_s: float) -> None:
-    """The plan was designed with its samples: what the firmware makes of the settings must be these."""
+    """Refuse settings from which the firmware flies other samples than those of the plan."""
     time_s = np.arange(planned.values.size) / planned.sample_rate_hz - trim_s
     flown = settings.waveform(time_s) * (planned.amplitude / settings.magnitude)
     deviation = float(np.abs(flown - planned.values).max()) / planned.amplitude
@@ -217,7 +218,7 @@ def _require_agreement(settings: SystemId, planned: PlannedInput, trim_s: float)
                 f"the samples of the sweep on {planned.axis} differ from "
                 f"ArduPilot's chirp by {deviation:.0%} of the amplitude"
             ),
-            needed=f"a constant part of two cycles, {settings.constant_s:g} s, and the fades among the settings",
+            needed=f"two cycles at constant frequency ({settings.constant_s:g} s), and fades in the settings",
             remedy=f"plan it with constant_s={settings.constant_s:g}, fade_in_s and fade_out_s",
         )
 
@@ -280,8 +281,8 @@ def ardupilot_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
     sweeps = [planned for planned in plan.inputs if planned not in by_hand]
     if not sweeps:
         raise UsageError(
-            "test inputs at the sticks for ArduPilot's files",
-            needed="command, rate or attitude inputs: nothing here overrides the pilot's sticks",
+            "ArduPilot has no files for test inputs at the sticks",
+            needed="command, rate or attitude inputs",
             remedy="fly them by hand with the flight card, or plan another entry",
         )
     if all(planned.shape == "logarithmic_sweep" for planned in sweeps):
@@ -374,8 +375,8 @@ def _attitude_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
     for planned in plan.inputs:
         if planned.entry != "attitude_setpoint" or planned.axis == "thrust":
             raise UsageError(
-                f"a {in_words(planned.shape)} on {planned.axis} as {in_words(planned.entry)} for ArduPilot",
-                needed="logarithmic sweeps, or attitude set-points of roll, pitch and yaw: scripts reach nothing else",
+                f"ArduPilot cannot fly a {in_words(planned.shape)} on {planned.axis} as {in_words(planned.entry)}",
+                needed="logarithmic sweeps, or attitude set-points of roll, pitch and yaw",
                 remedy="plan logarithmic sweeps for SYSTEMID mode, or attitude set-points for GUIDED mode",
             )
     time_s, columns = table(plan, sample_rate_hz=ATTITUDE_RATE_HZ)
@@ -413,14 +414,14 @@ def _require_one_by_one(inputs: Sequence[PlannedInput]) -> None:
     for before, after in pairwise(inputs):
         if excited_s(after)[0] < excited_s(before)[1]:
             raise UsageError(
-                f"sweeps on {before.axis} and {after.axis} at the same time for ArduPilot's SYSTEMID mode",
-                needed="one after the other: the mode has one waveform",
-                remedy="move the second one behind the first",
+                f"ArduPilot's SYSTEMID mode cannot fly sweeps on {before.axis} and {after.axis} at the same time",
+                needed="one sweep after the other",
+                remedy="start the second one after the first",
             )
 
 
 def _rests_s(sweeps: Sequence[PlannedInput], last_s: float) -> list[float]:
-    """Rest after each run as planned, without the second that the mode waits by itself."""
+    """Pause after each run as planned, without the second that the mode waits itself."""
     edges = [excited_s(planned) for planned in sweeps]
     gaps = [after[0] - before[1] for before, after in pairwise(edges)]
     return [max(gap - SYSTEM_ID_DELAY_S, 1.0) for gap in gaps] + [last_s]

@@ -66,8 +66,8 @@ def betaflight_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
     for before, after in pairwise(sweeps):
         if ORDER.index(after.axis) <= ORDER.index(before.axis) or _shared(after) != _shared(before):
             raise UsageError(
-                f"sweeps on {before.axis} and then {after.axis} for Betaflight",
-                needed="one for each axis in the order roll, pitch, yaw, all with one band and one duration",
+                f"Betaflight cannot fly a sweep on {before.axis} and then on {after.axis}",
+                needed="one sweep for each axis, in the order roll, pitch, yaw, with the same band and duration",
                 remedy="split the plan, and paste the lines of each part before its flight",
             )
     start, end, duration_s = _shared(sweeps[0])
@@ -96,9 +96,9 @@ def betaflight_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
 def _require_chirp(planned: PlannedInput) -> None:
     if planned.shape != "logarithmic_sweep" or planned.entry != "rate_setpoint" or planned.axis not in ORDER:
         raise UsageError(
-            f"a {planned.shape.replace('_', ' ')} that enters as {planned.entry.replace('_', ' ')} of {planned.axis} "
-            "for Betaflight",
-            needed="logarithmic sweeps of the rate set-points of roll, pitch and yaw: its generator flies nothing else",
+            f"Betaflight cannot fly a {planned.shape.replace('_', ' ')} as {planned.entry.replace('_', ' ')} of "
+            f"{planned.axis}",
+            needed="logarithmic sweeps of the rate set-points of roll, pitch and yaw",
             remedy="plan such sweeps, or fly the plan by hand with the flight card",
         )
 
@@ -116,8 +116,8 @@ def _whole(what: str, value: float, limits: tuple[int, int]) -> int:
     rounded = round(value)
     if not least <= rounded <= most or abs(rounded - value) > _ROUNDING * value:
         raise UsageError(
-            f"{what} would be {value:.4g} for Betaflight",
-            needed=f"a whole number from {least} to {most}, or near one",
+            f"Betaflight cannot set {what} to {value:.4g}",
+            needed=f"a whole number from {least} to {most}",
             remedy="change the plan",
         )
     return rounded

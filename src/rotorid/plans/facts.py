@@ -1,4 +1,4 @@
-"""What the files of a planned flight say besides its test inputs: the vehicle, the limits, what the data will tell."""
+"""Facts of a planned flight for its files: the vehicle, the limits, and the predicted accuracy."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _STOP_ABOVE_GROUND = 1.25
 
 @dataclass(frozen=True, kw_only=True)
 class PredictedBound(Immutable):
-    """What the data of a planned flight will tell about one parameter.
+    """The predicted accuracy of one parameter.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class PredictedBound(Immutable):
 
     @property
     def known(self) -> bool:
-        """Whether the data tell more than that the parameter may be zero: its deviation is no larger than its value."""
+        """Whether the deviation is no larger than the value, so that the parameter is not compatible with zero."""
         return self.std <= abs(self.value) if self.value else math.isfinite(self.std)
 
 
@@ -105,7 +105,7 @@ class FlightFacts(Immutable):
     motors
         Lowest and highest motor output, 0 to 1.
     bounds
-        What the data will tell.
+        Predicted accuracy of parameters.
     notes
         Sentences for the pilot that nothing else on the card says.
     firmware
@@ -136,16 +136,13 @@ class FlightFacts(Immutable):
         numbers = (self.room_m, self.height_m, self.climb_m, self.tilt_rad, self.rate_rad_s, *self.motors)
         if not all(math.isfinite(number) and number >= 0.0 for number in numbers) or max(self.motors) > 1.0:
             raise UsageError(
-                (
-                    f"predictions for a flight of {self.vehicle} that "
-                    f"contain {', '.join(f'{number:g}' for number in numbers)}"
-                ),
-                needed="finite numbers from zero up, and motors from 0 to 1",
+                f"invalid predictions for {self.vehicle}: {', '.join(f'{number:g}' for number in numbers)}",
+                needed="finite numbers of 0 or more, and motor outputs from 0 to 1",
             )
 
     @property
     def stop_tilt_rad(self) -> float:
-        """Attitude angle at which to break off: the predicted one with a margin, in steps of 5° from 15° to 60°."""
+        """Attitude angle at which to stop: the predicted one with a margin, in steps of 5° from 15° to 60°."""
         return min(max(_stepped(STOP_MARGIN * self.tilt_rad), _LEAST_STOP_TILT_RAD), _MOST_STOP_TILT_RAD)
 
     @property
@@ -186,7 +183,7 @@ def column_name(planned: PlannedInput) -> str:
 def excited_s(planned: PlannedInput) -> tuple[float, float]:
     """When the input moves, on the clock of the plan: without the zeros at both ends, which are rest.
 
-    Its setting ``trim_s`` tells them. Without it they are counted; the first sample of a sweep is zero by itself.
+    Its setting ``trim_s`` gives them. Without it they are counted; the first sample of a sweep is zero anyway.
 
     Raises
     ------
@@ -195,7 +192,7 @@ def excited_s(planned: PlannedInput) -> tuple[float, float]:
     """
     size, rate_hz = np.abs(planned.values), planned.sample_rate_hz
     if not size.any():
-        raise UsageError(f"a test input on {planned.axis} of zeros alone came", needed="samples that excite")
+        raise UsageError(f"the test input on {planned.axis} is zero", needed="samples other than zero")
     if "trim_s" in planned.settings:
         trim_s = planned.settings["trim_s"]
         return planned.start_s + trim_s, planned.stop_s - trim_s

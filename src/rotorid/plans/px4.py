@@ -44,10 +44,10 @@ class _Parameter:
 _PARAMETERS = (
     _Parameter(name="SDLOG_MODE", value=0, kind=_INTEGER, why="log from arming to disarming"),
     _Parameter(
-        name="COM_RC_OVERRIDE", value=3, kind=_INTEGER, why="moving the sticks ends Offboard too: Position mode"
+        name="COM_RC_OVERRIDE", value=3, kind=_INTEGER, why="moving the sticks also ends Offboard (Position mode)"
     ),
-    _Parameter(name="COM_OF_LOSS_T", value=0.5, kind=_REAL, why="Offboard ends half a second after the script is lost"),
-    _Parameter(name="COM_OBL_RC_ACT", value=0, kind=_INTEGER, why="what follows then: Position mode"),
+    _Parameter(name="COM_OF_LOSS_T", value=0.5, kind=_REAL, why="Offboard ends 0.5 s after the script stops"),
+    _Parameter(name="COM_OBL_RC_ACT", value=0, kind=_INTEGER, why="then: Position mode"),
 )
 
 
@@ -120,24 +120,23 @@ def _kind(places: Mapping[str, PlannedInput]) -> str:
             continue
         if planned.entry == "rate_setpoint" and planned.axis != "thrust":
             raise UsageError(
-                f"a rate set-point of {planned.axis} for PX4",
-                needed="attitude set-points: Offboard with rates holds neither attitude nor place, "
-                "so that the flight is not the one that was predicted",
-                remedy="plan attitude set-points; the rate set-points answer them and are logged",
+                f"PX4 cannot fly a planned rate set-point of {planned.axis}: Offboard with rates lets the vehicle "
+                "drift",
+                needed="attitude set-points",
+                remedy="plan attitude set-points; the resulting rate set-points are logged",
             )
         if planned.entry == "command" or (planned.axis == "thrust" and planned.entry != "stick"):
             raise UsageError(
-                f"a test input that enters as {planned.entry.replace('_', ' ')} of {planned.axis} for PX4",
-                needed="attitude set-points or sticks of roll, pitch and yaw, commands or sticks of thrust: "
-                "MAVLink reaches nothing else",
-                remedy="plan another entry; the torque set-points answer it and are logged",
+                f"MAVLink cannot send {planned.entry.replace('_', ' ')} of {planned.axis} to PX4",
+                needed="attitude set-points or sticks of roll, pitch and yaw, or commands or sticks of thrust",
+                remedy="plan another entry; the resulting torque set-points are logged",
             )
         kinds.add(planned.entry)
     with_thrust_command = "thrust_excitation" in places
     if len(kinds) > 1 or (with_thrust_command and "stick" in kinds):
         raise UsageError(
-            f"test inputs that enter as {', '.join(sorted(kinds)).replace('_', ' ')} in one plan for PX4",
-            needed="one kind: one message carries them all",
+            f"one PX4 plan cannot mix {', '.join(sorted(kinds)).replace('_', ' ')}",
+            needed="one kind of entry",
             remedy="split the plan",
         )
     return next(iter(kinds), "attitude_setpoint")

@@ -1,4 +1,4 @@
-"""The page of a design: what to fly, what it reaches in the simulator, and what its data will be able to tell.
+"""The page of a design: what to fly, what it reaches in the simulator, and how well it will measure parameters.
 
 Every plan has its tables, sentences and pictures: its flight, the spectra of its inputs, and the response that is
 expected. Several plans are compared by the standard deviations of their parameters.
@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rotorid.data.axes import ANGLE_OF, RATE_OF
-from rotorid.data.display import listed
+from rotorid.data.display import counted, listed
 from rotorid.data.findings import worst_first
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, SimulatedFlight
 from rotorid.data.quantity import percent, significant, unit, with_error
@@ -38,6 +38,7 @@ from rotorid.plot.design import (
     predicted_bode,
 )
 from rotorid.plot.figure import quantity
+from rotorid.report.flight_card import FILE as CARD
 from rotorid.report.flight_card import amplitude_words
 from rotorid.report.frame import Picture, in_all_units, render
 from rotorid.report.parts import (
@@ -55,10 +56,10 @@ from rotorid.typing import FloatArray
 _KINDS: Mapping[Shape, str] = MappingProxyType({"two_one_one": "2-1-1", "three_two_one_one": "3-2-1-1"})
 _ENTRIES: Mapping[Entry, str] = MappingProxyType(
     {
-        "command": "what the mixer receives",
+        "command": "mixer input",
         "rate_setpoint": "rate setpoint",
         "attitude_setpoint": "attitude setpoint",
-        "stick": "stick of the pilot",
+        "stick": "pilot's stick",
     }
 )
 _LIMITS: Mapping[str, str] = MappingProxyType(
@@ -76,10 +77,10 @@ _LIMITS: Mapping[str, str] = MappingProxyType(
 _TURN = 2.0 * math.pi
 
 _INFLATED = 1.05
-"""Factor on standard deviations from which it is said that a structure does not fit."""
+"""Factor on standard deviations from which a poor structure is reported."""
 
 _MOST_NAMED = 6
-"""Parameters that are named; more are counted."""
+"""Number of parameters that are named; more are counted."""
 
 
 def kind_words(kind: Shape) -> str:
@@ -132,15 +133,15 @@ def _input_row(planned: Planned, planned_input: PlannedInput) -> InputRow:
 
 
 def _own_amplitude(found: Amplitude, symbol: str) -> str:
-    """The amplitude that an axis may have, and what single flights may where they differ."""
+    """The largest amplitude of an axis alone, and of single flights where they differ."""
     low, high = found.spread
-    differ = f", single flights {significant(low)} to {significant(high)}" if high > _DIFFER * low > 0.0 else ""
+    differ = f" ({significant(low)} to {significant(high)} in single flights)" if high > _DIFFER * low > 0.0 else ""
     return f"alone up to {significant(found.value)} {symbol}".strip() + differ
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ReachedRow:
-    """What a flight reaches of something, and its limit."""
+    """An extreme of a flight, and its limit."""
 
     words: str
     unit: str
@@ -149,7 +150,7 @@ class ReachedRow:
 
 
 def reached_rows(reached: Reached, limits: Limits) -> tuple[ReachedRow, ...]:
-    """Extremes of the simulated flight against the limits; what is beyond one is marked."""
+    """Extremes of the simulated flight with their limits; those beyond are marked."""
     beyond = reached.beyond(limits)
     rows = (
         ("Largest tilt", "tilt_rad", "°", math.degrees(1.0), "at most"),
@@ -173,7 +174,7 @@ def reached_rows(reached: Reached, limits: Limits) -> tuple[ReachedRow, ...]:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PredictedRow:
-    """What the data will tell about a parameter; percents are of its value."""
+    """Predicted estimate of a parameter; percents are of its value."""
 
     name: str
     words: str
@@ -189,7 +190,7 @@ class PredictedRow:
 
 
 def predicted_rows(prediction: Prediction) -> tuple[PredictedRow, ...]:
-    """One row for each parameter that the fit will keep."""
+    """One row for each parameter of the fit."""
     return tuple(_predicted_row(parameter) for parameter in prediction.parameters)
 
 
@@ -213,7 +214,7 @@ def _predicted_row(parameter: PredictedParameter) -> PredictedRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class UsableRow:
-    """What will be usable of a response."""
+    """Usable part of a response."""
 
     name: str
     words: str
@@ -225,7 +226,7 @@ class UsableRow:
 
     @property
     def usable(self) -> bool:
-        """Whether there is anything to use."""
+        """Whether any point is usable."""
         return self.points != "0"
 
 
@@ -254,20 +255,20 @@ def _usable_row(prediction: Prediction, output: str, input: str) -> UsableRow:
 
 
 def inflation_words(prediction: Prediction) -> str:
-    """What a structure that does not fit does to the standard deviations; empty where it fits."""
+    """How much a poor structure widens the standard deviations, in a sentence; empty where it fits."""
     if prediction.inflation < _INFLATED:
         return ""
     return (
-        f"The structure does not fit what will fly: standard deviations hold a factor of "
-        f"{significant(prediction.inflation)} for it, which more time does not lessen."
+        f"This model does not fit the vehicle well, so errors are {significant(prediction.inflation)} times larger. A "
+        "longer flight does not help; a richer model does."
     )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ComparedRow:
-    """A parameter of a model in all plans: percents, infinite where a plan does not show it, and what is written.
+    """A parameter of a model in all plans: percents, infinite where a plan does not measure it, and their texts.
 
-    ``minutes`` holds what a minute of each plan is worth.
+    ``minutes`` has the same for one minute of each plan.
     """
 
     model: str
@@ -281,7 +282,7 @@ class ComparedRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Compared:
-    """Plans side by side; ``durations`` are those of the whole flights."""
+    """A comparison of plans; ``durations`` are those of the whole flights."""
 
     plans: tuple[str, ...]
     durations: tuple[str, ...]
@@ -289,7 +290,7 @@ class Compared:
 
 
 def compared(designed: Sequence[Designed]) -> Compared:
-    """Predicted percents of every parameter of every model, plan by plan; equal numbers are equally good."""
+    """Predicted percents of every parameter of every model, by plan; equal numbers are equally good."""
     known = [_percents(design) for design in designed]
     pairs = list(dict.fromkeys(pair for each in known for pair in each))
     names = [name for _, name in pairs]
@@ -321,7 +322,7 @@ def compared(designed: Sequence[Designed]) -> Compared:
 
 
 def _percents(design: Designed) -> dict[tuple[str, str], float]:
-    """Those that there are: a parameter of the value zero has none."""
+    """Percents of the parameters that are not zero."""
     return {
         (predicted.model, parameter.name): parameter.percent
         for predicted in design.told
@@ -331,11 +332,11 @@ def _percents(design: Designed) -> dict[tuple[str, str], float]:
 
 
 def design_summary(designed: Sequence[Designed], choices: DesignSettings) -> tuple[str, ...]:
-    """Which plan tells most, what each will tell, and the answers to what was asked for."""
+    """What to fly and how well it will measure, which plan is best, and the shortest duration where requested."""
     most = _best_sentences(compared(designed)) if len(designed) > 1 else []
     each = [_plan_sentence(design) for design in designed]
     reach = _shared_answers(designed) if len(designed) > 1 else list(reach_sentences(designed[0]))
-    return (*most, *each, *reach, f"All of it is for {choices.entry.name} in {wind_words(choices.plan.wind)}.")
+    return (*most, *each, *reach, f"Planned for {choices.entry.name} in {wind_words(choices.plan.wind)}.")
 
 
 def _plan_sentence(design: Designed) -> str:
@@ -352,30 +353,30 @@ def _plan_sentence(design: Designed) -> str:
         low, high = percent(min(row.percent[0] for row in found.rows)), worst.texts[0]
         spread = low if low == high else f"{low} to {high}"
         count = "1 parameter" if len(found.rows) == 1 else f"{len(found.rows)} parameters"
-        least = f", {worst.label} worst" if low != high else ""
-        parts.append(f"it will tell {count} with standard deviations of {spread} %{least}")
+        least = f" ({worst.label} is the least accurate)" if low != high else ""
+        parts.append(f"measures {count} to {spread} %{least}")
     off = [
-        f"{parameter.name} {significant(parameter.expected, digits=3)} for {significant(parameter.value, digits=3)}, "
-        f"{parameter.off_sigmas:.0f} σ off"
+        f"{parameter.name} {significant(parameter.expected, digits=3)} instead of "
+        f"{significant(parameter.value, digits=3)}, {parameter.off_sigmas:.0f} σ off"
         for predicted in design.told
         for parameter in (predicted.prediction.parameters if predicted.prediction is not None else ())
         if parameter.off_sigmas > FAR_SIGMAS
     ]
     if off:
-        parts.append(f"its estimates will be biased: {'; '.join(off)}")
+        parts.append(f"biased estimates: {'; '.join(off)}")
     if zero:
-        parts.append(f"{zero} more {'is' if zero == 1 else 'are'} zero, of which there is no percent")
+        parts.append(f"{counted(zero, 'parameter')} with the value zero {'has' if zero == 1 else 'have'} no percentage")
     if refused:
-        parts.append(f"it cannot support {listed(refused)}")
+        parts.append(f"not enough data for {listed(refused)}")
     return f"{lead}{'; '.join(parts)}."
 
 
 def _best_sentences(found: Compared) -> list[str]:
-    """Which plan tells most about what, but for those parameters that several tell equally well."""
+    """Which plan is best for which parameters, apart from ties."""
     single_best = [row for row in found.rows if sum(row.best) == 1]
     best = {plan: [row.label for row in single_best if row.best[number]] for number, plan in enumerate(found.plans)}
     best_words = {plan: _named(labels, len(found.rows)) for plan, labels in best.items() if labels}
-    return [f"{plan.capitalize()} tells most about {words}." for plan, words in best_words.items()]
+    return [f"{plan.capitalize()} is best for {words}." for plan, words in best_words.items()]
 
 
 def _named(labels: Sequence[str], of: int) -> str:
@@ -385,7 +386,7 @@ def _named(labels: Sequence[str], of: int) -> str:
 
 
 def reach_sentences(design: Designed) -> tuple[str, ...]:
-    """The answer to a question for the shortest test input, for each model."""
+    """The shortest test input that is accurate enough, for each model."""
     return tuple(
         f"{_wanted(design.wanted[model])} in {model}: {found.words}{_least_tried(found)}"
         for model, found in design.shortest.items()
@@ -393,11 +394,11 @@ def reach_sentences(design: Designed) -> tuple[str, ...]:
 
 
 def _least_tried(found: Shortest) -> str:
-    return " Nothing shorter was tried." if found.duration_s == found.tried[0].duration_s else ""
+    return " Shorter ones were not tried." if found.duration_s == found.tried[0].duration_s else ""
 
 
 def _shared_answers(designed: Sequence[Designed]) -> list[str]:
-    """The answers of all plans, one sentence for each model; what is not reached in the words of its own."""
+    """The shortest test inputs of all plans, one sentence for each model; misses have a sentence of their own."""
     sentences = []
     for model in dict.fromkeys(model for design in designed for model in design.shortest):
         asked = [design for design in designed if model in design.shortest]
@@ -448,21 +449,21 @@ _MOST_UNFOLDED = 4
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ExpectedPictures:
-    """Bode pictures of a prediction in sight, and those that fold away: what one axis does to another."""
+    """Bode pictures of a prediction: on the axis of their input, and cross-axis ones, which fold."""
 
     leading: tuple[Picture, ...]
     folded: tuple[Picture, ...]
 
 
 def flown(design: Designed, choices: DesignSettings) -> SimulatedFlight:
-    """One of the flights whose usual extremes the plan holds, once more: the first draw of wind and noise."""
+    """The simulated flight of a plan with the first draw of wind and noise."""
     from rotorid.simulation.multirotor_flight import fly_multirotor
 
     return fly_multirotor(choices.aircraft, design.planned.plan, wind=choices.plan.wind, seed=choices.plan.seed)
 
 
 def flight_picture(plan: FlightPlan, flight: SimulatedFlight, limits: Limits, *, key: str) -> Picture:
-    """Test inputs over time, and tilt, rates, motors and place of the simulated flight."""
+    """Test inputs over time, with tilt, rates, motors and position of the simulated flight."""
     time_s, truth = flight.time_s, flight.truth
     upright = np.clip(np.cos(truth["phi"]) * np.cos(truth["theta"]), -1.0, 1.0)
     motors = np.stack([values for name, values in flight.columns.items() if name.startswith("motor_")])
@@ -490,7 +491,7 @@ def flight_picture(plan: FlightPlan, flight: SimulatedFlight, limits: Limits, *,
             limits=(limits.motor_low, limits.motor_high),
         ),
         Strip(
-            label="Distance from the start, and height above it",
+            label="Distance and height from the start",
             signals=[
                 Signal("distance", "north", time_s, away),
                 Signal("height", "north", time_s, truth["down"][0] - truth["down"]),
@@ -500,7 +501,9 @@ def flight_picture(plan: FlightPlan, flight: SimulatedFlight, limits: Limits, *,
     ]
     return Picture(
         key=key,
-        description=f"Test inputs of {plan.name} over time, and rates, tilt, motors and place of the simulated flight",
+        description=(
+            f"Test inputs of {plan.name} over time, and rates, tilt, motors and position of the simulated flight"
+        ),
         figure=planned_flight(strips),
     )
 
@@ -525,10 +528,10 @@ def input_channel(planned: PlannedInput) -> str:
 
 
 def spectrum_picture(plan: FlightPlan, flies: FlightPlan, *, key: str) -> Picture:
-    """What the test inputs excite as they fly; of those that are repeated the first."""
+    """Spectra of the test inputs as flown; of repeated ones the first."""
     first: dict[tuple[str, str], tuple[PlannedInput, bool]] = {}
     for sent, planned in zip(plan.inputs, flies.inputs, strict=True):
-        # What an autopilot shapes has no lines any more.
+        # An input shaped by the autopilot has no lines.
         first.setdefault((planned.axis, planned.shape), (planned, planned.shape == "multisine" and planned is sent))
     shapes = {planned.shape for planned in plan.inputs}
     inputs = []
@@ -555,12 +558,12 @@ def spectrum_picture(plan: FlightPlan, flies: FlightPlan, *, key: str) -> Pictur
 def density(planned: PlannedInput, *, lines: bool = False) -> tuple[FloatArray, FloatArray]:
     """One-sided spectral density of a test input in rad/s and SI units squared per hertz, each shape ``(f,)``.
 
-    That of lines, as a multisine has them, stands at those from a tenth of the largest amplitude: it is their power
-    over the distance to their neighbors. Others are averaged in bins of a tenth of their frequency or four lines,
+    For the lines of a multisine, from a tenth of the largest amplitude, it is their power over the distance to their
+    neighbors. Others are averaged in bins of a tenth of their frequency or four lines,
     whichever is wider.
     """
     rate_hz = planned.sample_rate_hz
-    # Behind the last period of a multisine stands a zero.
+    # The last sample of a multisine is a zero after its period.
     values = planned.values[:-1] if lines else planned.values
     size = values.size
     length = size if lines else max(size, round(_LONG_S * rate_hz))
@@ -571,7 +574,7 @@ def density(planned: PlannedInput, *, lines: bool = False) -> tuple[FloatArray, 
         there = there[there > 0]
         apart_hz = np.gradient(frequency_hz[there]) if there.size > 1 else np.full(there.size, rate_hz / size)
         return 2.0 * np.pi * frequency_hz[there], 2.0 * power[there] / size**2 / apart_hz
-    # Half and twice the band, or where steps excite most of what they do.
+    # Half and twice the band, or the main band of steps.
     low, high = planned.band_rad_s or (0.4, _STEP_TURNS * 2.0 * np.pi * rate_hz / size)
     low_hz, high_hz = low / (4.0 * np.pi), min(high / np.pi, 0.5 * rate_hz)
     return _averaged(frequency_hz, 2.0 * power / (size * rate_hz), low_hz, high_hz)
@@ -595,7 +598,7 @@ def _averaged(
 
 
 def expected_pictures(prediction: Prediction, *, least_coherence: float, key: str) -> ExpectedPictures:
-    """A Bode picture of each response of which something will be usable."""
+    """A Bode picture of each response with usable points."""
     response, used = prediction.response, prediction.used
     pairs = by_axis([(response.outputs[y], response.inputs[u]) for y, u in np.argwhere(used.any(axis=-1))])
     main = sum(on_axis(*pair) for pair in pairs)
@@ -625,7 +628,7 @@ def comparison_picture(compared: Compared, *, key: str) -> Picture:
 
 
 def duration_picture(found: Shortest, wanted: Mapping[str, float], *, key: str) -> Picture | None:
-    """Percent over the durations that were tried; nothing where fewer than two could support the model."""
+    """Percent over the tried durations; ``None`` where fewer than two support the model."""
     tried = [attempt for attempt in found.tried if attempt.prediction is not None]
     if len(tried) < 2:
         return None
@@ -648,7 +651,7 @@ def _percent(prediction: Prediction) -> dict[str, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class ModelSection:
-    """A model in a plan: what the data will tell about it, or why they cannot support it."""
+    """A model in a plan: its predicted accuracy, or why the data do not support it."""
 
     anchor: str
     name: str
@@ -686,16 +689,16 @@ class PlanSection:
 def render_design(
     designed: Sequence[Designed], choices: DesignSettings, *, title: str, document: DesignDocument | None = None
 ) -> str:
-    """The page as one HTML document, which holds everything it shows and lets no text of a model act.
+    """The page as one self-contained HTML document.
 
-    Every plan is flown in the simulator once more for its picture: a tenth of a second for two minutes.
+    Every plan is simulated once more for its picture: a tenth of a second for two minutes.
 
     Parameters
     ----------
     designed
-        At least one plan and what it will tell.
+        At least one plan with its predictions.
     document
-        What ``design.json`` says: adds where all comes from, and remarks on files.
+        ``design.json``: adds provenance, and findings on files.
 
     Raises
     ------
@@ -703,7 +706,7 @@ def render_design(
         There is no plan.
     """
     if not designed:
-        raise UsageError("a page of no plan was asked for", needed="at least one")
+        raise UsageError("the page has no plan", needed="at least one plan")
     plans = [_plan_section(design, choices, anchor=f"plan-{number}") for number, design in enumerate(designed, start=1)]
     side_by_side = compared(designed) if len(designed) > 1 else None
     if side_by_side is not None and not side_by_side.rows:
@@ -723,9 +726,22 @@ def render_design(
         least_coherence=choices.fit.least_coherence,
         repeats=choices.plan.repeats,
         document=document,
+        files=_files(document),
         remarks=finding_rows(document.findings) if document is not None else (),
         pictures=[*([dots] if dots is not None else []), *(picture for plan in plans for picture in plan.pictures)],
     )
+
+
+def _files(document: DesignDocument | None) -> list[tuple[str, str, list[str]]]:
+    """Of each plan its name, its card and its other files for the vehicle, relative to the page."""
+    if document is None:
+        return []
+    found = []
+    for plan in document.plans:
+        place = f"{plan.folder}/" if plan.folder and plan.folder != "." else ""
+        others = [f"{place}{name}" for name in plan.files if name not in (CARD, "plan.json", "plan.csv")]
+        found.append((kind_words(plan.kind), f"{place}{CARD}", others))
+    return found
 
 
 def _plan_section(design: Designed, choices: DesignSettings, *, anchor: str) -> PlanSection:
@@ -735,7 +751,7 @@ def _plan_section(design: Designed, choices: DesignSettings, *, anchor: str) -> 
         for number, (model, found) in enumerate(design.shortest.items())
     ]
     asked = any(design.wanted.values())
-    steps = ("Steps have no duration to look for: it is their band.",) if asked and design.kind in STEPS else ()
+    steps = ("The duration of steps follows from their band.",) if asked and design.kind in STEPS else ()
     return PlanSection(
         anchor=anchor,
         title=kind_words(design.kind).capitalize(),
@@ -780,5 +796,5 @@ def _model_section(predicted: PlanPrediction, choices: DesignSettings, *, anchor
 
 
 def _grave(model: ModelSection) -> bool:
-    """Whether something limits the trust in what is said of a model."""
+    """Whether a finding limits the trust in the predictions of a model."""
     return bool(model.refused) or any(row.severity != "info" for row in model.findings)

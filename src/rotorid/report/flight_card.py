@@ -1,6 +1,6 @@
-"""The flight card: one page for the pilot, to be read outdoors. What to fly, how long, when to stop.
+"""The flight card: one page for the pilot, for use outdoors. What to fly, how long, when to stop.
 
-Its words suit each autopilot; its drawings of test inputs are SVG inside the page.
+Its words depend on the autopilot; its drawings of test inputs are SVG inside the page.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rotorid import __version__
 from rotorid.autopilots.autopilot import Card
 from rotorid.autopilots.px4.advice import log_profile
 from rotorid.autopilots.registry import named
-from rotorid.data.display import capital, listed
+from rotorid.data.display import listed
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
 from rotorid.data.quantity import MISSING, percent, significant, unit, with_error
 from rotorid.data.trust import DIRECT_COHERENCE
@@ -52,7 +52,7 @@ _SHAPES: Mapping[Shape, str] = MappingProxyType(
 )
 
 _UNITS: Mapping[Shape, int] = MappingProxyType({"doublet": 2, "two_one_one": 4, "three_two_one_one": 7})
-"""Steps of one unit that a maneuver of steps lasts."""
+"""Length of a maneuver of steps, in units of one step."""
 
 
 def shape_words(planned: PlannedInput) -> str:
@@ -82,7 +82,7 @@ def amplitude_words(planned: PlannedInput) -> str:
 
 
 def band_words(planned: PlannedInput) -> str:
-    """Its frequencies in hertz, or how long its steps are.
+    """Its frequencies in hertz, or the length of its steps.
 
     Examples
     --------
@@ -99,12 +99,12 @@ def band_words(planned: PlannedInput) -> str:
 
 
 def how_to_fly(plan: FlightPlan, facts: FlightFacts) -> str:
-    """What the pilot does during every run, and who works the throttle."""
+    """What the pilot does during every run, and who controls the throttle."""
     autopilot = facts.autopilot
     by_hand = flown_by_hand(plan, autopilot)
     if len(by_hand) == len(plan.inputs):
         return (
-            "Each run: begin and end in trimmed hover. Follow the picture with the stick of that axis"
+            "Each run: start and end in trimmed hover. Follow the picture with the stick of that axis"
             f"{_hand_words(plan.inputs)}. Other sticks: small, slow corrections only."
         )
     card = named(autopilot).card
@@ -113,7 +113,7 @@ def how_to_fly(plan: FlightPlan, facts: FlightFacts) -> str:
 
 
 def _check_words(plan: FlightPlan, card: Card) -> str:
-    """What the runs by hand are for, so that nobody takes them for the sweeps that a model comes from."""
+    """What the runs by hand are for: they check the model."""
     still = f" for {plan.trim_s:.0f} s" if plan.trim_s >= 1.0 else ""
     return (
         f"Fly the runs by hand last{card.hand_mode}: they only check the model. Keep the sticks still"
@@ -127,58 +127,58 @@ def before(plan: FlightPlan, facts: FlightFacts) -> list[str]:
     loaded = card.loaded.format(
         mask=plan_log_bitmask(plan), profile=log_profile(facts.firmware), rate_hz=least_rate_hz(plan)
     )
-    way = f"The way out is on a switch, and was tried in hover: {card.way_out}"
+    way = f"Abort switch tested in hover: {card.way_out}"
     if card.way_tried and throttle_by_hand(plan, facts.autopilot):
-        way = f"Tried in hover: {card.way_tried}; and the way out, {card.way_out}"
+        way = f"Tested in hover: {card.way_tried}; abort switch: {card.way_out}"
     return [
         "Propellers undamaged, tight, right way round; battery full and strapped; nothing loose",
         loaded,
         way,
         card.ready,
-        f"Nobody within {_clear_m(facts):.0f} m of the start; wind as low as can be had",
-        "Written down: take-off mass, battery, wind",
+        f"Nobody within {_clear_m(facts):.0f} m of the start; as little wind as possible",
+        "Note take-off mass, battery and wind",
     ]
 
 
 def stops(facts: FlightFacts) -> list[tuple[str, str]]:
-    """Limits, large: what, and how much."""
+    """Limits at which to stop, with their names."""
     return [
         ("tilt", f"{math.degrees(facts.stop_tilt_rad):.0f}°"),
         ("rate", f"{math.degrees(facts.stop_rate_rad_s):.0f}°/s"),
         ("from start", f"{facts.stop_room_m:.0f} m"),
-        ("height off by", f"{length_words(facts.stop_climb_m)} m"),
+        ("height change", f"{length_words(facts.stop_climb_m)} m"),
         ("battery", f"{LEAST_BATTERY_PERCENT} %"),
     ]
 
 
 def stop_sentence(facts: FlightFacts) -> str:
-    """How to stop, and the reasons that no number covers."""
+    """How to stop, and reasons to stop without a number."""
     way = named(facts.autopilot).card.way_out
     return (
-        f"{capital(way)}. Also when an oscillation grows, a sound is new, the link is poor, or you are not "
-        f"sure; and below {LEAST_CELL_V:g}\u00a0V in any cell under load."
+        f"To stop: {way}. Also stop if an oscillation grows, you hear a new sound, the link is poor, you are not sure, "
+        f"or any cell is below {LEAST_CELL_V:g}\u00a0V under load."
     )
 
 
 def after(plan: FlightPlan, facts: FlightFacts) -> list[str]:
-    """What to look at after the flight."""
+    """What to check after the flight."""
     by_hand = flown_by_hand(plan, facts.autopilot)
     made = len(plan.inputs) - len(by_hand) or len(plan.inputs)
     count = f"{made} {'maneuver' if made == 1 else 'maneuvers'}"
-    beside = f"; {len(by_hand)} more by hand" if 0 < len(by_hand) < len(plan.inputs) else ""
+    extra = f"; {len(by_hand)} more by hand" if 0 < len(by_hand) < len(plan.inputs) else ""
     low, high = (100.0 * edge for edge in facts.motors)
     return [
-        f"{count} found on {listed(plan.axes)}, without gaps{beside}",
+        f"{count} found on {listed(plan.axes)}, without gaps{extra}",
         f"Commands and rates logged at {least_rate_hz(plan):.0f} Hz or more",
-        f"Coherence {DIRECT_COHERENCE:g} or more over the band",
+        f"Coherence at least {DIRECT_COHERENCE:g} over the band",
         f"As predicted: tilt up to {math.degrees(facts.tilt_rad):.0f}°, rates up to "
         f"{math.degrees(facts.rate_rad_s):.0f}°/s, motors {low:.0f} to {high:.0f}\u00a0%",
-        "If not: fly again with more amplitude (coherence low) or less (motors at their limits)",
+        "If not, fly again: larger if coherence is low, smaller if motors reach their limits",
     ]
 
 
 def least_rate_hz(plan: FlightPlan) -> float:
-    """Rate of the log that the plan needs: ten samples in a period of its highest frequency, 50 Hz at least."""
+    """Least log rate of the plan: ten samples per period of its highest frequency, and 50 Hz."""
     highest = max((planned.band_rad_s[1] for planned in plan.inputs if planned.band_rad_s), default=0.0)
     wanted = _SAMPLES_PER_PERIOD * highest / (2.0 * math.pi)
     return max(10.0 * math.ceil(wanted / 10.0 - 1e-9), 50.0)
@@ -208,13 +208,13 @@ def length_words(meters: float) -> str:
 
 
 def _hand_words(inputs: Sequence[PlannedInput]) -> str:
-    """How the hand moves: sweeps grow faster, steps are held."""
+    """How the hand moves in sweeps and steps."""
     kinds = {planned.maneuver.kind for planned in inputs}
     if kinds == {"sweep"}:
-        return "; go from slow to fast evenly, never faster than your hand stays smooth"
+        return ", from slow to fast, never faster than you can move it smoothly"
     if kinds <= {"doublet", "multistep"}:
-        return ": quickly to each level, hold it still as long as the picture does, then let go to the middle"
-    return ", sweeps evenly from slow to fast, steps quickly from level to level" if "sweep" in kinds else ""
+        return ": move quickly to each level, keep it there as long as in the picture, then release"
+    return ": sweeps from slow to fast, steps quickly from level to level" if "sweep" in kinds else ""
 
 
 def _short(value: float) -> str:
@@ -222,7 +222,7 @@ def _short(value: float) -> str:
 
 
 def _clear_m(facts: FlightFacts) -> float:
-    """Room, and as much again as the vehicle may fall away from its height."""
+    """Radius to keep clear: the room, plus the height or 10 m."""
     return facts.stop_room_m + max(facts.height_m, 10.0)
 
 
@@ -297,13 +297,13 @@ _ROOMY, _DENSE = 4, 6
 """Up to so many runs the pictures are large, and from so many on the rows are narrow."""
 _LONG_NAME = 34
 _LONG_S = 10.0
-_NOT_KNOWN = "not known"
+_NOT_KNOWN = "too uncertain"
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """What is flown without a rest in between: one input, or several at the same time."""
+    """Inputs that are flown without a pause: one, or several at the same time."""
 
     number: int
     axes: str
@@ -317,7 +317,7 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True)
 class BoundRow:
-    """What the flight will tell about one parameter."""
+    """Predicted accuracy of one parameter."""
 
     name: str
     model: str
@@ -328,12 +328,12 @@ class BoundRow:
 
 
 def flight_card(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
-    """The card as an HTML file that holds everything it shows, asks the network for nothing, and prints on one A4 page.
+    """The card as one self-contained HTML file that prints on one A4 page.
 
     Parameters
     ----------
     plan
-        What is to be flown. Inputs that overlap are one run.
+        The plan to fly. Inputs that overlap are one run.
     facts
         Its vehicle, predictions and limits.
 
@@ -392,8 +392,8 @@ def _runs(plan: FlightPlan, facts: FlightFacts) -> tuple[Run, ...]:
     repeated = [list(same) for _, same in groupby(groups, key=_likeness)]
     if len(repeated) > MOST_RUNS:
         raise UsageError(
-            f"a flight card for {len(repeated)} runs",
-            needed=f"at most {MOST_RUNS}, so that the page can be read outdoors",
+            f"{len(repeated)} runs do not fit on a flight card",
+            needed=f"at most {MOST_RUNS} runs",
             remedy="split the plan into several flights",
         )
     zero_s = _edges_s(plan.inputs)[0]
@@ -402,7 +402,7 @@ def _runs(plan: FlightPlan, facts: FlightFacts) -> tuple[Run, ...]:
 
 
 def _likeness(group: Sequence[PlannedInput]) -> tuple[object, ...]:
-    """Equal for runs that a pilot takes for the same, whatever their sign or their noise."""
+    """Equal for runs that look the same to a pilot, whatever their sign or noise."""
     return tuple(
         (planned.axis, planned.shape, planned.entry, amplitude_words(planned), band_words(planned)) for planned in group
     )
@@ -432,7 +432,7 @@ def _run(number: int, repeats: Sequence[Sequence[PlannedInput]], zero_s: float, 
 
 
 def _strips(repeats: Sequence[Sequence[PlannedInput]]) -> list[list[PlannedInput]]:
-    """The inputs of each strip of a drawing: repeats stand behind each other."""
+    """The inputs of each strip of a drawing, repeats one after the other."""
     return [list(strip) for strip in zip(*repeats, strict=True)]
 
 
@@ -452,7 +452,7 @@ def _edges_s(inputs: Sequence[PlannedInput]) -> tuple[float, float]:
 
 
 def _bound_rows(bounds: Sequence[PredictedBound]) -> tuple[BoundRow, ...]:
-    """The first bounds; models are named where there are several, what the data do not tell is called so."""
+    """The first bounds; models are named where there are several, uncertain parameters are marked."""
     several = len({bound.model for bound in bounds}) > 1
     return tuple(
         BoundRow(

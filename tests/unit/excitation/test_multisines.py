@@ -191,17 +191,20 @@ def test_axes_share_every_harmonic_of_the_band_once(
     ("call", "said"),
     [
         (lambda: multisine(np.array([1, 2]), amplitude=1.0, period_s=1.0), "from 2 up"),
-        (lambda: multisine(np.array([], dtype=int), amplitude=1.0, period_s=1.0), "at least one"),
+        (lambda: multisine(np.array([], dtype=int), amplitude=1.0, period_s=1.0), "invalid harmonics none"),
         (lambda: multisine(np.array([2, 3]), amplitude=1.0, period_s=1.0, powers=np.array([1.0, 0.0])), "positive"),
-        (lambda: multisine(np.array([2, 3]), amplitude=0.0, period_s=1.0), "not zero"),
+        (lambda: multisine(np.array([2, 3]), amplitude=0.0, period_s=1.0), "other than zero"),
         (lambda: multisine(np.array([3, 2]), amplitude=1.0, period_s=1.0), "rising"),
         (lambda: halved(4, band_rad_s=(HZ * 0.2, HZ * 0.3), period_s=10.0), "lengthen"),
-        (lambda: interleaved(0, band_rad_s=(HZ * 0.2, HZ * 0.3), period_s=10.0), "at least one axis"),
+        (lambda: interleaved(0, band_rad_s=(HZ * 0.2, HZ * 0.3), period_s=10.0), "a harmonic for each axis"),
         (
             lambda: Multisine(harmonics=[2], amplitudes=[1.0], phases_rad=[0.0], period_s=1.0).sampled(4.0),
             "sample rate",
         ),
-        (lambda: Multisine(harmonics=[2], amplitudes=[1.0, 2.0], phases_rad=[0.0], period_s=1.0), "one of each"),
+        (
+            lambda: Multisine(harmonics=[2], amplitudes=[1.0, 2.0], phases_rad=[0.0], period_s=1.0),
+            "one of each per harmonic",
+        ),
     ],
 )
 def test_impossible_multisines_are_refused(call: Any, said: str) -> None:

@@ -104,10 +104,10 @@ def test_trim_is_part_of_the_input() -> None:
         ("multisin", {}, "did you mean multisine"),
         ("logarithmic_sweep", {"fade_ins": 1.0}, "did you mean fade_in_s"),
         ("doublet", {"passes": 3.0}, "no setting of a doublet"),
-        ("doublet", {"band_rad_s": BAND}, "with a band"),
-        ("multisine", {"band_rad_s": None}, "without a band"),
+        ("doublet", {"band_rad_s": BAND}, "takes no band"),
+        ("multisine", {"band_rad_s": None}, "needs a band"),
         ("multisine", {"periods": 1.5}, "whole number from 1"),
-        ("multisine", {"first_harmonic": 500.0}, "at least one"),
+        ("multisine", {"first_harmonic": 500.0}, "invalid harmonics none"),
         ("random_binary", {"seed": -1}, "whole number from 0"),
     ],
 )

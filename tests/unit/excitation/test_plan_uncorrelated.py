@@ -54,5 +54,5 @@ def test_one_seed_one_answer() -> None:
 
 
 def test_a_clock_that_does_not_divide_the_rate_is_refused() -> None:
-    with pytest.raises(UsageError, match="clock_hz=30 came for samples at 100 Hz"):
+    with pytest.raises(UsageError, match="clock_hz=30 does not fit samples at 100 Hz"):
         uncorrelated_binaries(AMPLITUDES, **{**WISH, "clock_hz": 30.0})  # type: ignore[arg-type]

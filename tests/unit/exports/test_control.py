@@ -102,4 +102,4 @@ def test_a_negative_delay_is_told() -> None:
 
     structure = replace(ROLL, parameters=ROLL.parameters.with_values({"tau_roll": -0.002}))
     (finding,) = export(vehicle(model(structure)), CHOICES["states"]).findings
-    assert "-2 ms, which counts as none" in finding.message
+    assert "-2 ms, which is negligible" in finding.message

@@ -66,8 +66,8 @@ def test_the_state_space_is_continuous_or_sampled(model: IdentifiedModel, rate_h
 
 def test_what_becomes_of_delays_is_said(model: IdentifiedModel) -> None:
     left_out, states = export(model, "json"), export(model, "json", ExportSettings(delay="states", pade_order=2))
-    assert "left out of the state space" in left_out.left_out[0]
-    assert "they are states" in states.left_out[0]
+    assert "state space is without delays" in left_out.left_out[0]
+    assert "delays as states" in states.left_out[0]
     count = len(written(left_out)["state_space"]["A"])
     assert len(written(states)["state_space"]["A"]) == count + 2
 
@@ -75,5 +75,5 @@ def test_what_becomes_of_delays_is_said(model: IdentifiedModel) -> None:
 def test_two_of_one_name_are_refused(model: IdentifiedModel) -> None:
     with pytest.raises(UsageError, match=r"two results of rate\.roll"):
         export([model, model], "json", given={"I_xx": 0.02})
-    with pytest.raises(UsageError, match="no result"):
+    with pytest.raises(UsageError, match="no model to export"):
         export([], "json")

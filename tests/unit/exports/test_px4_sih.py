@@ -135,7 +135,7 @@ def test_the_airframe_is_shell_with_parameters_and_the_round_trip() -> None:
 def test_the_delay_goes_to_the_lag_or_is_left_out() -> None:
     vehicle = asymmetric(delay=0.006)
     without, lagged = (export(vehicle, ExportSettings(delay=one)) for one in ("none", "lag"))  # type: ignore[arg-type]
-    assert any("6 ms are left out" in sentence for sentence in without.left_out)
+    assert any("6 ms are lost" in sentence for sentence in without.left_out)
     assert any("part of the lag" in sentence for sentence in lagged.left_out)
     assert parameters(lagged)["SIH_T_TAU"] == pytest.approx(parameters(without)["SIH_T_TAU"] + 0.006, abs=2e-5)
     assert next(one for one in lagged.compared if one.name == "motor lag and delay").identified == pytest.approx(0.036)

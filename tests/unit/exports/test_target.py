@@ -31,14 +31,14 @@ def test_differences_grow_away_from_zero() -> None:
 
 @pytest.mark.parametrize("came_back", [1.011, 0.989, math.nan])
 def test_what_is_held_exactly_may_not_differ(came_back: float) -> None:
-    with pytest.raises(ModelError, match="holds it exactly"):
+    with pytest.raises(ModelError, match="difference of at most 1 %"):
         Exported(target="one", files={}, compared=(row(1.0, came_back),))
     Exported(target="one", files={}, compared=(row(1.0, 1.009), replace(row(1.0, came_back), held="approximated")))
 
 
 def test_the_table_says_what_is_not_held() -> None:
     lines = table_lines([replace(row(0.05, 0.0), unit="s", held="not")])
-    assert lines[1].endswith(" not held")
+    assert lines[1].endswith(" lost")
     assert "%" not in lines[1]
 
 

@@ -50,7 +50,7 @@ def test_a_full_command_is_the_largest_that_is_tried() -> None:
 
 
 def test_wind_that_passes_a_limit_by_itself_is_told() -> None:
-    with pytest.raises(UsageError, match=r"passes its limits of position.* with no test input"):
+    with pytest.raises(UsageError, match=r"exceeds its limits of position.* even with a tiny test input"):
         largest_amplitude(
             px4_quad.aircraft(), doublet, Limits(position_m=0.5), wind=Wind(north_m_s=8.0, turbulence_m_s=2.0)
         )

@@ -139,5 +139,5 @@ def test_one_axis_has_one_entry() -> None:
         amplitude=0.1,
         entry="rate_setpoint",
     )
-    with pytest.raises(UsageError, match="one place"):
+    with pytest.raises(UsageError, match="one entry"):
         as_planned(FlightPlan(name="mixed", inputs=(first, other)), ["roll"], LOG_HZ)

@@ -116,5 +116,5 @@ def test_shapes_that_do_not_fit_are_named() -> None:
         )
     with pytest.raises(UsageError, match="the plant"):
         loop_model(plant, None, [], name="odd", inputs=["roll_command"], outputs=["p", "q"])
-    with pytest.raises(UsageError, match="rate of the log"):
+    with pytest.raises(UsageError, match="positive log rate"):
         loop_model(plant, None, [], name="odd", inputs=["roll_command"], outputs=["p"], log_rate_hz=0.0)

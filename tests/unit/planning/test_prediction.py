@@ -136,7 +136,7 @@ def test_a_short_flight_is_remarked_on() -> None:
 
 
 def test_values_and_names_are_asked_for() -> None:
-    with pytest.raises(UsageError, match="no value of tau_roll"):
+    with pytest.raises(UsageError, match="missing values of tau_roll"):
         predict(STRUCTURE, {name: TRUTH[name] for name in ("L_roll", "L_p", "T_motor")}, roll_loop(), PLAN)
     with pytest.raises(UsageError, match="excites pitch"):
         predict(STRUCTURE, TRUTH, roll_loop(), sweeps({"pitch": 0.1}, 20.0))

@@ -131,10 +131,10 @@ def test_set_points_have_an_axis_and_a_place() -> None:
 
 def test_what_is_no_set_point_is_refused() -> None:
     loop = aircraft_loop(aircraft("bebop"), log_rate_hz=20.0)
-    with pytest.raises(UsageError, match="the input roll_command came; expected set-points"):
+    with pytest.raises(UsageError, match="'roll_command' is not a set-point; expected inputs of"):
         setpoint_loop(loop, ["roll_command"])
     other, outside = response_model("response.first_order", [("theta_setpoint", "theta")]), known_loop()
-    with pytest.raises(UsageError, match="with theta_setpoint came"):
+    with pytest.raises(UsageError, match="uses theta_setpoint, but"):
         predict_responses(other, {}, outside, plan())
 
 

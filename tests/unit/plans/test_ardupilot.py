@@ -169,12 +169,12 @@ def test_no_name_can_add_a_parameter(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("inputs", "words"),
     [
-        ((step("roll"),), "scripts reach nothing else"),
-        ((chirp("roll", constant_s=0.0),), "constant part of two cycles"),
-        ((chirp("roll", settings={}),), "constant part of two cycles"),
+        ((step("roll"),), "attitude set-points of roll, pitch and yaw"),
+        ((chirp("roll", constant_s=0.0),), "two cycles at constant frequency"),
+        ((chirp("roll", settings={}),), "two cycles at constant frequency"),
         ((chirp("yaw", entry="attitude_setpoint"),), "one of attitude setpoint of roll"),
-        ((by_hand("roll"),), "overrides the pilot's sticks"),
-        ((chirp("roll"), chirp("pitch", start_s=80.0)), "one waveform"),
+        ((by_hand("roll"),), "no files for test inputs at the sticks"),
+        ((chirp("roll"), chirp("pitch", start_s=80.0)), "one sweep after the other"),
         ((chirp("roll", duration_s=300.0),), "SID_T_REC would be 300"),
         ((chirp("roll", fade_in_s=25.0),), "SID_T_FADE_IN would be 25"),
         ((chirp("roll", band_hz=(0.1, 150.0)),), "SID_F_STOP_HZ would be 150"),
@@ -358,7 +358,7 @@ def test_every_file_says_from_where_and_who_works_the_throttle(firmware: str, sa
     runs = [text for name, text in files.items() if name.endswith(".param") and "after" not in name]
     for text in runs:
         assert f"Enter System ID from Stabilize ({said}" in text
-        assert "You work the throttle" in text
+        assert "You control the throttle" in text
         assert limit in text
-    assert f"Begin in STABILIZE ({said}" in files["hover-four-axes-chirps.lua"]
-    assert "pilot works the throttle all the time" in files["hover-four-axes-chirps.lua"]
+    assert f"Start in STABILIZE ({said}" in files["hover-four-axes-chirps.lua"]
+    assert "pilot controls the throttle all the time" in files["hover-four-axes-chirps.lua"]

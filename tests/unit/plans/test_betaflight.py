@@ -79,7 +79,7 @@ def test_the_lines_make_the_frequency_of_the_planned_sweep() -> None:
 def test_steps_beside_the_sweeps_are_left_to_the_pilot() -> None:
     plan = FlightPlan(name="both", inputs=(planned("roll"), step("pitch", start_s=30.0)))
     text = betaflight_files(plan, facts("Betaflight"))["betaflight-cli.txt"]
-    assert "Left to the pilot's hand: doublet on pitch." in text
+    assert "Fly by hand: doublet on pitch." in text
     assert "set chirp_amplitude_pitch = 0" in text
 
 
@@ -90,11 +90,11 @@ def test_zeros_around_a_sweep_are_no_part_of_its_duration() -> None:
 @pytest.mark.parametrize(
     ("inputs", "words"),
     [
-        ((planned("thrust"),), "flies nothing else"),
+        ((planned("thrust"),), "Betaflight cannot fly"),
         ((planned("roll", entry="command"),), "rate set-points"),
         ((step("roll", entry="rate_setpoint"),), "logarithmic sweeps"),
         ((planned("pitch"), planned("roll", start_s=30.0)), "order roll, pitch, yaw"),
-        ((planned("roll"), planned("pitch", start_s=30.0, band_hz=(1.0, 60.0))), "one band and one duration"),
+        ((planned("roll"), planned("pitch", start_s=30.0, band_hz=(1.0, 60.0))), "the same band and duration"),
         ((planned("roll", band_hz=(0.123, 60.0)),), "tenths of a hertz"),
         ((planned("roll", duration_s=300.0),), "duration"),
         ((planned("roll", amplitude=math.radians(600.0)),), "amplitude of roll"),

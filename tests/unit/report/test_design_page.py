@@ -219,7 +219,7 @@ def test_usable_bands_are_those_of_the_prediction(alone: Page) -> None:
     low, high = OMEGA[used][[0, -1]]
     assert rows["p/roll_command"][1].startswith(f"{low:.3g} to {high:.3g} ")
     assert HOLLOW not in rows
-    assert f"Nothing will be usable of {HOLLOW}." in alone.words
+    assert f"No usable points: {HOLLOW}." in alone.words
 
 
 def test_plans_stand_side_by_side_and_the_best_is_marked(page: Page) -> None:
@@ -227,7 +227,7 @@ def test_plans_stand_side_by_side_and_the_best_is_marked(page: Page) -> None:
     assert gain == ["L_roll rate.roll", "2 1.8 of a minute", "1 0.66 of a minute"]
     best = [attributes.get("title") for tag, attributes in page.elements if attributes.get("class") == "badge good"]
     # L_p is known equally well by both.
-    assert best == ["tells most"] * 3
+    assert best == ["best"] * 3
     assert damping[1].startswith("5 ")
 
 
@@ -259,7 +259,7 @@ def test_a_parameter_of_the_value_zero_has_no_percent() -> None:
     )
     assert [row.name for row in compared([with_zero]).rows] == ["L_roll"]
     assert design_summary([with_zero], CHOICES)[0].endswith(
-        "1 parameter with standard deviations of 2 %; 1 more is zero, of which there is no percent."
+        "measures 1 parameter to 2 %; 1 parameter with the value zero has no percentage."
     )
     shown = Page(render_design([with_zero], CHOICES, title="t"))
     assert shown.rows("Scatter")[1][2:] == ["0", "0.10 ± 0.20", "–", "–", "–", "–", "–"]
@@ -274,13 +274,13 @@ def test_a_plan_that_is_best_in_everything_is_said_to_be() -> None:
         second, told=(PlanPrediction(model="rate.roll", prediction=prediction(parameter("L_p", 4.0))),)
     )
     assert design_summary([other, first], CHOICES)[:2] == (
-        "Multisine tells most about L_p.",
-        "Pilot sweep tells most about L_roll.",
+        "Multisine is best for L_p.",
+        "Pilot sweep is best for L_roll.",
     )
     worse = dataclasses.replace(
         first, told=(PlanPrediction(model="rate.roll", prediction=prediction(parameter("L_p", 6.0))),)
     )
-    assert design_summary([other, worse], CHOICES)[0] == "Multisine tells most about every parameter."
+    assert design_summary([other, worse], CHOICES)[0] == "Multisine is best for every parameter."
 
 
 def test_one_name_in_two_models_is_told_apart() -> None:
@@ -293,15 +293,15 @@ def test_one_name_in_two_models_is_told_apart() -> None:
 def test_words_come_first(page: Page) -> None:
     sentences = design_summary(designed(), CHOICES)
     assert sentences == (
-        "Multisine tells most about L_roll.",
-        "Pilot sweep on roll and pitch, 49 s in all: it will tell 2 parameters with standard deviations of 2 to 5 %, "
-        "L_p worst; its estimates will be biased: L_p −3 for −4, 5 σ off; it cannot support rate.yaw.",
-        "Multisine on roll and pitch, 26 s in all: it will tell 2 parameters with standard deviations of 1 to 5 %, "
-        "L_p worst; its estimates will be biased: L_p −3 for −4, 5 σ off; it cannot support rate.yaw.",
+        "Multisine is best for L_roll.",
+        "Pilot sweep on roll and pitch, 49 s in all: measures 2 parameters to 2 to 5 % "
+        "(L_p is the least accurate); biased estimates: L_p −3 instead of −4, 5 σ off; not enough data for rate.yaw.",
+        "Multisine on roll and pitch, 26 s in all: measures 2 parameters to 1 to 5 % "
+        "(L_p is the least accurate); biased estimates: L_p −3 instead of −4, 5 σ off; not enough data for rate.yaw.",
         "L_roll to 1.5 % in rate.roll: 40 s of pilot sweep and 40 s of multisine are enough.",
-        "All of it is for px4_quad in turbulence of 0.5 m/s.",
+        "Planned for px4_quad in turbulence of 0.5 m/s.",
     )
-    order = [page.words.index(words) for words in (*sentences, "Which plan tells most", "What it will tell")]
+    order = [page.words.index(words) for words in (*sentences, "Which plan measures best", "What it will measure")]
     assert order == sorted(order)
 
 

@@ -185,7 +185,7 @@ def test_what_the_flight_does_not_tell_is_not_known() -> None:
     )
     page = Page(flight_card_html(four_chirps(), facts(bounds=bounds)))
     found = {row[0]: row[1:] for table in page.tables[1:] for row in table[1:]}
-    assert found["X_u"] == found["Y_v"] == ["not known", "", "–"]
+    assert found["X_u"] == found["Y_v"] == ["too uncertain", "", "–"]
     assert found["Z_w"] == ["−0.20 ± 0.19", "1/s", "95"]
     assert found["N_r"][0] == "0.00 ± 0.10"
 
@@ -229,7 +229,7 @@ def test_large_numbers_are_written_out() -> None:
 @pytest.mark.parametrize(
     ("inputs", "said", "unsaid"),
     [
-        ((by_hand("roll"),), "from slow to fast evenly", "quickly to each level"),
+        ((by_hand("roll"),), "from slow to fast, never faster", "quickly to each level"),
         ((step("roll", entry="stick"),), "quickly to each level", "slow to fast"),
         ((by_hand("roll"), step("roll", start_s=60.0, entry="stick")), "steps quickly from level to level", "smooth"),
     ],
@@ -247,7 +247,7 @@ def test_it_says_what_holds_the_vehicle() -> None:
     by_mode = words(four_chirps(), facts("ArduPilot"))
     assert "script keeps" not in by_mode  # System ID: the pilot keeps it
     assert "You work the throttle" in by_mode
-    assert "Tried in hover: Stabilize, throttle near the middle; and the way out, switch to Loiter" in by_mode
+    assert "Tested in hover: Stabilize, throttle near the middle; abort switch: switch to Loiter" in by_mode
     assert "Stabilize" not in guided
 
 
@@ -362,7 +362,7 @@ def test_an_input_of_zeros_is_refused() -> None:
     still = PlannedInput(
         axis="roll", shape="doublet", start_s=0.0, values=np.zeros(5), sample_rate_hz=5.0, amplitude=0.1
     )
-    with pytest.raises(UsageError, match="zeros alone"):
+    with pytest.raises(UsageError, match="is zero"):
         flight_card_html(FlightPlan(name="still", inputs=(still,)), facts())
 
 

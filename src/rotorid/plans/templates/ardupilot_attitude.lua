@@ -3,14 +3,13 @@
 -- and reboot. If memory is short, raise SCR_HEAP_SIZE.
 --
 -- The pilot takes off, hovers in LOITER in the middle of the room, switches to GUIDED, and turns on the switch whose
--- RCx_OPTION is 300 (Scripting1). The script asks for the attitudes of the table, added to the heading of the start and
--- to the lean of a slow loop that holds the place, as in the simulation from which the limits of the flight come. It
--- asks for no climb: the autopilot works the throttle and keeps the height.
--- The attitude controller smooths what it is asked for (ATC_INPUT_TC): the log's set-points are what was flown.
+-- RCx_OPTION is 300 (Scripting1). The script sends the attitudes of the table, added to the heading at the start and to
+-- the lean of a slow position loop, as in the simulation that gave the limits of the flight. It sends no climb: the
+-- autopilot controls the throttle and keeps the height.
+-- The attitude controller smooths these set-points (ATC_INPUT_TC); the log has the smoothed ones.
 --
--- The pilot has the last word: any change of the flight mode by the pilot ends the plan, and so does turning the switch
--- off. The script never arms, never disarms and never touches the sticks.
--- When it ends by itself or at a limit it enters LOITER.
+-- The pilot can stop at any time: changing the flight mode or turning the switch off ends the plan. The script never arms, never disarms and never touches the sticks.
+-- At its end or at a limit it switches to LOITER.
 
 local GUIDED, LOITER = 4, 5
 local TABLE = "/APM/scripts/{{ table }}"
@@ -18,16 +17,16 @@ local ROWS = {{ rows }}
 local ROW_S = {{ number(1.0 / rate_hz) }}
 local PERIOD_MS = {{ number(1000.0 / rate_hz) }}
 local ROOM_M = {{ number(facts.stop_room_m) }} -- horizontal distance from the start that ends the plan
-local CLIMB_M = {{ number(facts.stop_climb_m) }} -- departure from the height of the start that ends the plan
+local CLIMB_M = {{ number(facts.stop_climb_m) }} -- height change that ends the plan
 local LARGEST_DEG = { {{ largest_deg | join(", ") }} }
--- A row of the table beyond these, or one that is no number, ends the plan.
-local LEAST_HEIGHT_M = {{ number(facts.least_height_m) }} -- above home, to begin
+-- A table row beyond these, or one that is not a number, ends the plan.
+local LEAST_HEIGHT_M = {{ number(facts.least_height_m) }} -- above home, to start
 
--- What holds the place: acceleration for a drift (1/s) and for its integral (1/s^2), speed for a distance (1/s).
+-- Position loop: acceleration per drift (1/s) and per its integral (1/s^2), speed per distance (1/s).
 local SPEED_GAIN, INTEGRAL_GAIN, PLACE_GAIN = {{ number(hold.speed) }}, {{ number(hold.integral) }}, {{ number(hold.place) }}
 local GRAVITY = {{ number(gravity) }}
-local MOST = GRAVITY * math.tan(math.rad({{ number(hold.lean_deg) }})) -- acceleration of the largest lean that it adds
-local TRIM_S = 2.0 -- the lean of so long before the start is what the wind asks for
+local MOST = GRAVITY * math.tan(math.rad({{ number(hold.lean_deg) }})) -- acceleration of the largest added lean
+local TRIM_S = 2.0 -- the mean lean of this time before the start compensates the wind
 local LONGEST_STEP_S = 0.1
 
 local WAITING, FLYING, OVER = 0, 1, 2

@@ -3,24 +3,23 @@
 --
 -- The pilot takes off, hovers in {{ start.name }} in the middle of the room, and turns on the switch whose RCx_OPTION is
 -- 300 (Scripting1). For every chirp the script sets the SID_ parameters and enters SYSTEMID mode; between them it
--- returns to {{ start.name }}, so that the pilot can fly back to the middle; outside of the room it waits for that.
+-- returns to {{ start.name }}, so that the pilot can fly back to the middle; outside the room it waits.
 {% if throttle == "pilot" %}
--- The pilot works the throttle all the time: in {{ start.name }} and in SYSTEMID mode its stick is the thrust, near the
--- middle in hover.
+-- The pilot controls the throttle all the time: in {{ start.name }} and SYSTEMID mode the stick is the thrust, near
+-- the middle in hover.
 {% else %}
--- The autopilot works the throttle and keeps the height; sticks are ignored during a chirp.
+-- The autopilot controls the throttle and keeps the height; sticks are ignored during a chirp.
 {% endif %}
--- Begin in {{ start.name }} ({{ reason }}).
+-- Start in {{ start.name }} ({{ reason }}).
 --
--- The pilot has the last word: any change of the flight mode by the pilot ends the plan, and so does turning the switch
--- off. At a limit the script ends the plan in {{ loiter.name }}. It never arms, never disarms and never touches the sticks.
+-- The pilot can stop at any time: changing the flight mode or turning the switch off ends the plan. At a limit the script ends the plan in {{ loiter.name }}. It never arms, never disarms and never touches the sticks.
 -- Parameters are not saved.
 
 local SYSTEMID, {{ loiter.name }} = {{ mode }}, {{ loiter.number }}
 local START_MODES = { [{{ start.number }}] = true } -- {{ start.name }}
 local ROOM_M = {{ number(facts.stop_room_m) }} -- horizontal distance from the start that ends the plan
-local CLIMB_M = {{ number(facts.stop_climb_m) }} -- departure from the height of the start that ends the plan
-local LEAST_HEIGHT_M = {{ number(facts.least_height_m) }} -- above home, to begin
+local CLIMB_M = {{ number(facts.stop_climb_m) }} -- height change that ends the plan
+local LEAST_HEIGHT_M = {{ number(facts.least_height_m) }} -- above home, to start
 local PERIOD_MS = 50
 local MARGIN_S = 0.5 -- in the mode after the end of a chirp
 
