@@ -94,6 +94,7 @@ def shown(model: str, parameter: str, unit: str) -> Shown:
         return Shown(words=f"{name.replace('_', ' ')}{more}", symbol="", unit=unit_on_paper(unit))
     number = re.search(r"motor_(\d+)_", name)
     words = row.words.replace("#", number[1] if number else "#")
+    words += " above 100 Hz" if name.endswith("_above_100hz") else ""
     words += f" of {_LOOPS.get(of, of) if part == 'loops' else of}" if of else ""
     return Shown(words=f"{words}{more}", symbol="", unit=row.unit, factor=row.factor or 1.0)
 

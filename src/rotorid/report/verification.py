@@ -326,7 +326,7 @@ def verification_summary(document: VerifyDocument) -> tuple[str, ...]:
 _COST_WORDS = {"good": "very well", "fair": "acceptably", "poor": "poorly"}
 _WORDS = {
     "good": "predicted well",
-    "diverges": "predicted well ahead (open loop diverges, as for any unstable airframe)",
+    "diverges": "predicted well over short times (the airframe is unstable, so the open loop diverges)",
     "disturbed": "too disturbed to judge",
     "poor": "predicted poorly",
 }

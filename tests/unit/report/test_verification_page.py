@@ -96,8 +96,8 @@ def test_several_maneuvers_are_counted_by_verdict() -> None:
     ]
     first, second, *_ = verification_summary(verify_document().model_copy(update={"maneuvers": several}))
     assert first == (
-        f"{verify_document().model} on 4 unseen maneuvers: 1 predicted well, 1 predicted well ahead (open loop "
-        "diverges, as for any unstable airframe), 1 too disturbed to judge, 1 predicted poorly."
+        f"{verify_document().model} on 4 unseen maneuvers: 1 predicted well, 1 predicted well over short times (the "
+        "airframe is unstable, so the open loop diverges), 1 too disturbed to judge, 1 predicted poorly."
     )
     assert second.startswith("Worst output in open loop: roll rate p, TIC 0.5, fit −20 %")
 
