@@ -77,4 +77,4 @@ def test_zeros_in_the_place_of_a_delay_are_named() -> None:
     why = contradicted(
         estimate((-0.035, -0.023), Order(2, 3)), ("pitch_command", "q"), feedback=True, joint=True, sample_s=0.0005
     )
-    assert "zeros of the third order with 2 zeros lag replace a delay" in why
+    assert "zeros of the lag (third order with 2 zeros) replace a delay" in why

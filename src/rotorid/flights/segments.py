@@ -41,6 +41,26 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 _MARK = "reconstructed from "
 
 
+def require_known_names(names: Sequence[str], records: Sequence[FlightRecord]) -> None:
+    """Refuse a channel that is neither a standard name nor in a log.
+
+    Raises
+    ------
+    UsageError
+        Its remedy is the nearest name.
+    """
+    from difflib import get_close_matches
+
+    known = {*STANDARD_UNITS, *(name for record in records for name in record.channel_names)}
+    for name in names:
+        if name not in known:
+            close = " or ".join(get_close_matches(name, sorted(known), n=3, cutoff=0.75))
+            raise UsageError(
+                f"unknown channel {name!r}",
+                remedy=f"did you mean {close}?" if close else "see the channels that rotorid inspect lists",
+            )
+
+
 def require_channels(record: FlightRecord, channels: Sequence[str]) -> None:
     """Refuse a log from which a channel can be neither read nor computed.
 

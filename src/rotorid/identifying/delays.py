@@ -6,7 +6,6 @@ import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.display import counted, html_table, lines_of
 from rotorid.data.findings import Finding, refusal, warn, worst_first
 from rotorid.data.quantity import milliseconds
-from rotorid.data.record import STANDARD_UNITS, FlightRecord
+from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.delay.estimate import DelayAnalysis, DelayEstimate, estimate_delay, same_rate
@@ -23,7 +22,7 @@ from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
 from rotorid.flights.flights import Flight, never_flew
 from rotorid.flights.instruments import axes_of, find_instrument, is_command, is_free
 from rotorid.flights.measure import measure
-from rotorid.flights.segments import cut, histories, other_sources
+from rotorid.flights.segments import cut, histories, other_sources, require_known_names
 from rotorid.flights.selection import chosen_maneuvers, default_pairs, each_once
 from rotorid.io.records import as_records
 from rotorid.results.model import Records, Segment
@@ -173,7 +172,7 @@ def delay(
     """
     settings, records = as_settings(MeasureSettings, settings, options), as_records(records)
     each_once(records)
-    _require_known(settings.instruments, records)
+    require_known_names(settings.instruments, records)
     pairs = _pairs(records, input, output)
     found: dict[str, PairDelay] = {}
     refusals: list[Finding] = []
@@ -223,26 +222,14 @@ def refused_delay(
 
 def _pairs(records: Sequence[FlightRecord], input: str | None, output: str | None) -> tuple[tuple[str, str], ...]:
     if (input is None) != (output is None):
-        given = "an input" if output is None else "an output"
-        raise UsageError(f"{given} was given alone", needed="both --input and --output, or neither")
+        given, other = ("--input", "--output") if output is None else ("--output", "--input")
+        raise UsageError(f"{given} was given without {other}", remedy="give both, or neither")
     if input is None or output is None:
         return default_pairs(records)
     if input == output:
         raise UsageError(f"{input} is both input and output", needed="different channels")
-    _require_known((input, output), records)
+    require_known_names((input, output), records)
     return ((input, output),)
-
-
-def _require_known(names: Sequence[str], records: Sequence[FlightRecord]) -> None:
-    known = {*STANDARD_UNITS, *(name for record in records for name in record.channel_names)}
-    for name in names:
-        if name not in known:
-            close = ", ".join(get_close_matches(name, sorted(known), n=3))
-            raise UsageError(
-                f"unknown channel {name}",
-                needed="names such as roll_command, p, az, or those of the mapping",
-                remedy=f"did you mean {close}?" if close else "see the channels that rotorid inspect lists",
-            )
 
 
 def _pair(records: Sequence[FlightRecord], input: str, output: str, settings: MeasureSettings) -> PairDelay:

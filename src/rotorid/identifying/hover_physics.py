@@ -51,7 +51,7 @@ def hover_of_vehicle(records: Sequence[FlightRecord], settings: IdentifySettings
     if missing := [name for name in GEOMETRY if name not in named]:
         raise UsageError(
             f"{HOVER} needs {', '.join(missing)}, which no flight shows",
-            needed="; ".join(_WHAT[name] for name in missing),
+            remedy=f"give {'; '.join(_WHAT[name] for name in missing)}",
         )
     for name, value in {**settings.fix, **lengths}.items():
         if name in GEOMETRY and not 0.0 < value < math.inf:

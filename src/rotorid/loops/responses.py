@@ -12,7 +12,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -30,6 +29,7 @@ from rotorid.fits.frequency.inverse import without_inverse_controller
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import axes_of, axis_of, is_command, is_free
 from rotorid.flights.measure import Measured, feedback_bias, measure, without_known_filters
+from rotorid.flights.segments import require_known_names
 from rotorid.flights.selection import (
     by_stick,
     described,
@@ -507,15 +507,7 @@ def _require_channels(
         raise UsageError(
             f"windows for {' and '.join(odd)}, which is no input", needed=f"windows of {' or '.join(inputs)}"
         )
-    known = {*STANDARD_UNITS, *(name for record in records for name in record.channel_names)}
-    for name in (*inputs, *outputs, *settings.instruments):
-        if name not in known:
-            close = ", ".join(get_close_matches(name, sorted(known), n=3))
-            raise UsageError(
-                f"unknown channel {name}",
-                needed="names such as roll_command, p, az, or those of the mapping",
-                remedy=f"did you mean {close}?" if close else "see the channels that rotorid inspect lists",
-            )
+    require_known_names((*inputs, *outputs, *settings.instruments), records)
 
 
 def refused_response(

@@ -48,7 +48,7 @@ def test_quiet_says_nothing(flight: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        (("--input", "roll_command"), 2, "was given alone"),
+        (("--input", "roll_command"), 2, "was given without"),
         (("--input", "roll_comand", "--output", "p"), 2, "did you mean roll_command"),
         ((*PAIR, "--instrument", "roll_excitatoin"), 2, "did you mean roll_excitation"),
         ((*PAIR, "--segment", "roll:9:5"), 2, "AXIS:START:STOP"),

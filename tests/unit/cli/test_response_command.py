@@ -119,7 +119,7 @@ def test_data_that_cannot_answer_are_a_sentence_and_one(
     [
         (("--inputs", "roll_comand", "--outputs", "p"), "did you mean roll_command"),
         (("--inputs", "roll_command", "--outputs", "roll_command"), "is both input and output"),
-        ((*PAIR, "--instrument", "foo"), "unknown channel foo"),
+        ((*PAIR, "--instrument", "foo"), "unknown channel 'foo'"),
         ((*PAIR, "--segment", "pitch:10:40"), "another axis"),
         ((*PAIR, "--seed", "-1"), "the seed -1 is negative"),
     ],

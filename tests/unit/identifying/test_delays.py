@@ -75,8 +75,8 @@ def test_a_shift_moves_the_delay(record: FlightRecord) -> None:
 @pytest.mark.parametrize(
     ("input", "output", "words"),
     [
-        (INPUT, None, "was given alone"),
-        (None, OUTPUT, "was given alone"),
+        (INPUT, None, "was given without"),
+        (None, OUTPUT, "was given without"),
         (INPUT, INPUT, "is both input and output"),
         ("phi_setpiont", OUTPUT, "did you mean phi_setpoint"),
     ],

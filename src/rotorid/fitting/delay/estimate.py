@@ -310,7 +310,7 @@ def contradicted(
 def _zeros(estimate: DelayEstimate) -> str:
     plain = [fit for fit in estimate.orders if fit.order.zeros == 0]
     order = estimate.order.words if estimate.order else ""
-    sentence = f"zeros of the {order} lag replace a delay"
+    sentence = f"zeros of the lag ({order}) replace a delay"
     if not plain:
         return sentence
     best = min(plain, key=lambda fit: fit.criterion)
