@@ -142,9 +142,9 @@ def test_truncated_real_log_is_read_as_far_as_it_goes_or_refused(shared_data: Pa
 @pytest.mark.parametrize(
     ("make", "kind", "says"),
     [
-        (lambda f: noise_log(f / "no_rate.csv", without="p"), "missing_channel", "holds no p"),
-        (lambda f: noise_log(f / "no_input.csv", without="roll_command"), "missing_channel", "holds no roll_command"),
-        (lambda f: noise_log(f / "calm.csv"), "no_excitation", "holds no excitation of roll"),
+        (lambda f: noise_log(f / "no_rate.csv", without="p"), "missing_channel", "has no p"),
+        (lambda f: noise_log(f / "no_input.csv", without="roll_command"), "missing_channel", "has no roll_command"),
+        (lambda f: noise_log(f / "calm.csv"), "no_excitation", "contains no excitation of roll"),
     ],
     ids=["missing output", "missing input", "no excitation"],
 )

@@ -1,7 +1,7 @@
 """The command line. Every command calls one or two functions of the library.
 
-The command ``NAME`` is the function ``NAME_command`` of ``rotorid.cli.NAME``, loaded when it is asked for: help and
-errors come without the options of all the others.
+The command ``NAME`` is the function ``NAME_command`` of ``rotorid.cli.NAME``. It is loaded when it is used, so help and
+errors do not load the options of all others.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ COMMANDS = {
 }
 """Every command with its line in ``rotorid --help``; its own help says more."""
 
-# The matrices of this package are small: threads inside one product cost more than they bring, tenfold under load.
-# Read when NumPy is first imported, which the commands do later.
+# The matrices of this package are small, so threads inside one product cost more than they save, tenfold under load.
+# NumPy reads this when it is first imported, which the commands do later.
 for _variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
@@ -80,7 +80,7 @@ class Commands(Mapping[str, Any]):
 
         command = getattr(import_module(f"rotorid.cli.{name}"), f"{name}_command")
         if name != "doctor":
-            # It says itself what is wrong with the file of preferences.
+            # It reports what is wrong with the file of preferences itself.
             command = as_preferred(command)
         alone = typer.Typer(add_completion=False, **_WORDS)
         alone.command(name, cls=HelpfulCommand, context_settings=_WORDS["context_settings"])(with_options(command))
@@ -88,7 +88,7 @@ class Commands(Mapping[str, Any]):
 
 
 def as_preferred(command: Any) -> Any:
-    """A command whose pages look as the person at this machine prefers."""
+    """A command whose pages follow the preferences of the user."""
 
     @functools.wraps(command)
     def run(*given: Any, **named: Any) -> None:
@@ -110,7 +110,7 @@ def as_preferred(command: Any) -> Any:
 
 
 class Group(TyperGroup):
-    """All commands, of which the list loads none."""
+    """All commands; listing them loads none."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
@@ -181,11 +181,11 @@ def _main(
 
 
 _Refused: type[Any] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
-"""What the parser of the command line raises; Typer names the kinds of it alone."""
+"""What the parser of the command line raises; Typer exports only its subclasses."""
 
 
 def _print_error(error: RotoridError) -> None:
-    """One sentence; and JSON on standard output where that was asked for, for scripts that read nothing else."""
+    """Print one sentence, and with ``--json`` an object on standard output for scripts."""
     say(f"rotorid: {error}")
     if "--json" in sys.argv[1:]:
         from rotorid.documents.base import to_json
@@ -216,7 +216,8 @@ _NUMBERS = {"a valid integer": "a whole number", "a valid number": "a number"}
 
 def _in_words(error: Any, words: list[str]) -> UsageError:
     """An error of the parser as one of rotorid."""
-    context, param, kind = getattr(error, "ctx", None), getattr(error, "param", None), error.__class__.__name__
+    context: Any = getattr(error, "ctx", None)
+    param, kind = getattr(error, "param", None), error.__class__.__name__
     command = words[0] if words and words[0] in COMMANDS else ""
     path = f"rotorid {command}".strip()
     name = "" if param is None else param.opts[0] if param.param_type_name == "option" else argument_name(param)
@@ -251,7 +252,7 @@ def main() -> None:
             raise KeyboardInterrupt
         sys.exit(code)
     except KeyboardInterrupt:
-        say("rotorid: interrupted; files that were complete stay, and no file is left half written")
+        say("rotorid: interrupted; complete files are kept, and no file is left half written")
         # Python takes an interrupt of a class that was just being made (it runs their source) for one that nobody
         # caught, and would end by the signal in place of the code; source that runs through takes that back.
         exec("")

@@ -1,4 +1,4 @@
-"""The way of a command: read the logs, compute, write the files; or say why the data do not support it."""
+"""What commands share: read the logs, compute, write the files, or explain why the data do not support it."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ def carry_out(
     Parameters
     ----------
     output
-        What the user wants to be written and said.
+        What to write and how much to print.
     folder
-        For the files, unless the user names another; numbered where the name is taken.
+        For the files, unless ``--out`` is given; numbered if the name is taken.
     file
-        Name of the JSON file there, by which a result is known again.
+        Name of the JSON file there, which identifies the kind of result.
     compute
         The verb: records in, result out.
     write
         Writes all files of a result into a folder of the run's own, which takes the place of the target afterwards.
     refused
-        The document that says why there is no result.
+        Makes the document that explains why there is no result.
     document
         Makes the document of a result, which ``--json`` prints.
     show
@@ -59,14 +59,14 @@ def carry_out(
     mapping
         File that names the channels of other sources.
     paper, publication
-        Which pictures and tables to write beside the report, and what makes them of a result.
+        Which figures and tables to write with the report, and what makes them from a result.
 
     Raises
     ------
     typer.Exit
         With code 1: the data cannot support a result.
     UsageError
-        Foreign files are in the way, or the folder cannot be written: before any log is read.
+        Other files are in the way, or the folder cannot be written; raised before any log is read.
     """
     from rotorid.documents.base import to_json
     from rotorid.errors import InsufficientDataError
@@ -77,7 +77,7 @@ def carry_out(
     try:
         with progress(quiet=output.quiet):
             for record in read_logs(logs, mapping):
-                records.append(record)  # noqa: PERF402 - a refusal tells of those that were read
+                records.append(record)  # noqa: PERF402 - a refusal lists those that were read
             result = with_command(compute(records))
             log_progress("writing the report")
             with making(target) as made:
@@ -98,7 +98,7 @@ def carry_out(
 
 
 def illustrate(folder: Path, publication: Publication, paper: ForPaper) -> None:
-    """Write the pictures and tables of a result that are wanted for a paper."""
+    """Write the figures and tables of a result for a paper."""
     from rotorid.report.publication import write_publication
 
     log_progress("drawing the figures")
@@ -120,7 +120,7 @@ def target_of(output: Output, default: Path, file: str, paper: ForPaper | None =
     Raises
     ------
     UsageError
-        Foreign files are in the way, the folder cannot be written, or no browser prints.
+        Other files are in the way, the folder cannot be written, or no browser prints.
     """
     from rotorid.io.folders import target_folder
     from rotorid.report.files import result_kind
@@ -136,7 +136,7 @@ def target_of(output: Output, default: Path, file: str, paper: ForPaper | None =
 
 
 def require_printing(paper: ForPaper | None) -> None:
-    """Refuse ``--pdf`` before any work where no browser prints."""
+    """Raise for ``--pdf`` before any work if no browser prints."""
     if paper is not None and paper.pdf:
         from rotorid.report.printing import require_browser
 
@@ -144,7 +144,7 @@ def require_printing(paper: ForPaper | None) -> None:
 
 
 def print_if_asked(folder: Path, paper: ForPaper | None) -> None:
-    """Print the pages of a folder where ``--pdf`` was given; a result is none the worse for a page that is not."""
+    """Print the pages of a folder if ``--pdf`` was given; a page that cannot be printed does not end the command."""
     if paper is not None and paper.pdf:
         from rotorid.errors import UsageError
         from rotorid.report.printing import print_pages
@@ -153,7 +153,7 @@ def print_if_asked(folder: Path, paper: ForPaper | None) -> None:
         try:
             print_pages(folder)
         except (UsageError, OSError) as error:
-            say(f"rotorid: {error}; all else is written")
+            say(f"rotorid: {error}; all other files are written")
 
 
 def read_logs(logs: Sequence[Path], mapping: Path | None) -> Iterator[FlightRecord]:
@@ -171,7 +171,7 @@ def with_command(result: Any) -> Any:
 
 
 def command_line() -> list[str]:
-    """The words that were typed, of files and folders the names alone: where they lie is nobody's concern.
+    """The command line as typed, with paths shortened to names for privacy.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""How commands speak: results to standard output, everything else to standard error.
+"""How commands print: results to standard output, everything else to standard error.
 
 What comes from files is shown as it is written: no name can color a terminal, clear it or turn its direction. Results
 go to folders that are named after the logs (:func:`default_folder`).
@@ -43,11 +43,11 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 
 INKS = {"green": "green", "yellow": "yellow", "red": "bold red", "gray": "dim"}
-"""How a terminal shows the color of a verdict."""
+"""Terminal styles of the colors of a verdict."""
 
 
 class _Patient(io.FileIO):
-    """Standard output that goes on when its reader has read enough, as ``head`` has: the rest goes nowhere."""
+    """Standard output that drops the rest when its reader stops reading, as ``head`` does."""
 
     def write(self, data: Any) -> int:
         try:
@@ -85,7 +85,7 @@ def _own_output(number: int) -> int:
 
 
 def spare_warnings() -> None:
-    """Keep what libraries say about numbers from a person, who reads findings, unless Python was told otherwise."""
+    """Hide warnings of libraries about numbers, unless Python was started with its own warning options."""
     errors = any(action == "error" for action, *_ in warnings.filters)
     if not sys.warnoptions and not errors:
         warnings.simplefilter("ignore")
@@ -127,7 +127,7 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 log_progress = _PROGRESS.info
-"""Say what is being done: seen where :func:`progress` shows it."""
+"""Report the current step; :func:`progress` shows it."""
 
 _PIPE_WIDTH = 240
 _NAME = "rotorid:"
@@ -162,7 +162,7 @@ def _console(**options: Any) -> Console:
 
 
 def say(text: str) -> None:
-    """A plain sentence to standard error; on a terminal the name of the program in color."""
+    """Print a sentence to standard error; on a terminal the name of the program in color."""
     shown = visible(text).replace("\n", "\\n")
     if not (shown.startswith(_NAME) and sys.stderr.isatty()):
         print(shown, file=sys.stderr)
@@ -175,12 +175,12 @@ def say(text: str) -> None:
 def print_refusal(
     error: RotoridError, findings: Sequence[Finding | FindingDocument], results: Path, *, quiet: bool
 ) -> None:
-    """Why there is no result, to standard error; results of an earlier run are not mistaken for those of this one."""
+    """Print why there is no result to standard error, and warn of results of an earlier run in the same folder."""
     say(f"rotorid: {error}")
     for finding in () if quiet else without_repeated([finding for finding in findings if finding.severity != "info"]):
         say(f"  {finding.kind}: {finding.message}")
     if results.exists():
-        say(f"rotorid: the results in {results.parent} are those of an earlier run")
+        say(f"rotorid: the results in {results.parent} are from an earlier run")
 
 
 MOST_LINES = 40
@@ -333,7 +333,7 @@ class _Status(logging.Handler):
 
 
 def _duration(seconds: float) -> str:
-    """Seconds as one says them.
+    """Seconds in a suitable unit.
 
     Examples
     --------
@@ -346,7 +346,7 @@ def _duration(seconds: float) -> str:
 
 
 def _line(text: str, share: float | None) -> RenderableType:
-    """What is being done, behind a bar where it is counted."""
+    """The current step, with a bar if it is counted."""
     from rich.progress_bar import ProgressBar
     from rich.table import Table
     from rich.text import Text
@@ -360,12 +360,12 @@ def _line(text: str, share: float | None) -> RenderableType:
 
 
 _PULSE_S = 10.0
-"""A pipe sees a line of progress after each such time."""
+"""Time between lines of progress in a pipe."""
 
 
 @contextmanager
 def _lines_of_progress() -> Iterator[Callable[[str, float | None], None]]:
-    """What takes the state of the work, which is printed every 10 s, also while a single step takes longer."""
+    """A function that takes the current step; it is printed every 10 s, even if a step takes longer."""
     started_s, ended, state = time.monotonic(), threading.Event(), ["working"]
 
     def update(text: str, share: float | None) -> None:
@@ -386,7 +386,7 @@ def _lines_of_progress() -> Iterator[Callable[[str, float | None], None]]:
 
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """A line on a terminal that says what is being done; in a pipe a line every 10 s of long work."""
+    """Show the current step: one line on a terminal, in a pipe a line every 10 s."""
     console = error_console()
     logger = _PROGRESS
     with contextlib.ExitStack() as stack:
@@ -416,7 +416,7 @@ _NAME_SIGNS = 120
 
 
 def default_folder(logs: Path | Sequence[Path], what: str) -> Path:
-    """Where the results from logs go when the user does not say: named after the logs and what was done with them.
+    """The default folder for results, named after the logs and the command.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Logs of folders: what is no log among them ends nothing, and is named."""
+"""Logs in folders: other files are skipped and listed."""
 
 from __future__ import annotations
 

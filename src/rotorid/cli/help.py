@@ -127,7 +127,8 @@ class HelpfulCommand(TyperCommand):
 
     def get_params(self, ctx: Any) -> list[Any]:
         """The options, with ``--help-all`` before ``--help``."""
-        *params, helped = super().get_params(ctx)
+        params: list[Any] = list(super().get_params(ctx))
+        helped = params.pop()
         if getattr(self, "_help_all", None) is None:
             self._help_all = TyperOption(
                 param_decls=["--help-all"],

@@ -105,7 +105,7 @@ class IdentifySettings(MeasureSettings):
     fix
         Parameters held at given values.
     known
-        Value and standard deviation of what no log tells, such as an inertia or the speed of the rotors, from which
+        Value and standard deviation of what no log shows, such as an inertia or the speed of the rotors, from which
         more follows; see :mod:`rotorid.models.derived`.
     ties
         Parameters that follow others: name to an expression such as ``-L_p``.
@@ -146,9 +146,9 @@ class IdentifySettings(MeasureSettings):
     evaluations
         Its budget; by default 2000.
     runs
-        How often the search is repeated from other seeds, to tell how far its answers lie apart.
+        How often the search is repeated with other seeds, to see how much its results scatter.
     bootstrap
-        Refits to noise drawn anew, beside the stated standard deviations.
+        Number of refits with new noise, for standard deviations next to the stated ones.
     layout, arm_m, curve, rotor_diameter_m
         Of ``physical.motors``, as in :class:`~rotorid.settings.motors.MotorSettings`; all but ``curve`` of
         ``physical.hover`` too, which has its arm and the diameter of its propellers from them.

@@ -59,7 +59,7 @@ class MotorSettings(Settings):
     voltage
         Whether thrust follows the voltage of the battery, where outputs of motors were logged.
     bootstrap
-        Refits to noise drawn anew, beside the stated standard deviations.
+        Number of refits with new noise, for standard deviations next to the stated ones.
     search
         A global search for a start, with its options, as ``genetic:15x50``.
     evaluations
