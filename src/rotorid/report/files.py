@@ -108,7 +108,7 @@ def link_files(page: Path, names: Sequence[str]) -> None:
 
 
 def result_kind(main: str) -> ResultKind:
-    """How the results with this main file are known again: by its schema and the other files that the command writes."""
+    """How results with this main file are recognized: by the schema and the other files of the command."""
     return _KINDS.get(main) or ResultKind(
         mains=(main,), schema=f"rotorid.{Path(main).stem}", files=(f"{Path(main).stem}*", *_REPORT_FILES)
     )

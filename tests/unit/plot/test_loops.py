@@ -93,7 +93,7 @@ def test_both_parts_have_one_scale_and_growth_is_shaded() -> None:
     ],
 )
 def test_wrong_shapes_and_lost_poles_are_refused(wrong: dict[str, Any]) -> None:
-    with pytest.raises(UsageError, match="have the shape|not finite"):
+    with pytest.raises(UsageError, match=r"have the shape|not finite"):
         s_plane(**wrong)
 
 
