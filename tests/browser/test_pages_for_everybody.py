@@ -34,8 +34,8 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytest.importorskip("axe_playwright_python", reason="axe_playwright_python is not installed")
 
 PAPER = {
-    "identify": (5, 8),
-    "several": (8, 12),
+    "identify": (5, 14),
+    "several": (8, 24),
     "review": (4, 8),
     "tune": (3, 8),
     "check": (1, 4),

@@ -77,8 +77,8 @@ const rotorid = (() => {
   const PAPER = { width: 680, half: 336, least: 160, most: 900, font: 9, above: 38, below: 32, legend: 16 };
   // Of the height on a screen: a history of many panels, two panels, bars with names, one panel.
   const shareOnPaper = (layout) => {
-    if (layout.yaxis5) return 0.32;
-    if (layout.yaxis2) return 0.36;
+    if (layout.yaxis5) return 0.36;
+    if (layout.yaxis2) return 0.6;
     return layout.yaxis?.ticktext ? 0.54 : 0.42;
   };
   const onPaper = (place, layout) => {
