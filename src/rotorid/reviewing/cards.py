@@ -586,7 +586,7 @@ def _models(review: Review) -> Card:
     if not review.models_sought:
         return Card(key=key, title=title, state="cannot", headline="Models were not identified (--no-models).")
     if not identified:
-        gap = _gap(review, "models") or Unavailable(what=key, why="")
+        gap = _gap(review, "models.rate", "models") or Unavailable(what=key, why="")
         return Card(
             key=key,
             title=title,

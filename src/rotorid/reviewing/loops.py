@@ -18,7 +18,6 @@ import numpy as np
 
 from rotorid.autopilots.advice import logging_advice
 from rotorid.data.base import Immutable
-from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantities import QUANTITIES, figures_of
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
@@ -196,9 +195,7 @@ def _missing(flight: FlightData, loop: Loop, instrument: Instrument, channel: st
             return Unavailable(what=what, why="")
         lacking = tuple(name for name in (loop.reference, loop.name) if name not in names)
         remedy = logging_advice(flight.record, 0.0, lacking)
-        return Unavailable(
-            what=what, why=f"{listed(lacking)} {'is' if len(lacking) == 1 else 'are'} not logged.", remedy=remedy
-        )
+        return Unavailable(what=what, why=f"The {_lacking_words(loop, lacking)} not logged.", remedy=remedy)
     if flown_directly and not loop.of_rates:
         return Unavailable(what=what, why="")
     if not channel:
@@ -217,6 +214,12 @@ def _missing(flight: FlightData, loop: Loop, instrument: Instrument, channel: st
             remedy=_MOVE.format(axis=loop.axis),
         )
     return None
+
+
+def _lacking_words(loop: Loop, lacking: Sequence[str]) -> str:
+    if len(lacking) > 1:
+        return f"{loop.words} and its set-point are"
+    return f"{loop.words} set-point is" if loop.reference in lacking else f"{loop.words} is"
 
 
 def _measure_loop(

@@ -97,7 +97,7 @@ def test_what_is_no_log_in_a_folder_is_skipped_and_named_once(
     ran = rotorid(*command, untidy)
     assert ran.code == 0
     (said,) = [line for line in ran.err.splitlines() if "skipped" in line]
-    assert "3 files could not be read as a flight log" in said
+    assert "3 files were skipped, not a flight log" in said
     assert "LASTLOG.TXT, notes.txt, weights.csv" in said
     assert "flight.csv" in ran.out
     if "review" in command:
@@ -124,7 +124,7 @@ def test_a_file_named_by_itself_that_is_no_log_is_an_error(command: str, untidy:
         file.unlink()
     ran = rotorid(command, untidy)
     assert ran.code == 2
-    assert "no flight log is among them: LASTLOG.TXT, notes.txt" in ran.err
+    assert "no flight log among 2 files: LASTLOG.TXT, notes.txt" in ran.err
 
 
 @pytest.mark.parametrize("output", [(), ("--json",)])
@@ -143,7 +143,7 @@ def test_inspect_goes_on_where_a_named_file_cannot_be_read_and_tells_by_its_code
 def test_inspect_of_files_that_are_all_none_is_one_error(untidy: Path) -> None:
     ran = rotorid("inspect", untidy / "notes.txt", untidy / "LASTLOG.TXT")
     assert (ran.code, ran.out) == (2, "")
-    assert "none of 2 files could be read" in ran.err
+    assert "none of 2 files can be read" in ran.err
 
 
 def test_a_log_that_never_flew_tells_nothing_and_says_why(tmp_path: Path) -> None:

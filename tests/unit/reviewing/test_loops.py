@@ -123,7 +123,7 @@ def test_acro_needs_no_stick() -> None:
     [
         ({"level": 0.004}, "did not move"),
         ({"without": ("roll_stick",)}, "roll stick is not logged"),
-        ({"without": ("p_setpoint",)}, "p_setpoint is not logged"),
+        ({"without": ("p_setpoint",)}, "roll rate set-point is not logged"),
         ({"in_air": ((0.0, 9.0),)}, "moved for"),
     ],
 )
