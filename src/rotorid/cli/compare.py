@@ -1,4 +1,4 @@
-"""``rotorid compare``: several results in, one table out, on the same logs where there are some."""
+"""``rotorid compare``: which of several results is best, and by how much, on the same logs where given."""
 
 from __future__ import annotations
 
@@ -18,19 +18,23 @@ if TYPE_CHECKING:
     from rotorid.documents.compare import CompareDocument
 
 
+_MOST_ROWS = 6
+"""Maneuvers and parameters that a normal run prints."""
+
+
 def compare_command(
     results: Annotated[list[Path], typer.Argument(help="Folders that identify wrote, or their result.json.")],
     *,
     log: Annotated[
         tuple[Path, ...],
-        Option("--log", "A log to score every model on, best an unseen one. Repeatable.", text=PATHS),
+        Option("--log", "Log to score every model on, best one that no model has used. Repeatable.", text=PATHS),
     ] = (),
     settings: Annotated[IdentifySettings, Only("segments", "shifts", "hold")],
     map: Map = None,
     output: Output,
     paper: ForPaper,
 ) -> None:
-    """Put models and methods side by side, on the same data with --log."""
+    """Compare models and methods: which is best and by how much."""
     from rotorid.documents.compare import compare_document, read_results
     from rotorid.identifying.comparison import compare, refused_comparison
     from rotorid.report.compare import JSON, write_comparison
@@ -44,7 +48,7 @@ def compare_command(
         folder=default_folder([_named(path) for path in results], "compare"),
         file=JSON,
         compute=lambda records: compare(entries, records, settings=settings),
-        write=lambda folder, compared: write_comparison(folder, compared, title=f"{len(entries)} models side by side"),
+        write=lambda folder, compared: write_comparison(folder, compared, title=f"{len(entries)} models compared"),
         refused=lambda error, records: compare_document(refused_comparison(error, entries, records, settings=settings)),
         document=compare_document,
         show=_print,
@@ -60,10 +64,10 @@ def _named(result: Path) -> Path:
 
 
 def _print(document: CompareDocument, folder: Path, *, verbose: bool = False) -> None:
-    """A comparison for a person: models, maneuvers, shared parameters, findings, where the files are."""
+    """Print which model is best, then models, maneuvers, shared parameters, findings and files."""
     from rich.table import Table
 
-    from rotorid.cli.console import output_console, print_findings
+    from rotorid.cli.console import output_console, print_findings, print_table
     from rotorid.report.compare import (
         JSON,
         PAGE,
@@ -75,6 +79,9 @@ def _print(document: CompareDocument, folder: Path, *, verbose: bool = False) ->
     )
 
     console = output_console()
+    for sentence in comparison_summary(document):
+        console.print(sentence, markup=False, highlight=False)
+    console.print()
     labels = [model.label for model in document.models]
 
     def table(title: str, words: list[str], numbers: list[str]) -> Table:
@@ -98,23 +105,22 @@ def _print(document: CompareDocument, folder: Path, *, verbose: bool = False) ->
         )
     console.print(models)
     if document.maneuvers:
-        fits = table(f"fit percent on the logs{scored_words(document)}; * seen", ["log", "maneuver"], labels)
-        for maneuver_row in maneuver_rows(document):
-            fits.add_row(
-                maneuver_row.record,
-                maneuver_row.what,
-                *(f"{cell.text}{'*' if cell.marked else ''}" for cell in maneuver_row.fits),
-            )
-        console.print(fits)
+        fits = table(
+            f"fit in percent on the logs{scored_words(document)}; * used for the fit", ["log", "maneuver"], labels
+        )
+        rows = [
+            (row.record, row.what, *(f"{cell.text}{'*' if cell.marked else ''}" for cell in row.fits))
+            for row in maneuver_rows(document)
+        ]
+        print_table(fits, rows, verbose=verbose, item="maneuver", most=_MOST_ROWS)
     if shared := shared_rows(document):
-        parameters = table("parameters; distance from the first", ["parameter", "unit"], labels)
+        parameters = table("parameters (distance from the first)", ["parameter", "unit"], labels)
+        rows = []
         for pair in shared:
             cells = zip(pair.values, pair.distances, strict=True)
             shown = (f"{value.text} ({far.text})" if far.text else value.text for value, far in cells)
-            parameters.add_row(pair.name, pair.unit, *shown)
-        console.print(parameters)
-    for sentence in comparison_summary(document):
-        console.print(sentence, markup=False)
+            rows.append((pair.name, pair.unit, *shown))
+        print_table(parameters, rows, verbose=verbose, item="parameter", most=_MOST_ROWS)
     print_findings(document.findings, verbose=verbose)
     console.print(f"report: {folder / PAGE}", soft_wrap=True, markup=False)
     console.print(f"file: {folder / JSON}", soft_wrap=True, markup=False)

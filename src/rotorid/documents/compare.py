@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from rotorid.data.display import counted
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.result import MODEL, model_of, read_result, read_text
 from rotorid.documents.results import result_files
@@ -243,26 +244,26 @@ def read_results(paths: Sequence[Path]) -> tuple[Entry, ...]:
     ----------
     paths
         Folders, of one model or of several, or ``result.json`` files; at least two different models. The ``model.toml``
-        beside gives the model.
+        in the same folder gives the model.
 
     Raises
     ------
     UsageError
-        A path leads to no result, one came twice, or fewer than two came.
+        A path contains no result, one is given twice, or fewer than two are given.
     ModelError
         A ``model.toml`` is wrong.
     """
     files = [file for path in paths for file in result_files(path)]
     if len(files) < 2:
-        raise UsageError(f"{len(files)} result came to compare", needed="at least two", remedy="give another folder")
+        raise UsageError(f"only {counted(len(files), 'result')} to compare", remedy="give at least two")
     for number, file in enumerate(files):
         if file.resolve() in [other.resolve() for other in files[:number]]:
-            raise UsageError(f"{file} came twice", needed="each result once")
+            raise UsageError(f"{file} was given twice", remedy="give each result once")
     return tuple(_read(file, label) for file, label in zip(files, _labels(files), strict=True))
 
 
 def _labels(files: Sequence[Path]) -> list[str]:
-    """Names of the folders, with as many of those above as it takes to tell them apart."""
+    """Names of the folders, with as many parents as they need to differ."""
     folders = [file.resolve().parent.parts for file in files]
     count = 1
     while len({parts[-count:] for parts in folders}) < len(folders) and count < max(map(len, folders)):
@@ -280,7 +281,9 @@ def _read(file: Path, label: str) -> Entry:
     model = file.parent / MODEL
     structure = structure_from_toml(read_text(model), where=str(model)) if model.exists() else None
     if structure is not None and structure.name != document.model:
-        raise UsageError(f"{model} holds {structure.name} and {file} {document.model}", needed="files of one result")
+        raise UsageError(
+            f"{model} is of {structure.name}, but {file} of {document.model}", needed="files of one result"
+        )
     return Entry(
         label=label,
         model=model_of(file, document, structure),

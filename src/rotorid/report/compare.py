@@ -1,4 +1,4 @@
-"""The report of ``compare``: models and methods side by side, on their own data and on the same logs.
+"""The report of ``compare``: models and methods on their own data and on the same logs.
 
 A comparison becomes rows, one for each model, each shared parameter and each maneuver, with pictures of the maneuvers.
 """
@@ -56,7 +56,7 @@ class ModelRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SharedRow:
-    """One parameter: a value, and how far it lies from the first, for each result."""
+    """One parameter: for each result its value, and the distance from the first."""
 
     name: str
     unit: str
@@ -120,7 +120,7 @@ def _pole(pole: PoleEstimate) -> str:
 
 
 def shared_rows(document: CompareDocument) -> tuple[SharedRow, ...]:
-    """Parameters that at least two results have and have not dropped; those of all first."""
+    """Parameters that at least two results share and have not dropped; those of all results first."""
     labels = [model.label for model in document.models]
     kept = {
         name: parameter
@@ -184,14 +184,14 @@ def _maneuver_row(maneuver: ComparedManeuverDocument, labels: list[str]) -> Mane
 
 
 def scored_words(document: CompareDocument) -> str:
-    """How models were scored on logs, behind a title: over which band, how far ahead."""
+    """How models were scored on logs, for a title: the band and the horizon."""
     band = " to ".join(significant(edge) for edge in document.band_rad_s or ())
     ahead = f", {significant(document.horizon_s, digits=2)} s ahead" if document.horizon_s else ""
     return f"{f', {band} rad/s' if band else ''}{ahead}"
 
 
 def maneuver_words(axis: str, kind: str) -> str:
-    """What was flown, before its times; of a stretch without a name nothing.
+    """Axis and kind of a maneuver, before its times; empty for a stretch without a name.
 
     Examples
     --------
@@ -217,7 +217,7 @@ def write_comparison(folder: Path, compared: Comparison, *, title: str) -> None:
 
 
 def render_comparison(compared: Comparison, *, title: str) -> str:
-    """The report as one HTML document, which holds everything it shows and lets no text of a result act.
+    """The report as one self-contained HTML document.
 
     Parameters
     ----------
@@ -262,17 +262,17 @@ def _overlays(flown: Sequence[ComparedManeuver]) -> Sequence[Picture]:
 
 
 def comparison_summary(document: CompareDocument) -> tuple[str, ...]:
-    """Which model does best where, in sentences: on logs, then by cross-validation."""
+    """Which model is best and by how much: on logs, then by cross-validation."""
     sentences = []
     on_logs = {model.label: model.on_logs for model in document.models if model.on_logs}
     if on_logs:
         best = max(on_logs, key=lambda label: on_logs[label].mean_percent)
         won = on_logs[best]
-        unseen = "fitted by at least one of the models" if won.seen else "that no model has seen"
+        unseen = " (some were used for a fit)" if won.seen else " unseen by all models"
         maneuvers = f"{won.maneuvers} maneuver{'' if won.maneuvers == 1 else 's'}"
         fit = with_error(won.mean_percent, won.spread_percent, digits=3)
         sentences.append(
-            f"On {maneuvers} {unseen}, {best} does best with a fit of {fit} "
+            f"Best on {maneuvers}{unseen}: {best}, with a fit of {fit} "
             f"%{_runner_up({label: one.mean_percent for label, one in on_logs.items()}, best, won.spread_percent)}."
         )
     means = {
@@ -283,12 +283,12 @@ def comparison_summary(document: CompareDocument) -> tuple[str, ...]:
     if len(means) > 1:
         best = max(means, key=means.__getitem__)
         sentences.append(
-            f"Cross-validated, {best} does best with {significant(means[best])} %{_runner_up(means, best)}."
+            f"Best by cross-validation: {best}, with {significant(means[best])} %{_runner_up(means, best)}."
         )
     count = len(document.models)
     ranked = sentences or [
-        f"{count} results side by side. What each says of itself stands on its own data; with --log all are scored on "
-        "the same."
+        f"No ranking of these {count} results: each was scored on its own data. Add --log LOG to score all on the same "
+        "data."
     ]
     return (*ranked, *_changes(document))
 
@@ -305,10 +305,10 @@ def _changes(document: CompareDocument) -> list[str]:
         return []
     decided = sum(verdict != "undecided" for _, _, verdict in verdicts)
     changed = [f"{name} in {label}" for name, label, verdict in verdicts if verdict == "changed"]
-    checked = f"{decided} of {len(verdicts)} comparisons could be decided"
+    checked = f"{decided} of {len(verdicts)} comparisons had enough data"
     if changed:
-        return [f"Changed from the first result: {', '.join(changed)}; {checked}."]
-    return [f"No change found between the results; {checked}." if decided else "Not enough data to see a change."]
+        return [f"Changed since the first result: {', '.join(changed)} ({checked})."]
+    return [f"No change between the results ({checked})." if decided else "Not enough data to detect a change."]
 
 
 def _runner_up(means: Mapping[str, float], best: str, spread: float | None = None) -> str:
@@ -317,7 +317,7 @@ def _runner_up(means: Mapping[str, float], best: str, spread: float | None = Non
         return ""
     second = max(others, key=others.__getitem__)
     close = spread is not None and means[best] - others[second] < spread
-    return f", before {second} with {significant(others[second])} %{', within the spread' if close else ''}"
+    return f" (next: {second}, {significant(others[second])} %{', within the spread' if close else ''})"
 
 
 def _dots(document: CompareDocument) -> Picture | None:
@@ -359,7 +359,7 @@ def _overlay(each: ComparedManeuver, key: str) -> Picture:
 
 
 def _curves(group: tuple[FixedParameterScores, ...]) -> dict[str, tuple[Curve, Curve]]:
-    """Output to measured and predicted samples; a gap between two stretches is a gap in the curve."""
+    """Output to measured and predicted samples, with a gap between two stretches."""
     found = {}
     for row, name in enumerate(group[0].scores):
         time_s = np.concatenate([np.append(scores.time_s, np.nan) for scores in group])[:-1]

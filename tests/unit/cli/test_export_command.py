@@ -116,7 +116,7 @@ def test_what_is_missing_is_asked_for(tmp_path: Path) -> None:
     save(motors(), tmp_path / "yaw")
     without_yaw = rotorid("export", tmp_path / "yaw", "--to", "px4-sih", "--out", out)
     # Half of I_xx + I_yy by the identified ratio.
-    refused(without_yaw, out, "--set kappa=", "I_zz beyond 0.042", "kappa beyond 0.021")
+    refused(without_yaw, out, "--set kappa=", "I_zz is at most 0.042", "kappa at most 0.021")
     save(motors(scale=None, I_zz=0.03), tmp_path / "scale")
     refused(rotorid("export", tmp_path / "scale", "--to", "gazebo", "--out", out), out, "--set m=")
     given = rotorid(

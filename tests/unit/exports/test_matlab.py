@@ -166,5 +166,5 @@ def test_names_that_collide_are_refused() -> None:
         export(vehicle(), ExportSettings(names="rate_roll"))
     with pytest.raises(UsageError, match="two results have the same name rate_roll"):
         export(vehicle(model(ROLL), model(HOVER, name="rate roll")), NONE)
-    with pytest.raises(UsageError, match="no result came"):
+    with pytest.raises(UsageError, match="no model to export"):
         export(sih(), NONE)

@@ -232,7 +232,7 @@ def test_a_refused_result_holds_no_model(results: list[Path], tmp_path: Path) ->
 def test_results_are_two_or_more_and_different(results: list[Path], tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="at least two"):
         read_results(results[:1])
-    with pytest.raises(UsageError, match="came twice"):
+    with pytest.raises(UsageError, match="given twice"):
         read_results([results[0], results[0] / "result.json"])
     with pytest.raises(UsageError, match="cannot be read"):
         read_results([results[0], tmp_path / "nowhere"])

@@ -47,8 +47,8 @@ def page(unseen: Comparison) -> Page:
 
 def test_the_best_on_unseen_data_comes_first(unseen: Comparison) -> None:
     (sentence, _) = comparison_summary(compare_document(unseen))
-    assert sentence.startswith("On 1 maneuver that no model has seen, ")
-    assert ", before " in sentence
+    assert sentence.startswith("Best on 1 maneuver unseen by all models: ")
+    assert "(next: " in sentence
 
 
 def test_without_logs_the_page_says_what_would_help(results: list[Path]) -> None:
@@ -58,9 +58,9 @@ def test_without_logs_the_page_says_what_would_help(results: list[Path]) -> None
 
 def test_a_lead_within_the_spread_is_said_to_be_none(results: list[Path]) -> None:
     (sentence, _) = comparison_summary(compare_document(compare(read_results(results[1:]), [flight(3), flight(4)])))
-    assert sentence.startswith("On 2 maneuvers that no model has seen, ")
+    assert sentence.startswith("Best on 2 maneuvers unseen by all models: ")
     # Two estimates of one truth differ by less than two flights do.
-    assert sentence.endswith("%, within the spread.")
+    assert sentence.endswith("%, within the spread).")
 
 
 def test_cross_validated_results_are_ranked(results: list[Path]) -> None:
@@ -78,7 +78,7 @@ def test_cross_validated_results_are_ranked(results: list[Path]) -> None:
     ]
     crossed = document.model_copy(update={"models": models})
     ranked, _ = comparison_summary(crossed)
-    assert ranked == "Cross-validated, second does best with 81.4 %, before other with 80 %."
+    assert ranked == "Best by cross-validation: second, with 81.4 % (next: other, 80 %)."
     assert [row.validated for row in model_rows(crossed)] == ["72.5 ± 2.9", "81.4 ± 2.9", "80.0 ± 2.9"]
 
 
@@ -91,8 +91,8 @@ def test_one_row_for_each_model(page: Page) -> None:
 
 def test_what_was_fitted_is_marked(page: Page) -> None:
     known, new = page.tables[1][1:]
-    assert [cell.endswith("seen") for cell in known[1:]] == [True, True, False]
-    assert not any(cell.endswith("seen") for cell in new)
+    assert [cell.endswith("fitted") for cell in known[1:]] == [True, True, False]
+    assert not any(cell.endswith("fitted") for cell in new)
 
 
 def test_shared_parameters_stand_in_a_row(unseen: Comparison) -> None:
@@ -125,7 +125,7 @@ def test_a_hostile_label_can_only_be_read(results: list[Path]) -> None:
 
 
 def test_a_filter_before_a_prediction_is_named(unseen: Comparison) -> None:
-    looks_ahead = "shows a prediction a little of what comes"
+    looks_ahead = "makes all scores a little too good"
 
     def shown(band_rad_s: tuple[float, float] | None, horizon_s: float | None) -> bool:
         update = {"band_rad_s": band_rad_s, "horizon_s": horizon_s}
@@ -138,6 +138,6 @@ def test_a_filter_before_a_prediction_is_named(unseen: Comparison) -> None:
 
 
 def test_a_page_says_which_distances_are_left_out(page: Page, unseen: Comparison) -> None:
-    assert "fitted to a log in common are not independent" in "".join(page.text)
+    assert "not given for results of the same log" in "".join(page.text)
     gain = next(row for row in shared_rows(compare_document(unseen)) if row.name == "K_phi")
     assert [bool(cell.text) for cell in gain.distances] == [False, False, True]

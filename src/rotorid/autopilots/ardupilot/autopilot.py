@@ -106,7 +106,8 @@ def _how(plan: FlightPlan, flown: Sequence[PlannedInput], firmware: str) -> str:
         return how_to_fly(plan, firmware)
     return (
         "Hover in the middle in Loiter, switch to Guided, then turn on the switch of the script. Hands off: the script "
-        "keeps the position slowly, and the autopilot works the throttle. The flight-mode switch takes over at any time. "
+        "keeps the position slowly, and the autopilot works the throttle. The flight-mode switch takes over at any "
+        "time. "
         "It ends in Loiter."
     )
 
