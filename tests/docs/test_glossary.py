@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from rotorid.data.quantities import BY_PART
+from rotorid.data.quantities import BY_PART, Part
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "site" / "pages" / "glossary.md"
 ENTRY = re.compile(r"^(.+)\n: (.+)$", re.MULTILINE)
 
 
 @pytest.mark.parametrize("part", ["loops", "margins"])
-def test_every_number_has_its_entry(part: str) -> None:
+def test_every_number_has_its_entry(part: Part) -> None:
     terms = " ".join(term.lower() for term, _ in ENTRY.findall(PAGE.read_text("utf-8")))
     words = {word for row in BY_PART[part].values() for word in re.findall(r"[a-z-]{4,}", row.words.lower())}
     assert not sorted(word for word in words if word not in terms)
