@@ -190,7 +190,7 @@ def read_measure(text: str, unit: str | None = None, *, came: str = "", needed: 
     wanted = None if unit is None else parse_unit(unit)
     if not written:
         return number if wanted is not None else Measure(number)
-    subject = re.sub(" (came|cannot be read)$", "", quoted)
+    subject = quoted.removesuffix(" cannot be read")
     if written == "g" and (wanted is None or wanted.si == "kg"):
         raise UsageError(f"{subject}: g may be grams or gravity", needed="kg or m/s^2")
     try:
