@@ -252,7 +252,7 @@ def load(path: str | Path) -> IdentifiedModel:
     document = read_result(file, read_text(file))
     structure = structure_from_toml(read_text(file.parent / MODEL), where=MODEL)
     if structure.name != document.model:
-        raise UsageError(f"{MODEL} holds {structure.name} and {file} {document.model}", needed="files of one result")
+        raise UsageError(f"{MODEL} is of {structure.name} and {file} of {document.model}", needed="files of one result")
     responses = file.parent / RESPONSES
     arrays = read_arrays(responses) if responses.exists() else None
     return model_of(file, document, structure, arrays)

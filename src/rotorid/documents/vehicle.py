@@ -250,7 +250,7 @@ def parse_vehicle(text: str, *, where: str) -> VehicleEntry:
     ('x500', 2.0)
     >>> parse_vehicle('schema = "rotorid.vehicle/1"' + chr(10) + 'nmae = "mine"', where="mine.toml")
     Traceback (most recent call last):
-    rotorid.errors.UsageError: mine.toml holds nmae, which a vehicle does not have; did you mean name?
+    rotorid.errors.UsageError: mine.toml has the unknown key nmae; did you mean name?
     """
     try:
         table = documents.parse_toml(text)
@@ -277,7 +277,7 @@ def _require_keys(kind: type[BaseModel], table: Mapping[str, Any], where: str) -
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1)
             raise UsageError(
-                f"{where} holds {key}, which a vehicle does not have",
+                f"{where} has the unknown key {key}",
                 needed="" if near else f"some of {', '.join(known)}",
                 remedy=f"did you mean {near[0]}?" if near else "",
             )
@@ -315,9 +315,9 @@ def _require_finite(table: Table, where: str) -> None:
     for place, value in _numbers(table):
         # No limit of a rate is a limit without end.
         if not math.isfinite(value) and not (place.endswith("rate_limit_rad_s") and value > 0.0):
-            raise UsageError(f"{where} holds {place} = {value:g}", needed="finite numbers")
+            raise UsageError(f"{where} has {place} = {value:g}", needed="finite numbers")
         if math.isfinite(value) and abs(value) > _LARGEST:
-            raise UsageError(f"{where} holds {place} = {value:g}", needed=f"numbers up to {_LARGEST:g}")
+            raise UsageError(f"{where} has {place} = {value:g}", needed=f"numbers up to {_LARGEST:g}")
 
 
 def _require_flight(craft: Aircraft) -> None:
@@ -327,7 +327,7 @@ def _require_flight(craft: Aircraft) -> None:
         words = ", ".join(f"{moment:.4g}" for moment in moments)
         raise ModelError(
             f"{craft.name} has the principal moments of inertia {words} kg m^2",
-            needed="moments of which none exceeds the sum of the other two, as those of every rigid body",
+            needed="each at most the sum of the other two, as for every rigid body",
         )
     craft.autopilot.hover_commands(craft.vehicle)
 

@@ -194,9 +194,7 @@ class ModelPictures:
         """
         data = self.model.data
         if not data.response.omega_rad_s.size:
-            raise UsageError(
-                "this model has no measured response", needed="a model of which one was fitted or measured"
-            )
+            raise UsageError("this model has no measured response", needed="a model with a fitted or measured response")
         y, u = np.unravel_index(int(data.used.sum(axis=2).argmax()), data.used.shape[:2])
         return bode(
             data.response,
@@ -243,7 +241,7 @@ def _std(covariance: FloatArray | None) -> complex:
 def _chosen(asked: Sequence[str], there: Sequence[str], where: str) -> list[str]:
     for name in asked:
         if name not in there:
-            raise UsageError(f"{where} holds no {name}", needed=f"one of {', '.join(there) or 'none'}")
+            raise UsageError(f"{where} has no {name}", needed=f"one of {', '.join(there) or 'none'}")
     usual = [name for name in there if name.rpartition("_")[2] in USUAL]
     return list(asked or usual or there)
 

@@ -272,9 +272,9 @@ def _orders(document: ResultDocument) -> OrderTable | None:
 def order_words(choice: OrderChoice) -> str:
     """The proposed order and the reason, in a sentence."""
     if choice.best == choice.order:
-        return f"Order {choice.order} is proposed: it predicts held-out data best, and no smaller order is as good."
+        return f"Order {choice.order} is proposed: it predicts unseen data best, and no smaller order is as good."
     return (
-        f"Order {choice.order} is proposed: order {choice.best} predicts held-out data best, but by less than the "
+        f"Order {choice.order} is proposed: order {choice.best} predicts unseen data best, but by less than the "
         "standard error of the difference, and no smaller order is as good."
     )
 

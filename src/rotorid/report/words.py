@@ -612,7 +612,7 @@ def _unseen_sentences(document: ResultDocument) -> tuple[str, ...]:
         sentences.append(f"{what}: worst cost {significant(cost)} ({cost_verdict(cost).words}).")
     crossed = document.cross_validation
     if crossed is not None and crossed.mean_percent is not None:
-        sentences.append(f"Cross-validation: explains {significant(crossed.mean_percent)} % of held-out records.")
+        sentences.append(f"Cross-validation: explains {significant(crossed.mean_percent)} % of unseen records.")
     return tuple(sentences) or ("Not checked on unseen flight yet.",)
 
 

@@ -102,9 +102,9 @@ def test_rotors_are_placed_one_by_one() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("mass_kg", "mas_kg", r"mine.toml, [body] holds mas_kg, which a vehicle does not have; did you mean mass_kg?"),
+        ("mass_kg", "mas_kg", r"mine.toml, [body] has the unknown key mas_kg; did you mean mass_kg?"),
         ("name =", "nmae =", "did you mean name?"),
-        ("lag_up_s", "lag_s", "[rotors] holds lag_s"),
+        ("lag_up_s", "lag_s", "[rotors] has the unknown key lag_s"),
         ("0.02]", "0.05]", "principal moments of inertia 0.012, 0.012, 0.05"),
         ("9.0]", "1.0]", "would hover at 1.7"),
         ("mass_kg = 1.2", "mass_kg = nan", "body.mass_kg = nan"),
