@@ -204,12 +204,12 @@ def test_parameters_are_shown_in_percent_and_marked_beyond_guidelines(alone: Pag
     marked = [attributes for _, attributes in alone.elements if attributes.get("class") == "marked"]
     # The distance from the value, two bounds of L_p, and the lowest motor output.
     assert len(marked) == 4
-    assert "standard deviations hold a factor of 1.4 for it" in alone.words
+    assert "errors are 1.4 times larger" in alone.words
 
 
 def test_a_refused_model_is_refused_in_words(alone: Page) -> None:
-    assert "refused nothing excites yaw" in alone.words
-    assert "it cannot support rate.yaw." in alone.words
+    assert "not enough data nothing excites yaw" in alone.words
+    assert "not enough data for rate.yaw." in alone.words
 
 
 def test_usable_bands_are_those_of_the_prediction(alone: Page) -> None:
