@@ -2,7 +2,7 @@ r"""FMI 2.0: the vehicle and each model as FMUs for co-simulation whose sources 
 
 An FMU that carries Python needs the same Python wherever it runs, and the library that makes it has binaries for two
 systems. A model is some arrays and two hundred lines of C, which every tool that takes FMUs can have: the file holds
-the sources, and the script that stands beside it compiles them for the machine it runs on and puts the result into the
+the sources, and the script in the same folder compiles them for the machine it runs on and puts the result into the
 file. Nothing is compiled by rotorid itself.
 
 A linear model holds its inputs over a communication step. Continuous ones are integrated exactly for that, for steps of
@@ -338,7 +338,7 @@ def _page(unit: _Unit, head: Sequence[str]) -> str:
     return f'<!DOCTYPE html>\n<meta charset="utf-8">\n<title>{escape(unit.title)}</title>\n<pre>{escape(text)}</pre>\n'
 
 
-_COMPILE = '''"""Compile the sources of the FMUs beside this file for this machine, and put the results into them.
+_COMPILE = '''"""Compile the sources of the FMUs in this folder for this machine, and put the results into them.
 
 It needs a C compiler: the one that the variable CC names, else cc. Files that have a binary for this machine already
 are left as they are.
