@@ -148,11 +148,11 @@ DESIGNED = Path("rotorid-out", "px4_quad-design")
 
 
 class Designed(NamedTuple):
-    """What the first command of ``docs/design.md`` prints and writes: with its plan the truths, and deviations."""
+    """Output of the first command of ``docs/design.md``: lines, plan, true values and predicted deviations."""
 
     lines: Sequence[str]
     plan: str
-    foretold: dict[str, tuple[float, float]]
+    predicted: dict[str, tuple[float, float]]
 
 
 @cache
@@ -167,16 +167,16 @@ def designed() -> Designed:
 
 
 def a_plan() -> str:
-    """What ``rotorid design`` prints of roll, without the middle of its table of inputs and its findings."""
+    """The answer that ``rotorid design`` prints, and the first rows of its table of inputs."""
     lines = designed().lines
     table = next(place for place, line in enumerate(lines) if line.startswith("axis "))
-    whole = next(place for place, line in enumerate(lines) if " in all; " in line)
-    told = takewhile(lambda line: not line.startswith("warning"), lines[whole:])
-    return "\n".join([f"$ rotorid {DESIGN}", *lines[table : table + 4], "…", *told]) + "\n"
+    reaches = next(line for line in lines if line.startswith("The flight reaches"))
+    answer = takewhile(str.strip, lines)
+    return "\n".join([f"$ rotorid {DESIGN}", *answer, *lines[table : table + 4], "…", reaches]) + "\n"
 
 
 def a_flown_plan() -> str:
-    """The plan flown in simulation and identified, beside what was foretold."""
+    """The plan flown in simulation and identified, with the predicted errors."""
     head = "| parameter | true | predicted ± | identified | random ± | whole ± |\n|---|---|---|---|---|---|\n"
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         DESIGNED.mkdir(parents=True)
@@ -185,11 +185,11 @@ def a_flown_plan() -> str:
         printed(*IDENTIFY.split())
         found = rotorid.load(Path("rotorid-out", "flight-rate.roll")).parameters
     rows = []
-    for name, (truth, foretold) in designed().foretold.items():
+    for name, (truth, predicted) in designed().predicted.items():
         one = found[name]
         assert one.std is not None
         assert one.std_random is not None
-        cells = (f"{truth:#.4g}", f"{foretold:#.2g}", f"{one.value:#.4g}", f"{one.std_random:#.2g}", f"{one.std:#.2g}")
+        cells = (f"{truth:#.4g}", f"{predicted:#.2g}", f"{one.value:#.4g}", f"{one.std_random:#.2g}", f"{one.std:#.2g}")
         unit = one.unit.replace("^2", "²")
         rows.append(f"| {name} [{unit}] | {' | '.join(cells)} |\n".replace("-", "−"))
     return head + "".join(rows)
