@@ -19,7 +19,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import AXES, STANDARD_UNITS, Channel, FlightRecord, Maneuver, TimeHistory, Topic
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError, UsageError, unknown_name
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.flights.flights import Flight, overlap
 from rotorid.flights.instruments import is_injection, while_flying
@@ -49,16 +49,10 @@ def require_known_names(names: Sequence[str], records: Sequence[FlightRecord]) -
     UsageError
         Its remedy is the nearest name.
     """
-    from difflib import get_close_matches
-
-    known = {*STANDARD_UNITS, *(name for record in records for name in record.channel_names)}
+    known = sorted({*STANDARD_UNITS, *(name for record in records for name in record.channel_names)})
     for name in names:
         if name not in known:
-            close = " or ".join(get_close_matches(name, sorted(known), n=3, cutoff=0.75))
-            raise UsageError(
-                f"unknown channel {name!r}",
-                remedy=f"did you mean {close}?" if close else "see the channels that rotorid inspect lists",
-            )
+            raise unknown_name("channel", name, known, see="rotorid inspect")
 
 
 def require_channels(record: FlightRecord, channels: Sequence[str]) -> None:

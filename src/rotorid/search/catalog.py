@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from functools import partial
 from typing import Protocol
 
-from rotorid.errors import UsageError
+from rotorid.errors import unknown_name
 from rotorid.fitting.problem import Problem
 from rotorid.search.cma import cma_from_text
 from rotorid.search.kmeans import kmeans_from_text
@@ -108,10 +107,5 @@ def search(text: str) -> Search:
     name, _, options = text.partition(":")
     names = searches()
     if name not in names:
-        near = difflib.get_close_matches(name, names, n=1)
-        raise UsageError(
-            f"unknown search {name!r}",
-            needed=f"one of {', '.join(names)}",
-            remedy=f"did you mean {near[0]}?" if near else "",
-        )
+        raise unknown_name("search", name, names)
     return _SEARCHES[name](options)

@@ -86,7 +86,7 @@ def test_weights_survive_pickling_and_cannot_be_changed() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"pair_weights": {"q/aa": 2.0}}, "unknown response 'q/aa'; expected one of p/a, .*; did you mean q/a"),
+        ({"pair_weights": {"q/aa": 2.0}}, "unknown response 'q/aa'; did you mean q/a"),
         (
             {"pair_weights": {"q/a": 0.0}},
             "the weight 0 of q/a is not a positive number; leave the response out",

@@ -24,7 +24,6 @@ between outputs, which the disturbance makes.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -35,7 +34,7 @@ import numpy as np
 from rotorid.data.base import read_only
 from rotorid.data.response import FrequencyResponse
 from rotorid.data.trust import trusted
-from rotorid.errors import UsageError
+from rotorid.errors import UsageError, unknown_name
 from rotorid.fitting.frequency.error_shapes import response_error_shapes
 from rotorid.fitting.frequency.parameter_map import Matrices, ParameterMap, Slopes
 from rotorid.fitting.problem import ErrorShapes, Problem, ResidualErrors
@@ -356,12 +355,7 @@ def pair_index(data: FrequencyResponse, name: str) -> tuple[int, int]:
     """
     names = pair_names(data)
     if name not in names:
-        near = difflib.get_close_matches(name, names, n=1)
-        raise UsageError(
-            f"unknown response {name!r}",
-            needed=f"one of {', '.join(names)}",
-            remedy=f"did you mean {near[0]}?" if near else "",
-        )
+        raise unknown_name("response", name, names)
     y, u = divmod(names.index(name), len(data.inputs))
     return y, u
 
