@@ -34,8 +34,8 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytest.importorskip("axe_playwright_python", reason="axe_playwright_python is not installed")
 
 PAPER = {
-    "identify": (5, 14),
-    "several": (8, 24),
+    "identify": (5, 18),
+    "several": (8, 30),
     "review": (4, 8),
     "tune": (3, 8),
     "check": (1, 4),
@@ -49,7 +49,7 @@ PAPER = {
     "stitch": (1, 6),
     "fleet": (1, 3),
 }
-"""Fewest and most pages of paper, for a log with sweeps of four axes."""
+"""Fewest and most pages of paper with every fold open, for a log with sweeps of four axes."""
 
 COMMANDS = {
     "identify": ("identify", "example/flight.ulg", "--model", "hover.full"),
