@@ -62,7 +62,7 @@ def test_the_sensitivity_peak_lies_in_its_interval(name: str, told: Told, axis: 
 def test_nothing_but_gusts_moves_yaw(told: Told) -> None:
     found, untold = told
     assert found["yaw"].instrument == "setpoint"
-    assert {one.what for one in untold if "hardly moved" in one.why} == {
+    assert {one.what for one in untold if "barely moved" in one.why} == {
         "margins.yaw.disturbance_rejection_rad_s",
         "margins.yaw.gain_margin_db",
         "margins.yaw.sensitivity_peak",

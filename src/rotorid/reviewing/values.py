@@ -123,7 +123,7 @@ class MarginReview(Immutable):
         Correlation of the logged command with what the gains make of set-point and rate; ``None`` where no set-point
         is logged.
     stick_idle
-        Whether the stick of the axis hardly moved, so that gusts show the loop, and no more than they can.
+        Whether the stick of the axis barely moved, so that gusts alone show the loop.
     """
 
     axis: Axis
