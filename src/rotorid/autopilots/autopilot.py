@@ -145,7 +145,7 @@ class Advice:
     raw_gyro: Callable[[FlightRecord], str] = _nothing
     motors: Callable[[FlightRecord], str] = _nothing
     speeds: str = "log the motors' speeds at 40 Hz and more"
-    gains: str = "use a log of the autopilots parameters"
+    gains: str = "use the autopilot's own log, which contains its parameters"
     gaps: Callable[[FlightRecord], str] = _log_less
     wind: Callable[[FlightRecord], str] = _nothing
     flying: Callable[[FlightRecord, Sequence[Axis]], str] = _fly_a_sweep

@@ -29,7 +29,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.command_relation import CommandRelation, command_relation
-from rotorid.models.autopilots.betaflight import OLDEST
+from rotorid.models.autopilots.betaflight import OLDEST, is_other_program
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.autopilots.settings import AxisController, described, loop_settings, version_of
 from rotorid.models.autopilots.versions import firmware_candidates
@@ -177,6 +177,9 @@ class LogControllers(Immutable):
             why = f"The {axis} controller is unknown: {self.origin} lack {' and '.join(missing)}"
             return why, "Log all parameters of the autopilot."
         if f"{axis}PID_P" in self.parameters:
+            if is_other_program(self.firmware.name):
+                why = f"The {axis} controller of {self.firmware.name} is not supported"
+                return why, "Only gains of Betaflight 4.0 or later can be judged and tuned."
             version = version_of(self.firmware.name)
             if version is None:
                 why = f"The log does not name its firmware version, which the {axis} gains depend on"

@@ -156,6 +156,7 @@ def test_what_was_not_checked_is_neither_good_nor_bad(record: FlightRecord, why:
         ({"ATC_RAT_RLL_P": 0.1}, "ArduCopter V4.6", "lack ATC_RAT_RLL_D and ATC_RAT_RLL_I"),
         (OLDER, "", "does not name its firmware version"),
         (OLDER, "Betaflight 3.1.5", "older than version 4.0"),
+        (OLDER, "INAV 7.1.2", "The roll controller of INAV 7.1.2 is not supported"),
     ],
 )
 def test_an_unknown_controller_has_one_reason(parameters: dict[str, float], firmware: str, why: str) -> None:
@@ -170,8 +171,8 @@ def test_an_unknown_controller_has_one_reason(parameters: dict[str, float], firm
     [
         ("PX4 ULog", NEW, "Log the parameters."),
         ("Betaflight blackbox", RACER, "Fly Betaflight 4.0 or newer, whose gains are known."),
-        ("CSV", "", "Use a log of the autopilot, which holds its parameters."),
-        ("MAVLink telemetry", NEW, "Read the log on the autopilot's SD card: telemetry is a slow copy of it."),
+        ("CSV", "", "Use the autopilot's own log, which contains its parameters."),
+        ("MAVLink telemetry", NEW, "Read the log on the autopilot's SD card: telemetry is only a slow copy."),
     ],
 )
 def test_what_would_show_the_gains_is_what_this_log_has(form: str, firmware: str, remedy: str) -> None:

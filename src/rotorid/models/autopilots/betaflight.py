@@ -82,6 +82,17 @@ _LARGEST = 1e6
 _SLOWEST_HZ = 1.0
 
 
+def is_other_program(firmware: str) -> bool:
+    """Whether a blackbox log comes from a program with Betaflight's parameter names and another controller.
+
+    Examples
+    --------
+    >>> is_other_program("INAV 7.1.2 (f5c7a1e) MATEKF405"), is_other_program("Betaflight 4.3.1 (8d4f005) STM32F405")
+    (True, False)
+    """
+    return "INAV" in firmware
+
+
 def read(
     parameters: Mapping[str, float],
     axis: Axis,
@@ -101,7 +112,7 @@ def read(
     throttle
         Share of the throttle that was flown, which moves TPA and the low-pass of the derivative.
     """
-    version = version_of(firmware)
+    version = None if is_other_program(firmware) else version_of(firmware)
     parameters = {**_as_in_header(parameters), **parameters}
     if axis not in _AXES or f"{axis}PID_P" not in parameters or version is None or version < OLDEST:
         return None

@@ -305,7 +305,7 @@ def test_d_of_betaflight_moves_between_two_ends() -> None:
 
 
 def test_betaflight_needs_a_version_that_is_known() -> None:
-    for firmware in ("", "Betaflight 3.5.7", "INAV"):
+    for firmware in ("", "Betaflight 3.5.7", "INAV", "INAV 7.1.2 (f5c7a1e) MATEKF405"):
         assert axis_controller(BETAFLIGHT, "roll", firmware=firmware) is None
     assert axis_controller(BETAFLIGHT | {"use_integrated_yaw": 1.0}, "yaw", firmware="Betaflight 4.3.1") is None
 
