@@ -256,6 +256,8 @@ class Autopilot:
         Whether a firmware flies the files of a plan; ``None`` where that is not known.
     has_plan_files
         Whether plans are written for it.
+    loading
+        How a pilot loads a file of its parameters.
     card
         Words for its pilot.
     """
@@ -284,4 +286,5 @@ class Autopilot:
     hand_on_throttle: Callable[[FlightPlan], bool] = _no_hand
     plan_findings: Callable[[FlightPlan, str], tuple[Finding, ...] | None] = _not_checked
     has_plan_files: bool = False
+    loading: str = "Load the file with your ground station."
     card: Card = field(default_factory=Card)

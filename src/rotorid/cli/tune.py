@@ -130,7 +130,8 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
     """New gains and what they bring, margins with a scale, and how to load, check and go back."""
     from rich.table import Table
 
-    from rotorid.report.tune_words import axis_sentence, following, limiting, loading, margin_lines, next_flight
+    from rotorid.autopilots import named
+    from rotorid.report.tune_words import axis_sentence, following, limiting, margin_lines, next_flight
 
     console = output_console()
 
@@ -161,7 +162,7 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
     if further := following(document):
         line(f"  {further}")
     if document.files:
-        line(f"load: {loading(document.autopilot)}")
+        line(f"load: {named(document.autopilot).loading}")
     for name in document.files:
         line(f"  {folder / name}", wrap=False)
     line("go back:")

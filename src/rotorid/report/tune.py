@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rotorid.autopilots import named
 from rotorid.data.display import capital
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import MISSING, Quantity, with_ends
@@ -28,7 +29,6 @@ from rotorid.report.tune_words import (
     LOOP_WORDS,
     following,
     limiting,
-    loading,
     margin_lines,
     next_flight,
     path_sentence,
@@ -133,7 +133,7 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
         margins=margin_lines(document),
         next_flight=next_flight(document),
         following=following(document),
-        loading=loading(document.autopilot),
+        loading=named(document.autopilot).loading,
         axes=axes,
         files=list(proposal.files.items()),
         rollback=list(proposal.rollback_files.items()),

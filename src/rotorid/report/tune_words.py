@@ -1,4 +1,4 @@
-"""What ``tune`` says to people: new gains and what they bring, margins with a scale, what stays, how to load files."""
+"""What ``tune`` says to people: new gains and what they bring, margins with a scale, what stays."""
 
 from __future__ import annotations
 
@@ -34,13 +34,6 @@ _MARGINS = (
     ("rate", "phase_margin_deg"),
     ("rate", "gain_margin_db"),
 )
-
-_LOADERS = {
-    "PX4": "In QGroundControl: Vehicle Setup > Parameters > Tools > Load from file. Or paste the .txt file into the "
-    "MAVLink console.",
-    "ArduPilot": "In Mission Planner: Config > Full Parameter List > Load from file. In MAVProxy: param load FILE.",
-    "Betaflight": "In the Betaflight Configurator: open the CLI tab and paste the file.",
-}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -176,11 +169,6 @@ def _sweep_to_hz(document: TuneDocument) -> float:
     """Upper end of the sweep that the best gains need; zero where one flight reaches them."""
     highest = max((tuning.path[-1].sweep_to_rad_s for tuning in document.axes.values() if tuning.path), default=0.0)
     return highest / (2.0 * math.pi)
-
-
-def loading(autopilot: str) -> str:
-    """How a file of parameters reaches the autopilot."""
-    return _LOADERS.get(autopilot, "Load the file with your ground station.")
 
 
 def unchanged_names(tuning: AxisTuneDocument) -> str:

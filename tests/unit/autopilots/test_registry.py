@@ -157,3 +157,10 @@ def test_an_unknown_sampling_rate_is_the_usual_one() -> None:
 def test_the_registry_loads_no_arrays() -> None:
     code = "import sys, rotorid.autopilots.registry; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_files_of_parameters_have_words_on_how_they_are_loaded() -> None:
+    assert "QGroundControl" in named("PX4").loading
+    assert "Mission Planner" in named("ArduPilot").loading
+    assert "CLI" in named("Betaflight").loading
+    assert UNKNOWN.loading == "Load the file with your ground station."

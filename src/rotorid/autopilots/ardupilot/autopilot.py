@@ -152,6 +152,7 @@ ARDUPILOT = Autopilot(
     hand_on_throttle=_hand_on_throttle,
     plan_findings=_plan_findings,
     has_plan_files=True,
+    loading="In Mission Planner: Config > Full Parameter List > Load from file. In MAVProxy: param load FILE.",
     card=Card(
         way_out="switch to Loiter",
         way_tried="Stabilize, throttle near the middle",

@@ -97,6 +97,7 @@ BETAFLIGHT = Autopilot(
     leaves_steps=True,
     hand_on_throttle=_hand_on_throttle,
     has_plan_files=True,
+    loading="In the Betaflight Configurator: open the CLI tab and paste the file.",
     card=Card(
         way_out="switch CHIRP off, level, land",
         loaded="CLI lines pasted; debug_mode reads CHIRP; blackbox empty enough",

@@ -103,6 +103,8 @@ PX4 = Autopilot(
     # Offboard takes attitudes and thrust, and no torques.
     entry="attitude_setpoint",
     has_plan_files=True,
+    loading="In QGroundControl: Vehicle Setup > Parameters > Tools > Load from file. Or paste the .txt file into the "
+    "MAVLink console.",
     card=Card(
         way_out="switch to Position",
         loaded="px4.params loaded; SDLOG_PROFILE reads {profile}; space on the card",
