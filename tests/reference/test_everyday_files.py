@@ -132,7 +132,7 @@ def test_one_output_of_1_6_costs_one_message(shared_data: Path, tmp_path: Path) 
     (topic, _), *_ = made.holding("yaw_command")
     clean = next(topic for topic in rotorid.read(source).topics if topic.name == "RATE")
     np.testing.assert_array_equal(topic.values, np.delete(clean.values, 199, axis=1))
-    assert "1 that jump and are back at once" in said(made)["impossible_value yaw_command"]
+    assert "1 isolated spike" in said(made)["impossible_value yaw_command"]
 
 
 @pytest.mark.slow

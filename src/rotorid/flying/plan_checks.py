@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from rotorid.autopilots.registry import autopilot_of
+from rotorid.data.display import counted
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.data.record import AXES, FlightRecord, Kind, Maneuver
@@ -95,12 +96,12 @@ def _not_flown(axis: Axis, kind: Kind, planned: int, found: int) -> Finding:
 
 
 def _not_planned(axis: Axis, kind: Kind, found: int) -> Finding:
-    message = f"The log has {_counted(found, kind)} of {axis}, which the plan has not."
+    message = f"The log has {_counted(found, kind)} of {axis} not in the plan."
     return warn("plan_differs", axis, message, found=found)
 
 
 def _counted(count: int, kind: Kind) -> str:
-    return f"{count} {kind.replace('_', ' ')}{'s' if count > 1 else ''}"
+    return counted(count, kind.replace("_", " "))
 
 
 def _compared(record: FlightRecord, asked: PlannedInput, flown: Maneuver) -> Finding | None:

@@ -34,6 +34,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rotorid.data.display import counted
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.ranges import MEASURED, TURNING, range_of
 from rotorid.data.record import MOTORS, Channel, FlightRecord, Topic, silences
@@ -539,14 +540,14 @@ def _fault_findings(topic: Topic, fault: _Faults) -> Iterator[Finding]:
     if impossible or isolated:
         first = int(np.flatnonzero(fault.outside | fault.isolated)[0])
         parts = [
-            f"{count} {what}"
-            for count, what in ((impossible, "that cannot be"), (isolated, "that jump and are back at once"))
+            counted(count, what)
+            for count, what in ((impossible, "impossible sample"), (isolated, "isolated spike"))
             if count
         ]
         yield warn(
             "impossible_value",
             name,
-            f"{' and '.join(parts)} of {fault.bad.size} samples of {where} were left out, the first one "
+            f"{where}: left out {' and '.join(parts)} of {fault.bad.size} samples; the first is "
             f"{topic.values[topic.row(name) or 0, first]:.4g}{unit} at {topic.time_s[first]:.3f} s.",
             samples=impossible + isolated,
             impossible=impossible,

@@ -509,7 +509,7 @@ def _carrying(values: Mapping[str, float], curve: PolynomialCurve, records: Sequ
     if abs(share - 1.0) <= _WEIGHT_TOLERANCE:
         return []
     message = (
-        f"The rotors carry {100.0 * share:.0f} % of the weight on average: mass and thrust do not belong together."
+        f"The thrust curve carries {100.0 * share:.0f} % of the weight on average; check the mass and the thrust data."
     )
     return [_remark("impossible_physics", "thrust", message, {"thrust_per_weight": share})]
 

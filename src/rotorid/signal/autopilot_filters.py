@@ -124,4 +124,4 @@ def _at_logged_rate(record: FlightRecord, source: str) -> tuple[float, float] | 
 
 
 def _unknown(source: str, doubt: str) -> Finding:
-    return warn("unknown_filter", source, f"the filters of {source} are not, or not wholly, known: {doubt}")
+    return warn("unknown_filter", source, f"not all filters of {source} are known: {doubt}")

@@ -185,7 +185,7 @@ def _off_axis(excited: str, other: str, spread: float, reference: float) -> Iter
         yield (warn if ratio >= OFF_AXIS_SHARE else remark)(
             "off_axis_input",
             other,
-            f"{other} moved by {ratio:.0%} of {excited} ({spread:.3g} against {reference:.3g} rms).",
+            f"{other} moved {ratio:.2g} times as much as {excited} ({spread:.3g} and {reference:.3g} rms).",
             ratio=ratio,
             rms=spread,
             excited_rms=reference,

@@ -220,8 +220,8 @@ def given_windows(lengths_s: Sequence[float], record_s: float) -> WindowPlan:
     finding = warn(
         "record_too_short",
         "windows",
-        f"The longest window of {plan[0]:.3g} s is more than half of the shortest record of {record_s:.3g} s; "
-        "few averages stand behind the lowest frequencies.",
+        f"The longest window of {plan[0]:.3g} s is more than half of the shortest record of {record_s:.3g} s, "
+        "so the lowest frequencies are averages of few windows.",
         record_s=record_s,
         longest_window_s=plan[0],
     )
@@ -233,7 +233,7 @@ def _short_record(record_s: float, total_s: float, longest_s: float, low: float)
         "record_too_short",
         "windows",
         f"The records are short for {low:.2g} rad/s: the longest window of {longest_s:.1f} s is more than a fifth "
-        f"of the {total_s:.0f} s flown, so few averages stand behind the lowest frequencies.",
+        f"of the {total_s:.0f} s flown, so the lowest frequencies are averages of few windows.",
         record_s=record_s,
         total_s=total_s,
         longest_window_s=longest_s,

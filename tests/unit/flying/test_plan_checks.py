@@ -88,7 +88,7 @@ def test_band_length_and_size_are_compared(
 def test_an_axis_that_the_plan_has_not_is_named(unpacked: Callable[[str], Path]) -> None:
     findings = plan_findings(read(unpacked(CARD_FLIGHT)), card_plan("roll", "yaw"))
     told = {(one.kind, one.where): one.message for one in findings}
-    assert told["plan_differs", "pitch"] == "The log has 1 sweep of pitch, which the plan has not."
+    assert told["plan_differs", "pitch"] == "The log has 1 sweep of pitch not in the plan."
     assert told["plan_not_flown", "yaw"] == "The plan has 1 sweep of yaw, the log has none."
 
 
