@@ -29,7 +29,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rotorid.data.display import visible
-from rotorid.data.findings import without_repeated
+from rotorid.data.findings import SEVERITIES, without_repeated
 from rotorid.io.formats import PACKED
 
 if TYPE_CHECKING:
@@ -132,7 +132,6 @@ log_progress = _PROGRESS.info
 _PIPE_WIDTH = 240
 _NAME = "rotorid:"
 _BAR_SIGNS = 24
-_SEVERITIES = ("error", "warning", "info")
 _STYLES = {"warning": "bold yellow", "error": "bold red"}
 
 
@@ -263,16 +262,16 @@ def print_findings(
     most: int = MOST_FINDINGS,
     page: str = "report.html",
 ) -> None:
-    """Print the worst few findings, each once with its count, and how many more there are; with ``-v`` all.
+    """Print all errors and the first few warnings, each once with its count; with ``-v`` all findings.
 
     Parameters
     ----------
     given
         Files of the command line: a command within a message names them as they were given.
     verbose
-        Print all, remarks too.
+        Print all, notes too.
     most
-        How many to print without ``-v``: the first of each kind before the second of any.
+        How many to print without ``-v``, unless there are more errors: the first of each kind before the second of any.
     page
         Where all findings are; empty for nowhere.
     """
@@ -283,9 +282,10 @@ def print_findings(
     order = {}
     for key in counted:
         kinds[key[1]] += 1
-        order[key] = _SEVERITIES.index(key[0]), kinds[key[1]]
+        order[key] = SEVERITIES.index(key[0]), kinds[key[1]]
     distinct = sorted(counted, key=order.__getitem__)
-    shown = fold(distinct, verbose=verbose, most=most)
+    errors = sum(severity == "error" for severity, _, _ in distinct)
+    shown = fold(distinct, verbose=verbose, most=max(most, errors))
     for severity, kind, message in shown:
         times = counted[severity, kind, message]
         console.print(severity, style=_STYLES.get(severity, "bold"), end="")
@@ -295,7 +295,7 @@ def print_findings(
             command = as_given(f"{_COMMAND}{command}", file).removeprefix(_COMMAND)
         # A command that is broken into lines cannot be copied.
         console.print(f"{words}{found}{command}", markup=False, soft_wrap=bool(found))
-    _print_more(len(distinct) - len(shown), "note", page)
+    _print_more(len(distinct) - len(shown), "warning", page)
 
 
 class _Status(logging.Handler):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, Protocol, TypeAlias, TypeVar
@@ -11,7 +12,8 @@ from rotorid.data.display import counted, html_table, lines_of
 
 Severity: TypeAlias = Literal["info", "warning", "error"]
 
-_ORDER = {"error": 0, "warning": 1, "info": 2}
+SEVERITIES: tuple[Severity, ...] = ("error", "warning", "info")
+"""From the worst to the mildest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +120,22 @@ def worst_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
         (finding.kind, finding.severity, finding.where, finding.message, tuple(finding.numbers.items())): finding
         for finding in findings
     }
-    return tuple(sorted(unique.values(), key=lambda finding: _ORDER[finding.severity]))
+    return tuple(sorted(unique.values(), key=lambda finding: SEVERITIES.index(finding.severity)))
+
+
+_SEVERITY_WORDS: Mapping[str, str] = {"error": "error", "warning": "warning", "info": "note"}
+
+
+def severity_count(severities: Iterable[str]) -> str:
+    """How many errors, warnings and notes there are, in words; empty for none.
+
+    Examples
+    --------
+    >>> severity_count(["info", "warning", "info"]), severity_count([])
+    ('1 warning, 2 notes', '')
+    """
+    counts = Counter(severities)
+    return ", ".join(counted(counts[each], _SEVERITY_WORDS[each]) for each in SEVERITIES if counts[each])
 
 
 Remark = TypeVar("Remark", bound="Worded")

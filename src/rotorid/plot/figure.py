@@ -21,6 +21,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from rotorid.data.display import counted
 from rotorid.data.record import STANDARD_UNITS
 from rotorid.typing import FloatArray
 
@@ -78,7 +79,7 @@ class Figure(dict[str, Any]):
 
     def __repr__(self) -> str:
         count = len(self.get("data", ()))
-        return f"Figure of {count} trace{'s' * (count != 1)}"
+        return f"Figure of {counted(count, 'trace')}"
 
 
 def plotly_script() -> str:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rotorid.data.display import counted
 from rotorid.data.quantity import MISSING, milliseconds, minus, significant, unit, with_error
 from rotorid.documents.compare import (
     ComparedManeuverDocument,
@@ -269,7 +270,7 @@ def comparison_summary(document: CompareDocument) -> tuple[str, ...]:
         best = max(on_logs, key=lambda label: on_logs[label].mean_percent)
         won = on_logs[best]
         unseen = " (some were used for a fit)" if won.seen else " unseen by all models"
-        maneuvers = f"{won.maneuvers} maneuver{'' if won.maneuvers == 1 else 's'}"
+        maneuvers = counted(won.maneuvers, "maneuver")
         fit = with_error(won.mean_percent, won.spread_percent, digits=3)
         sentences.append(
             f"Best on {maneuvers}{unseen}: {best}, with a fit of {fit} "

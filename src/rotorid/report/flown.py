@@ -12,7 +12,7 @@ from rotorid.flying.flown_models import FlownModel, FlownStretch
 from rotorid.plot.figure import quantity
 from rotorid.plot.time import flown as drawn
 from rotorid.report.frame import Picture, render
-from rotorid.report.parts import finding_rows, remark_count
+from rotorid.report.parts import finding_rows
 from rotorid.report.tables import Column, Table
 from rotorid.report.words import prediction_verdict
 from rotorid.results.verdicts import Verdict
@@ -55,7 +55,6 @@ def render_flown(flown: FlownModel, *, title: str) -> str:
         sentences=flown_sentences(document),
         flights=flights,
         remarks=finding_rows(document.findings),
-        remark_count=remark_count(document.findings),
         pictures=[picture for flight in flights for picture in flight.pictures],
     )
 

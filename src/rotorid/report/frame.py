@@ -23,7 +23,8 @@ from urllib.parse import quote
 
 from rotorid import __version__
 from rotorid.autopilots.registry import by_file, named
-from rotorid.data.display import capital
+from rotorid.data.display import capital, counted
+from rotorid.data.findings import severity_count
 from rotorid.data.quantity import superscript
 from rotorid.plot.curves import Frequency, Magnitude
 from rotorid.plot.figure import Figure, plotly_script, template
@@ -194,7 +195,13 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"shell": shlex.join, "capital": capital, "typeset": typeset}
+    environment.filters |= {
+        "shell": shlex.join,
+        "capital": capital,
+        "typeset": typeset,
+        "counted": counted,
+        "severity_count": severity_count,
+    }
     page = environment.get_template(name).render(
         **values,
         version=__version__,

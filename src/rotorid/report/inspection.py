@@ -17,7 +17,7 @@ from rotorid.models.library import RATE_AXES
 from rotorid.plot.figure import MOST_POINTS, envelope
 from rotorid.plot.inspection import Bar, LogPicture, Trend, log_figure
 from rotorid.report.frame import Picture, render
-from rotorid.report.parts import finding_rows, remark_count
+from rotorid.report.parts import finding_rows
 from rotorid.report.unavailable import merged_axes
 from rotorid.reviewing.inspection import Inspection, coverage
 from rotorid.reviewing.values import Unavailable
@@ -112,7 +112,6 @@ def render_inspection(record: FlightRecord, inspection: Inspection) -> str:
         log=inspection,
         good_for=good_for(inspection),
         not_for=not_for(inspection),
-        remark_count=remark_count(inspection.findings),
         topics=[list(rows) for _, rows in groupby(inspection.channels, key=lambda channel: channel.topic)],
         remarks=finding_rows(inspection.findings),
         log_picture=picture,

@@ -11,8 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from rotorid.data.display import counted
-from rotorid.data.findings import Finding, without_repeated
+from rotorid.data.findings import SEVERITIES, Finding, without_repeated
 from rotorid.data.quantity import MISSING, percent, significant, unit, with_error
 from rotorid.data.record import Maneuver
 from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
@@ -120,23 +119,6 @@ def _picture(shown: Shown, key: str, output: str, input: str) -> Picture:
     return in_all_units(draw, key=key, description=description, converted=True)
 
 
-_SEVERITIES = ("error", "warning", "info")
-
-
-def remark_count(findings: Sequence[Finding | FindingDocument]) -> str:
-    """How many warnings and notes there are, in words.
-
-    Examples
-    --------
-    >>> from rotorid.data.findings import remark, warn
-    >>> remark_count([warn("gap", "gyro", "A gap."), remark("trim", "p", "Trim."), remark("trim", "q", "Trim.")])
-    '1 warning, 2 notes'
-    """
-    notes = sum(finding.severity == "info" for finding in findings)
-    counts = ((len(findings) - notes, "warning"), (notes, "note"))
-    return ", ".join(counted(number, name) for number, name in counts if number)
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CostRow:
     """The cost of one response, where it was fitted and on sweeps that were not."""
@@ -212,7 +194,7 @@ _MOST_OF_A_KIND = 2
 
 def finding_rows(findings: Sequence[Finding | FindingDocument]) -> tuple[FindingRow, ...]:
     """Findings, the grave ones first; of one kind and gravity all but the first two fold into the first."""
-    ordered = sorted(without_repeated(findings), key=lambda finding: _SEVERITIES.index(finding.severity))
+    ordered = sorted(without_repeated(findings), key=lambda finding: SEVERITIES.index(finding.severity))
     kinds: dict[tuple[str, str], list[FindingRow]] = {}
     for finding in ordered:
         kinds.setdefault((finding.severity, finding.kind), []).append(_finding_row(finding))

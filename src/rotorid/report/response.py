@@ -22,7 +22,7 @@ from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode, coherence_map, window_contributions
 from rotorid.plot.loops import MINUS_3_DB, Crossing, broken_loop, disturbance_rejection
 from rotorid.report.frame import Picture, in_all_units, over_frequency, render
-from rotorid.report.parts import ManeuverRow, finding_rows, maneuver_row, remark_count, timelines
+from rotorid.report.parts import ManeuverRow, finding_rows, maneuver_row, timelines
 from rotorid.report.words import response_summary
 from rotorid.results.verdicts import Verdict
 from rotorid.spectral.derived import Estimated, read_points
@@ -491,7 +491,6 @@ def render_responses(result: Responses, *, title: str) -> str:
         responses=drawn.responses,
         loops=drawn.loops,
         answers=[loop_answer(axis, loop) for axis, _, loop in loops_of(result.loops)],
-        remark_count=remark_count(result.findings),
         splits=split_rows(result),
         condition=significant(result.largest_condition),
         windows=drawn.windows,

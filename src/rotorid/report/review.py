@@ -21,7 +21,7 @@ from rotorid.plot.frequency import bode
 from rotorid.plot.loops import Crossing, broken_loop
 from rotorid.plot.review import motor_bars, noise_maps, spectra, step_answers
 from rotorid.report.frame import Picture, in_all_units, render, with_files
-from rotorid.report.parts import FindingRow, finding_rows, remark_count
+from rotorid.report.parts import FindingRow, finding_rows
 from rotorid.report.unavailable import gathered
 from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.results.summary import ParameterEstimate
@@ -104,11 +104,6 @@ class Section:
     def sweepless(self) -> bool:
         """Whether its models were identified without any maneuver that was made for it."""
         return without_sweep(self.review)
-
-    @property
-    def remark_count(self) -> str:
-        """How many warnings and notes there are, in words."""
-        return remark_count(self.review.findings)
 
     @property
     def pattern(self) -> str:

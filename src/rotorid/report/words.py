@@ -791,13 +791,14 @@ def _measured(result: Responses) -> tuple[str, str]:
     seconds = significant(sum(record.stop_s - record.start_s for record in used))
     kinds = {f"{record.axis} {record.kind.replace('_', ' ')}" for record in used}
     of = kinds.pop() if len(kinds) == 1 else "maneuver"
-    data = f", from {len(used)} {of}{_s(used)} of {seconds} s{' together' if len(used) > 1 else ''}" if used else ""
+    data = f", from {counted(len(used), of)} of {seconds} s{' together' if len(used) > 1 else ''}" if used else ""
     return f"{capital(outputs)} over {inputs}{data}.", _estimate(result)
 
 
 def _estimate(result: Responses) -> str:
     if result.estimate == "joint":
-        instruments = f"{listed(result.instruments)} as instrument{_s(result.instruments)}"
+        noun = "instrument" if len(result.instruments) == 1 else "instruments"
+        instruments = f"{listed(result.instruments)} as {noun}"
         return f"Joint estimate with {instruments}, so feedback does not bias it."
     return "Direct estimate without an instrument: feedback through the controller may bias it."
 
@@ -872,7 +873,3 @@ def _gravest(result: Responses) -> tuple[str, ...]:
                 heading = finding_heading(finding.kind)
                 return (f"Most serious finding: {heading[:1].lower()}{heading[1:]}{where}: {finding.message}",)
     return ()
-
-
-def _s(counted: Sequence[object]) -> str:
-    return "" if len(counted) == 1 else "s"

@@ -6,7 +6,7 @@ import pytest
 from rich.table import Table
 
 from rotorid.cli.console import print_findings, print_lines, print_table
-from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.findings import Finding, refusal, remark, warn
 
 GAPS = [warn("gap", f"channel {number}", f"{number}.5 s are missing.") for number in range(9)]
 CLOCK = warn("clock_skew", "p", "p is 5 ms late.")
@@ -21,7 +21,7 @@ def printed(capsys: pytest.CaptureFixture[str], findings: list[Finding], *, verb
 def test_findings_fold_into_a_line_that_counts_them(capsys: pytest.CaptureFixture[str]) -> None:
     lines = printed(capsys, [*GAPS, CLOCK, WORDS])
     assert len(lines) == 5
-    assert lines[-1] == "6 more notes: -v shows all, or open report.html"
+    assert lines[-1] == "6 more warnings: -v shows all, or open report.html"
     # One of each kind goes before the second of any.
     assert lines[:2] == ["warning gap: 0.5 s are missing.", "warning clock_skew: p is 5 ms late."]
 
@@ -40,6 +40,12 @@ def test_a_finding_of_several_places_is_printed_once_with_its_count(capsys: pyte
 def test_errors_go_before_warnings(capsys: pytest.CaptureFixture[str]) -> None:
     error = Finding(kind="no_excitation", severity="error", where="p", message="Nothing moved.")
     assert printed(capsys, [*GAPS, error])[0] == "error no_excitation: Nothing moved."
+
+
+def test_no_error_folds(capsys: pytest.CaptureFixture[str]) -> None:
+    errors = [refusal("no_excitation", f"input {number}", f"Input {number} did not move.") for number in range(7)]
+    lines = printed(capsys, [*GAPS, *errors])
+    assert [line.partition(":")[0] for line in lines] == ["error no_excitation"] * 7 + ["9 more warnings"]
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def test_a_screen_shows_the_worst_warnings_and_counts_the_others(capsys: pytest.
     warnings = shown.partition("error ")[2].splitlines()
     assert warnings[0] == "corrupt_log: 318 places are damaged."
     assert warnings[1] == "warning clock_disorder: 100 stamps step back."
-    assert warnings[4] == "9 more notes: -v shows all, or open review.html"
+    assert warnings[4] == "9 more warnings: -v shows all, or open review.html"
     assert "Nothing." not in shown
     _print(review, Path("flight.ulg"), verbose=True)
     everything = capsys.readouterr().out

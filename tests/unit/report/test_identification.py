@@ -133,7 +133,7 @@ def test_missing_numbers_are_dashes() -> None:
     bare = shown_with(hollow, direct=None, segments=(), verifications=())
     text = "".join(Page(render_sections([bare], title="t")).text)
     assert "Not checked on unseen flight yet." in text
-    assert "Nothing to remark." in text
+    assert "No warnings or notes." in text
     assert "None" not in text
 
 
