@@ -343,11 +343,11 @@ const rotorid = (() => {
     cancelAnimationFrame(waiting);
     waiting = requestAnimationFrame(() => redraw());
   });
-  // Paper has no folds: everything is open, but for what explains how to read a page.
+  // On paper folds are open, but for minor details and for what explains how to read a page.
   let opened = [];
   const turn = (paper) => {
     printing = paper;
-    if (paper) opened = Array.from(document.querySelectorAll("details:not([open], .reading, .by-hand)"));
+    if (paper) opened = Array.from(document.querySelectorAll("details:not([open], .reading, .by-hand, .minor)"));
     for (const details of opened) details.open = paper;
     return redraw();
   };
