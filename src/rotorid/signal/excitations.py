@@ -473,12 +473,25 @@ def _purposeful(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tuple
             found = _in_signal(topic.time_s, topic.values[row], axis, name)
             kinds = _MADE_BY_PROGRAMS if outer else (*RICH_KINDS, "doublet", "multistep")
             moved = [m for m in found if m.kind in kinds and not _by_autopilot(record, m)]
+            moved = [m for m in moved if not _answers_another_axis(record, m)]
             purposeful = tuple(m for m in _level_flight(record, moved) if _goes_beyond(m, outer))
             if purposeful:
                 kept = (m for m in outer if not _any_shared(m, purposeful))
                 outer = tuple(sorted((*kept, *purposeful), key=lambda maneuver: maneuver.start_s))
                 break
     return outer
+
+
+def _answers_another_axis(record: FlightRecord, maneuver: Maneuver) -> bool:
+    """Whether a set-point moves while a test input is added to another axis: loops that answer it seem to sweep too."""
+    if not maneuver.signal.endswith("_setpoint") or sets_rates_directly(record, (maneuver.start_s, maneuver.stop_s)):
+        return False
+    for axis in (axis for axis in AXES if axis != maneuver.axis):
+        added = [f"{axis}_excitation", f"{axis}_setpoint_excitation"]
+        inputs = (*(m for m in record.declared if m.axis == axis), *_purposeful(record, axis, added))  # type: ignore[arg-type]
+        if _any_shared(maneuver, inputs):
+            return True
+    return False
 
 
 def _goes_beyond(maneuver: Maneuver, others: Sequence[Maneuver]) -> bool:

@@ -320,6 +320,17 @@ def test_a_sweep_on_a_drift_is_found(seed: int, turn: int) -> None:
     assert found.duration_s > 30.0
 
 
+def test_loops_that_answer_the_sweep_of_another_axis_are_no_excitation() -> None:
+    """The sweep of roll turns the vehicle in yaw, and the loop of the heading asks for rates against that."""
+    sweep = embedded(chirp())
+    answer = np.convolve(sweep, np.exp(-np.arange(100) / 30.0))[: sweep.size]
+    logged = {"roll_setpoint_excitation": sweep, "psi_setpoint": 0.0 * sweep, "r_setpoint": 0.4 * answer}
+    assert [m.axis for m in find_excitations(record(logged), "roll")] == ["roll"]
+    assert find_excitations(record(logged), "yaw") == ()
+    alone = {name: values for name, values in logged.items() if not name.startswith("roll")}
+    assert [m.signal for m in find_excitations(record(alone), "yaw")] == ["r_setpoint"]
+
+
 def test_a_busy_pilot_flies_no_sweep() -> None:
     """Nobody tests anything: of 24 flights of two minutes none holds a sweep or a random binary signal."""
     for seed in range(24):
