@@ -35,7 +35,7 @@ pytest.importorskip("axe_playwright_python", reason="axe_playwright_python is no
 
 PAPER = {
     "identify": (5, 9),
-    "several": (8, 30),
+    "several": (8, 16),
     "review": (4, 8),
     "tune": (3, 8),
     "check": (1, 4),

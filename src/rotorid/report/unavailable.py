@@ -142,8 +142,10 @@ def _of_all_axes(sentences: Sequence[str]) -> str:
     --------
     >>> _of_all_axes(["move the roll stick", "move the pitch stick", "move the roll stick"])
     'move the roll and pitch sticks'
+    >>> _of_all_axes(["the pitch stick does not move", "the yaw stick does not move"])
+    'the pitch and yaw sticks do not move'
     """
     words = [[found.group() for found in _AXIS_WORDS.finditer(sentence)] for sentence in sentences]
     each = iter([listed(list(dict.fromkeys(same))) for same in zip(*words, strict=True)])
     merged = _AXIS_WORDS.sub(lambda _: next(each), sentences[0])
-    return re.sub(r"( and \w+ stick)\b", r"\1s", merged)
+    return re.sub(r"( and \w+ stick)\b", r"\1s", merged).replace("sticks does not", "sticks do not")
