@@ -7,7 +7,6 @@ exist, inertia that no body has, rotors that cannot lift their vehicle.
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,7 +21,7 @@ from rotorid.autopilots.thrust import Linearization
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import with_error
 from rotorid.documents.base import Document, checked
-from rotorid.errors import ModelError, RotoridError, UsageError
+from rotorid.errors import ModelError, RotoridError, UsageError, nearest_name
 from rotorid.flying.designs import computed_for
 from rotorid.flying.settings import DesignSettings
 from rotorid.flying.user_vehicles import OwnVehicle, own_vehicle
@@ -275,11 +274,11 @@ def _require_keys(kind: type[BaseModel], table: Mapping[str, Any], where: str) -
     known = {field.alias or name: field for name, field in kind.model_fields.items()}
     for key, value in table.items():
         if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
+            near = nearest_name(key, known)
             raise UsageError(
                 f"{where} has the unknown key {key}",
                 needed="" if near else f"some of {', '.join(known)}",
-                remedy=f"did you mean {near[0]}?" if near else "",
+                remedy=f"did you mean {near}?" if near else "",
             )
         part = _TABLES.get(key) if kind in (VehicleFile, AutopilotTable) else None
         for item in value if isinstance(value, list) else [value]:
@@ -400,11 +399,11 @@ def _aerodynamics(body: BodyTable) -> np.ndarray | None:
     air = np.zeros((6, 6))
     for name, value in body.derivatives.items():
         if name not in MOTION:
-            near = difflib.get_close_matches(name, MOTION, n=1)
+            near = nearest_name(name, MOTION)
             raise ModelError(
                 f"there is no derivative {name}",
                 needed=f"some of {', '.join(MOTION)}",
-                remedy=f"did you mean {near[0]}?" if near else "",
+                remedy=f"did you mean {near}?" if near else "",
             )
         row, column = MOTION[name]
         air[row, column] = size[row] * value

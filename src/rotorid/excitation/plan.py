@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -11,7 +10,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
-from rotorid.errors import UsageError
+from rotorid.errors import UsageError, nearest_name
 from rotorid.excitation.multisines import halved, harmonics_in, interleaved, multisine, power_law
 from rotorid.excitation.sweep import logarithmic_sweep, pilot_sweep
 from rotorid.excitation.switching import (
@@ -467,11 +466,11 @@ def _completed(shape: Shape, defaults: Mapping[str, float], settings: Mapping[st
 
 
 def _unknown(what: str, name: str, known: Sequence[str]) -> UsageError:
-    near = difflib.get_close_matches(name, known, n=1)
+    near = nearest_name(name, known)
     return UsageError(
         f"there is no {what} {name!r}",
         needed=f"one of {', '.join(known)}",
-        remedy=f"did you mean {near[0]}?" if near else "",
+        remedy=f"did you mean {near}?" if near else "",
     )
 
 

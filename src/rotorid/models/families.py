@@ -7,7 +7,6 @@ answers; what fits a family, and which choices it takes, is a row of :mod:`rotor
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,7 +15,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple, TypeAlias
 
 from rotorid.data.findings import refusal
-from rotorid.errors import InsufficientDataError, ModelError, RotoridError, UsageError
+from rotorid.errors import InsufficientDataError, ModelError, RotoridError, UsageError, nearest_name
 from rotorid.models.black_box import black_box, black_box_pairs
 from rotorid.models.library import (
     RESPONSE_MODELS,
@@ -515,11 +514,11 @@ _AXES: Mapping[str, Axis] = {
 
 def _unknown(model: str) -> ModelError:
     names = known_names()
-    near = [rate_model_of(_AXES[model.lower()])] if model.lower() in _AXES else []
-    near = near or difflib.get_close_matches(model, (*names, "black_box:2"), n=1)
+    near = rate_model_of(_AXES[model.lower()]) if model.lower() in _AXES else ""
+    near = near or nearest_name(model, (*names, "black_box:2"))
     made = [family.name for family in FAMILIES if not family.names and family is not OWN]
     return ModelError(
         f"there is no model {model!r}",
         needed=f"one of {', '.join((*names, *made))}, or a .toml file",
-        remedy=f"did you mean {near[0]}?" if near else "",
+        remedy=f"did you mean {near}?" if near else "",
     )

@@ -33,7 +33,6 @@ its derivatives, and every numerator is a row of an output matrix; one of order 
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -41,7 +40,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from rotorid.data.record import STANDARD_UNITS
-from rotorid.errors import ModelError
+from rotorid.errors import ModelError, nearest_name
 from rotorid.models.equations import structure_from_equations
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import Parameter, ParameterSet, is_parameter_unit, no_such
@@ -84,11 +83,11 @@ def library_text(name: str) -> str:
     """
     names = model_names()
     if name not in names:
-        near = difflib.get_close_matches(name, names, n=1)
+        near = nearest_name(name, names)
         raise ModelError(
             f"the library has no model {name!r}",
             needed=f"one of {', '.join(names)}",
-            remedy=f"did you mean {near[0]}?" if near else "",
+            remedy=f"did you mean {near}?" if near else "",
         )
     return files("rotorid.models").joinpath("library", name + _SUFFIX).read_text(encoding="utf-8")
 

@@ -21,7 +21,6 @@ thrust that rises with the command, and carries the weight that flew.
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -33,7 +32,7 @@ from rotorid.data.axes import RATES
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.data.record import MotorRecord
-from rotorid.errors import ModelError
+from rotorid.errors import ModelError, nearest_name
 from rotorid.models.expression import Expression
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.physical import check_inertia
@@ -225,11 +224,11 @@ def _require(fixed: Mapping[str, float], curve: Curve) -> None:
     allowed = {*_UNITS, "kappa", "I_zz"}
     for name, value in fixed.items():
         if name not in allowed:
-            near = difflib.get_close_matches(name, allowed, n=1)
+            near = nearest_name(name, allowed)
             raise ModelError(
                 f"there is no parameter {name}",
                 needed=f"one of {', '.join(sorted(allowed))}",
-                remedy=f"did you mean {near[0]}?" if near else "",
+                remedy=f"did you mean {near}?" if near else "",
             )
         if name in _POSITIVE and not value > 0.0:
             raise ModelError(f"the known {name} = {value:g} is not possible", needed="a positive number")

@@ -6,7 +6,6 @@ in their order, and directions through them carry errors from free parameters to
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +15,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from rotorid.errors import ModelError, UsageError
+from rotorid.errors import ModelError, UsageError, nearest_name
 from rotorid.models.compiled import Operations
 from rotorid.models.expression import Expression
 from rotorid.typing import FloatArray
@@ -207,11 +206,11 @@ class Network:
 def no_such(kind: str, name: str, known: Iterable[str]) -> ModelError:
     """The error for a name that does not exist, with the nearest one that does."""
     names = tuple(known)
-    near = difflib.get_close_matches(name, names, n=1) or [other for other in names if name and other.startswith(name)]
+    near = nearest_name(name, names) or next((other for other in names if name and other.startswith(name)), "")
     return ModelError(
         f"there is no {kind} {name!r}",
         needed=f"one of {', '.join(names)}" if names else f"no {kind} at all",
-        remedy=f"did you mean {near[0]}?" if near else "",
+        remedy=f"did you mean {near}?" if near else "",
     )
 
 

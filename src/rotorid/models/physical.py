@@ -25,7 +25,6 @@ are none that physics allows: of the inertia of a rigid body, of weight and thru
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import math
 from collections.abc import Iterable, Mapping
@@ -36,7 +35,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, warn
-from rotorid.errors import ModelError
+from rotorid.errors import ModelError, nearest_name
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -585,11 +584,11 @@ def _checked(
 def _require_names(names: Iterable[str], allowed: tuple[str, ...], what: str) -> None:
     for name in names:
         if name not in allowed:
-            near = difflib.get_close_matches(name, allowed, n=1)
+            near = nearest_name(name, allowed)
             raise ModelError(
                 f"there is no {what} {name!r}",
                 needed=f"one of {', '.join(allowed)}",
-                remedy=f"did you mean {near[0]}?" if near else "",
+                remedy=f"did you mean {near}?" if near else "",
             )
 
 

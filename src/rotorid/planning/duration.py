@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError, UsageError, nearest_name
 from rotorid.models.structure import LinearStructure
 from rotorid.planning.expected import FitSettings
 from rotorid.planning.loop import LoopModel
@@ -191,11 +190,11 @@ def _require_wanted(
     free = structure.parameters.free
     for name, percent in wanted.items():
         if name not in free:
-            near = difflib.get_close_matches(name, free, n=1)
+            near = nearest_name(name, free)
             raise UsageError(
                 f"{name} is no free parameter of {structure.name}",
                 needed=f"one of {', '.join(free)}",
-                remedy=f"did you mean {near[0]}?" if near else "",
+                remedy=f"did you mean {near}?" if near else "",
             )
         if not 0.0 < percent < math.inf:
             raise UsageError(f"the accuracy {percent:g} % of {name} is not positive", needed="a positive percentage")

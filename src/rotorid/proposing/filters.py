@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord
-from rotorid.errors import UsageError
+from rotorid.errors import UsageError, nearest_name
 from rotorid.models.autopilots.betaflight_settings import (
     LOW_PASSES,
     MOVING_GYRO,
@@ -88,10 +87,10 @@ def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRec
     for name, value in values.items():
         place = header_name(name)
         if place not in known:
-            near = get_close_matches(name, [command_line_name(name) for name in known], n=3)
+            near = nearest_name(name, [command_line_name(name) for name in known])
             raise UsageError(
                 f"{record.source.name} has no filter parameter {name!r}",
-                remedy=f"did you mean {near[0]}?" if near else "--set takes filters; gains are proposed by tune",
+                remedy=f"did you mean {near}?" if near else "--set takes filters; gains are proposed by tune",
             )
         if not (np.isfinite(value) and value >= 0.0):
             raise UsageError(f"--set {name}={value:g} is out of range", needed="a finite number, 0 or more")

@@ -171,11 +171,6 @@ def _sweep_to_hz(document: TuneDocument) -> float:
     return highest / (2.0 * math.pi)
 
 
-def unchanged_names(tuning: AxisTuneDocument) -> str:
-    """Gains and filters of a loop that are not changed."""
-    return ", ".join(name for name, gain in tuning.gains.items() if gain.flown == gain.proposed)
-
-
 def end_of(tuning: AxisTuneDocument) -> str:
     """Where in its range the D of the numbers of an axis is; empty for a D that does not change in flight."""
     known = tuning.proposed.get("crossover_rad_s")

@@ -50,7 +50,7 @@ def test_what_no_duration_reaches_is_named() -> None:
     assert found.limiting == "tau_roll"
     assert found.prediction is not None
     assert found.prediction["tau_roll"].percent > 0.001
-    assert "0.001 % are wanted" in found.words
+    assert "0.001 % requested" in found.words
 
 
 def test_where_a_structure_does_not_fit_a_shorter_flight_may_do() -> None:

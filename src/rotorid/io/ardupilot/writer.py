@@ -11,7 +11,6 @@ for a doublet, a multisine or a random signal: of those a log shows what arrived
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -24,7 +23,7 @@ import numpy as np
 
 from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import MOTORS, Maneuver
-from rotorid.errors import UsageError
+from rotorid.errors import UsageError, nearest_name
 from rotorid.io.ardupilot.dataflash_writer import Layout, Messages, write_dataflash
 from rotorid.io.ardupilot.log import DSHOT_TYPES, ENTRIES, MOTOR_FUNCTIONS, STICKS, motor_channels
 from rotorid.typing import AnyArray, FloatArray, IntArray
@@ -204,11 +203,11 @@ def _checked_rates(asked_hz: Mapping[str, float], loop_hz: float) -> Mapping[str
     usual = {"SIDD": loop_hz} | {name: min(signal.rate_hz, loop_hz) for name, signal in SIGNALS.items()}
     for name, rate_hz in asked_hz.items():
         if name not in usual:
-            close = difflib.get_close_matches(name, usual, n=1)
+            near = nearest_name(name, usual)
             raise UsageError(
                 f"unknown message {name!r}",
                 needed=f"one of {', '.join(usual)}",
-                remedy=f"did you mean {close[0]}?" if close else "",
+                remedy=f"did you mean {near}?" if near else "",
             )
         if not 0.0 < rate_hz <= loop_hz:
             raise UsageError(
