@@ -547,7 +547,7 @@ def _fault_findings(topic: Topic, fault: _Faults) -> Iterator[Finding]:
         yield warn(
             "impossible_value",
             name,
-            f"{where}: left out {' and '.join(parts)} of {fault.bad.size} samples; the first is "
+            f"{where}: left out {' and '.join(parts)} of {fault.bad.size} samples; the first value is "
             f"{topic.values[topic.row(name) or 0, first]:.4g}{unit} at {topic.time_s[first]:.3f} s.",
             samples=impossible + isolated,
             impossible=impossible,

@@ -209,7 +209,7 @@ const rotorid = (() => {
   const A_NUMBER = String.raw`[−-]?\d+(?:\.\d+)?`;
   const WITH_UNIT = new RegExp(
     String.raw`((?:${A_NUMBER} (?:±|to|and|or) |${A_NUMBER}–)*${A_NUMBER}(?: \(${A_NUMBER} to ${A_NUMBER}\))?) rad/s(?![²\w^·*/])`, "g");
-  const NOT_FREQUENCIES = /(?:bias|noise|drift|speed|rate) of (?:some |about )?$/i;
+  const NOT_FREQUENCIES = /(?:(?:bias|noise|drift|speed|rate)(?: of)?(?: some| about)?|outside of|value is|output,) $/i;
   const RADIANS = /\[rad\/s\]/g;
   const decimals = (number) => number.split(".")[1]?.length ?? 0;
   const over = (number, places) => (number.replace("−", "-") / (2 * Math.PI)).toFixed(places).replace("-", "−");

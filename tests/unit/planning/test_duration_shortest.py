@@ -90,7 +90,7 @@ def test_a_flight_that_supports_nothing_is_said_to() -> None:
         STRUCTURE, TRUTH, roll_loop(30.0), lambda one: sweeps({"roll": 0.001}, one), {"L_roll": 5.0}, longest_s=40.0
     )
     assert (found.duration_s, found.prediction, found.limiting) == (None, None, "")
-    assert "support the model" in found.words
+    assert "Not enough data for this model" in found.words
 
 
 def test_the_answer_is_that_of_a_prediction() -> None:
