@@ -190,18 +190,15 @@ def _head(path: Path, name: str) -> bytes:
             head = file.read(_HEAD_BYTES)
     # ValueError is Python's word for a name that no file can have.
     except (OSError, ValueError) as error:
-        raise LogError(
-            f"{path} cannot be opened: {getattr(error, 'strerror', None) or error}",
-            needed=f"a flight log: {READ}",
-            remedy="check the path and the permissions",
-        ) from error
+        why = f"{path} cannot be opened: {getattr(error, 'strerror', None) or error}"
+        raise LogError(why, remedy="check the path and the permissions") from error
     if not head:
         raise LogError(f"{name} is empty", needed=f"a flight log: {READ}", remedy="copy it again from the vehicle")
     return head
 
 
 def _reader_of(head: bytes, name: str) -> tuple[Reader, Any]:
-    came, remedy = "no format that is known", "give the log that the autopilot wrote, or export the data to CSV"
+    came, remedy = "not in a known format", "give the log that the autopilot wrote, or export the data to CSV"
     foreign = next((known for known in _FOREIGN if head.startswith(known[0])), None)
     for reader in READERS:
         # The last one takes nearly every text for a table, also one that is known to be something else.
