@@ -20,9 +20,9 @@ TRACKS = 3
 PAGES = {
     "review": ("review/review.html", "body"),
     "model": ("model/rate.roll/report.html", "#s1-responses"),
-    "tune": ("gains/report.html", ".pictures"),
+    "tune": ("gains/report.html", "body"),
 }
-"""Picture to the page of the example that it shows, and what of it stands at the top."""
+"""Picture to the page of the example that it shows, and the part at its top."""
 
 
 def commands(folder: Path) -> list[list[str]]:

@@ -1,4 +1,4 @@
-"""What a person reads is plain English: no construction of :data:`tests.phrases.FORBIDDEN` in messages, pages or docs."""
+"""No message, page or document uses a construction of :data:`tests.phrases.FORBIDDEN`."""
 
 from __future__ import annotations
 
