@@ -424,7 +424,7 @@ KINDS: Mapping[str, Kind] = {
         "Logs with different channels were joined, and an input moved that one of them cannot separate.",
     ),
     "lag_plus_delay": Kind(
-        "info", "Motor lag plus delay", "The sum of motor lag and delay is more certain than either of them."
+        "info", "Motor lag plus delay", "Motor lag and delay are correlated; their sum is the reliable number."
     ),
     "legacy_units": Kind("info", "Older firmware units", "Values in the units of an older firmware were converted."),
     "logs_disagree": Kind(

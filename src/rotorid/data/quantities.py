@@ -258,7 +258,7 @@ _NOISE = {
     **{
         f"{axis}_{term}_noise_share{band}": FigureOfMerit(
             words=f"noise through {term.upper()} of {axis}",
-            detail=f"of the motor range{', above 100 Hz alone' if band else ''}",
+            detail=f"of the motor range{', above 100 Hz' if band else ''}",
             unit="%",
             factor=100.0,
             good_below=0.02 if term == "d" and not band else math.nan,

@@ -104,9 +104,9 @@ def _one_lag_and_delay(parameters: ParameterSet, bounds: Bounds, delay: str) -> 
     each = f"{milliseconds(values[0], lag_std)} ms and {milliseconds(values[1], delay_std)} ms"
     total = f"{milliseconds(together, std)} ms"
     correlated = minus(f"{correlation:.2f}")
+    surer = ", more certain than either" if std < min(lag_std, delay_std) else ""
     message = (
-        f"Motor lag and delay are {each} with a correlation of {correlated}; their sum, {total}, is more certain "
-        "than either."
+        f"Motor lag and delay are {each}, correlated by {correlated}; their sum is {total}{surer}."
         if separable
         else f"Motor lag and delay can barely be separated: {each} with a correlation of {correlated}. Trust their sum "
         f"of {total}. A wider band would separate them, or a lag from a bench or from measured motor speeds "

@@ -376,7 +376,7 @@ def _too_slow(record: FlightRecord, rates: Mapping[str, float]) -> Support | Non
     slow = [f"{name} at {rate:.3g} Hz" for name, rate in rates.items() if rate < LOWEST_RATE_HZ]
     if not slow:
         return None
-    because = f"{' and '.join(slow)} is too slow; without a sweep at least {LOWEST_RATE_HZ:.0f} Hz is required"
+    because = f"logged too slowly ({', '.join(slow)}); without a sweep at least {LOWEST_RATE_HZ:.0f} Hz is needed"
     remedy = logging_advice(record, min(rates.values()))
     return Support(possible=False, because=because, remedy=remedy, lacks="rate_too_low")
 

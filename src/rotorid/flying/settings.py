@@ -221,7 +221,7 @@ Changes: TypeAlias = Annotated[
 ]
 
 
-LIKE_HELP = "For results: the vehicle to take autopilot, sensors and missing numbers from."
+LIKE_HELP = "Library vehicle that supplies autopilot, sensors and missing numbers for a result."
 PLANNED = tuple(autopilot.key for autopilot in AUTOPILOTS if autopilot.has_plan_files)
 """Autopilots that files of a plan are written for."""
 

@@ -199,7 +199,9 @@ RATE = Family(
     name="rate.*",
     pattern=r"rate\..+",
     listed=tuple(RATE_AXIS),
-    about=lambda _: "Rate of one axis after its command: gain, damping, motor lag, delay. From some 3 to 8 rad/s up.",
+    about=lambda _: (
+        "Response of one rate to its command: gain, damping, motor lag, delay. Valid from about 3 to 8 rad/s up."
+    ),
     make=lambda name, _: rate_model(name),
     needs="axis",
     axes={name: (axis,) for name, axis in RATE_AXIS.items()},

@@ -140,7 +140,7 @@ def test_pictures_of_values() -> None:
     assert whole.plot.bode() == whole.plot() == rotorid.bode(whole, output="y0", input="motor_1")
     assert whole.plot.bode("y1", "motor_2", frequency="Hz") != whole.plot()
     for picture in (record(topics=2).plot, history().plot):
-        with pytest.raises(rotorid.UsageError, match="holds no rol"):
+        with pytest.raises(rotorid.UsageError, match="has no rol"):
             picture("rol")
     with pytest.raises(rotorid.UsageError, match="the output p came"):
         whole.plot.bode("p")

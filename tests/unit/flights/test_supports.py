@@ -101,7 +101,7 @@ SAYS = {
     "no stick": "the roll stick does not move in flight",
     "no rate": "the log lacks p",
     "no command": "the log lacks roll_command",
-    "slow": "roll_command at 25 Hz and p at 25 Hz is too slow",
+    "slow": "logged too slowly (roll_command at 25 Hz, p at 25 Hz)",
     "short flight": "no flight lasts 20 s",
     "never flew": "the vehicle never flew",
     "rover": "the vehicle is a rover, not a multirotor, according to FRAME_CLASS",
