@@ -62,7 +62,7 @@ def test_motor_speeds_have_the_numbers_of_their_outputs(unpacked: Unpack) -> Non
         "ESC[3]": "motor_speed_2",
     }
     # All bits that matter are set; what holds the log down is the limit of its storage.
-    assert "LOG_BLK_RATEMAX = 5 holds every message down to 5 Hz" in said(record)["rate_too_low RATE"]
+    assert "LOG_BLK_RATEMAX = 5 limits every message to 5 Hz" in said(record)["rate_too_low RATE"]
     assert "LOG_BITMASK" not in said(record)["rate_too_low RATE"]
 
 

@@ -71,7 +71,7 @@ def test_a_log_its_result_and_both_give_one_proposal(name: str, axis: Axis, thre
     assert kinds["result"] == kinds["log"] == kinds["both"]
     told = [one for one in found["result"].findings if one.kind in _ONE_LINE]
     assert len(told) == 1
-    assert "was not checked. Give the log beside the result." in told[0].message
+    assert "so motor limits and the logged gains were not checked. Give the log" in told[0].message
 
 
 @pytest.mark.parametrize("name", LOGS)

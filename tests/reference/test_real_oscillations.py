@@ -93,7 +93,7 @@ def test_its_review_is_green_nowhere_that_shakes(read: Read, name: str) -> None:
     assert "at a limit for 98 %" in shown["margins"].sentence
     # Motors at their limits hide the loops of calm axes too, and one line says so of all.
     assert (seen.loops, seen.margins, seen.models) == ({}, {}, {})
-    hidden = [one.what for one in gathered(seen.cannot_tell) if "limits of the motors" in one.why]
+    hidden = [one.what for one in gathered(seen.cannot_tell) if "shows the motor limits" in one.why]
     assert hidden == ["loops; margins; models"]
     # A sweep on top of a limit cycle is no next step.
     assert not any("design" in command for command in seen.next_commands)

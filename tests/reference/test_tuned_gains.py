@@ -167,7 +167,7 @@ def test_the_path_stands_on_the_terminal_on_the_page_and_in_the_document(
     assert (first.flight, first.goal, goal.flight, goal.goal) == (1, False, 2, True)
     assert first.gains["ATC_ANG_RLL_P"] == document.axes["roll"].gains["ATC_ANG_RLL_P"].proposed
     assert goal.attitude_ratio.value < first.attitude_ratio.value
-    assert document.robustness.startswith("M_s up to 1.7, recommended")
+    assert document.robustness.startswith("M_s up to 1.7 (recommended)")
     _print(document, tmp_path, given=[])
     shown = capsys.readouterr().out
     assert "path of roll" in shown
@@ -179,7 +179,7 @@ def test_the_path_stands_on_the_terminal_on_the_page_and_in_the_document(
     assert "ATC_<wbr>RAT_<wbr>RLL_<wbr>P</th>" in page
     # I grows tenfold here: it is no gain that a flight limits.
     assert "P, D and A (angle) at most double in one flight" in page
-    assert "recommended: the loop stays stable" in page
+    assert "(recommended): stable if the gain grows" in page
     assert "tilts the vehicle in roll 6.3 times less than today" in page
 
 

@@ -127,9 +127,9 @@ def test_the_firmware_of_a_result_is_that_of_the_plan() -> None:
 
 
 def test_what_has_no_gains_is_refused() -> None:
-    with pytest.raises(InsufficientDataError, match="holds no gains"):
+    with pytest.raises(InsufficientDataError, match="contains no gains"):
         designed_for_tune(DesignSettings(vehicle="px4_quad", kinds=("pilot_sweep",), plan=PlanSettings(axes=("roll",))))
-    with pytest.raises(UsageError, match="a vehicle with gains"):
+    with pytest.raises(UsageError, match="a vehicle with known gains"):
         designed_for_tune(
             DesignSettings(vehicle="px4_quad", kinds=("pilot_sweep",), plan=PlanSettings(axes=("thrust",)))
         )

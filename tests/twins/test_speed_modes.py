@@ -60,6 +60,6 @@ def test_a_fit_in_time_that_exchanges_lag_and_damping_is_refused(tmp_path: Path)
     choices = SimulateSettings(vehicle="px4_quad", plan=plan, seed=1)
     path = tmp_path / choices.file_names[0]
     write_run(path, fly_run(choices, 0), choices)
-    with pytest.raises(InsufficientDataError, match="in time and 13") as refused:
+    with pytest.raises(InsufficientDataError, match=r"in the time domain but 13\.") as refused:
         rotorid.identify(rotorid.read(path), "rate.yaw", method="prediction_error")
     assert {one.kind for one in refused.value.findings} == {"not_identifiable"}
