@@ -100,8 +100,8 @@ def test_the_switches_are_seen_and_reached_by_keyboard(chromium: str, tmp_path: 
 
 WRITTEN = """
 <p id='sentence'>Usable from 0.901 to 44 rad/s, crossover at 14.67 ± 0.26 rad/s, 113 ± 2 rad/s², a bias of 0.02 rad/s,
-noise 0.077 rad/s a sample, samples outside of -35 to 35 rad/s, the first value is 44 rad/s,
-7.00 rad/s (6.70 to 7.30 rad/s); <code>--band 3:38 rad/s</code>.</p>
+noise 0.077 rad/s a sample, samples outside of -35 to 35 rad/s, the first value is 44 rad/s, speeds of 100 to 900 rad/s;
+crossover 7.00 rad/s (6.70 to 7.30 rad/s); <code>--band 3:38 rad/s</code>.</p>
 <div class='scroll'><table id='columns'>
 <thead><tr><th>Response</th><th>Usable<br>[rad/s]</th><th>Points</th></tr></thead>
 <tbody><tr><td>p</td><td>0.901 to 44 <span class='words'>6.70 to 7.30</span></td><td>44</td></tr></tbody></table></div>
@@ -133,7 +133,7 @@ def test_texts_and_tables_are_in_the_unit_of_the_pictures(chromium: str, tmp_pat
     assert before["sentence"] == (
         "Usable from 0.143 to 7.0 Hz, crossover at 2.335 ± 0.041 Hz, 113 ± 2 rad/s², a bias of 0.02 rad/s, "
         "noise 0.077 rad/s a sample, samples outside of -35 to 35 rad/s, the first value is 44 rad/s, "
-        "1.114 Hz (1.066 to 1.162 Hz); --band 3:38 rad/s."
+        "speeds of 100 to 900 rad/s; crossover 1.114 Hz (1.066 to 1.162 Hz); --band 3:38 rad/s."
     )
     assert "[Hz]Points p0.143 to 7.0 1.066 to 1.16244" in before["columns"]
     assert "crossover [Hz]2.34 2.26 to 2.42– phase margin [°]65.060.0" in before["rows"]

@@ -203,13 +203,18 @@ const rotorid = (() => {
     }
   }
   // One unit of frequency on a page. Texts and tables come in rad/s; in Hz each number is shown over 2π, with one more
-  // decimal. A text is converted where a number is in front of the unit, a column or a row where the unit is in its
-  // heading, and a row whose own cell holds the unit. Code and what is marked `data-exact` stay: no frequencies.
+  // decimal. Rates of turning are in rad/s too and stay, so only what is known to be a frequency is converted: columns
+  // and rows with the unit in their heading, rows of a frequency by their first words, and in a text a range or a number
+  // behind a word such as "at", "above" or "crossover". Code and what is marked `data-exact` stay.
   const PLACES = "body *:not(script, style, noscript, code, pre, button, .picture, [data-exact])";
   const A_NUMBER = String.raw`[−-]?\d+(?:\.\d+)?`;
   const WITH_UNIT = new RegExp(
     String.raw`((?:${A_NUMBER} (?:±|to|and|or) |${A_NUMBER}–)*${A_NUMBER}(?: \(${A_NUMBER} to ${A_NUMBER}\))?) rad/s(?![²\w^·*/])`, "g");
   const NOT_FREQUENCIES = /(?:(?:bias|noise|drift|speed|rate)(?: of)?(?: some| about)?|outside of|value is|output,) $/i;
+  const FREQUENCIES = /(?:\b(?:at|above|below|beyond|from|between|up to|over|than|reach(?:ed|es)?|crossover|bandwidth|frequency|needs?)(?: (?:of|is|about|some|the))*|[(±]) ?$/i;
+  const A_RANGE = / to |–| and /;
+  const TURNING = /\b(?:speeds|gyro\w*)\b[^.;]*$/i;
+  const FREQUENCY_ROW = /crossover|bandwidth|frequency|oscillat|resonan|margin at|peak at|lag of 180/i;
   const RADIANS = /\[rad\/s\]/g;
   const decimals = (number) => number.split(".")[1]?.length ?? 0;
   const over = (number, places) => (number.replace("−", "-") / (2 * Math.PI)).toFixed(places).replace("-", "−");
@@ -224,6 +229,8 @@ const rotorid = (() => {
     const places = deviation && Math.max(decimals(deviation) + 1, deviation.length < 2 ? 1 : 0);
     return words.replace(/(?<![·\d.])[−-]?\d+(?:\.\d+)?(?![\d⁻])/g, (number) => (deviation ? over(number, places) : alone(number)));
   };
+  const isFrequency = (numbers, before) =>
+    !NOT_FREQUENCIES.test(before) && !TURNING.test(before) && (A_RANGE.test(numbers) || FREQUENCIES.test(before));
   const isUnit = (node) => node.textContent.trim() === "rad/s";
   const leaves = (element) => {
     const walker = document.createTreeWalker(element, NodeFilter.SHOW_TEXT, (node) =>
@@ -243,7 +250,7 @@ const rotorid = (() => {
         const [first, ...others] = line;
         const unit = line.findLast(isUnit);
         if (RADIANS.test(first?.textContent)) ofCells(others);
-        else if (unit && !line.some((cell) => cell.querySelector("code"))) {
+        else if (unit && line.some((cell) => FREQUENCY_ROW.test(cell.textContent)) && !line.some((cell) => cell.querySelector("code"))) {
           ofCells(others.filter((cell) => cell !== unit));
           for (const node of leaves(unit)) toHertz(node, node.data.replace("rad/s", "Hz"));
         } else ofCells(line.filter((_, column) => /\[rad\/s\]/.test(heads[column] ?? "")));
@@ -254,7 +261,7 @@ const rotorid = (() => {
       if (rewritten.has(node)) continue;
       const unit = node.data.replace(RADIANS, "[Hz]");
       toHertz(node, unit.replace(WITH_UNIT, (whole, numbers, at, text) =>
-        (NOT_FREQUENCIES.test(text.slice(0, at)) ? whole : `${inHertz(numbers)} Hz`)));
+        (isFrequency(numbers, text.slice(0, at)) ? `${inHertz(numbers)} Hz` : whole)));
     }
   };
   const rewrite = () => {
