@@ -358,7 +358,8 @@ def test_the_first_line_is_the_address_and_an_interrupt_ends_it(tmp_path: Path) 
         began = time.monotonic()
         server.send_signal(2)
         server.communicate(timeout=10)
-    assert time.monotonic() - began < 2.0
+    # A second of grace for requests under way; an idle machine needs half of it, a busy one two more.
+    assert time.monotonic() - began < 5.0
     assert server.returncode == 0
     assert not list(tmp_path.iterdir())
     absent = subprocess.run([*command[:4], str(tmp_path / "none")], capture_output=True, text=True)
