@@ -138,8 +138,13 @@ def is_said(record: FlightRecord) -> bool:
 
 
 def incomplete(error: RotoridError) -> str:
-    """What an error fails to say; empty when it says what came, what was needed and what to do."""
+    """What an error fails to say; empty when it says what is wrong, what was expected and what to do.
+
+    An unknown name is answered by the one that was probably meant, or else by those that exist: either is enough.
+    """
     missing = [name for name in ("came", "needed", "remedy") if not getattr(error, name)]
+    if "unknown unit " in error.came and len(missing) == 1:
+        missing.remove("needed" if error.remedy else "remedy")
     if missing:
         return f"{error} does not give {', '.join(missing)}"
     return "" if len(str(error).splitlines()) == 1 else f"{str(error)!r} is more than one line"

@@ -54,8 +54,8 @@ def test_what_is_dropped_costs_a_sentence(each: int, tmp_path: Path) -> None:
             assert state["state"] == "done" or state["sentence"]
             assert "Traceback" not in str(state)
             shown = client.get(f"/api/logs/{number}")
-            assert shown.status_code == (200 if state["seen"] else 400)
-            if state["seen"]:
+            assert shown.status_code == (200 if state["readable"] else 400)
+            if state["readable"]:
                 start, stop = shown.json()["span_s"]
                 for kind in ("track", "spectrum", "spectrogram"):
                     asked = {"channel": 0, "start": start, "stop": stop}

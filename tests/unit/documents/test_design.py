@@ -47,7 +47,7 @@ def test_a_plan_comes_back_from_its_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [("{}", "name: Field required"), ("nothing", "is no plan"), ('{"schema": "rotorid.plan/2"}', "schema")],
+    [("{}", "name: Field required"), ("nothing", "is not a plan"), ('{"schema": "rotorid.plan/2"}', "schema")],
 )
 def test_a_file_that_is_no_plan_is_told_from_one(tmp_path: Path, content: str, words: str) -> None:
     (tmp_path / "plan.json").write_text(content)
