@@ -82,6 +82,8 @@ def made(name: str) -> str:
     """A page without any flight."""
     if name == "gains":
         return render_tune(proposed(), title="t")
+    if name == "hover":
+        return render_sections([hover_identification()], title="t")
     if name == "design":
         return render_design(designed(), CHOICES, title="two plans")
     if name == "stitch":
@@ -237,7 +239,7 @@ INK = """
 
 @pytest.mark.parametrize("theme", [None, "dark"])
 def test_dark_stays_on_the_screen(theme: str | None, page: Any, tmp_path: Path) -> None:
-    file = themed(render_sections([hover_identification()], title="t"), theme, tmp_path)
+    file = themed(made("hover"), theme, tmp_path)
     page.emulate_media(color_scheme="dark")
     shown(page, file)
     (ink, _), _, (_, card) = page.evaluate(INK)
@@ -348,7 +350,7 @@ def test_every_way_of_writing_a_number_is_copied(page: Any, tmp_path: Path) -> N
 
 def test_titles_are_not_cut_on_a_phone(page: Any, tmp_path: Path) -> None:
     page.set_viewport_size({"width": 400, "height": 900})
-    shown(page, themed(render_sections([hover_identification()], title="t"), None, tmp_path))
+    shown(page, themed(made("hover"), None, tmp_path))
     edges = page.evaluate(
         "Array.from(document.querySelectorAll('.annotation-text, .xtitle'), (one) => one.getBoundingClientRect().right)"
     )
@@ -358,7 +360,7 @@ def test_titles_are_not_cut_on_a_phone(page: Any, tmp_path: Path) -> None:
 
 
 def test_folded_parts_are_not_printed_as_bare_headings(page: Any, tmp_path: Path) -> None:
-    shown(page, themed(render_sections([hover_identification()], title="t"), None, tmp_path))
+    shown(page, themed(made("hover"), None, tmp_path))
     page.emulate_media(media="print")
     closed = page.locator("details:not([open])").count()
     assert closed > 0
@@ -373,7 +375,7 @@ def test_folded_parts_are_not_printed_as_bare_headings(page: Any, tmp_path: Path
 
 
 def test_panels_of_a_history_keep_room_for_their_titles_on_paper(page: Any, tmp_path: Path) -> None:
-    shown(page, themed(render_sections([hover_identification()], title="t"), None, tmp_path))
+    shown(page, themed(made("hover"), None, tmp_path))
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     gaps = page.evaluate("""
       Array.from(document.querySelectorAll("[data-picture]"))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +40,21 @@ PROBE = (
 )
 
 
-def probed(chromium: str, folder: Path, buttons: list[str]) -> dict[str, Any]:
-    """What the page shows after buttons were pressed."""
-    answer: dict[str, Any]
-    answer, console = asked(chromium, render_responses(responses(), title="t"), folder, PROBE % json.dumps(buttons))
-    assert console == []
-    return answer
+Probed = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def probed(chromium: str, tmp_path_factory: pytest.TempPathFactory) -> Probed:
+    """What the page shows after buttons were pressed, each choice of them once."""
+
+    @cache
+    def probe(*buttons: str) -> dict[str, Any]:
+        folder, script = tmp_path_factory.mktemp("responses"), PROBE % json.dumps(buttons)
+        answer, console = asked(chromium, render_responses(responses(), title="t"), folder, script)
+        assert console == []
+        return dict(answer)
+
+    return probe
 
 
 def drawn_by_python() -> list[Picture]:
@@ -59,8 +70,8 @@ def drawn_by_python() -> list[Picture]:
 @pytest.mark.parametrize(
     "buttons", [[], ["rad/s", "linear"], *(pytest.param([one], marks=pytest.mark.slow) for one in ("rad/s", "linear"))]
 )
-def test_every_picture_is_what_python_would_draw(chromium: str, tmp_path: Path, buttons: list[str]) -> None:
-    shown = probed(chromium, tmp_path, buttons)
+def test_every_picture_is_what_python_would_draw(probed: Probed, buttons: list[str]) -> None:
+    shown = probed(*buttons)
     # The log is of an autopilot whose pilots think in Hz.
     frequency, magnitude = "rad/s" if "rad/s" in buttons else "Hz", "linear" if "linear" in buttons else "dB"
     assert set(shown["pressed"]) == {frequency, magnitude}
@@ -76,8 +87,8 @@ def test_every_picture_is_what_python_would_draw(chromium: str, tmp_path: Path, 
                 np.testing.assert_allclose(*(np.array(of[axis], dtype=float) for of in (drawn, meant)), rtol=7e-4)
 
 
-def test_pictures_in_closed_details_are_drawn_in_full_width_when_they_open(chromium: str, tmp_path: Path) -> None:
-    shown = probed(chromium, tmp_path, [])
+def test_pictures_in_closed_details_are_drawn_in_full_width_when_they_open(probed: Probed) -> None:
+    shown = probed()
     assert shown["before"]
     assert not any(shown["before"])
     assert all(picture["fits"] for picture in shown["pictures"].values())

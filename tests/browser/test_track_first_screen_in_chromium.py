@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.browser.first_screen import HEIGHT, first_screen, written
+from tests.browser.first_screen import HEIGHT, FirstScreen, first_screen, written
 
 from rotorid.data.findings import warn
 from rotorid.identifying.settings import TrackSettings
@@ -50,15 +50,18 @@ def track_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written(render_track(found), tmp_path_factory.mktemp("track"))
 
 
-def test_the_change_comes_first(shared_browser: Any, track_page: Path) -> None:
-    page = first_screen(shared_browser, track_page)
+@pytest.fixture(scope="module")
+def page(shared_browser: Any, track_page: Path) -> FirstScreen:
+    return first_screen(shared_browser, track_page)
+
+
+def test_the_change_comes_first(page: FirstScreen) -> None:
     assert "Changed at about 100 s: roll control power fell to 77.0 ± 2.0 % of its value" in page.words
     assert "(detected at 104 s)" in page.words
     assert page.drawn == 1
 
 
-def test_the_page_is_short_and_its_parameters_have_errors(shared_browser: Any, track_page: Path) -> None:
-    page = first_screen(shared_browser, track_page)
+def test_the_page_is_short_and_its_parameters_have_errors(page: FirstScreen, track_page: Path) -> None:
     assert page.height <= 2 * HEIGHT
     assert page.levels_without_gap
     assert "Parameters of the reference model" in page.summaries

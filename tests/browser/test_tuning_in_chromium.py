@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -100,11 +100,17 @@ def number(text: str) -> float:
     return float(found)
 
 
-def test_sliders_show_what_python_says(chromium: str, tmp_path: Path) -> None:
-    proposal = proposed()
-    seen, said = asked(chromium, render_tune(proposal, title="t"), tmp_path, PROBE, ready=READY)
+@pytest.fixture(scope="module")
+def moved(chromium: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[AxisTuning, dict[str, Any]]:
+    """An axis, and what its page shows while sliders are moved."""
+    proposal, folder = proposed(), tmp_path_factory.mktemp("sliders")
+    seen, said = asked(chromium, render_tune(proposal, title="t"), folder, PROBE, ready=READY)
     assert said == []
-    one = proposal.axes["roll"]
+    return proposal.axes["roll"], seen
+
+
+def test_sliders_show_what_python_says(moved: tuple[AxisTuning, dict[str, Any]]) -> None:
+    one, seen = moved
     gains = one.proposal.proposed.gains
     nominal = one.plant.response(one.omega_rad_s)
     # Sliders stand on whole steps of the proposed gains.
@@ -124,11 +130,10 @@ def test_sliders_show_what_python_says(chromium: str, tmp_path: Path) -> None:
         assert line[-1] == pytest.approx(1.0, abs=0.1)
 
 
-def test_sliders_call_a_loop_unstable_that_python_calls_unstable(chromium: str, tmp_path: Path) -> None:
+def test_sliders_call_a_loop_unstable_that_python_calls_unstable(moved: tuple[AxisTuning, dict[str, Any]]) -> None:
     """Nearly no P, much I and A: a phase that never rises above -180 degrees."""
-    proposal = proposed()
-    seen, _ = asked(chromium, render_tune(proposal, title="t"), tmp_path, PROBE, ready=READY)
-    one, chosen = proposal.axes["roll"], seen["chosen"]
+    one, seen = moved
+    chosen = seen["chosen"]
     gains = Gains(P=chosen["P"], I=chosen["I"], D=chosen["D"], A=chosen["A"])
     loop = (one.plant.response(one.omega_rad_s) * one.parts.whole(gains))[None]
     assert not loop_figures(one.omega_rad_s, loop, from_rad_s=one.plant.known_from_rad_s).stable[0]
