@@ -79,4 +79,4 @@ def test_a_result_without_the_filters_of_the_gyro_has_no_gains(
     older = replace(result, controller=replace(result.controller, settings={}))
     with pytest.raises(rotorid.InsufficientDataError) as refused:
         tune(older, axes=("roll",))
-    assert any("run identify again" in finding.message for finding in refused.value.findings)
+    assert any("identify again, or give the log" in finding.message for finding in refused.value.findings)

@@ -118,7 +118,7 @@ def test_the_second_flight_is_what_was_foretold(tmp_path: Path) -> None:
     old = check_tuning(foretold, found.records[0], found.models[:1])
     assert (old.axes["roll"].verdict, old.axes["roll"].gains) == ("other_gains", "flown")
     assert [one.kind for one in old.findings if one.severity == "warning"] == ["other_gains"]
-    assert "the old gains of roll" in old.axes["roll"].sentence
+    assert "flown with the old gains" in old.axes["roll"].sentence
     # What a ground station rounds is still the proposal; what lies a hundredth off is not.
     for off, gains in ((1.002, "proposed"), (1.01, "other")):
         typed = {name: off * value for name, value in foretold["roll"].proposed.items()}
@@ -133,7 +133,7 @@ def test_the_second_flight_is_what_was_foretold(tmp_path: Path) -> None:
     missed = check_tuning({"roll": replace(promised, rate=higher)}, found.records[1], found.models[1:])
     assert missed.axes["roll"].verdict == "inside_limits"
     said = missed.axes["roll"].sentence
-    assert "(crossover of the rate loop, phase margin of the rate loop, peak sensitivity M_s of the rate loop)" in said
+    assert "(crossover (rate loop), phase margin (rate loop), peak sensitivity M_s (rate loop))" in said
     write_tuning_check(tmp_path / "check", again, title="checked")
     written = json.loads((tmp_path / "check" / "check.json").read_text())
     assert written["schema"] == "rotorid.tune_check/1"
