@@ -48,9 +48,9 @@ def estimate(interval_s: tuple[float, float], order: Order = SECOND) -> DelayEst
 @pytest.mark.parametrize(
     ("interval_s", "feedback", "joint", "reason"),
     [
-        ((-0.035, -0.023), True, True, "cannot answer before"),
-        ((-0.004, -0.001), True, False, "runs the other way"),
-        ((-0.035, -0.023), False, False, "one clock"),
+        ((-0.035, -0.023), True, True, "cannot respond before"),
+        ((-0.004, -0.001), True, False, "feedback from q, in the opposite direction"),
+        ((-0.035, -0.023), False, False, "different clocks"),
         ((-0.004, -0.001), True, True, ""),
         ((-0.004, -0.001), False, False, ""),
         ((-0.010, 0.001), True, False, ""),
