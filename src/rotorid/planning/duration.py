@@ -126,7 +126,7 @@ def shortest(
     ...                   sample_rate_hz=200.0, band_rad_s=(1.0, 50.0))
     ...     return sequence("sweep", [one])
     >>> shortest(roll, truth, loop, sweep, {"L_roll": 3.0, "tau_roll": 20.0}).words
-    '21 s are enough; tau_roll asks for the most.'
+    '21 s are enough (tau_roll needs the longest).'
     """
     _require_wanted(structure, wanted, shortest_s, longest_s)
 

@@ -83,7 +83,7 @@ def test_somebody_elses_paper_is_refused_before_any_work(flight: Path, browser: 
 def test_a_page_that_is_not_written_is_not_printed(flight: Path, browser: Path) -> None:
     ran = rotorid("inspect", flight, "--pdf")
     assert ran.code == 2
-    assert "--pdf came without --out" in ran.err
+    assert "--pdf is used without --out; add --out FOLDER" in ran.err
 
 
 def test_without_a_browser_it_is_refused_before_any_work(

@@ -289,8 +289,8 @@ def test_a_search_finds_what_the_starts_of_a_model_do_not() -> None:
     [
         ({"search": "evolutoin"}, "did you mean evolution"),
         ({"search": "sobol:0"}, "invalid option '0' of the search sobol"),
-        ({"evaluations": 100}, "without a search"),
-        ({"search": "cma", "evaluations": 0}, "a budget of 0"),
+        ({"evaluations": 100}, "--evaluations needs a search"),
+        ({"search": "cma", "evaluations": 0}, "--evaluations 0 is too few"),
         ({"search": "cma", "starts": "sobol:4"}, "--search and --starts"),
     ],
 )

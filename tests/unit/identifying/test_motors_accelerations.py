@@ -45,9 +45,9 @@ def test_values_come_back_with_what_the_search_reached_alone(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("options", "came"),
     [
-        ({"runs": 100}, "--runs came without a search"),
-        ({"runs": 1, "search": "genetic:15x50"}, "1 runs of a search"),
-        ({"method": "accelerations", "bootstrap": 20}, "--bootstrap came with --method accelerations"),
+        ({"runs": 100}, "--runs needs a search"),
+        ({"runs": 1, "search": "genetic:15x50"}, "--runs 1 is too few"),
+        ({"method": "accelerations", "bootstrap": 20}, "--method accelerations has no bootstrap"),
         ({"method": "accelerations", "outputs": ("q",)}, "--outputs q"),
         ({"outputs": ("phi",)}, "--outputs phi"),
     ],

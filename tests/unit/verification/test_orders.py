@@ -103,4 +103,4 @@ def test_identify_chooses_the_order_and_keeps_the_table() -> None:
 def test_orders_are_not_cross_validated_twice() -> None:
     ran = rotorid("identify", "flight.csv", "--model", "black_box:auto", "--cross-validate", "each")
     assert ran.code == 2
-    assert "which cross-validates orders by itself" in ran.err
+    assert "black_box:auto cross-validates its orders already" in ran.err
