@@ -174,6 +174,8 @@ class Card:
     ----------
     way_out
         How a test is broken off.
+    way_height
+        Where the throttle belongs on the way out, where a hand keeps the height.
     way_tried
         What is tried in hover before the way out, where a hand keeps the height.
     loaded
@@ -187,6 +189,7 @@ class Card:
     """
 
     way_out: str = "end the test, level, hold position"
+    way_height: str = ""
     way_tried: str = ""
     loaded: str = "Commands, rates and attitude logged at {rate_hz:.0f} Hz or more; space on the card"
     ready: str = "Position fix good"

@@ -183,6 +183,8 @@ def _print(
     document: DesignDocument, choices: DesignSettings, vehicle: Sequence[str], folder: Path, *, verbose: bool
 ) -> None:
     from rotorid.cli.console import output_console
+    from rotorid.plans.files import file_use
+    from rotorid.report.flight_card import RANDOM_ONLY
 
     console = output_console()
 
@@ -194,6 +196,8 @@ def _print(
         line(f"Fly a {_kind(plan)} on {listed(list(axes))}, {plan.duration_s:.0f} s in all.")
         for prediction in plan.predictions:
             line(f"  {_accuracy(prediction)}")
+        if any(not prediction.refused for prediction in plan.predictions):
+            line(f"  Expected errors are {RANDOM_ONLY}.")
         for found in plan.shortest:
             line(f"  {found.model}: {found.words}")
     if document.best:
@@ -211,6 +215,11 @@ def _print(
     place = folder / document.plans[0].folder
     for number, plan in enumerate(document.plans):
         line(f"{'card for the pilot' if number == 0 else 'card'}: {folder / plan.folder / 'flight-card.html'}")
+        use = file_use(plan.files)
+        if use.before:
+            line(f"files for the vehicle: in {folder / plan.folder}")
+            line(f"  {use.before}")
+            line(f"  {use.after}")
     line(f"plan: {place / 'plan.json'}")
     line(f"page: {folder / 'design.html'}")
     line(f"fly it in simulation: {_simulation(choices, vehicle, folder, place)}")
@@ -230,7 +239,7 @@ def _accuracy(prediction: PredictionDocument) -> str:
     order = sorted(known, key=known.__getitem__)
     shown = ", ".join(f"{name} ±{known[name]:.2g} %" for name in order[:_MOST_NAMED])
     more = f" and {len(order) - _MOST_NAMED} more" if len(order) > _MOST_NAMED else ""
-    return f"It will measure {prediction.model}: {shown}{more}."
+    return f"Expected error of {prediction.model}: {shown}{more}."
 
 
 def _print_plan(plan: PlanSummaryDocument) -> None:
@@ -238,12 +247,13 @@ def _print_plan(plan: PlanSummaryDocument) -> None:
 
     from rotorid.cli.console import output_console
     from rotorid.planning.amplitude import limit_words
+    from rotorid.report.flight_card import amplitude_words
 
     console = output_console()
     reached = plan.reached
     table = Table(title=plan.kind.replace("_", " "), title_justify="left", box=None, pad_edge=False)
-    for name in ("axis", "shape", "added to", "from", "to in s", "amplitude", "unit", "limited by"):
-        table.add_column(name, justify="right" if name in ("from", "to in s", "amplitude") else "left")
+    for name in ("axis", "shape", "added to", "from", "to in s", "amplitude", "limited by"):
+        table.add_column(name, justify="right" if name in ("from", "to in s") else "left")
     for test_input in plan.inputs:
         table.add_row(
             test_input.axis,
@@ -251,8 +261,7 @@ def _print_plan(plan: PlanSummaryDocument) -> None:
             test_input.entry,
             f"{test_input.start_s:.1f}",
             f"{test_input.stop_s:.1f}",
-            f"{test_input.amplitude:.3g}",
-            test_input.unit,
+            amplitude_words(test_input),
             limit_words([test_input.limited_by]),
         )
     console.print(table)

@@ -141,8 +141,8 @@ def _on_parameters(solution: Solution, limits: Bounds) -> tuple[Finding, ...]:
                 warn(
                     kind,
                     name,
-                    f"{name} will be hard to measure with this flight: {what} {percent:.0f} % (usual up to {limit:g} "
-                    "%).",
+                    f"{name} has little effect on this flight: {what} {percent:.0f} % (usual up to {limit:g} %). A "
+                    "small error of the model can move it further than its expected error.",
                     **{f"{'insensitivity' if what == 'insensitivity' else 'cramer_rao'}_percent": percent},
                 )
             )

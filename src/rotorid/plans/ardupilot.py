@@ -29,7 +29,7 @@ from rotorid.autopilots.ardupilot.system_id import (
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
 from rotorid.plans.csv import file_stem, filled, number, number_above, one_line, table
-from rotorid.plans.facts import HOLD, FlightFacts, excited_s, flown_by_hand
+from rotorid.plans.facts import HOLD, FlightFacts, excited_s, flown_by_hand, how_to_stop
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -241,6 +241,9 @@ LOG_BITS = (0, 1)
 FAST_IMU_BIT = 18
 """IMU at the rate of the loop, for maneuvers outside of SYSTEMID mode, where ``SIDD`` is not written."""
 
+AFTER, LOG = "ardupilot-after.param", "ardupilot-log.param"
+"""Parameters to load after the flight, and logging parameters for a flight by script."""
+
 ATTITUDE_RATE_HZ = 50.0
 """Rate at which the script sends attitudes."""
 
@@ -342,6 +345,7 @@ def _chirp_files(plan: FlightPlan, sweeps: Sequence[PlannedInput], facts: Flight
         "facts": facts,
         "versions": versions_words(),
         "start": start,
+        "stop": how_to_stop(plan, "ArduPilot"),
         "throttle": throttle_of(runs[0][1].axis),
         "reason": entry_reason(runs[0][1].axis, facts.firmware),
     }
@@ -358,7 +362,7 @@ def _chirp_files(plan: FlightPlan, sweeps: Sequence[PlannedInput], facts: Flight
             lean_limit=_tilt_limit_parameter(facts.firmware),
             lines=_lines(settings.parameters | shared),
         )
-    files["ardupilot-after.param"] = filled("ardupilot_after.param", **words, default=DEFAULT_LOG_BITMASK)
+    files[AFTER] = filled("ardupilot_after.param", **words, default=DEFAULT_LOG_BITMASK)
     files[f"{file_stem(plan.name)}-chirps.lua"] = filled(
         "ardupilot_chirps.lua",
         **words,
@@ -387,14 +391,15 @@ def _attitude_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
         "plan": one_line(plan.name),
         "vehicle": one_line(facts.vehicle),
         "facts": facts,
+        "stop": how_to_stop(plan, "ArduPilot"),
         "versions": versions_words(),
     }
     rows = [f"{roll:.3f},{pitch:.3f},{yaw:.3f}" for roll, pitch, yaw in angles.T.tolist()]
     return {
-        "ardupilot-log.param": filled(
+        LOG: filled(
             "ardupilot_log.param", **words, lines=_lines({"LOG_BITMASK": plan_log_bitmask(plan), "SCR_ENABLE": 1})
         ),
-        "ardupilot-after.param": filled("ardupilot_after.param", **words, default=DEFAULT_LOG_BITMASK),
+        AFTER: filled("ardupilot_after.param", **words, default=DEFAULT_LOG_BITMASK),
         f"{stem}-attitude.csv": "\n".join([*rows, ""]),
         f"{stem}-attitude.lua": filled(
             "ardupilot_attitude.lua",

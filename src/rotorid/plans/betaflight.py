@@ -12,7 +12,7 @@ from itertools import pairwise
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
 from rotorid.plans.csv import filled, one_line
-from rotorid.plans.facts import FlightFacts, excited_s, flown_by_hand
+from rotorid.plans.facts import FlightFacts, excited_s, flown_by_hand, how_to_stop
 from rotorid.typing import Axis
 
 FILE = "betaflight-cli.txt"
@@ -77,6 +77,7 @@ def betaflight_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
             "betaflight_cli.txt",
             plan=one_line(plan.name),
             vehicle=one_line(facts.vehicle),
+            stop=how_to_stop(plan, "Betaflight"),
             axes=[planned.axis for planned in sweeps],
             by_hand=[f"{planned.shape.replace('_', ' ')} on {planned.axis}" for planned in by_hand],
             start=_whole("the lowest frequency in tenths of a hertz", start, _FREQUENCY_DECI_HZ[0]),

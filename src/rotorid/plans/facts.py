@@ -218,6 +218,19 @@ def throttle_by_hand(plan: FlightPlan, autopilot: str) -> bool:
     return named(autopilot).hand_on_throttle(plan)
 
 
+def how_to_stop(plan: FlightPlan, autopilot: str) -> str:
+    """How the pilot stops a run: the same words on the card and in every file.
+
+    Examples
+    --------
+    >>> how_to_stop(FlightPlan(name="none", inputs=[]), "PX4")
+    'switch to Position'
+    """
+    card = named(autopilot).card
+    height = f", {card.way_height}" if card.way_height and throttle_by_hand(plan, autopilot) else ""
+    return f"{card.way_out}{height}"
+
+
 def _stepped(value: float) -> float:
     # A hair below the next step, so that a value that is a step stays it.
     return max(math.ceil(value / _STOP_STEP_RAD - 1e-9), 1) * _STOP_STEP_RAD

@@ -17,7 +17,7 @@ from rotorid.autopilots.px4.advice import log_profile, profile_words
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.errors import UsageError
 from rotorid.plans.csv import FILE, filled, number, number_above, one_line, plan_csv
-from rotorid.plans.facts import HOLD, FlightFacts, column_name
+from rotorid.plans.facts import HOLD, FlightFacts, column_name, how_to_stop
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 SCRIPT = "px4_fly_plan.py"
@@ -91,7 +91,7 @@ def px4_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
     places = {column_name(planned): planned for planned in plan.inputs}
     kind = _kind(places)
     _require_rate(plan)
-    words = {"plan": one_line(plan.name), "vehicle": one_line(facts.vehicle)}
+    words = {"plan": one_line(plan.name), "vehicle": one_line(facts.vehicle), "stop": how_to_stop(plan, "PX4")}
     columns = {name: f"{name} [{planned.unit}]" for name, planned in places.items()}
     return {
         **plan_csv(plan),

@@ -7,10 +7,13 @@ expected. Several plans are compared by the standard deviations of their paramet
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
+from typing import TYPE_CHECKING
+from urllib.parse import quote
 
 import numpy as np
 
@@ -27,6 +30,7 @@ from rotorid.flying.settings import DesignSettings
 from rotorid.planning.amplitude import Amplitude, Limits, Reached
 from rotorid.planning.duration import Shortest
 from rotorid.planning.prediction import PredictedParameter, Prediction
+from rotorid.plans.files import file_use
 from rotorid.plot.design import (
     Excited,
     Signal,
@@ -39,7 +43,7 @@ from rotorid.plot.design import (
 )
 from rotorid.plot.figure import quantity
 from rotorid.report.flight_card import FILE as CARD
-from rotorid.report.flight_card import amplitude_words
+from rotorid.report.flight_card import RANDOM_ONLY, amplitude_words
 from rotorid.report.frame import Picture, in_all_units, render
 from rotorid.report.parts import (
     FAR_SIGMAS,
@@ -52,6 +56,9 @@ from rotorid.report.parts import (
 from rotorid.report.words import parameter_words
 from rotorid.simulation.wind import Wind
 from rotorid.typing import FloatArray
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
 
 _KINDS: Mapping[Shape, str] = MappingProxyType({"two_one_one": "2-1-1", "three_two_one_one": "3-2-1-1"})
 _ENTRIES: Mapping[Entry, str] = MappingProxyType(
@@ -336,7 +343,9 @@ def design_summary(designed: Sequence[Designed], choices: DesignSettings) -> tup
     most = _best_sentences(compared(designed)) if len(designed) > 1 else []
     each = [_plan_sentence(design) for design in designed]
     reach = _shared_answers(designed) if len(designed) > 1 else list(reach_sentences(designed[0]))
-    return (*most, *each, *reach, f"Planned for {choices.entry.name} in {wind_words(choices.plan.wind)}.")
+    predicted = any(each.prediction is not None for design in designed for each in design.told)
+    errors = [f"Expected errors are {RANDOM_ONLY}."] if predicted else []
+    return (*most, *each, *errors, *reach, f"Planned for {choices.entry.name} in {wind_words(choices.plan.wind)}.")
 
 
 def _plan_sentence(design: Designed) -> str:
@@ -354,7 +363,7 @@ def _plan_sentence(design: Designed) -> str:
         spread = low if low == high else f"{low} to {high}"
         count = "1 parameter" if len(found.rows) == 1 else f"{len(found.rows)} parameters"
         least = f" ({worst.label} is the least accurate)" if low != high else ""
-        parts.append(f"measures {count} to {spread} %{least}")
+        parts.append(f"expected error of {count}: {spread} %{least}")
     off = [
         f"{parameter.name} {significant(parameter.expected, digits=3)} instead of "
         f"{significant(parameter.value, digits=3)}, {parameter.off_sigmas:.0f} σ off"
@@ -726,22 +735,48 @@ def render_design(
         least_coherence=choices.fit.least_coherence,
         repeats=choices.plan.repeats,
         document=document,
-        files=_files(document),
+        files=_plan_files(document),
         remarks=finding_rows(document.findings) if document is not None else (),
         pictures=[*([dots] if dots is not None else []), *(picture for plan in plans for picture in plan.pictures)],
     )
 
 
-def _files(document: DesignDocument | None) -> list[tuple[str, str, list[str]]]:
-    """Of each plan its name, its card and its other files for the vehicle, relative to the page."""
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PlanFiles:
+    """The card of a plan, relative to the page, and what to do with its other files, as HTML with links."""
+
+    title: str
+    card: str
+    before: Markup
+    after: Markup
+
+
+def _plan_files(document: DesignDocument | None) -> list[PlanFiles]:
+    """The files of each plan and when each is loaded."""
     if document is None:
         return []
     found = []
     for plan in document.plans:
         place = f"{plan.folder}/" if plan.folder and plan.folder != "." else ""
-        others = [f"{place}{name}" for name in plan.files if name not in (CARD, "plan.json", "plan.csv")]
-        found.append((kind_words(plan.kind), f"{place}{CARD}", others))
+        use = file_use(plan.files)
+        found.append(
+            PlanFiles(
+                title=kind_words(plan.kind),
+                card=f"{place}{CARD}",
+                before=_linked(use.before, plan.files, place),
+                after=_linked(use.after, plan.files, place),
+            )
+        )
     return found
+
+
+def _linked(sentence: str, names: Sequence[str], place: str) -> Markup:
+    """A sentence in which each name of a file is a link."""
+    from markupsafe import Markup
+
+    parts = re.split(f"({'|'.join(re.escape(name) for name in names)})", sentence) if names else [sentence]
+    link = Markup('<a href="{}">{}</a>')
+    return Markup("").join(link.format(quote(place + part), part) if part in names else part for part in parts)
 
 
 def _plan_section(design: Designed, choices: DesignSettings, *, anchor: str) -> PlanSection:

@@ -24,7 +24,7 @@ from rotorid.data.quantity import MISSING, percent, significant, unit, with_erro
 from rotorid.data.trust import DIRECT_COHERENCE
 from rotorid.errors import UsageError
 from rotorid.plans.ardupilot import plan_log_bitmask
-from rotorid.plans.facts import FlightFacts, PredictedBound, excited_s, flown_by_hand, throttle_by_hand
+from rotorid.plans.facts import FlightFacts, PredictedBound, excited_s, flown_by_hand, how_to_stop, throttle_by_hand
 from rotorid.report.frame import asset
 from rotorid.report.parts import FAR_SIGMAS
 from rotorid.typing import FloatArray
@@ -32,6 +32,10 @@ from rotorid.typing import FloatArray
 if TYPE_CHECKING:
     from markupsafe import Markup
 
+    from rotorid.documents.design import TestInputDocument
+
+RANDOM_ONLY = "random error only; model error adds to it"
+"""What a predicted error leaves out."""
 
 LEAST_BATTERY_PERCENT = 30
 LEAST_CELL_V = 3.5
@@ -60,7 +64,7 @@ def shape_words(planned: PlannedInput) -> str:
     return _SHAPES[planned.shape]
 
 
-def amplitude_words(planned: PlannedInput) -> str:
+def amplitude_words(planned: PlannedInput | TestInputDocument) -> str:
     """Its size in the pilot's units.
 
     Examples
@@ -127,9 +131,10 @@ def before(plan: FlightPlan, facts: FlightFacts) -> list[str]:
     loaded = card.loaded.format(
         mask=plan_log_bitmask(plan), profile=log_profile(facts.firmware), rate_hz=least_rate_hz(plan)
     )
-    way = f"Abort switch tested in hover: {card.way_out}"
+    stop = how_to_stop(plan, facts.autopilot)
+    way = f"Way to stop tested in hover: {stop}"
     if card.way_tried and throttle_by_hand(plan, facts.autopilot):
-        way = f"Tested in hover: {card.way_tried}; abort switch: {card.way_out}"
+        way = f"Tested in hover: {card.way_tried}; way to stop: {stop}"
     return [
         "Propellers undamaged, tight, right way round; battery full and strapped; nothing loose",
         loaded,
@@ -151,12 +156,11 @@ def stops(facts: FlightFacts) -> list[tuple[str, str]]:
     ]
 
 
-def stop_sentence(facts: FlightFacts) -> str:
+def stop_sentence(plan: FlightPlan, facts: FlightFacts) -> str:
     """How to stop, and reasons to stop without a number."""
-    way = named(facts.autopilot).card.way_out
     return (
-        f"To stop: {way}. Also stop if an oscillation grows, you hear a new sound, the link is poor, you are not sure, "
-        f"or any cell is below {LEAST_CELL_V:g}\u00a0V under load."
+        f"To stop: {how_to_stop(plan, facts.autopilot)}. Also stop if an oscillation grows, you hear a new sound, the "
+        f"link is poor, you are not sure, or any cell is below {LEAST_CELL_V:g}\u00a0V under load."
     )
 
 
@@ -375,7 +379,8 @@ def flight_card_html(plan: FlightPlan, facts: FlightFacts) -> str:
         how=how_to_fly(plan, facts),
         before=before(plan, facts),
         stops=stops(facts),
-        stop_sentence=stop_sentence(facts),
+        random_only=RANDOM_ONLY,
+        stop_sentence=stop_sentence(plan, facts),
         after=after(plan, facts),
         bounds=_bound_rows(facts.bounds),
         more=max(len(facts.bounds) - MOST_BOUNDS, 0),

@@ -259,7 +259,7 @@ def test_a_parameter_of_the_value_zero_has_no_percent() -> None:
     )
     assert [row.name for row in compared([with_zero]).rows] == ["L_roll"]
     assert design_summary([with_zero], CHOICES)[0].endswith(
-        "measures 1 parameter to 2 %; 1 parameter with the value zero has no percentage."
+        "expected error of 1 parameter: 2 %; 1 parameter with the value zero has no percentage."
     )
     shown = Page(render_design([with_zero], CHOICES, title="t"))
     assert shown.rows("Scatter")[1][2:] == ["0", "0.10 ± 0.20", "–", "–", "–", "–", "–"]
@@ -294,14 +294,15 @@ def test_words_come_first(page: Page) -> None:
     sentences = design_summary(designed(), CHOICES)
     assert sentences == (
         "Multisine is best for L_roll.",
-        "Pilot sweep on roll and pitch, 49 s in all: measures 2 parameters to 2 to 5 % "
+        "Pilot sweep on roll and pitch, 49 s in all: expected error of 2 parameters: 2 to 5 % "
         "(L_p is the least accurate); biased estimates: L_p −3 instead of −4, 5 σ off; not enough data for rate.yaw.",
-        "Multisine on roll and pitch, 26 s in all: measures 2 parameters to 1 to 5 % "
+        "Multisine on roll and pitch, 26 s in all: expected error of 2 parameters: 1 to 5 % "
         "(L_p is the least accurate); biased estimates: L_p −3 instead of −4, 5 σ off; not enough data for rate.yaw.",
+        "Expected errors are random error only; model error adds to it.",
         "L_roll to 1.5 % in rate.roll: 40 s of pilot sweep and 40 s of multisine are enough.",
         "Planned for px4_quad in turbulence of 0.5 m/s.",
     )
-    order = [page.words.index(words) for words in (*sentences, "Which plan measures best", "What it will measure")]
+    order = [page.words.index(words) for words in (*sentences, "Which plan measures best", "Expected accuracy of")]
     assert order == sorted(order)
 
 

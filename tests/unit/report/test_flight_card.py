@@ -247,7 +247,10 @@ def test_it_says_what_holds_the_vehicle() -> None:
     by_mode = words(four_chirps(), facts("ArduPilot"))
     assert "script keeps" not in by_mode  # System ID: the pilot keeps it
     assert "You work the throttle" in by_mode
-    assert "Tested in hover: Stabilize, throttle near the middle; abort switch: switch to Loiter" in by_mode
+    assert (
+        "Tested in hover: Stabilize, throttle near the middle; way to stop: switch to Loiter, throttle near the middle"
+        in by_mode
+    )
     assert "Stabilize" not in guided
 
 

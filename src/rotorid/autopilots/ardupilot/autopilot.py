@@ -155,6 +155,7 @@ ARDUPILOT = Autopilot(
     loading="In Mission Planner: Config > Full Parameter List > Load from file. In MAVProxy: param load FILE.",
     card=Card(
         way_out="switch to Loiter",
+        way_height="throttle near the middle",
         way_tried="Stabilize, throttle near the middle",
         loaded="Parameter file loaded; LOG_BITMASK reads {mask}; space on the card",
         hand_mode=", in Stabilize",

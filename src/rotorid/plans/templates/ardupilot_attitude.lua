@@ -8,7 +8,7 @@
 -- autopilot controls the throttle and keeps the height.
 -- The attitude controller smooths these set-points (ATC_INPUT_TC); the log has the smoothed ones.
 --
--- The pilot can stop at any time: changing the flight mode or turning the switch off ends the plan. The script never arms, never disarms and never touches the sticks.
+-- To stop: {{ stop }}. Any other change of the flight mode ends the plan too, and so does turning the switch off. The script never arms, never disarms and never touches the sticks.
 -- At its end or at a limit it switches to LOITER.
 
 local GUIDED, LOITER = 4, 5

@@ -12,7 +12,8 @@
 {% endif %}
 -- Start in {{ start.name }} ({{ reason }}).
 --
--- The pilot can stop at any time: changing the flight mode or turning the switch off ends the plan. At a limit the script ends the plan in {{ loiter.name }}. It never arms, never disarms and never touches the sticks.
+-- To stop: {{ stop }}. Any other change of the flight mode ends the plan too, and so does turning the switch off (in {{ start.words }}).
+-- At a limit the script ends the plan in {{ loiter.words }}. It never arms, never disarms and never touches the sticks.
 -- Parameters are not saved.
 
 local SYSTEMID, {{ loiter.name }} = {{ mode }}, {{ loiter.number }}
