@@ -26,7 +26,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from rotorid.data.display import visible
 from rotorid.data.findings import SEVERITIES, without_repeated
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.table import Table
 
-    from rotorid.data.findings import Finding
+    from rotorid.data.findings import Finding, Severity
     from rotorid.documents.base import FindingDocument
     from rotorid.errors import RotoridError
 
@@ -254,6 +254,10 @@ def _print_more(count: int, item: str, page: str) -> None:
         output_console().print(more_words(count, item, page), style="dim", markup=False, soft_wrap=True)
 
 
+_Key: TypeAlias = tuple["Severity", str, str]
+"""Severity, kind and message of a finding."""
+
+
 def print_findings(
     findings: Sequence[Finding | FindingDocument],
     given: Sequence[Path] = (),
@@ -285,17 +289,40 @@ def print_findings(
         order[key] = SEVERITIES.index(key[0]), kinds[key[1]]
     distinct = sorted(counted, key=order.__getitem__)
     errors = sum(severity == "error" for severity, _, _ in distinct)
-    shown = fold(distinct, verbose=verbose, most=max(most, errors))
-    for severity, kind, message in shown:
-        times = counted[severity, kind, message]
+    most = max(most, errors)
+    merged = dict.fromkeys(distinct, 1)
+    if len(fold(distinct, verbose=verbose, most=most)) < len(distinct):
+        merged = _worst_of_each_kind(distinct)
+    shown = fold([*merged], verbose=verbose, most=most)
+    for key in shown:
+        severity, kind, message = key
+        times = counted[key]
+        count = f" (worst of {merged[key]})" if merged[key] > 1 else f" ({times} times)" if times > 1 else ""
         console.print(severity, style=_STYLES.get(severity, "bold"), end="")
-        console.print(f" {kind}{f' ({times} times)' if times > 1 else ''}: ", end="")
+        console.print(f" {kind}{count}: ", end="")
         words, found, command = message.partition(_COMMAND)
         for file in given if found else ():
             command = as_given(f"{_COMMAND}{command}", file).removeprefix(_COMMAND)
         # A command that is broken into lines cannot be copied.
         console.print(f"{words}{found}{command}", markup=False, soft_wrap=bool(found))
     _print_more(len(distinct) - len(shown), "warning", page)
+
+
+def _worst_of_each_kind(findings: Sequence[_Key]) -> dict[_Key, int]:
+    """The worst warning of each kind with how many there are; errors stay apart.
+
+    Messages of a kind differ in their numbers: the worst has the largest percentage, then the largest number.
+    """
+    kinds: dict[tuple[str, ...], list[_Key]] = {}
+    for finding in findings:
+        kinds.setdefault(finding if finding[0] == "error" else finding[:2], []).append(finding)
+    return {max(many, key=lambda finding: _largest(finding[2])): len(many) for many in kinds.values()}
+
+
+def _largest(message: str) -> tuple[float, float]:
+    """The largest percentage of a message and its largest number, zero where there is none."""
+    percents, numbers = (re.findall(pattern, message) for pattern in (r"(\d+(?:\.\d+)?) ?%", r"(?<!\w)\d+(?:\.\d+)?"))
+    return max(map(float, percents), default=0.0), max(map(float, numbers), default=0.0)
 
 
 class _Status(logging.Handler):
@@ -360,20 +387,35 @@ def _line(text: str, share: float | None) -> RenderableType:
 
 
 _PULSE_S = 10.0
-"""Time between lines of progress in a pipe."""
+"""Least time between lines of progress in a pipe."""
+
+_SAME_STEPS = 6
+"""A step that takes longer is printed again after as many."""
+
+_STEP_SIGNS = 80
+
+
+def _first_words(step: str) -> str:
+    """A step without the reasons behind it, which are printed with the result."""
+    return step if len(step) <= _STEP_SIGNS else f"{step[:_STEP_SIGNS].rsplit(' ', 1)[0]} …"
 
 
 @contextmanager
 def _lines_of_progress() -> Iterator[Callable[[str, float | None], None]]:
-    """A function that takes the current step; it is printed every 10 s, even if a step takes longer."""
+    """A function that takes the current step; a new one is printed every 10 s, one that takes longer every minute."""
     started_s, ended, state = time.monotonic(), threading.Event(), ["working"]
+    printed, printed_s = "", started_s
 
     def update(text: str, share: float | None) -> None:
         state[0] = text if share is None else f"{text} ({100.0 * share:.0f} % done)"
 
     def pulse() -> None:
+        nonlocal printed, printed_s
         while not ended.wait(_PULSE_S):
-            say(f"{_NAME} {_duration(time.monotonic() - started_s)}: {state[0]}")
+            step, now_s = _first_words(state[0]), time.monotonic()
+            if step != printed or now_s - printed_s >= _SAME_STEPS * _PULSE_S:
+                printed, printed_s = step, now_s
+                say(f"{_NAME} {_duration(now_s - started_s)}: {step}")
 
     thread = threading.Thread(target=pulse, daemon=True)
     thread.start()
@@ -386,7 +428,7 @@ def _lines_of_progress() -> Iterator[Callable[[str, float | None], None]]:
 
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Show the current step: one line on a terminal, in a pipe a line every 10 s."""
+    """Show the current step: one line on a terminal, in a pipe a line every 10 s at most."""
     console = error_console()
     logger = _PROGRESS
     with contextlib.ExitStack() as stack:

@@ -105,8 +105,14 @@ HELP: Mapping[str, CommandHelp] = MappingProxyType(
             "--to --set --layout --name --delay-as-lag --pade --sample-rate --draws --out --verbose",
             MappingProxyType({"--to": "--to json"}),
         ),
-        "fleet": CommandHelp(("example-px4", "example-px4 example-ardupilot --out fleet", "'logs/*.ulg' --workers 4")),
-        "track": CommandHelp((_LOG, f"{_LOG} --model rate.pitch", f"{_LOG} --model example-px4/model/rate.roll")),
+        "fleet": CommandHelp(
+            ("example-px4", "example-px4 example-ardupilot --out fleet", "'logs/*.ulg' --workers 4"),
+            "--models --review --vehicles --workers --timeout --resume --pdf --out --json --verbose",
+        ),
+        "track": CommandHelp(
+            (_LOG, f"{_LOG} --model rate.pitch", f"{_LOG} --model example-px4/model/rate.roll"),
+            "--model --step --first --map --pdf --out --json --verbose",
+        ),
         "lab": CommandHelp((_LOG, "example-px4", f"{_LOG} --port 8000 --no-open")),
         "run": CommandHelp(("project.toml", "project.toml --out steps", "project.toml --quiet")),
         "models": CommandHelp(("", "rate.roll", "transfer:0/2 --inputs roll_command --outputs p")),

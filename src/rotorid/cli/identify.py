@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import fmean, stdev
@@ -188,6 +188,8 @@ def _print_several(document: ResultsDocument, folder: Path, *, verbose: bool) ->
     """Print a line for each model and the findings of all once; with ``-v`` each model as if it were alone."""
     from rich.table import Table
 
+    from rotorid.report.words import scale_sentence
+
     if verbose:
         shared = _shared(document.results)
         for result in document.results:
@@ -198,10 +200,11 @@ def _print_several(document: ResultsDocument, folder: Path, *, verbose: bool) ->
         _print_end(document.results, folder, verbose=True)
         return
     table = Table(box=None, pad_edge=False)
-    for name in ("model", "fit", "parameters"):
-        table.add_column(name, no_wrap=name != "parameters")
+    for name in ("model", "fit", "warnings", "parameters"):
+        table.add_column(name, no_wrap=name != "parameters", justify="right" if name == "warnings" else "left")
     rows = [_row(result) for result in document.results if result.parameters]
     print_table(table, rows, verbose=False, item="model", most=_MOST_MODELS)
+    print_lines([words for result in document.results if (words := scale_sentence(result))], verbose=True)
     refusals = [
         f"{result.model}: no model. {next((f.message for f in result.findings if f.severity == 'error'), '')}".rstrip()
         for result in document.results
@@ -219,8 +222,8 @@ _MOST_LINES = 5
 _LIMITS = "± is one standard deviation. CR above 20 % or I above 10 %: the data barely determine the parameter."
 
 
-def _row(document: ResultDocument) -> tuple[str, Text, str]:
-    """A model, its verdict, and its best known parameters."""
+def _row(document: ResultDocument) -> tuple[str, Text, str, str]:
+    """A model, its verdict, how many warnings it has, its best known parameters and those that are not known."""
     from rich.text import Text
 
     known = {
@@ -236,7 +239,19 @@ def _row(document: ResultDocument) -> tuple[str, Text, str]:
     ]
     more = f" and {len(known) - len(best)} more" if len(known) > len(best) else ""
     word = ("", "") if document.verdict is None else (document.verdict.word, INKS[document.verdict.color])
-    return document.model, Text(*word), f"{', '.join(values)}{more}"
+    warnings = sum(finding.severity != "info" for finding in document.findings)
+    return document.model, Text(*word), str(warnings), f"{', '.join(values)}{more}{_unknown(known)}"
+
+
+def _unknown(known: Mapping[str, ParameterEstimate]) -> str:
+    """Parameters whose error is larger than their value, the worst first; empty where there are none."""
+    errors = {name: (known[name].std or 0.0) / max(abs(known[name].value), 1e-12) for name in known}
+    names = sorted((name for name, error in errors.items() if error > 1.0), key=lambda name: -errors[name])
+    if not names:
+        return ""
+    shown = [f"{name} ±{100.0 * errors[name]:.0f} %" for name in names[:_MOST_VALUES]]
+    more = f" and {len(names) - len(shown)} more" if len(names) > len(shown) else ""
+    return f". Not determined: {', '.join(shown)}{more}"
 
 
 def _print_end(documents: Sequence[ResultDocument], folder: Path, *, verbose: bool) -> None:
@@ -411,11 +426,13 @@ def _runs(runs: SearchRuns) -> Iterator[str]:
 
 def _verified(document: ResultDocument) -> Iterator[str]:
     """How well the model predicts data it was not fitted to."""
+    from rotorid.fitting.frequency.problem import EXCELLENT_COST
+
     for record, outputs in document.verification.records.items():
         scores = ", ".join(f"{name} TIC {s.tic:.2f}, fit {s.nrmse_fit_percent:.0f} %" for name, s in outputs.items())
-        yield f"not fitted: {record}: {scores}"
+        yield f"unseen data: {record}: {scores}"
     for record, cost_value in document.verification.frequency.items():
-        yield f"not fitted: {record}: cost {cost_value:.1f}"
+        yield f"unseen data: {record} cost {cost_value:.1f} (up to {EXCELLENT_COST:.0f} is good)"
     if (crossed := document.cross_validation) is not None and crossed.mean_percent is not None:
         ahead = "" if crossed.horizon_s is None else f", {crossed.horizon_s:.2g} s ahead"
         mean = with_error(crossed.mean_percent, crossed.spread_percent, digits=3)

@@ -20,10 +20,25 @@ def printed(capsys: pytest.CaptureFixture[str], findings: list[Finding], *, verb
 
 def test_findings_fold_into_a_line_that_counts_them(capsys: pytest.CaptureFixture[str]) -> None:
     lines = printed(capsys, [*GAPS, CLOCK, WORDS])
-    assert len(lines) == 5
-    assert lines[-1] == "6 more warnings: -v shows all, or open report.html"
-    # One of each kind goes before the second of any.
-    assert lines[:2] == ["warning gap: 0.5 s are missing.", "warning clock_skew: p is 5 ms late."]
+    # The worst of each kind, and how many of its kind there are.
+    assert lines == [
+        "warning gap (worst of 9): 8.5 s are missing.",
+        "warning clock_skew: p is 5 ms late.",
+        "8 more warnings: -v shows all, or open report.html",
+    ]
+
+
+def test_the_worst_of_a_kind_has_the_largest_percentage(capsys: pytest.CaptureFixture[str]) -> None:
+    shares = [
+        warn("off_axis_input", name, f"roll moved by {share} % of {name} (0.0583 rms, 900 s).")
+        for name, share in (("pitch", 51), ("yaw", 71), ("thrust", 9))
+    ]
+    lines = printed(capsys, [*shares, *(warn(f"kind_{place}", "p", f"Fact {place}.") for place in range(3))])
+    assert lines[0] == "warning off_axis_input (worst of 3): roll moved by 71 % of yaw (0.0583 rms, 900 s)."
+
+
+def test_findings_that_fit_are_not_merged(capsys: pytest.CaptureFixture[str]) -> None:
+    assert printed(capsys, GAPS[:3]) == [f"warning gap: {place}.5 s are missing." for place in range(3)]
 
 
 def test_a_verbose_run_prints_every_finding_and_every_remark(capsys: pytest.CaptureFixture[str]) -> None:
@@ -45,7 +60,11 @@ def test_errors_go_before_warnings(capsys: pytest.CaptureFixture[str]) -> None:
 def test_no_error_folds(capsys: pytest.CaptureFixture[str]) -> None:
     errors = [refusal("no_excitation", f"input {number}", f"Input {number} did not move.") for number in range(7)]
     lines = printed(capsys, [*GAPS, *errors])
-    assert [line.partition(":")[0] for line in lines] == ["error no_excitation"] * 7 + ["9 more warnings"]
+    assert [line.partition(":")[0] for line in lines] == [
+        *["error no_excitation"] * 7,
+        "warning gap (worst of 9)",
+        "8 more warnings",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -113,3 +113,17 @@ def test_quiet_sees_nothing_of_long_work(monkeypatch: pytest.MonkeyPatch, capfd:
         count(1, 4)
         threading.Event().wait(0.05)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_pipe_sees_a_step_once_and_not_its_reasons(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], clock: list[float]
+) -> None:
+    monkeypatch.setattr(console, "_PULSE_S", 0.01)
+    clock[0] = 0.0
+    with progress(quiet=False) as report:
+        report(f"yaw: the log contains no excitation {'of any kind ' * 20}")
+        threading.Event().wait(0.3)
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].endswith(" …")
+    assert len(lines[0]) < 110

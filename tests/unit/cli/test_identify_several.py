@@ -10,12 +10,14 @@ import pytest
 from tests.unit.cli.commands import rotorid
 
 import rotorid as api
+from rotorid.cli.identify import _unknown
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import ModelError
 from rotorid.flights.supports import supported_models
 from rotorid.identifying.identify_many import identify_several
 from rotorid.io.tables.csv import write_csv
 from rotorid.results.model import IdentifiedModel
+from rotorid.results.summary import ParameterEstimate
 
 
 def test_each_model_has_its_folder_and_all_share_a_report(flight: Path, tmp_path: Path) -> None:
@@ -41,6 +43,16 @@ def test_a_second_model_is_not_the_only_one_that_counts(flight: Path, tmp_path: 
     assert ran.code == 0
     assert "rate.yaw: no model" in ran.out
     assert "L_roll" in ran.out
+    assert ran.out.splitlines()[0].split() == ["model", "fit", "warnings", "parameters"]
+
+
+def test_a_parameter_with_an_error_above_its_value_is_marked() -> None:
+    known = {
+        name: ParameterEstimate(value=value, std=std, unit="1/s", status="free")
+        for name, value, std in (("L_p", -2.0, 0.1), ("X_pitch", 2.0, 4.9), ("M_u", -1.0, 1.52))
+    }
+    assert _unknown(known) == ". Not determined: X_pitch ±245 %, M_u ±152 %"
+    assert not _unknown({"L_p": known["L_p"]})
 
 
 def test_none_that_stands_is_a_refusal(flight: Path, tmp_path: Path) -> None:
