@@ -32,8 +32,8 @@ from rotorid.io import read, sandbox
 from rotorid.reviewing.inspection import inspect
 from rotorid.settings.parsing import parse_segment
 
-MEMORY_BYTES = 2 << 30
-"""Of addresses: libraries and threads take half of it before anything is read."""
+MEMORY_BYTES = 3 << 30
+"""Of addresses: libraries take two thirds of it (pyarrow alone reserves 1 GiB); :data:`MOST_RESIDENT_KB` bounds use."""
 MOST_RESIDENT_KB = 1 << 20
 
 

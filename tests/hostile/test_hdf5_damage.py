@@ -87,7 +87,7 @@ def test_data_in_other_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "secret.bin").write_bytes(TIME.tobytes())
     with h5py.File(tmp_path / "flight.mat", "w") as file:
         file.create_dataset("q", (60,), "f8", external=[(str(tmp_path / "secret.bin"), 0, 480)])
-    with pytest.raises(LogError, match="q stands in another file"):
+    with pytest.raises(LogError, match="q is in another file"):
         numbers_of(tmp_path / "flight.mat")
 
 

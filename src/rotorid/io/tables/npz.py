@@ -158,7 +158,7 @@ def _layout(archive: zipfile.ZipFile, item: zipfile.ZipInfo, understood: re.Patt
     with archive.open(item) as stream:
         start = stream.read(len(_NPY) + 2)
         if not start.startswith(_NPY) or len(start) < len(_NPY) + 2 or start[-2] not in (1, 2, 3):
-            raise zipfile.BadZipFile(f"{item.filename} is no NumPy array")
+            raise zipfile.BadZipFile(f"{item.filename} is not a NumPy array")
         width = 2 if start[-2] == 1 else 4
         length = int.from_bytes(stream.read(width), "little")
         text = stream.read(min(length, _LONGEST_HEADER)).decode("utf-8" if start[-2] == 3 else "latin-1")
