@@ -142,7 +142,7 @@ def test_pictures_of_values() -> None:
     for picture in (record(topics=2).plot, history().plot):
         with pytest.raises(rotorid.UsageError, match="has no rol"):
             picture("rol")
-    with pytest.raises(rotorid.UsageError, match="the output p came"):
+    with pytest.raises(rotorid.UsageError, match="unknown output p; expected one of y0"):
         whole.plot.bode("p")
 
 
