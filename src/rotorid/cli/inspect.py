@@ -191,9 +191,12 @@ def _print(
         if inspection.kinematics or inspection.skews:
             say([*_kinematics(inspection), *_skews(inspection.skews)], "do sensors and clocks agree?")
     findings = [f for f in inspection.findings if f.severity != "info" or f.kind not in _SHOWN_ELSEWHERE]
-    if any(verbose or finding.severity != "info" for finding in findings):
+    # Notes on a plan that was asked for are part of the answer.
+    notes = [f for f in findings if not verbose and f.severity == "info" and f.kind.startswith("plan_")]
+    if notes or any(verbose or finding.severity != "info" for finding in findings):
         say([], "warnings and notes")
         print_findings(findings, (file,), verbose=verbose, page="" if out is None else REPORT)
+        print_findings(notes, (file,), verbose=True, page="")
     commands = [f"  {as_given(command, file, map)}" for command in inspection.next_commands]
     say(commands or ["  fly: this log contains no flight"], "next")
     if not verbose:
