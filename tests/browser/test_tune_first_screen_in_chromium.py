@@ -43,6 +43,7 @@ def test_the_answer_is_above_the_fold(seen: FirstScreen) -> None:
     assert "With the new gains, a disturbance tilts the vehicle" in seen.words
     assert "less than today" in seen.words
     assert "Fly the new gains gently" in seen.words
+    assert "phase margin, with angle loop" in seen.words.lower()
     for scale in ("below 2", "above 40°", "6 dB or more"):
         assert scale in seen.words
 

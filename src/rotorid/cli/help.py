@@ -93,7 +93,7 @@ HELP: Mapping[str, CommandHelp] = MappingProxyType(
             )
         ),
         "tune": CommandHelp(
-            (_LOG, "example-px4/model --out example-px4/gains", f"--check example-px4/gains {_LOG}"),
+            (_LOG, "example-px4/model --out example-px4/gains", "new-flight.ulg --check example-px4/gains"),
             "--axes --robustness --noise --keep --only --set --check --map --out --verbose",
         ),
         "export": CommandHelp(

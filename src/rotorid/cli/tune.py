@@ -70,7 +70,7 @@ def tune_command(
         folder=default_folder(logs or given, "tune"),
         file=TUNE,
         compute=lambda records: tune(models, records, settings=settings),
-        write=lambda folder, proposal: _write(folder, proposal, given),
+        write=lambda folder, proposal: _write(folder, proposal, given, output.out),
         refused=lambda error, records: refused_tune_document(refused_tuning(error, records, settings)),
         document=tune_document,
         show=partial(_print, given=given),
@@ -120,10 +120,12 @@ def _models_and_logs(given: Sequence[Path]) -> tuple[list[IdentifiedModel], list
     return load_results(results), [path for path in given if path not in results]
 
 
-def _write(folder: Path, proposal: TuningProposal, given: Sequence[Path]) -> None:
+def _write(folder: Path, proposal: TuningProposal, given: Sequence[Path], out: Path | None) -> None:
     from rotorid.report.files import write_tuning
 
-    write_tuning(folder, proposal, title=f"Gains from {', '.join(path.name for path in given)}")
+    title = f"Gains from {', '.join(path.name for path in given)}"
+    # Without --out the folder is numbered if its name is taken, which is known only when it is written.
+    write_tuning(folder, proposal, title=title, check_folder="" if out is None else shlex.quote(str(out)))
 
 
 def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbose: bool = False) -> None:
@@ -131,7 +133,15 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
     from rich.table import Table
 
     from rotorid.autopilots import named
-    from rotorid.report.tune_words import axis_sentence, following, limiting, margin_lines, next_flight
+    from rotorid.report.tune_words import (
+        axis_sentence,
+        following,
+        limit_sentences,
+        limiting,
+        margin_lines,
+        next_flight,
+        stricter_sentence,
+    )
 
     console = output_console()
 
@@ -145,10 +155,18 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
     table = Table(box=None, pad_edge=False)
     for name in ("axis", "margin", "today", "new gains", "fine"):
         table.add_column(name, justify="right" if name in ("today", "new gains") else "left")
-    for margin in margin_lines(document):
+    margins = margin_lines(document)
+    for margin in margins:
         table.add_row(margin.axis, margin.name, margin.today, margin.new, margin.fine)
     console.print()
     console.print(table)
+    for margin in margins:
+        if margin.missed:
+            line(f"look here: {margin.missed}")
+    if stricter := stricter_sentence(document):
+        line(stricter)
+    for sentence in limit_sentences(document) if verbose and document.axes else ():
+        line(sentence)
     console.print()
     if verbose:
         _print_details(document)
@@ -176,7 +194,7 @@ def _print_details(document: TuneDocument) -> None:
     from rich.table import Table
 
     from rotorid.report.frame import frequency_of
-    from rotorid.report.tune_words import LIMIT_IS_KEPT, end_of, path_sentence
+    from rotorid.report.tune_words import end_of, path_sentence
 
     console = output_console()
     for axis, tuning in document.axes.items():
@@ -195,8 +213,6 @@ def _print_details(document: TuneDocument) -> None:
     if (thrust := document.thrust) is not None and thrust.flown != thrust.proposed:
         line = f"{thrust.parameter}: {thrust.flown:g} → {thrust.proposed:g} would linearize thrust (file thrust)"
         console.print(line, highlight=False, markup=False)
-    if document.robustness:
-        console.print(f"limit: {document.robustness}; {LIMIT_IS_KEPT}", highlight=False, markup=False)
 
 
 def _print_check(document: TuneCheckDocument, folder: Path, *, verbose: bool = False) -> None:
@@ -233,7 +249,9 @@ def _path_table(axis: str, tuning: AxisTuneDocument, unit: Frequency) -> Table:
     from rotorid.report.tune_words import row_numbers, row_words, step_name
 
     names = list(tuning.path[0].gains)
-    table = Table(title=f"flights to the best gains of {axis}", title_justify="left", box=None, pad_edge=False)
+    table = Table(
+        title=f"flights to the best gains of {axis}, with angle loop", title_justify="left", box=None, pad_edge=False
+    )
     table.add_column("flight")
     for name in (*names, *(row_words(name, unit) for name in _PATH), "attitude error"):
         table.add_column(name, justify="right")

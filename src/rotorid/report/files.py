@@ -442,7 +442,7 @@ def write_flown(folder: Path, flown: FlownModel, *, title: str) -> None:
     write_together(folder, {SIGNALS: flown_arrays(flown), FLOWN: flown_document(flown), "report.html": page})
 
 
-def write_tuning(folder: Path, proposal: TuningProposal, *, title: str) -> None:
+def write_tuning(folder: Path, proposal: TuningProposal, *, title: str, check_folder: str = "") -> None:
     """Write ``tune.json``, ``tune.npz``, ``report.html`` and the files of the autopilot with the way back.
 
     Parameters
@@ -453,6 +453,8 @@ def write_tuning(folder: Path, proposal: TuningProposal, *, title: str) -> None:
         What ``tune`` found.
     title
         Heading of the page.
+    check_folder
+        The folder as the user will type it, where it is known.
 
     Raises
     ------
@@ -462,7 +464,7 @@ def write_tuning(folder: Path, proposal: TuningProposal, *, title: str) -> None:
     from rotorid.documents.tune import SIGNALS, TUNE, tune_arrays, tune_document
     from rotorid.report.tune import render_tune
 
-    page = render_tune(proposal, title=title)
+    page = render_tune(proposal, title=title, check_folder=check_folder)
     own: dict[str, Content] = {SIGNALS: tune_arrays(proposal), TUNE: tune_document(proposal), "report.html": page}
     write_together(folder, {**own, **proposal.files, **proposal.rollback_files})
 

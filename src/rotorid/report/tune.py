@@ -25,15 +25,18 @@ from rotorid.proposing.proposal import AxisTuning, TuningProposal
 from rotorid.report.frame import Picture, in_all_units, over_frequency, render
 from rotorid.report.parts import finding_rows
 from rotorid.report.tune_words import (
-    LIMIT_IS_KEPT,
     LOOP_WORDS,
     following,
+    limit_sentences,
     limiting,
     margin_lines,
     next_flight,
+    not_tuned,
     path_sentence,
     step_name,
+    stricter_sentence,
     tune_sentences,
+    unread,
 )
 from rotorid.tuning.loops import quantities
 from rotorid.typing import ComplexArray, FloatArray
@@ -114,13 +117,15 @@ class TunedAxis:
     by_hand: Picture
 
 
-def render_tune(proposal: TuningProposal, *, title: str) -> str:
+def render_tune(proposal: TuningProposal, *, title: str, check_folder: str = "") -> str:
     """The report as one self-contained HTML document.
 
     Parameters
     ----------
     proposal
         What ``tune`` found.
+    check_folder
+        The folder of the page as a user types it, where it is known.
     """
     document = tune_document(proposal)
     axes = [_axis(axis, document.axes[axis], tuning, proposal.scale) for axis, tuning in proposal.axes.items()]
@@ -138,7 +143,11 @@ def render_tune(proposal: TuningProposal, *, title: str) -> str:
         files=list(proposal.files.items()),
         rollback=list(proposal.rollback_files.items()),
         thrust=_thrust(document),
-        kept=LIMIT_IS_KEPT,
+        limits=limit_sentences(document) if document.axes else (),
+        stricter=stricter_sentence(document),
+        check_folder=check_folder,
+        refused=bool(not_tuned(document)),
+        unread=finding_rows(unread(document)),
         path_margins=[(capital(QUANTITIES[name].before), QUANTITIES[name].unit) for name in PATH_MARGINS],
         remarks=finding_rows(document.findings),
         pictures=[picture for tuned in axes for picture in (*tuned.pictures, tuned.by_hand)],

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from rotorid.data.display import capital
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import MISSING, significant, with_unit
+from rotorid.data.trust import COMMAND_NOISE, ROBUSTNESS
+from rotorid.documents.base import FindingDocument
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.tune import AxisTuneDocument, PathStepDocument, TuneDocument
 from rotorid.models.autopilots.gains import letter_of
@@ -22,6 +24,12 @@ LIMIT_IS_KEPT = "95 % of the likely vehicles stay within it, so an interval may 
 _WORTH_A_FACTOR = 1.5
 """A change by more is given as a factor, a smaller one in percent."""
 
+_TODAY = "today "
+"""How a reason begins that is about the flown gains, not about what limits the new ones."""
+
+_LITTLE_LEFT = 0.9
+"""Deviation with the best gains over that with the next ones, above which a further flight brings little."""
+
 _QUIETER, _LOUDER = 0.95, 1.05
 """Noise of the command over that of today, between which it counts as the same."""
 
@@ -32,19 +40,21 @@ _MARGINS = (
     ("rate", "sensitivity_peak"),
     ("whole", "sensitivity_peak"),
     ("rate", "phase_margin_deg"),
+    ("whole", "phase_margin_deg"),
     ("rate", "gain_margin_db"),
 )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MarginLine:
-    """A margin today and with the new gains, and the range that is fine."""
+    """A margin today and with the new gains, the range that is fine, and a sentence where the new gains miss it."""
 
     axis: str
     name: str
     today: str
     new: str
     fine: str
+    missed: str
 
 
 def tune_sentences(document: TuneDocument) -> tuple[str, ...]:
@@ -95,7 +105,9 @@ def _noise(ratio: float) -> str:
     """What happens to the noise of the motor commands."""
     if _QUIETER <= ratio <= _LOUDER:
         return ""
-    return f"; noise in the motor commands {'grows' if ratio > 1.0 else 'falls'} to {100.0 * ratio:.0f} % of today's"
+    limit = f" (limit {100.0 * COMMAND_NOISE:.0f} %)" if 1.0 < ratio <= COMMAND_NOISE else ""
+    change = "grows" if ratio > 1.0 else "falls"
+    return f"; noise in the motor commands {change} to {100.0 * ratio:.0f} % of today's{limit}"
 
 
 def not_tuned(document: TuneDocument) -> dict[str, str]:
@@ -103,9 +115,24 @@ def not_tuned(document: TuneDocument) -> dict[str, str]:
     return {finding.where: finding.message for finding in document.findings if finding.kind == "not_tuned"}
 
 
+def unread(document: TuneDocument) -> tuple[FindingDocument, ...]:
+    """Findings that :func:`tune_sentences` does not contain already."""
+    shown = not_tuned(document).values()
+    return tuple(
+        finding
+        for finding in document.findings
+        if not any(finding.message.partition(";")[0].rstrip(".") in message for message in shown)
+    )
+
+
 def limiting(tuning: AxisTuneDocument) -> str:
     """What limits the new gains of an axis, in a sentence; empty where nothing does."""
-    return f"{'; '.join(tuning.reasons)}." if tuning.changed and tuning.reasons else ""
+    if not tuning.changed or not tuning.reasons:
+        return ""
+    today = [reason for reason in tuning.reasons if reason.startswith(_TODAY)]
+    bounds = [reason for reason in tuning.reasons if not reason.startswith(_TODAY)]
+    why = f"reason for the change: {'; '.join(today)}. " if today else ""
+    return f"{why}{'limited' if not why else 'Limited'} by: {'; '.join(bounds)}." if bounds else why.strip()
 
 
 def margin_lines(document: TuneDocument) -> tuple[MarginLine, ...]:
@@ -117,17 +144,55 @@ def margin_lines(document: TuneDocument) -> tuple[MarginLine, ...]:
         for loop, name in _MARGINS:
             if name not in new[loop]:
                 continue
-            where = f", {LOOP_WORDS[loop]}" if name == "sensitivity_peak" else ""
             found.append(
                 MarginLine(
                     axis=axis,
-                    name=f"{QUANTITIES[name].before}{where}",
+                    name=f"{QUANTITIES[name].before}, {LOOP_WORDS[loop]}",
                     today=margin_text(name, today[loop].get(name)),
                     new=margin_text(name, new[loop][name]) if tuning.changed else "unchanged",
                     fine=fine_text(name),
+                    missed=_missed(axis, loop, name, new[loop][name]),
                 )
             )
     return tuple(found)
+
+
+def _missed(axis: Axis, loop: str, name: str, quantity: QuantityDocument) -> str:
+    """That a margin is not in the range that is fine; empty where it is."""
+    figure = QUANTITIES[name]
+    least = 20.0 * math.log10(Wishes().gain_margin) if name == "gain_margin_db" else figure.good_above
+    if not (quantity.value < least or quantity.value > figure.good_below):
+        return ""
+    where = "of the rate loop" if loop == "rate" else LOOP_WORDS[loop]
+    number = with_unit(figure.cells(quantity)[0], figure.unit)
+    return f"{capital(axis)}: the {figure.before} {where} is {number}; {fine_text(name)} is fine."
+
+
+def stricter_sentence(document: TuneDocument) -> str:
+    """Why the new gains keep a lower M_s than the one that is fine; empty where they do not."""
+    asked, fine = _robustness(document), QUANTITIES["sensitivity_peak"].good_below
+    if not document.axes or asked >= fine:
+        return ""
+    return (
+        f"For a flown loop, M_s below {fine:g} is fine. New gains keep it below {asked:g}: the reserve is for another "
+        "battery, payload or propeller. Change it with --robustness."
+    )
+
+
+def limit_sentences(document: TuneDocument) -> tuple[str, ...]:
+    """The limits of the new gains."""
+    least = math.degrees(Wishes().phase_margin_rad)
+    return (
+        f"Limit of the new gains: {document.robustness}.",
+        f"{capital(LIMIT_IS_KEPT)}.",
+        f"The phase margin of the rate loop stays above {least:.0f}°; with the angle loop only M_s is limited.",
+    )
+
+
+def _robustness(document: TuneDocument) -> float:
+    """The largest peak sensitivity that was asked for."""
+    value = document.provenance.settings.get("robustness")
+    return float(value) if isinstance(value, (int, float)) else ROBUSTNESS
 
 
 def margin_text(name: str, quantity: QuantityDocument | None) -> str:
@@ -160,9 +225,24 @@ def next_flight(document: TuneDocument) -> str:
 
 def following(document: TuneDocument) -> str:
     """Whether a further flight brings better gains, in a sentence; empty where it does not."""
-    return (
-        "The best gains are more than one flight away, so tune again from that log." if _sweep_to_hz(document) else ""
+    paths = {axis: tuning.path for axis, tuning in document.axes.items() if tuning.path}
+    if not paths:
+        return ""
+    shares = {axis: path[-1].attitude_ratio.value / path[0].attitude_ratio.value for axis, path in paths.items()}
+    axis = min(shares, key=shares.__getitem__)
+    first, *_, goal = paths[axis]
+    motion = "turns" if axis == "yaw" else "tilts"
+    change = f"{motion} the vehicle {_fewer(shares[axis])} less ({axis})"
+    name = "sensitivity_peak"
+    if name in first.whole and name in goal.whole:
+        peaks = [significant(step.whole[name].value, digits=3) for step in (goal, first)]
+        change += f", with an M_s of {peaks[0]} instead of {peaks[1]}"
+    lead = (
+        "These gains are nearly the best, so a further tune is optional: after"
+        if shares[axis] >= _LITTLE_LEFT
+        else ("Better gains need more flights, so tune again from that log: after")
     )
+    return f"{lead} {goal.flight} flights in all, a disturbance {change}."
 
 
 def _sweep_to_hz(document: TuneDocument) -> float:
@@ -202,11 +282,15 @@ def step_name(step: PathStepDocument) -> str:
     return f"{step.flight}, proposed" if step.flight == 1 else f"{step.flight}, goal" if step.goal else f"{step.flight}"
 
 
+def _fewer(left: float) -> str:
+    """How much less a deviation is, of which a share is left."""
+    return f"{1.0 / left:.2g} times" if left <= 1.0 / _WORTH_A_FACTOR else f"{100.0 * (1.0 - left):.0f} %"
+
+
 def path_sentence(path: Sequence[PathStepDocument]) -> str:
     """How several flights lead to the best gains."""
     first, *_, goal = path
-    left = goal.attitude_ratio.value / first.attitude_ratio.value
-    less = f"{1.0 / left:.2g} times" if left <= 1.0 / _WORTH_A_FACTOR else f"{100.0 * (1.0 - left):.0f} %"
+    less = _fewer(goal.attitude_ratio.value / first.attitude_ratio.value)
     return (
         "P, D and angle P at most double in one flight. Fly the new gains with a sweep up to "
         f"{goal.sweep_to_rad_s / (2.0 * math.pi):.0f} Hz, check that flight, and "

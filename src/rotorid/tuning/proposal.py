@@ -719,8 +719,19 @@ def _bound_by(gains: Gains, flown: Gains, wishes: Wishes) -> Sequence[str]:
     for name in ("P", "D", "A"):
         before, now = getattr(flown, name), getattr(gains, name)
         if before > 0.0 and now >= _AT_CAP * wishes.most_up * before:
-            found.append(f"{_NAMES.get(name, name)} grows {wishes.most_up:g} times, the most for one flight")
+            found.append(f"{_NAMES.get(name, name)} {_growth(wishes.most_up)}, the most allowed in one flight")
     return found
+
+
+def _growth(most_up: float) -> str:
+    """How much a gain grows, in words.
+
+    Examples
+    --------
+    >>> _growth(2.0), _growth(1.5)
+    ('doubles', 'grows 1.5 times')
+    """
+    return "doubles" if most_up == 2.0 else f"grows {most_up:g} times"
 
 
 def _kept_outside(flown: Gains, wishes: Wishes) -> list[str]:

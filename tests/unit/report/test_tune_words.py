@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from rotorid.report.tune_words import _less, path_sentence
+from rotorid.data.trust import ROBUSTNESS
+from rotorid.report.tune_words import _less, following, limiting, margin_lines, path_sentence, stricter_sentence, unread
 
 
 def step(ratio: float) -> SimpleNamespace:
@@ -26,3 +27,81 @@ def test_a_small_gain_is_given_in_percent_and_never_as_one_time(goal: float, wor
 )
 def test_a_disturbance_that_tilts_much_more_is_a_factor(ratio: float, words: str) -> None:
     assert _less(SimpleNamespace(value=ratio)) == words  # type: ignore[arg-type]
+
+
+def quantity(value: float) -> SimpleNamespace:
+    return SimpleNamespace(value=value, lower=0.95 * value, upper=1.05 * value)
+
+
+def tuned(whole_phase_deg: float, *, path: tuple[float, ...] = (), reasons: tuple[str, ...] = ()) -> Any:
+    rate = {"sensitivity_peak": quantity(1.5), "phase_margin_deg": quantity(50.0), "gain_margin_db": quantity(9.0)}
+    whole = {"sensitivity_peak": quantity(1.6), "phase_margin_deg": quantity(whole_phase_deg)}
+    steps = [
+        SimpleNamespace(
+            flight=number,
+            attitude_ratio=quantity(ratio),
+            sweep_to_rad_s=75.0,
+            whole={"sensitivity_peak": quantity(1.6 - 0.1 * number)},
+        )
+        for number, ratio in enumerate(path, start=1)
+    ]
+    axis = SimpleNamespace(
+        changed=True, flown=rate, proposed=rate, flown_whole=whole, proposed_whole=whole, path=steps, reasons=reasons
+    )
+    return SimpleNamespace(axes={"roll": axis}, provenance=SimpleNamespace(settings={}))
+
+
+def test_each_margin_names_its_loop_and_the_one_that_misses_its_bar_is_named() -> None:
+    lines = margin_lines(tuned(39.1))
+    assert [line.name for line in lines] == [
+        "M_s, rate loop",
+        "M_s, with angle loop",
+        "phase margin, rate loop",
+        "phase margin, with angle loop",
+        "gain margin, rate loop",
+    ]
+    missed = "Roll: the phase margin with angle loop is 39.1°; above 40° is fine."
+    assert [line.missed for line in lines] == ["", "", "", missed, ""]
+    assert not any(line.missed for line in margin_lines(tuned(41.0)))
+
+
+def test_a_stricter_limit_than_the_scale_is_explained() -> None:
+    words = stricter_sentence(tuned(50.0))
+    assert "below 2 is fine" in words
+    assert f"New gains keep it below {ROBUSTNESS:g}" in words
+    asked = tuned(50.0)
+    asked.provenance.settings["robustness"] = 2.5
+    assert not stricter_sentence(asked)
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ((0.5, 0.48), "nearly the best, so a further tune is optional: after 2 flights in all, a disturbance tilts "),
+        ((0.5, 0.4, 0.25), "need more flights, so tune again from that log: after 3 flights in all, a disturbance "),
+    ],
+)
+def test_what_comes_next_says_how_much_it_brings(path: tuple[float, ...], words: str) -> None:
+    assert words in following(tuned(50.0, path=path))
+    assert not following(tuned(50.0))
+
+
+def test_what_limits_the_gains_is_no_reason_to_change_them() -> None:
+    reasons = ("today M_s of the rate loop exceeds 1.7", "P doubles, the most allowed in one flight")
+    assert limiting(tuned(50.0, reasons=reasons).axes["roll"]) == (
+        "reason for the change: today M_s of the rate loop exceeds 1.7. "
+        "Limited by: P doubles, the most allowed in one flight."
+    )
+
+
+def test_what_the_answer_says_already_is_no_further_warning() -> None:
+    why = "roll.ulg: the log contains no excitation of yaw"
+    findings = [
+        SimpleNamespace(kind="no_excitation", where="yaw", message=f"{why}."),
+        SimpleNamespace(
+            kind="not_tuned", where="yaw", message=f"Not enough data to tune yaw: {why}; sweep the yaw stick."
+        ),
+        SimpleNamespace(kind="firmware_contradicted", where="", message="Another firmware flew."),
+    ]
+    left = unread(SimpleNamespace(findings=findings))  # type: ignore[arg-type]
+    assert [finding.kind for finding in left] == ["firmware_contradicted"]
