@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from rotorid.cli.console import (
     log_progress,
     output_console,
     print_findings,
+    print_lines,
     progress,
     say,
 )
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
     from rotorid.documents.base import Document
     from rotorid.plot.printed import PrintedAs
+    from rotorid.reviewing.cards import Card
     from rotorid.reviewing.values import Review
 
 FILE, ARRAYS, PAGE = "review.json", "review.npz", "review.html"
@@ -76,8 +79,11 @@ def review_command(
     if output.json:
         sys.stdout.write(text)
     elif not output.quiet:
-        for item, file in zip(reviews, found.read, strict=True):
-            _print(item, file, map, verbose=output.verbose)
+        if len(reviews) > 1 and not output.verbose:
+            _print_several(reviews)
+        else:
+            for item, file in zip(reviews, found.read, strict=True):
+                _print(item, file, map, verbose=output.verbose)
         output_console().print(f"page: {made.folder / PAGE}", soft_wrap=True, markup=False)
     if show:
         typer.launch(str(made.folder / PAGE))
@@ -125,6 +131,43 @@ def _write_figures(folder: Path, reviews: Sequence[Review], kind: PrintedAs) -> 
         write_atomically(folder / f"{name}.{kind}", printed(figure, kind))
 
 
+_MOST_LOGS = 12
+_MOST_TO_LOOK_AT = 20
+
+
+def _print_several(reviews: Sequence[Review]) -> None:
+    """What to look at in several logs, the logs with most of it first, then a line for each log."""
+    from rotorid.reviewing.cards import cards
+
+    found = sorted(
+        ((review, cards(review)) for review in reviews),
+        key=lambda pair: -sum(card.state == "look" for card in pair[1]),
+    )
+    look = [
+        f"  {review.name}: {card.title} {card.headline}{f' {capital(card.measured)}.' if card.measured else ''}"
+        for review, answers in found
+        for card in answers
+        if card.state == "look"
+    ]
+    if look:
+        output_console().print("look here", style=INKS["red"])
+    print_lines(look, verbose=False, item="answer", most=_MOST_TO_LOOK_AT, page=PAGE)
+    print_lines([f"\n{counted(len(reviews), 'log')}"], verbose=True)
+    print_lines(
+        [f"  {_states(review.name, answers)}" for review, answers in found],
+        verbose=False,
+        item="log",
+        most=_MOST_LOGS,
+        page=PAGE,
+    )
+
+
+def _states(name: str, answers: Sequence[Card]) -> str:
+    """A log, and how many of its answers are of each kind."""
+    counts = Counter(card.word for card in answers)
+    return f"{name}: {', '.join(f'{count} {word}' for word, count in counts.items())}"
+
+
 def _print(reviewed: Review, file: Path, map: Path | None = None, *, verbose: bool = False, page: str = PAGE) -> None:
     """What flew, six answers, warnings, and what to do next; with ``verbose`` also what was not measured."""
     from rotorid.report.review import headline
@@ -144,7 +187,7 @@ def _print(reviewed: Review, file: Path, map: Path | None = None, *, verbose: bo
         # What needs a look brings its remedy, and what is unknown the one thing to do.
         more = card.sentence.removeprefix(card.headline).strip() if verbose else ""
         more = more or (
-            card.details if card.state == "look" else card.action or card.details * (card.state == "cannot")
+            card.details if card.state in ("look", "part") else card.action or card.details * (card.state == "cannot")
         )
         if more:
             plain(f"{'':<{_WIDTH}} {more}")

@@ -97,6 +97,11 @@ def _print(document: VerifyDocument, folder: Path, *, verbose: bool = False) -> 
     if rows:
         print_table(table, rows, verbose=verbose, item="row")
     lines = []
+    if any(check.verdict == "good" and 0.0 in check.holds_s.values() for check in document.maneuvers):
+        lines.append(
+            'The verdict is for the whole maneuver. Where "good for s" is 0, do not trust single predictions from one '
+            "moment to the next."
+        )
     if any(set(check.scores) - set(check.moved) for check in document.maneuvers):
         lines.append("Outputs in parentheses moved too little to be judged.")
     # Accelerations of motors have none.

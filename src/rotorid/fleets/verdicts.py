@@ -242,7 +242,7 @@ def _logs(counts: Counts, vehicles: int) -> str:
     gave = f"{counts.answered} of {counted(counts.logs, 'log')} gave {counted(counts.rows, 'number')}"
     parts = [f"{gave} of {counted(vehicles, 'vehicle')}" if vehicles else gave]
     if counts.refused:
-        parts.append(f"{counts.refused} had too little data")
+        parts.append(f"{counts.refused} gave none, for the reasons listed")
     if counts.unreadable:
         parts.append(f"{counts.unreadable} could not be read")
     if counts.duplicates:

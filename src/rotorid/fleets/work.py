@@ -136,7 +136,8 @@ def _answer(task: Task, log: Path) -> LogAnswer:
     for number, flight in flights_of(record).items():
         for name, result in _model_results(flight, task):
             if isinstance(result, str):
-                failed.append(Failed(**facts, flight=number, model=name, kind="refused", reason=result[:500]))
+                reason = _NO_FLIGHT if _stayed_on_the_ground(record) else result[:500]
+                failed.append(Failed(**facts, flight=number, model=name, kind="refused", reason=reason))
                 continue
             common: dict[str, Any] = {
                 **facts,
@@ -232,6 +233,17 @@ def _measures(record: FlightRecord) -> Iterator[dict[str, Any]]:
                 "unit": quantity.unit,
                 "findings": kinds,
             }
+
+
+_NO_FLIGHT = "The log contains no flight."
+
+
+def _stayed_on_the_ground(record: FlightRecord) -> bool:
+    """Whether the log shows that the vehicle never flew; false where it does not show either."""
+    try:
+        return not airborne(record).intervals
+    except InsufficientDataError:
+        return False
 
 
 def flights_of(record: FlightRecord) -> dict[int, FlightRecord]:

@@ -56,7 +56,7 @@ from rotorid.spectral.loops import at_points
 from rotorid.tuning.plant import DRAWS, FLOOR, MeasuredRatio, UncertainPlant, uncertain_plant
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray, IntArray
 
-MOVE = "Move the stick of this axis for 30 s: quick pairs of 5 to 10 degrees to both sides, one every second."
+MOVE = "Move its stick for 30 s: tilt quickly 5 to 10° to one side, then to the other, once every second."
 
 _FEWEST_POINTS = 8
 """Frequencies of a plant that have to be known, and be no controller."""

@@ -41,7 +41,7 @@ STATES: Mapping[State, tuple[str, Color]] = MappingProxyType(
 _SELDOM = 5e-4
 """Share of the flight at a limit that is too small to mention."""
 
-_MOVE_MORE = "move the {axis} stick for 30 s: quick pairs to both sides of 5 to 10 degrees, one every second"
+_MOVE_MORE = "move the {axis} stick for 30 s: tilt quickly 5 to 10° to one side, then to the other, once every second"
 
 _POWER = {"battery_voltage", "thrust_command", "thrust_stick", "motor_1"}
 _RATES = {rate: axis for axis, rate in RATE_OF.items()}
@@ -446,11 +446,19 @@ def _noise(review: Review) -> Card:
         missing.append(f"noise through D of {listed(unknown)}")
     passed = f"little noise reaches the motors through D of {listed(axes)}" if axes else ""
     answers = [*(["vibration is low"] if shaken is not None else []), *([passed] if passed else [])]
+    headline = f"{capital(listed(answers))}."
+    if shaken is None:
+        # The question is not answered by what the motors get.
+        gap = _gap(review, "noise.vibration")
+        why = "" if gap is None else gap.why.partition(". ")[0].rstrip(".")
+        headline = _together(f"Vibration was not measured{f': {why[0].lower()}{why[1:]}' if why else ''}.", headline)
+        missing.remove("vibration")
+        headline, where = _together(headline, where), ""
     return Card(
         key=key,
         title=title,
-        state=_good(missing),
-        headline=f"{capital(listed(answers))}.",
+        state="part" if shaken is None else _good(missing),
+        headline=headline,
         number=number,
         scale=scale,
         details=_together(_not_measured(missing), where),

@@ -145,7 +145,7 @@ _FEEDFORWARDS: Mapping[Axis, tuple[str, ...]] = MappingProxyType(
     }
 )
 
-_MOVE = "move the {axis} stick for 30 s: quick pairs to both sides of 5 to 10 degrees, one every second"
+_MOVE = "move the {axis} stick for 30 s: tilt quickly 5 to 10° to one side, then to the other, once every second"
 
 
 def loops(flight: FlightData) -> tuple[dict[str, LoopReview], tuple[Unavailable, ...]]:

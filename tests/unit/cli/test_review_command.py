@@ -12,7 +12,7 @@ from tests.unit.cli.commands import rotorid
 from tests.unit.report.made_reviews import made_review
 
 from rotorid.cli.console import MOST_LINES
-from rotorid.cli.review import _print
+from rotorid.cli.review import _print, _print_several
 from rotorid.data.findings import refusal, remark, warn
 from rotorid.io.tables.csv import write_csv
 
@@ -36,6 +36,16 @@ def test_writes_page_numbers_and_curves(reviewed: tuple[Path, str]) -> None:
     assert {card["state"] for card in told["cards"]} <= {"good", "look", "part", "cannot"}
 
 
+def test_many_logs_fit_on_a_screen_with_what_to_look_at_first(capsys: pytest.CaptureFixture[str]) -> None:
+    many = [replace(made_review(), name=f"{place}.ulg") for place in range(30)]
+    _print_several(many)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= MOST_LINES
+    assert "30 logs" in lines
+    looks = [line for line in lines if line.startswith("  0.ulg: ") and "?" in line]
+    assert bool(looks) == (lines[0] == "look here")
+
+
 def test_a_log_alone_is_reviewed(flight: Path, tmp_path: Path) -> None:
     ran = rotorid(flight, "--no-models", "--out", tmp_path / "out")
     assert ran.code == 0
@@ -55,7 +65,7 @@ def test_a_screen_shows_the_worst_warnings_and_counts_the_others(capsys: pytest.
     assert shown.count("\n") <= MOST_LINES
     warnings = shown.partition("error ")[2].splitlines()
     assert warnings[0] == "corrupt_log: 318 places are damaged."
-    assert warnings[1] == "warning clock_disorder: 100 stamps step back."
+    assert warnings[1] == "warning clock_disorder (worst of 3): 300 stamps step back."
     assert warnings[4] == "9 more warnings: -v shows all, or open review.html"
     assert "Nothing." not in shown
     _print(review, Path("flight.ulg"), verbose=True)

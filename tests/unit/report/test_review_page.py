@@ -201,6 +201,11 @@ def test_noise_that_was_not_measured_is_not_called_low() -> None:
     assert (lines.state, lines.number) == ("cannot", "")
     wide = {"vibration_m_s2": Quantity.normal(28.0, 5.0, "m/s²")}
     assert card_of(replace(seen, noise=replace(seen.noise, numbers=wide)), "noise").state == "cannot"
+    quiet = {f"{axis}_d_noise_share": Quantity.normal(0.005, 0.0005, "1") for axis in ("roll", "pitch")}
+    passed = card_of(replace(seen, noise=replace(seen.noise, numbers=quiet)), "noise")
+    assert passed.state == "part"
+    assert passed.headline.startswith("Vibration was not measured")
+    assert "little noise reaches the motors" in passed.headline.lower()
     low = card_of(seen, "noise")
     assert low.state == "part"
     assert low.sentence.startswith("Vibration is low. Not measured: accelerometer at its limits and noise through D of")
