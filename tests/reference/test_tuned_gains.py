@@ -172,7 +172,7 @@ def test_the_path_stands_on_the_terminal_on_the_page_and_in_the_document(
     shown = capsys.readouterr().out
     assert "flights to the best gains of roll" in shown
     assert "2, goal" in shown
-    assert "limit: M_s up to 1.7" in shown
+    assert "Limit of the new gains: M_s up to 1.7" in shown
     page = render_tune(wide, title="Gains")
     assert "Flights to the best gains" in page
     # Long names break where the page is narrow: the last column is not cut.

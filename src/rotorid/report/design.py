@@ -143,7 +143,7 @@ def _own_amplitude(found: Amplitude, symbol: str) -> str:
     """The largest amplitude of an axis alone, and of single flights where they differ."""
     low, high = found.spread
     differ = f" ({significant(low)} to {significant(high)} in single flights)" if high > _DIFFER * low > 0.0 else ""
-    return f"alone up to {significant(found.value)} {symbol}".strip() + differ
+    return f"on this axis alone, up to {significant(found.value)} {symbol}".strip() + differ
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -174,8 +174,8 @@ def stricter_sentence(document: TuneDocument) -> str:
     if not document.axes or asked >= fine:
         return ""
     return (
-        f"For a flown loop, M_s below {fine:g} is fine. New gains keep it below {asked:g}: the reserve is for another "
-        "battery, payload or propeller. Change it with --robustness."
+        f"M_s is the largest amplification of a disturbance: below {fine:g} is fine for a flown loop. New gains keep "
+        f"it below {asked:g}, with a reserve for another battery, payload or propeller. Change it with --robustness."
     )
 
 

@@ -174,7 +174,7 @@ def test_test_inputs_stand_in_the_table_with_what_limits_them(alone: Page) -> No
         "3.0 to 23.0",
         "1 to 20",
         "0.1 rad ± 5.7°",
-        "tilt alone up to 0.125 rad",
+        "tilt on this axis alone, up to 0.125 rad",
     ]
     # Its amplitude was not looked for.
     assert pitch[-1] == "given"
@@ -310,7 +310,7 @@ def test_what_is_not_reached_says_so_in_its_own_words() -> None:
     first, second = designed()
     unreached = dataclasses.replace(shortest(), duration_s=None, words="300 s bring L_roll to 2 %.")
     mixed = design_summary([first, dataclasses.replace(second, shortest={"rate.roll": unreached})], CHOICES)
-    assert mixed[3:5] == (
+    assert mixed[4:6] == (
         "L_roll to 1.5 % in rate.roll: 40 s of pilot sweep are enough.",
         "L_roll to 1.5 % in rate.roll: multisine: 300 s bring L_roll to 2 %.",
     )
