@@ -241,9 +241,10 @@ _NO_FLIGHT = "The log contains no flight."
 def _stayed_on_the_ground(record: FlightRecord) -> bool:
     """Whether the log shows that the vehicle never flew; false where it does not show either."""
     try:
-        return not airborne(record).intervals
-    except InsufficientDataError:
-        return False
+        airborne(record)
+    except InsufficientDataError as error:
+        return any(finding.kind == "never_airborne" for finding in error.findings)
+    return False
 
 
 def flights_of(record: FlightRecord) -> dict[int, FlightRecord]:

@@ -480,8 +480,8 @@ def _contradicted(record: FlightRecord, name: str, unexplained: dict[str, float]
         return (remark("controller_unchecked", record.source.name, f"{why} {believed}"),)
     if name in unexplained and declared in unexplained:
         why = (
-            f"its controller leaves {100.0 * unexplained[name]:.0f} % of the commands unexplained, that of "
-            f"{declared or 'the newest version'} {100.0 * unexplained[declared]:.0f} %"
+            f"it leaves {100.0 * unexplained[name]:.0f} % of the commands unexplained, "
+            f"{declared or 'the newest version'} {100.0 * unexplained[declared]:.0f} %. There is nothing to do"
         )
     else:
         why = "the log contains topics or parameters that the named version does not have"

@@ -52,6 +52,8 @@ class KnownOfLog(Immutable):
         A loop that was measured.
     wanted_axes
         Axes to plan a flight for: they were looked at, and no model of them stands.
+    tunes
+        Whether a sweep of the log gave a rate model from which gains follow.
     reviewed
         Whether the review was made.
     """
@@ -62,6 +64,7 @@ class KnownOfLog(Immutable):
     segment: tuple[str, str] | None = None
     loop: LoopChannels | None = None
     wanted_axes: tuple[Axis, ...] = ()
+    tunes: bool = False
     reviewed: bool = True
 
 
@@ -82,6 +85,8 @@ def next_steps(known: KnownOfLog) -> Iterator[str]:
     log, folder = log_words(record), f"{RESULTS}/{_stem(record.source.name)}-models"
     if known.models:
         yield _command("identify", *log, "--model", ",".join(known.models), "--out", folder)
+    if known.tunes:
+        yield _command("tune", *log)
     if known.segment is not None:
         model, segment = known.segment
         yield _command("identify", *log, "--model", model, "--segment", segment)

@@ -15,6 +15,7 @@ from rotorid.data.display import capital
 from rotorid.data.findings import worst_first
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
+from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.oscillations import (
@@ -289,6 +290,12 @@ def next_commands(record: FlightRecord, reviewed: Review) -> tuple[str, ...]:
             loop=None
             if loop is None
             else LoopChannels(reference=loop.reference, answer=loop.answer, direct=loop.instrument == "direct"),
+            tunes=bool(record.parameters)
+            and any(
+                maneuver.kind in RICH_KINDS
+                for name in RATE_AXIS.keys() & identified.keys()
+                for maneuver in identified[name].provenance.maneuvers
+            ),
             wanted_axes=tuple(axis for name, axis in RATE_AXIS.items() if name not in identified) if wanted else (),
         )
     return tuple(next_steps(known))

@@ -7,12 +7,16 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tests.fleet_logs import WORK, read_table, row_of, write_logs
 
+from rotorid import read
 from rotorid.errors import ModelError, UsageError
 from rotorid.fleets import Fleet, FleetSettings, Limits, LogAnswer, Processes, fleet
 from rotorid.fleets.table import FAILED, JOURNAL, TABLE, Row, write_table
+from rotorid.fleets.work import _stayed_on_the_ground
+from rotorid.io.tables.csv import write_csv
 
 pytest.importorskip("pyarrow")
 SETTINGS = FleetSettings(models=("rate.roll",))
@@ -195,3 +199,11 @@ def test_a_log_that_was_moved_is_in_the_rows_that_come(tmp_path: Path) -> None:
     moved = shutil.move(tmp_path / "logs", tmp_path / "elsewhere")
     rows = list(fleet(moved, settings=SETTINGS, out=tmp_path / "out", engine=engine()))
     assert [row.vehicle for row in rows] == ["elsewhere"] * 3
+
+
+def test_a_log_that_never_flew_is_refused_for_that(tmp_path: Path) -> None:
+    time_s = np.arange(0.0, 60.0, 0.01)
+    write_csv(tmp_path / "ground.csv", time_s, {"p": np.zeros(time_s.size)})
+    assert _stayed_on_the_ground(read(tmp_path / "ground.csv"))
+    write_csv(tmp_path / "little.csv", time_s, {"phi": np.zeros(time_s.size)})
+    assert not _stayed_on_the_ground(read(tmp_path / "little.csv"))

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 from tests.unit.cli.commands import fly_roll_sweeps, rotorid
+
+from rotorid.data.record import FlightRecord, Source
+from rotorid.flying.next_steps import KnownOfLog, next_steps
 
 
 def test_the_next_commands_name_the_log_as_it_was_given(tmp_path: Path) -> None:
@@ -30,3 +34,9 @@ def test_of_several_logs_each_has_its_own_path(tmp_path: Path) -> None:
     logs[1].write_text(logs[0].read_text() + "\n")
     lines = [line.strip() for line in rotorid("inspect", *logs).out.splitlines()]
     assert [line.split()[-1] for line in lines if line.startswith("rotorid review")] == [str(log) for log in logs]
+
+
+def test_a_sweep_that_gave_a_rate_model_leads_to_gains() -> None:
+    known = KnownOfLog(record=FlightRecord(source=Source(name="roll.ulg", format="ULog", sha256=""), topics=()))
+    assert "rotorid tune roll.ulg" not in [*next_steps(known)]
+    assert "rotorid tune roll.ulg" in [*next_steps(replace(known, tunes=True))]
