@@ -116,8 +116,8 @@ def test_the_commands_say_which_filter_the_derivative_had(flew: str, declared: s
 
 def test_a_log_that_names_no_firmware_calls_it_nothing() -> None:
     (finding,) = flown_firmware(flight(PX4, flew=OLD, declared="")).findings
-    assert finding.message.startswith("The log does not name its firmware; PX4 1.11 or older flew: ")
-    assert "that of the newest version" in finding.message
+    assert finding.message.startswith("The log does not name its firmware; PX4 1.11 or older flew and was used: ")
+    assert "the newest version" in finding.message
 
 
 @pytest.mark.parametrize("declared", [OLD, NEW])
