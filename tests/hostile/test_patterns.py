@@ -114,6 +114,8 @@ NOT_FOREIGN = frozenset(
         "rotorid.autopilots.betaflight.filters:_GYRO",
         "rotorid.io.px4.writer:INTEGERS",  # parameters of a vehicle of the library
         "rotorid.io.betaflight.blackbox:re.escape(MAGIC)",  # no repetition
+        # Names of parameters, escaped: no repetition either.
+        "rotorid.report.design:f\"({'|'.join((re.escape(name) for name in names))})\"",
         # A header that the export has just written itself.
         "rotorid.exports.fmu:f'\\\\b{name}(?:\\\\[\\\\] = {{([^}}]*)}}| (\\\\S+))'",
     }

@@ -45,18 +45,18 @@ def test_flipped_bits_are_a_record_or_one_sentence(tmp_path: Path) -> None:
         content = bytearray(TEXT.encode())
         content[place] ^= 1 << int(rng.integers(8))
         found = outcome(tmp_path, bytes(content))
-        assert isinstance(found, FlightRecord) or FILE in found or "holds no topic" in found
+        assert isinstance(found, FlightRecord) or FILE in found or "contains no topic" in found
 
 
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
         (b"", "line 1 is no header"),
-        (b"\xff\xfe\0\0\n", "line 1 is no text in UTF-8"),
+        (b"\xff\xfe\0\0\n", "line 1 is not UTF-8 text"),
         (b"time,xyz[0]\n1,2\n", "line 1 is no header"),
         (b"timestamp,xyz[0],xyz[0]\n1,2,3\n", "names each column once"),
         (HEADER.encode() + b"1,2,3,4\n1,2\n", "line 3 has not the 4 cells"),
-        (HEADER.encode() + b"1,2,3,4\n2,2,x,4\n", "line 3 holds a cell that is no number"),
+        (HEADER.encode() + b"1,2,3,4\n2,2,x,4\n", "line 3 contains a cell that is no number"),
         (HEADER.encode() + b"-1,2,3,4\n", "line 2 has a time stamp"),
         (HEADER.encode() + b"nan,2,3,4\n", "line 2 has a time stamp"),
         (HEADER.encode() + b"1e300,2,3,4\n", "line 2 has a time stamp"),

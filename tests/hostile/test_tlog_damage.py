@@ -81,7 +81,7 @@ def test_noise_between_frames_is_skipped_and_counted(tmp_path: Path) -> None:
 @pytest.mark.parametrize("data", [b"", b"\x00", b"#ROSBAG V2.0\n", bytes(100_000), b"\x00\x06" * 50_000])
 def test_foreign_files_are_one_sentence(tmp_path: Path, data: bytes) -> None:
     assert not tlog.sniff(data[:4096])
-    with pytest.raises(LogError, match="holds 0 MAVLink frames"):
+    with pytest.raises(LogError, match="contains 0 MAVLink frames"):
         read_bytes(tmp_path, data)
 
 
@@ -92,7 +92,7 @@ def test_frames_of_absurd_length_and_of_unknown_kind_are_passed_over(tmp_path: P
     record = read_bytes(tmp_path, unknown + long + empty + INTACT)
     # Zeros at the end are cut by the protocol, so that no payload at all is a message of zeros.
     assert record.topics[0].time_s.size == FRAMES + 2
-    with pytest.raises(LogError, match="1 MAVLink frames and no message that is known"):
+    with pytest.raises(LogError, match="1 MAVLink frames but no intact message"):
         read_bytes(tmp_path, unknown)
 
 

@@ -102,7 +102,7 @@ def test_a_log_that_ends_in_its_header_is_one_sentence(intact: bytes, tmp_path: 
 
 def test_a_header_followed_by_noise_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "flight.ulg").write_bytes(MAGIC + bytes(9) + np.random.default_rng(3).bytes(100_000))
-    with pytest.raises(LogError, match="holds no topic"):
+    with pytest.raises(LogError, match="contains no topic"):
         read(tmp_path / "flight.ulg")
 
 

@@ -129,6 +129,8 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 log_progress = _PROGRESS.info
 """Report the current step; :func:`progress` shows it."""
 
+_PERCENT = re.compile(r"(\d{1,9}(?:\.\d{1,9})?) ?%")
+_NUMBER = re.compile(r"(?<!\w)\d{1,9}(?:\.\d{1,9})?")
 _PIPE_WIDTH = 240
 _NAME = "rotorid:"
 _BAR_SIGNS = 24
@@ -321,7 +323,7 @@ def _worst_of_each_kind(findings: Sequence[_Key]) -> dict[_Key, int]:
 
 def _largest(message: str) -> tuple[float, float]:
     """The largest percentage of a message and its largest number, zero where there is none."""
-    percents, numbers = (re.findall(pattern, message) for pattern in (r"(\d+(?:\.\d+)?) ?%", r"(?<!\w)\d+(?:\.\d+)?"))
+    percents, numbers = _PERCENT.findall(message), _NUMBER.findall(message)
     return max(map(float, percents), default=0.0), max(map(float, numbers), default=0.0)
 
 

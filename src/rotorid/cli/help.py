@@ -205,5 +205,5 @@ def _help_record(param: Any, ctx: Any) -> tuple[str, str]:
     """Name and help of a parameter; several of a kind are written as one."""
     name, text = param.get_help_record(ctx)
     if param.param_type_name == "argument":
-        return argument_name(param), re.sub(r"\s*\[required\]$", "", text)
+        return argument_name(param), text.removesuffix("[required]").rstrip()
     return re.sub(r"<list\[(\w+)\]>", lambda kind: f"<{kind[1].lower()}>", name), text

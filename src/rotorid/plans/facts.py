@@ -219,13 +219,7 @@ def throttle_by_hand(plan: FlightPlan, autopilot: str) -> bool:
 
 
 def how_to_stop(plan: FlightPlan, autopilot: str) -> str:
-    """How the pilot stops a run: the same words on the card and in every file.
-
-    Examples
-    --------
-    >>> how_to_stop(FlightPlan(name="none", inputs=[]), "PX4")
-    'switch to Position'
-    """
+    """How the pilot stops a run: the same words on the card and in every file."""
     card = named(autopilot).card
     height = f", {card.way_height}" if card.way_height and throttle_by_hand(plan, autopilot) else ""
     return f"{card.way_out}{height}"

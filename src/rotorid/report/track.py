@@ -7,12 +7,13 @@ from rotorid.data.quantity import significant, with_error
 from rotorid.documents.track import TrackDocument, silent, track_document
 from rotorid.fleets.names import shown, words_of
 from rotorid.identifying.tracking import FlightTracking
+from rotorid.models.families import RATE_AXIS
 from rotorid.plot.tracking import followed_gain
 from rotorid.report.frame import Picture, render
 from rotorid.report.parts import finding_rows
 
 WHY = {"stick": "too little stick movement", "air": "rougher air than in the reference"}
-_POWERS = {"rate.roll": "L_roll", "rate.pitch": "M_pitch", "rate.yaw": "N_yaw"}
+_POWERS = {"roll": "L_roll", "pitch": "M_pitch", "yaw": "N_yaw"}
 
 
 def render_track(found: FlightTracking) -> str:
@@ -49,7 +50,7 @@ def render_track(found: FlightTracking) -> str:
 
 def sentences(document: TrackDocument) -> list[str]:
     """The answer in a sentence, then what else was found."""
-    power = words_of(document.model, _POWERS.get(document.model, "gain"))
+    power = words_of(document.model, _POWERS.get(RATE_AXIS.get(document.model, ""), "gain"))
     steps, lines = document.steps, []
     if steps:
         lines += [

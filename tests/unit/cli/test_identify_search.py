@@ -28,7 +28,7 @@ def test_a_person_sees_what_was_searched_and_how_it_scatters(ran: tuple[Path, Ra
     header = next(line for line in told.out.splitlines() if line.startswith("parameter"))
     assert "bootstrap" in header
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert '<div class="card" id="s1-search">' in page
+    assert '<details class="card fold" id="s1-search">' in page
     assert '<div class="card" id="s1-bootstrap">' in page
 
 

@@ -78,7 +78,7 @@ def test_the_text_of_a_model_is_the_model(name: str, tmp_path: Path) -> None:
 
 def test_comments_of_the_library_come_along() -> None:
     assert rotorid("models", "hover.longitudinal").out == library_text("hover.longitudinal")
-    assert rotorid("models", "rate.roll").out.startswith("# Rate of one axis")
+    assert rotorid("models", "rate.roll").out.startswith("# Response of one rate")
 
 
 def test_a_transfer_function_is_written_for_its_channels() -> None:

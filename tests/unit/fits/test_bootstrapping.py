@@ -101,7 +101,7 @@ def test_a_method_without_a_bootstrap_says_so_before_anything_is_fitted(method: 
 
 
 def test_one_run_is_no_bootstrap() -> None:
-    with pytest.raises(UsageError, match="1 run;"):
+    with pytest.raises(UsageError, match="1 is too few;"):
         IdentifySettings(bootstrap=1)
 
 

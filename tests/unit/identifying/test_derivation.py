@@ -123,7 +123,7 @@ def test_tables_hold_it(document: ResultDocument) -> None:
 def test_the_page_shows_it(document: ResultDocument) -> None:
     shown = replace(hover_identification(), document=document)
     text = "".join(Page(render_sections([shown], title="t")).text)
-    assert "What follows for rotors and motors" in text
+    assert "Rotors and motors" in text
     assert "Thrust coefficient over the advance ratio" in text
     assert "Known beside the flight: k_n" in text
 

@@ -219,5 +219,5 @@ def test_wrong_knowledge_is_refused(log: Path, known: dict[str, float], said: st
 def test_wrong_choices_are_refused() -> None:
     with pytest.raises(UsageError, match="did you mean linear"):
         MotorSettings(curve="linea")  # type: ignore[arg-type]
-    with pytest.raises(UsageError, match="a positive length"):
+    with pytest.raises(UsageError, match="is not positive"):
         MotorSettings(arm_m=-0.1)

@@ -140,7 +140,7 @@ def test_values_and_names_are_asked_for() -> None:
         predict(STRUCTURE, {name: TRUTH[name] for name in ("L_roll", "L_p", "T_motor")}, roll_loop(), PLAN)
     with pytest.raises(UsageError, match="excites pitch"):
         predict(STRUCTURE, TRUTH, roll_loop(), sweeps({"pitch": 0.1}, 20.0))
-    with pytest.raises(UsageError, match="the estimate"):
+    with pytest.raises(UsageError, match="unknown estimate"):
         FitSettings(estimate="both")  # type: ignore[arg-type]
 
 

@@ -146,7 +146,7 @@ def test_condensed_residuals_have_the_products_of_all() -> None:
 def test_a_late_output_is_refused() -> None:
     posed = problem()
     late = replace(posed.structure, output_delays=tuple(posed.structure.input_delays[:1]) * 5)
-    with pytest.raises(UsageError, match="delay of an output"):
+    with pytest.raises(UsageError, match="a delay at an output"):
         replace(posed, structure=late).residuals(posed.start)
 
 
