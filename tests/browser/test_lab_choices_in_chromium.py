@@ -144,6 +144,7 @@ def test_a_log_that_is_still_inspected_is_no_obstacle(lab: LabPage) -> None:
     page.unroute_all(behavior="wait")
 
 
+@pytest.mark.slow
 def test_choices_stay_with_their_logs(shared_browser: Any, tmp_path: Path, folder: Path) -> None:
     """Another server at the same address gets nothing of what was chosen on the logs of the one before."""
     private = tmp_path / "private"

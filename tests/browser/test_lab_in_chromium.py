@@ -299,6 +299,7 @@ def test_a_report_opens_in_an_origin_of_its_own(with_steps: LabPage) -> None:
     assert told == "refused"
 
 
+@pytest.mark.slow
 def test_a_killed_worker_and_a_canceled_one_are_said(with_log: LabPage) -> None:
     lab, page = with_log, with_log.page
     lab.fill("#model", "rate.roll,rate.pitch,rate.yaw,axis.roll,axis.pitch,hover.full")

@@ -189,6 +189,7 @@ def free_port() -> int:
 quiet = pytest.mark.filterwarnings("ignore")
 
 
+@pytest.mark.slow
 @posix
 @quiet
 def test_a_scheduler_with_two_workers_gives_the_same_bytes_although_one_is_killed(tmp_path: Path) -> None:

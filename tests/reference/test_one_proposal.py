@@ -56,7 +56,10 @@ def three(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Three:
     return proposals
 
 
-@pytest.mark.parametrize(("name", "axis"), FLIGHTS)
+@pytest.mark.parametrize(
+    ("name", "axis"),
+    [pytest.param(*flight, marks=pytest.mark.slow if place % 2 else ()) for place, flight in enumerate(FLIGHTS)],
+)
 def test_a_log_its_result_and_both_give_one_proposal(name: str, axis: Axis, three: Three) -> None:
     _, found = three(name, axis)
     documents = {given: tune_document(proposal).model_dump()["axes"][axis] for given, proposal in found.items()}

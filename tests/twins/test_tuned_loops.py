@@ -99,6 +99,7 @@ def flown_twice(vehicle: str, factors: tuple[float, float, float], folder: Path,
     return Twice(first, tune(then, after, axes=("roll",)), (before, after), (known, then))
 
 
+@pytest.mark.slow
 def test_the_second_flight_is_what_was_foretold(tmp_path: Path) -> None:
     found = flown_twice("px4_quad", (0.5, 0.5, 0.5), tmp_path)
     proposal = found.first.axes["roll"].proposal

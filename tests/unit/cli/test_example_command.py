@@ -52,6 +52,7 @@ def test_what_is_said_to_try_works(name: str, tmp_path: Path, monkeypatch: pytes
         assert ran.code == 0, f"{words}: {ran.err}"
 
 
+@pytest.mark.slow
 def test_the_racing_quadrotor_is_seen_beyond_its_crossover(tmp_path: Path) -> None:
     """The log of Betaflight tells the plant where the proposed loop needs it, and its proposal shows itself."""
     log = tmp_path / "flight.bbl"
