@@ -29,7 +29,7 @@ def test_a_person_sees_what_was_searched_and_how_it_scatters(ran: tuple[Path, Ra
     assert "bootstrap" in header
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert '<details class="card fold" id="s1-search">' in page
-    assert '<div class="card" id="s1-bootstrap">' in page
+    assert '<details class="card fold" id="s1-bootstrap">' in page
 
 
 def test_the_result_holds_both_and_how_to_make_them_again(ran: tuple[Path, Ran], flight: Path, tmp_path: Path) -> None:

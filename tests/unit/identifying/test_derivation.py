@@ -125,7 +125,7 @@ def test_the_page_shows_it(document: ResultDocument) -> None:
     text = "".join(Page(render_sections([shown], title="t")).text)
     assert "Rotors and motors" in text
     assert "Thrust coefficient over the advance ratio" in text
-    assert "Known beside the flight: k_n" in text
+    assert "Given by you: k_n" in text
 
 
 def test_it_is_printed(document: ResultDocument, capsys: pytest.CaptureFixture[str], tmp_path: object) -> None:
