@@ -176,3 +176,20 @@ def cut(text: str, width: int = _WIDTH) -> str:
 def _kind(values: Iterable[Any]) -> str:
     kinds = {type(value).__name__ for value in values}
     return kinds.pop() if len(kinds) == 1 else "values"
+
+
+CHANNEL_WORDS = {
+    "p": "roll rate",
+    "q": "pitch rate",
+    "r": "yaw rate",
+    "phi": "roll angle",
+    "theta": "pitch angle",
+    "psi": "heading",
+    "u": "forward speed",
+    "v": "sideward speed",
+    "w": "downward speed",
+    "ax": "forward specific force",
+    "ay": "sideward specific force",
+    "az": "downward specific force",
+}
+"""Channels of rates, angles, speeds and accelerations in words, for pictures and tables."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from rotorid.data.display import CHANNEL_WORDS
 from rotorid.data.quantities import figure
 from rotorid.data.quantity import unit as unit_on_paper
 from rotorid.fleets.table import REVIEW
@@ -33,17 +34,6 @@ _SYMBOLS = {
     "kappa": "rotor torque over thrust",
     "thrust_slope": "rotor thrust per output",
     "thrust_full": "rotor thrust at full output",
-}
-_LOOPS = {
-    "p": "roll rate",
-    "q": "pitch rate",
-    "r": "yaw rate",
-    "phi": "roll angle",
-    "theta": "pitch angle",
-    "psi": "heading",
-    "u": "forward speed",
-    "v": "sideward speed",
-    "w": "vertical speed",
 }
 _MEAN_OUTPUT = re.compile(r"motor_(\d+)")
 _PARTS = re.compile(r"(\w+)(.*)", re.DOTALL)
@@ -95,7 +85,7 @@ def shown(model: str, parameter: str, unit: str) -> Shown:
     number = re.search(r"motor_(\d+)_", name)
     words = row.words.replace("#", number[1] if number else "#")
     words += " above 100 Hz" if name.endswith("_above_100hz") else ""
-    words += f" of {_LOOPS.get(of, of) if part == 'loops' else of}" if of else ""
+    words += f" of {CHANNEL_WORDS.get(of, of) if part == 'loops' else of}" if of else ""
     return Shown(words=f"{words}{more}", symbol="", unit=row.unit, factor=row.factor or 1.0)
 
 

@@ -21,7 +21,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rotorid.data.display import counted
+from rotorid.data.display import CHANNEL_WORDS, counted
 from rotorid.data.record import STANDARD_UNITS
 from rotorid.typing import FloatArray
 
@@ -408,21 +408,6 @@ def magnitude_range_db(shown_db: FloatArray) -> tuple[float, float] | None:
     return middle - NARROWEST_DB / 2.0, middle + NARROWEST_DB / 2.0
 
 
-_WORDS = {
-    "p": "roll rate",
-    "q": "pitch rate",
-    "r": "yaw rate",
-    "phi": "roll angle",
-    "theta": "pitch angle",
-    "psi": "heading",
-    "u": "forward speed",
-    "v": "sideward speed",
-    "w": "downward speed",
-    "ax": "forward specific force",
-    "ay": "sideward specific force",
-    "az": "downward specific force",
-}
-
 _WHOLE = {"p_dot": "roll acceleration", "q_dot": "pitch acceleration", "r_dot": "yaw acceleration"}
 
 _SUFFIXES = {"_setpoint": "setpoint", "_dot": "derivative"}
@@ -499,6 +484,6 @@ def _words(name: str) -> str:
         return _WHOLE[name]
     for suffix, word in _SUFFIXES.items():
         symbol = name.removesuffix(suffix)
-        if symbol != name and symbol in _WORDS:
-            return f"{_WORDS[symbol]} {word}"
-    return f"{_WORDS[name]} {name}" if name in _WORDS else name.replace("_", " ")
+        if symbol != name and symbol in CHANNEL_WORDS:
+            return f"{CHANNEL_WORDS[symbol]} {word}"
+    return f"{CHANNEL_WORDS[name]} {name}" if name in CHANNEL_WORDS else name.replace("_", " ")
