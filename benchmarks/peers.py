@@ -49,10 +49,10 @@ def of_accuracy() -> Iterator[Measured]:
 
 
 def of_steps() -> Iterator[Measured]:
-    """Shares of flights of which the rise time is told within its planned error."""
+    """Shares of flights whose rise time is estimated within its planned error."""
     chosen = islice(cases(), 0, None, (96 // FLIGHTS) | 1)
     shares = step_response.rises_within(list(step_response.compare(chosen)))
-    for method, share in zip(("Wiener deconvolution", "rotorid"), shares, strict=True):
+    for method, share in zip(("PID-Analyzer", "rotorid"), shares, strict=True):
         numbers = {"rise_within_percent": share, "flights": FLIGHTS}
         yield Measured("steps", method, numbers, f"python -m benchmarks.step_response --flights {FLIGHTS}")
 
@@ -205,7 +205,7 @@ def peers_table(record: Record) -> str:
         (
             "step response of an ordinary flight, rise time within 5 %",
             f"{rises['rotorid']['rise_within_percent']:.0f} % of {rises['rotorid']['flights']:.0f} flights",
-            f"Wiener deconvolution of blackbox viewers {rises['Wiener deconvolution']['rise_within_percent']:.0f} %",
+            f"PID-Analyzer's published algorithm {rises['PID-Analyzer']['rise_within_percent']:.0f} %",
             "both the log; rotorid says how certain it is",
         ),
         (
