@@ -8,13 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rotorid.cli.console import log_progress, say
-from rotorid.data.display import counted
-from rotorid.io.named import logs_in
+from rotorid.io.named import find_logs, skipped_words
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
-
-_MOST_NAMES = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,9 +21,11 @@ class Found:
     Parameters
     ----------
     files
-        Those that were named themselves, and those that lie in folders and are called like logs.
+        Those that were named themselves, and those of folders that are logs by their names or their content.
     named
         Those that were named themselves: one that is no log is an error.
+    others
+        Files of folders that are no logs by their names and their content.
     skipped
         Files of folders that were tried and are no logs.
     failed
@@ -35,6 +34,7 @@ class Found:
 
     files: Sequence[Path]
     named: frozenset[Path]
+    others: Sequence[Path] = ()
     skipped: list[Path] = field(default_factory=list)
     failed: list[Path] = field(default_factory=list)
 
@@ -45,10 +45,10 @@ class Found:
         Raises
         ------
         UsageError
-            A folder holds nothing that is called like a log.
+            A folder holds no log.
         """
-        files = logs_in(paths)
-        return cls(files=files, named=frozenset(paths).intersection(files))
+        found = find_logs(paths)
+        return cls(files=found.files, named=frozenset(paths).intersection(found.files), others=found.skipped)
 
     def records(self, mapping: Path | None, *, each_alone: bool = False) -> Iterator[FlightRecord]:
         """Read one file after the other; those of folders that are no logs are left out, and remembered.
@@ -92,8 +92,7 @@ class Found:
             raise LogError(f"none of {len(self.files)} files can be read", needed="at least one flight log")
         if len(self.failed) + len(self.skipped) == len(self.files):
             raise LogError(
-                f"no flight log among {counted(len(self.files), 'file')}: {self._names()}",
-                needed="at least one flight log",
+                f"no flight log found, only {skipped_words(self._skipped())}", needed="at least one flight log"
             )
 
     @property
@@ -103,11 +102,8 @@ class Found:
 
     def say_skipped(self) -> None:
         """Name what was left out, in one remark."""
-        if self.skipped:
-            were = "was" if len(self.skipped) == 1 else "were"
-            say(f"rotorid: {counted(len(self.skipped), 'file')} {were} skipped, not a flight log: {self._names()}")
+        if skipped := self._skipped():
+            say(f"rotorid: skipped {skipped_words(skipped)}")
 
-    def _names(self) -> str:
-        names = ", ".join(file.name for file in self.skipped[:_MOST_NAMES])
-        more = len(self.skipped) - _MOST_NAMES
-        return f"{names} and {more} more" if more > 0 else names
+    def _skipped(self) -> list[Path]:
+        return sorted({*self.skipped, *self.others})

@@ -174,8 +174,8 @@ class FleetDocument(Document):
     """``fleet.json``: what many logs show of their vehicles.
 
     ``sentences`` are those of terminal and page, the answer first. Logs are ``done``, ``refused``, ``unreadable`` or
-    ``duplicates``. Probabilities are those of chance alone, over all flights of the series. At most 5 % of what is
-    listed is expected to be a false alarm.
+    ``duplicates``; ``skipped`` are names of other files in the same folders, which are no logs. Probabilities are those
+    of chance alone, over all flights of the series. At most 5 % of what is listed is expected to be a false alarm.
     """
 
     schema_name: Annotated[Literal["rotorid.fleet/1"], Field(alias="schema")] = "rotorid.fleet/1"
@@ -188,6 +188,7 @@ class FleetDocument(Document):
     unreadable: int = 0
     resumed: int
     duplicates: int
+    skipped: list[str] = Field(default_factory=list)
     rows: int
     vehicles: int
     sentences: list[str] = Field(default_factory=list)
@@ -236,6 +237,7 @@ def fleet_document(
         unreadable=counts.unreadable,
         resumed=counts.resumed,
         duplicates=counts.duplicates,
+        skipped=list(counts.skipped),
         rows=counts.rows,
         vehicles=len(verdicts),
         sentences=list(sentences(analysis, counts)),

@@ -6,6 +6,7 @@ import glob
 import hashlib
 import shutil
 import zipfile
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,9 +14,11 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from rotorid.data.base import Immutable
+from rotorid.data.display import visible
 from rotorid.errors import LogError, UsageError
 from rotorid.io.folders import scratch_folder
-from rotorid.io.named import is_log, logs_in
+from rotorid.io.formats import HEAD_BYTES
+from rotorid.io.named import find_logs, is_log, starts_like_log
 
 MEMBER = "!"
 """Between an archive and the name of a log in it."""
@@ -76,7 +79,15 @@ def is_remote(address: str) -> bool:
     return "://" in address
 
 
-def places_of(paths: Iterable[str | Path]) -> tuple[Place, ...]:
+@dataclass(frozen=True, kw_only=True)
+class FoundPlaces(Immutable):
+    """The logs behind what was named, and the names of other files in the same folders, archives and stores."""
+
+    places: tuple[Place, ...]
+    skipped: tuple[str, ...] = ()
+
+
+def find_places(paths: Iterable[str | Path]) -> FoundPlaces:
     """All logs behind files, folders, patterns, archives and addresses, each once, in the order of their names.
 
     Raises
@@ -84,13 +95,24 @@ def places_of(paths: Iterable[str | Path]) -> tuple[Place, ...]:
     UsageError
         A path leads to nothing, or nothing was found at all.
     """
-    found = {place.address: place for path in paths for place in _behind(str(path))}
+    found: dict[str, Place] = {}
+    skipped: dict[str, None] = {}
+    for path in paths:
+        for item in _behind(str(path)):
+            if isinstance(item, Place):
+                found[item.address] = item
+            else:
+                skipped[item] = None
     if not found:
         raise UsageError("no flight log found", needed="a log, a folder of logs, a pattern or an address")
-    return tuple(found[address] for address in sorted(found))
+    return FoundPlaces(
+        places=tuple(found[address] for address in sorted(found)),
+        skipped=tuple(visible(Place(address=item, mark="").name) for item in sorted(skipped) if item not in found),
+    )
 
 
-def _behind(path: str) -> Iterator[Place]:
+def _behind(path: str) -> Iterator[Place | str]:
+    """Logs, and the addresses of other files."""
     if is_remote(path):
         yield from _in_store(path)
         return
@@ -99,37 +121,61 @@ def _behind(path: str) -> Iterator[Place]:
         files = [Path(item) for item in sorted(glob.glob(path, recursive=True))]  # noqa: PTH207 - of any depth, absolute or not
         if not files:
             raise UsageError(f"{path} does not exist", needed="a log, a folder of logs, a pattern or an address")
-    for log in logs_in(files, archives=True):
+    found = find_logs(files, archives=True)
+    for log in found.files:
         yield from _in_file(log)
+    yield from map(str, found.skipped)
 
 
-def _in_file(log: Path) -> Iterator[Place]:
+def _in_file(log: Path) -> Iterator[Place | str]:
     """A file, or the logs in it where it is an archive of several."""
     facts = log.stat()
     mark = f"{facts.st_size}-{facts.st_mtime_ns}"
     if log.suffix.lower() == ".zip" and (members := _members(log)):
-        yield from (Place(address=f"{log}{MEMBER}{name}", mark=f"{mark}-{crc:08x}") for name, crc in members)
+        for name, crc, wanted in members:
+            address = f"{log}{MEMBER}{name}"
+            yield Place(address=address, mark=f"{mark}-{crc:08x}") if wanted else address
         return
     yield Place(address=str(log), mark=mark)
 
 
-def _members(archive: Path) -> list[tuple[str, int]]:
-    """Logs in an archive; none where it has only one file, which the readers unpack themselves."""
+def _members(archive: Path) -> list[tuple[str, int, bool]]:
+    """Name and checksum of the files in an archive, and whether they are logs.
+
+    None where it has only one file, which the readers unpack themselves.
+    """
     try:
         with zipfile.ZipFile(archive) as opened:
-            inside = [member for member in opened.infolist() if not member.is_dir()]
+            inside = [member for member in opened.infolist() if not member.is_dir() and not _hidden(member.filename)]
+            if len(inside) > _MOST_MEMBERS:
+                raise UsageError(f"{archive} contains {len(inside)} files", needed=f"at most {_MOST_MEMBERS}")
+            if len(inside) < 2:
+                return []
+            found = [
+                (member.filename, member.CRC, is_log(Path(member.filename)) or _member_is_log(opened, member))
+                for member in inside
+            ]
     # What zipfile says of damage, of names and offsets that are none, of methods that it does not know. Its one place
     # then goes to the reader, which reports it.
     except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
         return []
-    if len(inside) > _MOST_MEMBERS:
-        raise UsageError(f"{archive} contains {len(inside)} files", needed=f"at most {_MOST_MEMBERS}")
-    return (
-        [(member.filename, member.CRC) for member in inside if is_log(Path(member.filename))] if len(inside) > 1 else []
-    )
+    return found if any(wanted for _, _, wanted in found) else []
 
 
-def _in_store(address: str) -> Iterator[Place]:
+def _hidden(name: str) -> bool:
+    return any(part.startswith(".") or part == "__MACOSX" for part in PurePosixPath(name).parts)
+
+
+def _member_is_log(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bool:
+    try:
+        with archive.open(member) as packed:
+            return starts_like_log(packed.read(HEAD_BYTES))
+    # RuntimeError: it is encrypted.
+    except (OSError, zipfile.BadZipFile, RuntimeError, NotImplementedError, ValueError, EOFError, zlib.error):
+        return False
+
+
+def _in_store(address: str) -> Iterator[Place | str]:
     system, path = _store(address)
     try:
         matched = system.glob(path) if glob.has_magic(path) else [path]
@@ -139,12 +185,21 @@ def _in_store(address: str) -> Iterator[Place]:
     except (OSError, ValueError) as error:
         raise UsageError(f"{address} cannot be listed: {error}") from error
     for name, facts in sorted(files.items()):
-        if is_log(Path(name)):
+        if not is_log(Path(name)) and not _stored_log(system, name):
+            yield str(system.unstrip_protocol(name))
+        else:
             fields = [str(facts.get(key, "")) for key in ("size", "ETag", "etag", "md5Hash", "mtime", "LastModified")]
             yield Place(
                 address=str(system.unstrip_protocol(name)),
                 mark=hashlib.sha256("|".join(fields).encode()).hexdigest()[:24],
             )
+
+
+def _stored_log(system: Any, name: str) -> bool:
+    try:
+        return starts_like_log(system.cat_file(name, start=0, end=HEAD_BYTES))
+    except (OSError, ValueError):
+        return False
 
 
 def _store(address: str) -> tuple[Any, str]:

@@ -20,7 +20,7 @@ from rotorid.data.display import visible
 from rotorid.errors import UsageError
 from rotorid.fleets.engines import Cluster, Engine, Limits, Processes
 from rotorid.fleets.identity import read_named, read_salt, time_of
-from rotorid.fleets.places import Place, places_of
+from rotorid.fleets.places import Place, find_places
 from rotorid.fleets.settings import FleetSettings
 from rotorid.fleets.table import (
     FAILED,
@@ -79,7 +79,8 @@ class Fleet:
         _require_models(settings.models)
         self.settings, self.folder = settings, folder
         self.named = read_named(settings.vehicles)
-        self.places = places_of(paths)
+        found = find_places(paths)
+        self.places, self.skipped = found.places, found.skipped
         require_folder(folder)
         self._claimed = _claim(folder)
         if not settings.resume:
@@ -211,6 +212,7 @@ class Fleet:
             duplicates=self.duplicates,
             resumed=self.resumed,
             rows=sum(len(answer.rows) for answer in counted),
+            skipped=self.skipped,
         )
 
     def gains(self) -> Mapping[str, Mapping[str, float]]:

@@ -207,6 +207,8 @@ class Counts(Immutable):
         Known from earlier runs.
     rows
         Numbers.
+    skipped
+        Names of other files in the same folders, which are no logs.
     """
 
     logs: int
@@ -216,6 +218,7 @@ class Counts(Immutable):
     duplicates: int
     resumed: int
     rows: int
+    skipped: tuple[str, ...] = ()
 
 
 _NUMBERS = ("value", "std", "std_random", "lower", "upper")

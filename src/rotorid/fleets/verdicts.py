@@ -18,6 +18,7 @@ from rotorid.data.quantity import significant
 from rotorid.fleets.analysis import FleetAnalysis, History, quantity_of
 from rotorid.fleets.names import words_of
 from rotorid.fleets.table import Counts
+from rotorid.io.named import skipped_words
 from rotorid.uncertainty.differences import NOTICEABLE_SHARE, Verdict
 
 _PERCENT = f"{100.0 * NOTICEABLE_SHARE:.0f} %"
@@ -249,6 +250,8 @@ def _logs(counts: Counts, vehicles: int) -> str:
         parts.append(f"{counted(counts.duplicates, 'copy was', 'copies were')} left out")
     if counts.resumed:
         parts.append(f"{counts.resumed} {'was' if counts.resumed == 1 else 'were'} read in an earlier run")
+    if counts.skipped:
+        parts.append(f"skipped {skipped_words(counts.skipped)}")
     return "; ".join(parts) + "."
 
 

@@ -25,6 +25,8 @@ class Reader:
         What a message calls it among the formats that are read; empty where another row says it.
     takes_mapping, takes_sandbox
         Whether ``read`` takes a mapping of channels, and whether foreign parsers run in a sandbox.
+    by_content
+        Whether its first bytes alone show that a file is a log, whatever its name. A table may be of anything.
     """
 
     module: str
@@ -32,6 +34,7 @@ class Reader:
     words: str = ""
     takes_mapping: bool = False
     takes_sandbox: bool = False
+    by_content: bool = True
 
 
 READERS: Sequence[Reader] = (
@@ -48,23 +51,34 @@ READERS: Sequence[Reader] = (
         takes_mapping=True,
         takes_sandbox=True,
     ),
-    Reader(module="rotorid.io.tables.matlab", endings=(".mat",), words=".mat", takes_mapping=True, takes_sandbox=True),
-    Reader(module="rotorid.io.tables.npz", endings=(".npz",), words=".npz", takes_mapping=True),
+    Reader(
+        module="rotorid.io.tables.matlab",
+        endings=(".mat",),
+        words=".mat",
+        takes_mapping=True,
+        takes_sandbox=True,
+        by_content=False,
+    ),
+    Reader(module="rotorid.io.tables.npz", endings=(".npz",), words=".npz", takes_mapping=True, by_content=False),
     Reader(
         module="rotorid.io.tables.parquet",
         endings=(".parquet",),
         words=".parquet",
         takes_mapping=True,
         takes_sandbox=True,
+        by_content=False,
     ),
     Reader(module="rotorid.io.betaflight.decoded", takes_mapping=True),
     # Last, since nearly every text looks like a table.
-    Reader(module="rotorid.io.tables.csv", endings=(".csv",), words="CSV", takes_mapping=True),
+    Reader(module="rotorid.io.tables.csv", endings=(".csv",), words="CSV", takes_mapping=True, by_content=False),
 )
 """In the order in which they are asked."""
 
 ENDINGS = frozenset(ending for reader in READERS for ending in reader.endings)
-"""What the files of a folder are recognized by; a file that is named itself may be called anything."""
+"""What the files of a folder are recognized by, else by their content; a file that is named may be called anything."""
+
+HEAD_BYTES = 4096
+"""So much of a file shows its format."""
 
 PACKED = (".gz", ".xz", ".bz2", ".zip")
 """Endings of files that are unpacked first."""

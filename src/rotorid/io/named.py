@@ -2,17 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
-from rotorid.errors import UsageError
-from rotorid.io.formats import ENDINGS, PACKED
+from rotorid.data.display import counted
+from rotorid.errors import LogError, UsageError
+from rotorid.io.formats import ENDINGS, HEAD_BYTES, PACKED, READERS
+
+_MOST_NAMES = 5
+_ARCHIVE = ".zip"
 
 
-def logs_in(paths: Sequence[Path], *, archives: bool = False) -> list[Path]:
-    """The logs behind what was named, each once: of a folder all logs below it, in the order of their names.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FoundLogs:
+    """What lies behind the paths that a user named.
 
-    A folder that is itself one log, of ``ulog2csv`` files, stays as it is.
+    Parameters
+    ----------
+    files
+        The logs, each once: of a folder all logs below it, in the order of their names.
+    skipped
+        Other files of the folders: neither their names nor their first bytes are those of a log.
+    """
+
+    files: tuple[Path, ...]
+    skipped: tuple[Path, ...] = ()
+
+
+def find_logs(paths: Sequence[Path], *, archives: bool = False) -> FoundLogs:
+    """The logs behind what was named, and what the folders hold besides.
+
+    A folder that is itself one log, of ``ulog2csv`` files, stays as it is. Hidden files are not looked at.
 
     Parameters
     ----------
@@ -24,25 +46,37 @@ def logs_in(paths: Sequence[Path], *, archives: bool = False) -> list[Path]:
     UsageError
         A folder holds no log.
     """
-    return list(dict.fromkeys(log for path in paths for log in _behind(path, archives)))
+    files: dict[Path, None] = {}
+    skipped: dict[Path, None] = {}
+    for path in paths:
+        logs, others = _behind(path, archives)
+        files |= dict.fromkeys(logs)
+        skipped |= dict.fromkeys(others)
+    return FoundLogs(files=tuple(files), skipped=tuple(path for path in skipped if path not in files))
 
 
-def _behind(path: Path, archives: bool) -> Iterator[Path]:
+def _behind(path: Path, archives: bool) -> tuple[list[Path], list[Path]]:
     from rotorid.io.px4.folder import is_folder_log
 
     if not path.is_dir() or is_folder_log(path):
-        yield path
-        return
-    found = sorted(
-        file
-        for file in path.rglob("*")
-        if file.is_file() and (is_log(file) or (archives and file.suffix.lower() == ".zip")) and not _hidden(file, path)
-    )
-    if not found:
+        return [path], []
+    logs: list[Path] = []
+    others: list[Path] = []
+    for file in sorted(_visible(path)):
+        wanted = is_log(file) or (archives and file.suffix.lower() == _ARCHIVE) or is_log_by_content(file)
+        (logs if wanted else others).append(file)
+    if not logs:
         raise UsageError(
-            f"{path} contains no flight log", needed=f"files that end in {', '.join(sorted(ENDINGS))}, packed or not"
+            f"{path} contains no flight log" + (f", only {skipped_words(others)}" if others else ""),
+            needed=f"files that end in {', '.join(sorted(ENDINGS))}, packed or not, or logs without an ending",
         )
-    yield from found
+    return logs, others
+
+
+def _visible(folder: Path) -> Iterator[Path]:
+    for file in folder.rglob("*"):
+        if file.is_file() and not any(part.startswith(".") for part in file.relative_to(folder).parts):
+            yield file
 
 
 def is_log(file: Path) -> bool:
@@ -53,5 +87,36 @@ def is_log(file: Path) -> bool:
     return bool(suffixes) and suffixes[-1] in ENDINGS
 
 
-def _hidden(file: Path, below: Path) -> bool:
-    return any(part.startswith(".") for part in file.relative_to(below).parts)
+def is_log_by_content(file: Path) -> bool:
+    """Whether a file starts like a log, unpacked where it is compressed."""
+    from rotorid.io.files import beginning
+
+    try:
+        return starts_like_log(beginning(file, HEAD_BYTES))
+    except (LogError, OSError):
+        return False
+
+
+def starts_like_log(head: bytes) -> bool:
+    r"""Whether a file that starts like this is a log, as on a Crazyflie's card the one that is called ``log00``.
+
+    Examples
+    --------
+    >>> starts_like_log(b"ULog\x01\x12\x35\x01"), starts_like_log(b"part,grams\n")
+    (True, False)
+    """
+    return bool(head) and any(import_module(reader.module).sniff(head) for reader in READERS if reader.by_content)
+
+
+def skipped_words(skipped: Iterable[Path | str]) -> str:
+    """Files that are no logs, counted and named.
+
+    Examples
+    --------
+    >>> skipped_words(["a.txt", "photos/b.png"])
+    '2 files that are no logs: a.txt, b.png'
+    """
+    names = [Path(file).name for file in skipped]
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    are = "that is no log" if len(names) == 1 else "that are no logs"
+    return f"{counted(len(names), 'file')} {are}: {', '.join(names[:_MOST_NAMES])}{more}"

@@ -22,14 +22,11 @@ from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
 from rotorid.io.documents import require_file
 from rotorid.io.files import compression_of, sha256_of, unpacked
-from rotorid.io.formats import READ, READERS, WRITERS, Reader
+from rotorid.io.formats import HEAD_BYTES, READ, READERS, WRITERS, Reader
 from rotorid.io.screening import screened
 from rotorid.io.tables.csv import table_rate_hz
 from rotorid.io.tables.mapped import joined
 from rotorid.io.tables.mapping import ChannelMapping, read_mapping
-
-_HEAD_BYTES = 4096
-
 
 _DECRYPT = "decrypt it with decrypt_logs.py of PX4's Tools/log_encryption and your private key, and give the .ulg"
 _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
@@ -187,7 +184,7 @@ def _head(path: Path, name: str) -> bytes:
     try:
         require_file(path)
         with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
+            head = file.read(HEAD_BYTES)
     # ValueError is Python's word for a name that no file can have.
     except (OSError, ValueError) as error:
         why = f"{path} cannot be opened: {getattr(error, 'strerror', None) or error}"

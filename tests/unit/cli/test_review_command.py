@@ -95,6 +95,7 @@ def untidy(flight: Path, tmp_path: Path) -> Path:
     (logs / "flight.csv").write_bytes(flight.read_bytes())
     (logs / "LASTLOG.TXT").write_text("7\n", encoding="utf-8")
     (logs / "notes.txt").write_text("windy, two batteries\n", encoding="utf-8")
+    (logs / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0")
     (logs / "weights.csv").write_text("part,grams\nframe,120\n", encoding="utf-8")
     return logs
 
@@ -107,8 +108,7 @@ def test_what_is_no_log_in_a_folder_is_skipped_and_named_once(
     ran = rotorid(*command, untidy)
     assert ran.code == 0
     (said,) = [line for line in ran.err.splitlines() if "skipped" in line]
-    assert "3 files were skipped, not a flight log" in said
-    assert "LASTLOG.TXT, notes.txt, weights.csv" in said
+    assert "skipped 4 files that are no logs: LASTLOG.TXT, notes.txt, photo.jpg, weights.csv" in said
     assert "flight.csv" in ran.out
     if "review" in command:
         assert [folder.name for folder in (tmp_path / "rotorid-out").iterdir()] == ["flight-review"]
@@ -134,7 +134,7 @@ def test_a_file_named_by_itself_that_is_no_log_is_an_error(command: str, untidy:
         file.unlink()
     ran = rotorid(command, untidy)
     assert ran.code == 2
-    assert "no flight log among 2 files: LASTLOG.TXT, notes.txt" in ran.err
+    assert "no flight log found, only 3 files that are no logs: LASTLOG.TXT, notes.txt, photo.jpg" in ran.err
 
 
 @pytest.mark.parametrize("output", [(), ("--json",)])

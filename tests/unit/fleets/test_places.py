@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import struct
 import zipfile
 from pathlib import Path
 
@@ -11,12 +12,15 @@ from tests.fleet_logs import write_logs
 
 from rotorid.errors import LogError, UsageError
 from rotorid.fleets.identity import board_of, hidden, read_named, read_salt, time_of
-from rotorid.fleets.places import Place, fetched, places_of
+from rotorid.fleets.places import Place, fetched, find_places
 from rotorid.fleets.settings import FleetSettings, parse_memory
+
+CARD = b"\xbc" + struct.pack("<HHH", 2, 1, 7) + b"fixedFrequency\0"
+"""How a file of a Crazyflie's card begins."""
 
 
 def names(*paths: object) -> list[str]:
-    return [place.name for place in places_of(paths)]  # type: ignore[arg-type]
+    return [place.name for place in find_places(paths).places]  # type: ignore[arg-type]
 
 
 def test_files_folders_and_patterns(tmp_path: Path) -> None:
@@ -34,7 +38,7 @@ def test_logs_in_an_archive(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "many.zip", "w") as archive:
         for log in logs:
             archive.write(log, f"drone/{log.name}")
-    found = places_of([tmp_path / "many.zip"])
+    found = find_places([tmp_path / "many.zip"]).places
     assert [(place.name, place.folder) for place in found] == [(log.name, "drone") for log in logs]
     with fetched(found[1]) as log:
         assert log.read_text() == "value 2"
@@ -46,23 +50,46 @@ def test_addresses_of_a_store(tmp_path: Path) -> None:
     store = fsspec.filesystem("memory")
     for log in write_logs(tmp_path, 2):
         store.pipe_file(f"/fleet/quad/{log.name}", log.read_bytes())
-    found = places_of(["memory://fleet"])
+    found = find_places(["memory://fleet"]).places
     assert [place.name for place in found] == ["log-0001.ulg", "log-0002.ulg"]
     with fetched(found[0]) as log:
         assert log.read_text() == "value 1"
     store.pipe_file("/fleet/quad/log-0001.ulg", b"value 11")
-    assert places_of(["memory://fleet"])[0].mark != found[0].mark
+    assert find_places(["memory://fleet"]).places[0].mark != found[0].mark
 
 
 @pytest.mark.parametrize("path", ["nowhere", "*.nothing", "nothing://there"])
 def test_nothing_is_one_sentence(path: str) -> None:
     with pytest.raises(UsageError):
-        places_of([path])
+        find_places([path])
+
+
+def test_cards_without_endings_are_logs_and_the_rest_is_named(tmp_path: Path) -> None:
+    write_logs(tmp_path, 1)
+    (tmp_path / "log00").write_bytes(CARD)
+    (tmp_path / "log01.gz").write_bytes(gzip.compress(CARD))
+    (tmp_path / "config").write_text("250\n1024\nlog\n0\non:fixedFrequency\n")
+    (tmp_path / ".hidden").write_text("x")
+    with zipfile.ZipFile(tmp_path / "deck.zip", "w") as archive:
+        archive.writestr("card/log00", CARD)
+        archive.writestr("card/photo.jpg", b"\xff\xd8\xff\xe0")
+    found = find_places([tmp_path])
+    assert [place.name for place in found.places] == ["log00", "log-0001.ulg", "log00", "log01.gz"]
+    assert found.skipped == ("config", "photo.jpg")
+
+
+def test_cards_in_a_store(tmp_path: Path) -> None:
+    fsspec = pytest.importorskip("fsspec")
+    store = fsspec.filesystem("memory")
+    store.pipe_file("/deck/cf1/log00", CARD)
+    store.pipe_file("/deck/cf1/config", b"250\n")
+    found = find_places(["memory://deck"])
+    assert ([place.name for place in found.places], found.skipped) == (["log00"], ("config",))
 
 
 def test_an_empty_folder_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="contains no flight log"):
-        places_of([tmp_path])
+        find_places([tmp_path])
 
 
 def test_a_damaged_archive_is_an_error_of_its_log(tmp_path: Path) -> None:
@@ -72,9 +99,9 @@ def test_a_damaged_archive_is_an_error_of_its_log(tmp_path: Path) -> None:
 
 def test_a_changed_file_has_another_mark(tmp_path: Path) -> None:
     (log,) = write_logs(tmp_path, 1)
-    before = places_of([log])[0].mark
+    before = find_places([log]).places[0].mark
     log.write_text("value 12345")
-    assert places_of([log])[0].mark != before
+    assert find_places([log]).places[0].mark != before
 
 
 @pytest.mark.parametrize(
@@ -155,7 +182,7 @@ def test_a_member_whose_name_no_file_can_have_is_one_log_without_an_answer(tmp_p
     with zipfile.ZipFile(tmp_path / "long.zip", "w") as archive:
         archive.writestr("a.csv", "1")
         archive.writestr(name, "1")
-    _, place = places_of([tmp_path / "long.zip"])
+    _, place = find_places([tmp_path / "long.zip"]).places
     assert not place.is_file
     with pytest.raises(LogError, match="cannot be unpacked"), fetched(place):
         pass
