@@ -80,12 +80,12 @@ def test_freestyle_as_a_flight(logs: Callable[[str], FlightRecord]) -> None:
     assert seen.numbers["saturated_low_share"].value > 0.25
 
 
-def test_a_twisted_arm_of_a_real_quadrotor(logs: Callable[[str], FlightRecord]) -> None:
+def test_a_real_quadrotor_whose_diagonals_differ(logs: Callable[[str], FlightRecord]) -> None:
     record = logs("px4_115_s500.ulg")
     seen, untold = motors(record)
     summary, _ = flight(record)
 
-    assert seen.pattern == "twisted arm"
+    assert seen.pattern == "diagonal"
     assert seen.numbers["imbalance"].lower > 0.25
     assert {one.what for one in untold} >= {"motors.events", "motors.output_delay_s"}
     assert summary.flights[0] == pytest.approx((1095.21, 1123.72), abs=0.01)

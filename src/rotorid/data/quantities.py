@@ -73,6 +73,8 @@ class FigureOfMerit(Immutable):
         What to do where a flight does not show it.
     keeps_sign
         Whether it cannot change its sign by what it is.
+    ordinary
+        Whether the limit is that of healthy vehicles, beyond which a number is unusual, but no trouble by itself.
     """
 
     words: str
@@ -89,6 +91,7 @@ class FigureOfMerit(Immutable):
     surer: str = ""
     remedy: str = ""
     keeps_sign: bool = False
+    ordinary: bool = False
 
     @property
     def label(self) -> str:
@@ -126,7 +129,8 @@ class FigureOfMerit(Immutable):
         if judgment == "cannot":
             return f"the limit is {self.limit_text(per)}"
         side = self.good_side if judgment == "good" else "below" if self.good_side == "above" else "above"
-        return f"{side} {self.limit_text(per)} is {'fine' if judgment == 'good' else 'trouble'}"
+        words = ("usual", "unusual") if self.ordinary else ("fine", "trouble")
+        return f"{side} {self.limit_text(per)} is {words[judgment == 'look']}"
 
     def shown(self, quantity: Quantity) -> str:
         """A number with its interval and unit, in one line."""
@@ -162,6 +166,9 @@ class FigureOfMerit(Immutable):
     def _paper(self, value: float) -> float:
         return value if self.factor is None else self.factor * value
 
+
+COMPARE = "compare with an earlier flight: rotorid review LOG --baseline FOLDER"
+"""What names a cause that one flight cannot."""
 
 _DEGREES = 180.0 / math.pi
 _MOVE = "fly longer with the sticks moving"
@@ -240,7 +247,7 @@ _NOISE = {
         unit="m/s²",
         good_below=30.0,
         card="noise",
-        trouble="Vibration disturbs height and position. Balance the propellers; check the mount and the arms.",
+        trouble=f"Vibration disturbs height and position. Could be propellers, motors, arms or the mount; {COMPARE}.",
         whether="vibration is low",
         surer="fly longer",
     ),
@@ -273,16 +280,17 @@ _NOISE = {
     },
 }
 
-# Imbalance is the distance of a motor from the mean of all; a pattern is named from its limit on. At full output
+# Imbalance is the distance of a motor from the mean of all; 95 % of healthy vehicles keep to its limit. At full output
 # nothing is left for control; that share was counted, and is no estimate. Headroom is that of the busiest motor.
 _MOTORS = {
     "imbalance": FigureOfMerit(
         words="imbalance of the motors in steady flight",
         unit="%",
         factor=100.0,
-        good_below=0.08,
+        good_below=0.3,
+        ordinary=True,
         card="motors",
-        whether="the motors share the work evenly",
+        whether="the motors share the work as usual",
         surer=_HOVER,
     ),
     "headroom": FigureOfMerit(

@@ -29,7 +29,7 @@ from rotorid.results.verdicts import LEVEL_OF, Verdict, badge
 from rotorid.results.verdicts import verdict as fit_verdict_of
 from rotorid.reviewing.cards import Card, cards, without_sweep
 from rotorid.reviewing.loops import LOOPS
-from rotorid.reviewing.motors import PATTERNS
+from rotorid.reviewing.motors import possible_causes
 from rotorid.reviewing.values import (
     LoopReview,
     MarginReview,
@@ -45,6 +45,11 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 LOOP_WORDS: Mapping[str, str] = {loop.name: loop.words for loop in LOOPS}
+PLACES = {
+    "one side": "Motors on one side work harder.",
+    "diagonal": "Motors on one diagonal work harder.",
+    "one motor": "One motor differs from the others.",
+}
 _STAGES = {"before": "before the filters", "after": "after the filters"}
 _FAST, _SLOW = ("p", "q", "r"), ("phi", "theta", "psi", "u", "v", "w")
 _MOST_PEAKS = 6
@@ -107,8 +112,9 @@ class Section:
 
     @property
     def pattern(self) -> str:
-        """What the pattern of the motors means."""
-        return PATTERNS[self.review.motors.pattern]
+        """Where the motors are that differ, and what that may come from."""
+        pattern = self.review.motors.pattern
+        return f"{capital(PLACES[pattern])} {possible_causes(pattern)}" if pattern else ""
 
     @property
     def pictures(self) -> tuple[Picture, ...]:

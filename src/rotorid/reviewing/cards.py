@@ -22,7 +22,7 @@ from rotorid.flights.oscillations import describe, gain_words, motors_limited
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import Color
 from rotorid.results.verdicts import verdict
-from rotorid.reviewing.motors import PATTERNS
+from rotorid.reviewing.motors import possible_causes
 from rotorid.reviewing.values import Review, Unavailable
 
 State: TypeAlias = Literal["good", "look", "part", "cannot"]
@@ -37,6 +37,9 @@ STATES: Mapping[State, tuple[str, Color]] = MappingProxyType(
     }
 )
 """Word and color of a state, on every page and line: what is unknown is gray."""
+
+EVEN = 0.08
+"""Imbalance up to which motors are called balanced."""
 
 _SELDOM = 5e-4
 """Share of the flight at a limit that is too small to mention."""
@@ -495,7 +498,8 @@ def _motors(review: Review) -> Card:
         most = max(oscillation.at_limit_percent or 0.0 for oscillation in review.oscillations)
         return replace(even, headline=_stop_first(review), number=f"{most:.0f} % at a limit", scale="")
     if uneven is not None and uneven.verdict == "look":
-        return replace(even, headline="The motors do not share the work evenly.", details=PATTERNS[motors.pattern])
+        headline = "The motors share the work less evenly than usual."
+        return replace(even, headline=headline, details=possible_causes(motors.pattern))
     if high is not None and high.value > QUANTITIES["saturated_high_share"].limit:
         return replace(
             even,
@@ -522,9 +526,14 @@ def _motors(review: Review) -> Card:
     return replace(
         even,
         state=_good(missing),
-        headline=f"Balanced, with {100.0 * left.quantity.value:.0f} % headroom in hover.",
+        headline=f"{_balance_words(uneven.quantity)}, with {100.0 * left.quantity.value:.0f} % headroom in hover.",
         details=_together(desync, limits, _not_measured(missing)),
     )
+
+
+def _balance_words(imbalance: Quantity) -> str:
+    """How evenly motors work that do so within the spread of healthy vehicles."""
+    return "Balanced" if imbalance.upper <= EVEN else "As even as usual"
 
 
 def _at_limits(numbers: Mapping[str, Quantity]) -> str:

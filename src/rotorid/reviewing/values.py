@@ -287,8 +287,8 @@ class MotorReview(Immutable):
     """Motors: limits, balance, headroom.
 
     ``numbers`` are figures of ``motors`` in :data:`rotorid.data.quantities.QUANTITIES`.
-    ``means`` are the mean outputs in steady flight by motor; ``pattern`` is ``center of gravity``, ``twisted arm``,
-    ``one motor`` or empty, ``events`` start times of desync-like events, ``steps_checked`` whether these were sought.
+    ``means`` are the mean outputs in steady flight by motor; ``pattern`` is ``one side``, ``diagonal``, ``one motor``
+    or empty, ``events`` start times of desync-like events, ``steps_checked`` whether these were sought.
     """
 
     means: Mapping[str, Quantity] = field(default_factory=dict)

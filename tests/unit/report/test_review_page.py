@@ -179,7 +179,7 @@ def test_motors_are_well_only_as_far_as_it_was_measured() -> None:
     even = card_of(seen, "motors")
     assert (even.state, even.number) == ("part", "5.0 ± 1.2 % imbalance")
     assert even.sentence.startswith("Balanced, with 50 % headroom in hover. Desync was not checked. Not measured: ")
-    wide = {**seen.motors.numbers, "imbalance": Quantity.normal(0.06, 0.03, "1")}
+    wide = {**seen.motors.numbers, "imbalance": Quantity.normal(0.28, 0.03, "1")}
     assert card_of(replace(seen, motors=MotorReview(numbers=wide)), "motors").state == "cannot"
 
 
