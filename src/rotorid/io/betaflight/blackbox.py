@@ -127,7 +127,8 @@ GROUPED: Mapping[int, int] = MappingProxyType({6: 8, 7: 3, 8: 4, 10: 3})
 """Encodings that write several fields at once, and how many. 6 also takes fewer."""
 SINGLE = frozenset({0, 1, 3, 9})
 CONSTANTS: Mapping[int, str] = MappingProxyType({4: "minthrottle", 8: "", 9: "vbatref", 11: "motorOutput"})
-_RELATIVE = frozenset({0, 1, 2, 3, 5, 6, 7, 10})
+_OF_FRAMES_BEFORE = frozenset({1, 2, 3})
+_RELATIVE = frozenset({0, *_OF_FRAMES_BEFORE, 5, 6, 7, 10})
 
 _INTEGER = re.compile(r"-?\d{1,10}")
 _PARTS = MappingProxyType({"PID": ("P", "I", "D")})
@@ -424,9 +425,12 @@ def _layout(letter: str, values: Mapping[str, str]) -> Layout:
     signs = _integers(f"Field {owner} signed", values, len(names))
     if encodings.count(9) > _MOST_PREDICTED:
         raise _contradiction(f"{encodings.count(9)} fields of {letter} frames take no bytes")
-    if letter != "P" and not {1, 2, 3}.isdisjoint(predictors):
-        raise _contradiction(f"{letter} frames are counted from the frames before them")
-    constants = [_prediction(names, index, code, values) for index, code in enumerate(predictors)]
+    if letter == "I" and not _OF_FRAMES_BEFORE.isdisjoint(predictors):
+        raise _contradiction("I frames are counted from the frames before them")
+    # Firmware writes the values of rare frames as they stand, whatever their header says of the frames before: INAV 7
+    # to 9 announce some fields of slow frames as counted from the last one.
+    codes = predictors if letter in "IP" else [0 if code in _OF_FRAMES_BEFORE else code for code in predictors]
+    constants = [_prediction(names, index, code, values) for index, code in enumerate(codes)]
     return Layout(
         names=names,
         groups=_groups(letter, encodings, first_version=values.get("Data version") == "1"),
@@ -440,7 +444,7 @@ def _groups(letter: str, encodings: Sequence[int], *, first_version: bool) -> tu
     while at < len(encodings):
         code = encodings[at]
         if code not in SINGLE and code not in GROUPED:
-            raise _contradiction(f"encoding {code} of {letter} frames is not known")
+            raise _unknown(f"encoding {code} of {letter} frames")
         count = 1
         while count < GROUPED.get(code, 1) and at + count < len(encodings) and encodings[at + count] == code:
             count += 1
@@ -471,7 +475,7 @@ def _prediction(names: Sequence[str], index: int, code: int, values: Mapping[str
             raise _contradiction(f"{names[index]} is counted from {coordinate}, which is not logged")
         return code, home.index(coordinate)
     if code not in _RELATIVE:
-        raise _contradiction(f"predictor {code} of {names[index]} is not known")
+        raise _unknown(f"predictor {code} of {names[index]}")
     return code, 0
 
 
@@ -497,11 +501,23 @@ def _cadence(values: Mapping[str, str]) -> tuple[int, int, int]:
     return every, part, whole
 
 
-def _contradiction(came: str) -> LogError:
-    # What is quoted may be anything, frames among it, and a sentence is one line without control characters.
-    shown = "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in came[:_LONGEST_QUOTE])
+def _unknown(what: str) -> LogError:
+    """A definition that no published firmware of this family writes: of a newer one, or damaged."""
     return LogError(
-        f"the header of this blackbox log is damaged: {shown}",
+        f"this blackbox log has {_shown(what)}, which rotorid does not know",
+        needed="predictors 0 to 11 and encodings 0, 1, 3 and 6 to 10, as Betaflight and INAV write them",
+        remedy="download the log again; if its firmware is newer than rotorid, report it",
+    )
+
+
+def _shown(text: str) -> str:
+    # What is quoted may be anything, frames among it, and a sentence is one line without control characters.
+    return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in text[:_LONGEST_QUOTE])
+
+
+def _contradiction(came: str) -> LogError:
+    return LogError(
+        f"the header of this blackbox log is damaged: {_shown(came)}",
         needed="the definitions of the fields, complete",
         remedy="download the log from the flight controller again",
     )

@@ -35,7 +35,8 @@ FORMAT = "Betaflight blackbox as CSV"
 _FIRST, _CLOCK = "loopIteration", "time"
 _COLUMN = re.compile(r"(?P<name>\w+(?:\[\d+\])?)(?: \((?P<unit>[^)]*)\))?")
 _FIELDS = re.compile(
-    r"(axis[PIDFS]|axisSum|axisRate|gyroADC|gyroUnfilt|accSmooth|motor|eRPM|setpoint|rcCommand|debug|navPos|navVel)\[\d+\]|vbat\w*|amperageLatest"
+    r"(axis[PIDFS]|axisSum|axisRate|gyroADC|gyroUnfilt|gyroRaw|accSmooth|attitude|imuQuaternion|motor|eRPM|setpoint|"
+    r"rcCommand|debug|navPos|navVel)\[\d+\]|vbat\w*|amperageLatest|amperage"
 )
 _EXPLORER = re.compile(r'"Product"\s*,\s*"?Blackbox flight data recorder')
 _TIMES: Mapping[str, float] = MappingProxyType({"": 1e-6, "us": 1e-6, "ms": 1e-3, "s": 1.0})
@@ -169,7 +170,7 @@ def _layouts(names: Iterable[str]) -> dict[str, Layout]:
 def _raw(values: FloatArray, column: re.Match[str], header: Header) -> FloatArray:
     """A field as the flight controller logged it, out of the unit in which it was written."""
     name, unit = column["name"], (column["unit"] or "").replace("s/s", "s2")
-    if name.startswith(("gyroADC", "gyroUnfilt")) and unit in _ROTATIONS:
+    if name.startswith(("gyroADC", "gyroUnfilt", "gyroRaw")) and unit in _ROTATIONS:
         return values * (_ROTATIONS[unit] / gyro_scale(header))
     if name.startswith("accSmooth") and unit in _ACCELERATIONS:
         return values * (_ACCELERATIONS[unit] * header.number("acc_1G"))

@@ -26,6 +26,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.ranges import RANGES
 from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import LogError
+from rotorid.frames import euler_from_quaternion
 from rotorid.io.betaflight.blackbox import MAGIC, Flight, Header, flights, parameters_of
 from rotorid.io.betaflight.status import status_of
 from rotorid.io.parameters import parameters_changed
@@ -223,6 +224,7 @@ def _rows(flight: Flight) -> Iterator[Row]:
         throttle = _float(flight, "rcCommand[3]") * tenths
         yield Row("thrust_stick", "rcCommand[3]", (throttle - 1000.0) / 1000.0)
     yield from _motor_speeds(flight)
+    yield from _attitude(flight)
     yield from _navigation(flight)
     yield from _battery(flight)
     yield from _terms(flight)
@@ -337,6 +339,28 @@ def _motor_speeds(flight: Flight) -> Iterator[Row]:
             )
 
 
+_ANGLES = ("phi", "theta", "psi")
+_QUATERNION_SCALE = 32767.0
+
+
+def _attitude(flight: Flight) -> Iterator[Row]:
+    """Angles: INAV's in tenths of a degree, pitch counted nose down; Betaflight's as a quaternion without its scalar.
+
+    That is not negative by choice of the sign, so that it follows from the three others.
+    """
+    angles = [f"attitude[{index}]" for index in range(3)]
+    if set(angles) <= set(flight.fields):
+        for name, source, sign in zip(_ANGLES, angles, (1.0, -1.0, 1.0), strict=True):
+            yield Row(name, source, _float(flight, source) * (0.1 * _DEGREE * sign))
+    vector = [f"imuQuaternion[{index}]" for index in range(3)]
+    if set(vector) <= set(flight.fields):
+        axes = np.stack([_float(flight, source) * sign for source, sign in zip(vector, FRD, strict=True)])
+        axes /= _QUATERNION_SCALE
+        scalar = np.sqrt(np.maximum(1.0 - np.sum(axes**2, axis=0), 0.0))
+        for name, values in zip(_ANGLES, euler_from_quaternion(np.stack([scalar, *axes])), strict=True):
+            yield Row(name, "imuQuaternion", values)
+
+
 def _navigation(flight: Flight) -> Iterator[Row]:
     """INAV's own estimate of position and velocity: centimeters, north, east, up."""
     for field, names in (
@@ -350,18 +374,19 @@ def _navigation(flight: Flight) -> Iterator[Row]:
 
 
 def _battery(flight: Flight) -> Iterator[Row]:
-    """Voltage, where the firmware's version says in what it was counted."""
+    """Voltage, where the firmware's version says in what it was counted, and current."""
     name, version = flight.header.firmware
-    if not name:
+    if not name or (name == "Betaflight" and version < (3, 1)):
         return
-    source = "vbat" if name == "INAV" and "vbat" in flight.fields else "vbatLatest"
-    if source not in flight.fields or (name == "Betaflight" and version < (3, 1)):
-        return
-    yield Row(
-        "battery_voltage", source, _float(flight, source) * (0.01 if name == "INAV" or version >= (4, 0) else 0.1)
-    )
-    if "amperageLatest" in flight.fields:
-        yield Row("battery_current", "amperageLatest", _float(flight, "amperageLatest") * 0.01)
+    # INAV's own names come first; firmware before it used those of Betaflight.
+    own = name == "INAV"
+    voltage = "vbat" if own and "vbat" in flight.fields else "vbatLatest"
+    if voltage in flight.fields:
+        scale = 0.01 if own or version >= (4, 0) else 0.1
+        yield Row("battery_voltage", voltage, _float(flight, voltage) * scale)
+    current = "amperage" if own and "amperage" in flight.fields else "amperageLatest"
+    if current in flight.fields:
+        yield Row("battery_current", current, _float(flight, current) * 0.01)
 
 
 def _terms(flight: Flight) -> Iterator[Row]:
@@ -374,6 +399,8 @@ def _terms(flight: Flight) -> Iterator[Row]:
                 yield Row(f"{axis}_{term.lower()}_term", source, _float(flight, source) * scale)
 
 
+_UNFILTERED_FIELDS = ("gyroUnfilt", "gyroRaw")
+"""Of Betaflight and of INAV."""
 _UNFILTERED_MODES = {(3, 4): 6, (3, 1): 3}
 """``debug_mode`` whose debug fields hold the gyro before its filters, by the first version that numbers it so.
 
@@ -386,8 +413,9 @@ _SMOOTHED, _PLACES = 32, 1000
 def _unfiltered(flight: Flight) -> Iterator[Row]:
     """The gyro before its filters: a field of its own in newer versions, debug fields in older ones."""
     names = "p_raw q_raw r_raw"
-    if "gyroUnfilt[0]" in flight.fields:
-        yield from _body(flight, "gyroUnfilt", names, gyro_scale(flight.header))
+    own = next((field for field in _UNFILTERED_FIELDS if f"{field}[0]" in flight.fields), "")
+    if own:
+        yield from _body(flight, own, names, gyro_scale(flight.header))
         return
     firmware, version = flight.header.firmware
     if firmware != "Betaflight":

@@ -113,6 +113,34 @@ def test_positions_are_counted_from_home() -> None:
     assert len(flight.frames) == 2
 
 
+@pytest.mark.parametrize("predictor", [1, 2, 3])
+def test_slow_frames_hold_their_values_as_they_stand_whatever_they_are_counted_from(predictor: int) -> None:
+    """INAV 7 to 9 announce the rate of the receiver as counted from the frame before, and write it whole."""
+    lines = (
+        "H Field S name:flightModeFlags,rxUpdateRate\nH Field S signed:0,0\n"
+        f"H Field S predictor:0,{predictor}\nH Field S encoding:1,1\n"
+    )
+    start = header(["debug[0]"], inter_encoding=[0], inter_predictor=[1], lines=lines)
+    slow = [b"S" + unsigned(1) + unsigned(rate) for rate in (150, 151, 90)]
+
+    flight = only(start + intra(0, 5000, 1) + slow[0] + inter(signed(1)) + slow[1] + inter(signed(1)) + slow[2] + END)
+
+    assert flight.slow_field("rxUpdateRate").tolist() == [150, 151, 90]
+    assert flight.field("debug[0]").tolist() == [1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("kind", "field"), [("predictor", "Field P predictor:6,1"), ("encoding", "Field P encoding:9,1")]
+)
+def test_a_definition_of_a_newer_firmware_is_unknown_not_damage(kind: str, field: str) -> None:
+    start = header(["debug[0]"], inter_encoding=[0], inter_predictor=[0]).replace(
+        f"{field},0".encode(), f"{field},23".encode()
+    )
+
+    with pytest.raises(LogError, match=rf"{kind} 23 of .*, which rotorid does not know.*newer than rotorid"):
+        parse_header(start)
+
+
 SLOW = (
     "H Field S name:flightModeFlags,failsafePhase\nH Field S signed:0,0\nH Field S predictor:0,0\n"
     "H Field S encoding:1,1\nH Firmware revision:Betaflight 4.3.1 (8d4f005) STM32F7X2\n"

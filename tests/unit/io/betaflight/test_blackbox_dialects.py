@@ -225,6 +225,35 @@ def test_inav_counts_in_centimeters_and_upward(tmp_path: Path) -> None:
     )
 
 
+def test_inav_logs_angles_in_tenths_of_a_degree_and_the_pitch_nose_down(tmp_path: Path) -> None:
+    lines = "H Firmware type:Cleanflight\nH Firmware revision:INAV 9.0.0 (abc) JHEMCUF435\nH gyro_scale:0x3f800000\n"
+    angles = {f"attitude__{index}": value for index, value in enumerate((100, -200, 3000))}
+
+    found = one_frame(tmp_path, lines, **angles, gyroRaw__0=7, amperage=1250)
+
+    assert found == pytest.approx(
+        {
+            "phi": 10 * DEGREE,
+            "theta": 20 * DEGREE,
+            "psi": 300 * DEGREE,
+            "p_raw": 7 * DEGREE,
+            "battery_current": 12.5,
+        }
+    )
+
+
+def test_angles_of_betaflight_come_from_the_vector_of_a_quaternion(tmp_path: Path) -> None:
+    """A quarter turn to the right, in axes forward, left, up: about −z."""
+    yawed = {f"imuQuaternion__{index}": value for index, value in enumerate((0, 0, round(-math.sqrt(0.5) * 32767)))}
+    pitched = {f"imuQuaternion__{index}": value for index, value in enumerate((0, round(-0.5 * 32767), 0))}
+    assert one_frame(tmp_path, BETAFLIGHT, **yawed) == pytest.approx(
+        {"phi": 0.0, "theta": 0.0, "psi": math.pi / 2}, abs=1e-4
+    )
+    assert one_frame(tmp_path, BETAFLIGHT, **pitched) == pytest.approx(
+        {"phi": 0.0, "theta": 60 * DEGREE, "psi": 0.0}, abs=1e-4
+    )
+
+
 def test_high_resolution_counts_tenths(tmp_path: Path) -> None:
     lines = BETAFLIGHT + "H gyro_scale:0x3f800000\nH blackbox_high_resolution:1\n"
 
