@@ -136,6 +136,12 @@ def read(path: Path, source: Source) -> FlightRecord:
         )
     log = decode(data)
     topics = tuple(topic for event in log.events if (topic := _topic(event)) is not None)
+    if not any(event.time_s.size for event in log.events):
+        raise LogError(
+            f"{source.name} contains a header and no samples",
+            needed="samples of variables such as gyro.x, acc.z, motor.m1",
+            remedy="write 1 in the fourth line of config.txt on the card (log from power-on), or set usd.logging = 1",
+        )
     if not topics:
         column_names = ", ".join(repr(name)[1:-1] for event in log.events for name in event.columns) or "nothing"
         raise LogError(

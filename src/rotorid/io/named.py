@@ -13,6 +13,7 @@ from rotorid.io.formats import ENDINGS, HEAD_BYTES, PACKED, READERS
 
 _MOST_NAMES = 5
 _ARCHIVE = ".zip"
+_SHARED = (".txt", ".log")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -63,7 +64,8 @@ def _behind(path: Path, archives: bool) -> tuple[list[Path], list[Path]]:
     logs: list[Path] = []
     others: list[Path] = []
     for file in sorted(_visible(path)):
-        wanted = is_log(file) or (archives and file.suffix.lower() == _ARCHIVE) or is_log_by_content(file)
+        named = is_log(file) or (archives and file.suffix.lower() == _ARCHIVE)
+        wanted = not _is_prose(file) if named else is_log_by_content(file)
         (logs if wanted else others).append(file)
     if not logs:
         raise UsageError(
@@ -85,6 +87,19 @@ def is_log(file: Path) -> bool:
     if suffixes and suffixes[-1] in PACKED:
         suffixes.pop()
     return bool(suffixes) and suffixes[-1] in ENDINGS
+
+
+def _is_prose(file: Path) -> bool:
+    """Whether a text has an ending that logs and notes share, and nothing of a log or a table in it."""
+    from rotorid.io.files import beginning
+
+    if not any(file.name.lower().endswith((ending, *map(ending.__add__, PACKED))) for ending in _SHARED):
+        return False
+    try:
+        head = beginning(file, HEAD_BYTES)
+    except (LogError, OSError):
+        return False
+    return bool(head) and b"\0" not in head and not any(import_module(row.module).sniff(head) for row in READERS)
 
 
 def is_log_by_content(file: Path) -> bool:

@@ -20,6 +20,7 @@ from rotorid.data.display import visible
 from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
+from rotorid.io.blank import blank_tail
 from rotorid.io.documents import require_file
 from rotorid.io.files import compression_of, sha256_of, unpacked
 from rotorid.io.formats import HEAD_BYTES, READ, READERS, WRITERS, Reader
@@ -100,27 +101,40 @@ def read(
 
 
 def _read_file(path: Path, mapping: ChannelMapping | None, *, sandbox: bool) -> FlightRecord:
-    """One file by the reader of its format."""
+    """One file by the reader of its format; of one that is blank from a place on, that is said first."""
     with _opened(path) as (log, head):
-        if mapping is None and _is_topic(path.name, head):
-            return _read_topic(log, path)
-        reader, module = _reader_of(head, path.name)
-        options: dict[str, Any] = {"sandbox": sandbox} if reader.takes_sandbox else {}
-        if reader.takes_mapping:
-            options["mapping"] = mapping
-        elif mapping is not None:
-            raise UsageError(
-                f"a mapping was given for {path.name}, which is {module.FORMAT}",
-                needed="a mapping for CSV, MATLAB, NPZ, Parquet and ROS files only",
-                remedy="leave --map out: this format names its own channels",
-            )
-        source = Source(name=visible(path.name), format=module.FORMAT, sha256=sha256_of(path))
+        blank = blank_tail(log)
         try:
-            record: FlightRecord = module.read(log, source, **options)
+            record = _read_opened(path, log, head, mapping, sandbox=sandbox)
         except LogError as error:
-            if source.name in error.came:
+            if blank is None:
                 raise
-            raise LogError(f"{source.name}: {error.came}", needed=error.needed, remedy=error.remedy) from error
+            raise blank.error(visible(path.name), error) from error
+    finding = blank and blank.finding()
+    return replace(record, findings=(finding, *record.findings)) if finding else record
+
+
+def _read_opened(path: Path, log: Path, head: bytes, mapping: ChannelMapping | None, *, sandbox: bool) -> FlightRecord:
+    """A file by the reader of its format: ``log`` is what ``path`` holds unpacked."""
+    if mapping is None and _is_topic(path.name, head):
+        return _read_topic(log, path)
+    reader, module = _reader_of(head, path.name)
+    options: dict[str, Any] = {"sandbox": sandbox} if reader.takes_sandbox else {}
+    if reader.takes_mapping:
+        options["mapping"] = mapping
+    elif mapping is not None:
+        raise UsageError(
+            f"a mapping was given for {path.name}, which is {module.FORMAT}",
+            needed="a mapping for CSV, MATLAB, NPZ, Parquet and ROS files only",
+            remedy="leave --map out: this format names its own channels",
+        )
+    source = Source(name=visible(path.name), format=module.FORMAT, sha256=sha256_of(path))
+    try:
+        record: FlightRecord = module.read(log, source, **options)
+    except LogError as error:
+        if source.name in error.came:
+            raise
+        raise LogError(f"{source.name}: {error.came}", needed=error.needed, remedy=error.remedy) from error
     return record
 
 

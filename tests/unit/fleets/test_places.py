@@ -70,12 +70,13 @@ def test_cards_without_endings_are_logs_and_the_rest_is_named(tmp_path: Path) ->
     (tmp_path / "log01.gz").write_bytes(gzip.compress(CARD))
     (tmp_path / "config").write_text("250\n1024\nlog\n0\non:fixedFrequency\n")
     (tmp_path / ".hidden").write_text("x")
+    (tmp_path / "notes.txt").write_text("It was windy.\n")
     with zipfile.ZipFile(tmp_path / "deck.zip", "w") as archive:
         archive.writestr("card/log00", CARD)
         archive.writestr("card/photo.jpg", b"\xff\xd8\xff\xe0")
     found = find_places([tmp_path])
     assert [place.name for place in found.places] == ["log00", "log-0001.ulg", "log00", "log01.gz"]
-    assert found.skipped == ("config", "photo.jpg")
+    assert found.skipped == ("config", "photo.jpg", "notes.txt")
 
 
 def test_cards_in_a_store(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 
@@ -294,12 +294,15 @@ class DataFlashLog:
         Bytes of the log.
     undecodable
         Names of messages whose definition contradicts itself.
+    defined
+        Name to columns of all messages that are defined, whether there is one or not.
     """
 
     tables: Mapping[str, Table]
     gaps: tuple[tuple[int, int], ...]
     size: int
     undecodable: tuple[str, ...] = ()
+    defined: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def skipped_bytes(self) -> int:
@@ -357,7 +360,8 @@ def decode(data: bytes | memoryview | AnyArray, names: Collection[str] | None = 
             remedy="download the log from the autopilot again, in binary form",
         )
     tables, undecodable = _tables(log, found, definitions, names)
-    return DataFlashLog(tables=tables, gaps=gaps, size=log.size, undecodable=undecodable)
+    defined = {layout.name: layout.columns for layouts in definitions.values() for _, layout in layouts}
+    return DataFlashLog(tables=tables, gaps=gaps, size=log.size, undecodable=undecodable, defined=defined)
 
 
 def _chain(
@@ -621,7 +625,7 @@ def parse_format(message: bytes) -> Format | None:
     ('TimeUS', 'R')
     """
     number, length = message[3], message[4]
-    name, letters, columns = (text_of(field) for field in (message[5:9], message[9:25], message[25:89]))
+    name, letters, columns = (text_of(part) for part in (message[5:9], message[9:25], message[25:89]))
     if length < HEADER_BYTES or not name or not (name.isascii() and name.isprintable()):
         return None
     return Format(

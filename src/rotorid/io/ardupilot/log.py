@@ -199,10 +199,17 @@ def read(path: Path, source: Source) -> FlightRecord:
         The file cannot be read or is no DataFlash log.
     """
     log = decode(file_bytes(path), WANTED)
-    return record_of(log.tables, source, log.findings)
+    if not log.tables.keys() - _NO_FLIGHT:
+        log = decode(file_bytes(path))  # the error names what is there
+    return record_of(log.tables, source, log.findings, log.defined)
 
 
-def record_of(tables: Mapping[str, Table], source: Source, findings: Iterable[Finding] = ()) -> FlightRecord:
+def record_of(
+    tables: Mapping[str, Table],
+    source: Source,
+    findings: Iterable[Finding] = (),
+    defined: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
+) -> FlightRecord:
     """The flight record behind the messages of an ArduPilot log, whatever container they came from.
 
     Parameters
@@ -211,14 +218,18 @@ def record_of(tables: Mapping[str, Table], source: Source, findings: Iterable[Fi
         Message name to its table.
     source
         What is known of the file; the firmware is filled in.
+    findings
+        Of the container.
+    defined
+        Name to columns of the messages that the log defines, whether there is one or not.
 
     Raises
     ------
     LogError
-        The messages are those of PX4 before 2017, which framed its logs alike.
+        The messages are those of PX4 before 2017, which framed its logs alike, or hold no channel that is read.
     """
-    if "TIME" in tables and "StartTime" in tables["TIME"]:
-        raise _sdlog2(source.name)
+    if ("TIME" in tables and "StartTime" in tables["TIME"]) or _is_sdlog2(defined):
+        raise _sdlog2(source.name, empty=not tables.keys() - _NO_FLIGHT)
     parameters, firmware = _parameters(tables), firmware_of(tables)
     runs = _system_id_runs(tables, parameters)
     sticks = stick_topic(tables, parameters)
@@ -229,6 +240,8 @@ def record_of(tables: Mapping[str, Table], source: Source, findings: Iterable[Fi
         *(() if sticks is None else (sticks,)),
         *sensor_topics(tables, parameters),
     )
+    if not any(topic.channels and topic.time_s.size for topic in topics):
+        raise _empty(source.name, tables)
     status = status_of(tables, parameters, firmware.text, _span_s(topics))
     return FlightRecord(
         source=replace(source, firmware=firmware.text),
@@ -281,12 +294,40 @@ def _changed(tables: Mapping[str, Table], status: Status) -> Iterator[Finding]:
         yield parameters_changed(changed, "Parameters changed after arming")
 
 
-def _sdlog2(name: str) -> LogError:
+_SDLOG2 = frozenset({"ATSP", "ATTC", "LPSP", "GPSP", "SENS", "LPOS"})
+"""Messages that PX4 defined and ArduPilot never did."""
+
+
+def _is_sdlog2(defined: Mapping[str, tuple[str, ...]]) -> bool:
+    return len(_SDLOG2 & defined.keys()) > 1 or "qw" in defined.get("ATT", ())
+
+
+def _sdlog2(name: str, *, empty: bool) -> LogError:
+    kind = "a log of PX4 before 2017 (sdlog2)"
+    if empty:
+        return LogError(
+            f"{name} is the beginning of {kind}: it defines messages and contains none",
+            needed="a log of a flight",
+            remedy="copy it again from the card; if it is the same there, arm, since it is written in flight only",
+        )
     return LogError(
-        f"{name} is a log of PX4 before 2017 (sdlog2), which is framed like ArduPilot's and contains other messages",
+        f"{name} is {kind}, which is framed like ArduPilot's and contains other messages",
         needed="a PX4 .ulg, or a table that a mapping can name",
         remedy="convert it with sdlog2_dump.py of PX4's Tools/sdlog2 to CSV, and name its columns with --map FILE.toml",
     )
+
+
+def _empty(name: str, tables: Mapping[str, Table]) -> LogError:
+    """The error of a log without a message of a flight, and the one setting that mends it."""
+    held = [message for message, table in tables.items() if message.partition("#")[0] not in _NO_FLIGHT]
+    if held:
+        came, remedy = f"no rates, attitude or motor outputs, only {', '.join(held[:5])}", "set LOG_BITMASK = 176126"
+    else:
+        came, remedy = "no flight, only definitions and parameters", "arm, or set LOG_DISARMED = 1 to log before arming"
+    return LogError(f"{name} contains {came}", needed="a log of a flight, such as RATE with IMU", remedy=remedy)
+
+
+_NO_FLIGHT = frozenset({"FMT", "FMTU", "UNIT", "MULT", "PARM", "VER", "MSG"})
 
 
 def _instruments(runs: tuple[Run, ...], sticks: Topic | None) -> Mapping[str, tuple[str, ...]]:

@@ -84,7 +84,7 @@ def read(path: Path, source: Source) -> FlightRecord:
             remedy="give the .BIN or .tlog that the text was made from",
         )
     log = decode(b"".join(written.messages), WANTED)
-    return record_of(log.tables, source, (*log.findings, *_damage(written.damaged)))
+    return record_of(log.tables, source, (*log.findings, *_damage(written.damaged)), log.defined)
 
 
 def _damage(lines: int) -> Iterator[Finding]:

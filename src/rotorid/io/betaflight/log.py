@@ -98,7 +98,11 @@ def record_of(readable: Sequence[Flight], unread: Sequence[tuple[int, LogError]]
     longest = readable[0]
     topics = tuple(_main_topic(flight, _chirp_rows(flight)) for flight in readable)
     if not topics[0].channels:
-        raise _empty(source.name)
+        raise LogError(
+            f"{source.name} contains no gyro, motors, sticks or set-points",
+            needed="frames with fields such as gyroADC and motor",
+            remedy="set blackbox_disable_gyro = OFF in the CLI",
+        )
     return FlightRecord(
         source=replace(source, firmware=longest.header.values.get("Firmware revision", "")),
         topics=tuple(topic for topic in topics if topic.channels),
@@ -164,9 +168,9 @@ def _instruments(topics: tuple[Topic, ...]) -> dict[str, tuple[str, ...]]:
 
 def _empty(name: str) -> LogError:
     return LogError(
-        f"{name} contains no frame that can be read",
-        needed="a blackbox log with a complete header and at least one I frame",
-        remedy="download the log from the flight controller again",
+        f"{name} contains a header and no frame that can be read",
+        needed="at least one I frame",
+        remedy="set blackbox_mode = NORMAL in the CLI, arm and fly; if it flew, download the log again",
     )
 
 

@@ -57,6 +57,7 @@ def read(path: Path, source: Source) -> FlightRecord:
         "dropouts": log.dropouts,
         "damage": log.damage,
         "size_bytes": log.size_bytes,
+        "subscribed": log.subscribed,
     }
     return record_of(log.arrays, facts, replace(source, firmware=_firmware(log.info)))
 
@@ -197,6 +198,25 @@ _INSTRUMENTS = {
 }
 
 
+def _empty(name: str, facts: Mapping[str, Any]) -> LogError:
+    """The error of a log without a topic that is read, and the one setting that mends it."""
+    came, subscribed = f"{name} contains no topic with commands, rates, attitude or position", facts.get("subscribed")
+    if not subscribed and facts.get("damage"):
+        remedy = "it is damaged: copy it again from the vehicle"
+    elif subscribed is not None and not subscribed:
+        came = f"{name} contains no topic at all, only what precedes them"
+        remedy = "set SDLOG_MODE = 0 (log from arming to disarming) and arm"
+    else:
+        few = ", ".join(subscribed[:_MOST_NAMED]) + ", ..." * (len(subscribed) > _MOST_NAMED) if subscribed else ""
+        came, remedy = f"{came}{few and ', only '}{few}", "set SDLOG_PROFILE = 1 (default topics)"
+    return LogError(
+        came, needed="a log of a flight, such as vehicle_torque_setpoint with vehicle_angular_velocity", remedy=remedy
+    )
+
+
+_MOST_NAMED = 5
+
+
 def wanted_fields() -> dict[str, list[str]]:
     """Name of each topic to the names of its fields, as the table wants them; stamps are wanted without being named."""
     wanted: dict[str, list[str]] = {topic: list(fields) for topic, fields in STATUS_FIELDS.items()}
@@ -229,11 +249,7 @@ def record_of(arrays: Mapping[str, AnyArray], facts: Mapping[str, Any], source: 
     topics, remarks = _topics(arrays, parameters)
     topics = (*topics, *sensor_topics(arrays, parameters)) if topics else ()
     if not topics:
-        raise LogError(
-            f"{source.name} contains no topic with commands, rates, attitude or position",
-            needed="a log of a flight, such as vehicle_torque_setpoint with vehicle_angular_velocity",
-            remedy="check that the logger was on in flight (SDLOG_MODE, SDLOG_PROFILE)",
-        )
+        raise _empty(source.name, facts)
     status = status_of(arrays, parameters, _span_s(topics))
     return FlightRecord(
         source=source,

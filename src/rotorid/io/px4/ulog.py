@@ -116,6 +116,8 @@ class ULog:
         First byte, first byte after, and reason of what cannot be read.
     size_bytes
         Length of the file.
+    subscribed
+        Names of all topics that the logger was to write.
     """
 
     arrays: Mapping[str, AnyArray]
@@ -125,6 +127,7 @@ class ULog:
     dropouts: Sequence[tuple[float, float]]
     damage: Sequence[tuple[int, int, str]]
     size_bytes: int
+    subscribed: tuple[str, ...] = ()
 
 
 def extract(path: Path, topics: Mapping[str, Sequence[str]]) -> ULog:
@@ -174,6 +177,7 @@ def extract(path: Path, topics: Mapping[str, Sequence[str]]) -> ULog:
         dropouts=list(_dropouts(data, found, streams, arrays)),
         damage=damage,
         size_bytes=data.size,
+        subscribed=found.subscribed,
     )
 
 
@@ -318,6 +322,8 @@ class Walk:
         First byte of each message that states an information, a parameter or a dropout, in order.
     definitions
         Formats as they were at the end of the file.
+    subscribed
+        Names of all topics that the logger was to write, each once.
     """
 
     intact: tuple[tuple[int, int], ...]
@@ -325,6 +331,7 @@ class Walk:
     streams: tuple[Stream, ...]
     statements: tuple[int, ...]
     definitions: Definitions
+    subscribed: tuple[str, ...] = ()
 
 
 def walk(data: bytes | AnyArray, topics: Collection[str] = ()) -> Walk:
@@ -370,6 +377,7 @@ def walk(data: bytes | AnyArray, topics: Collection[str] = ()) -> Walk:
         streams=tuple(_Part.joined(part) for part in walker.parts),
         statements=tuple(walker.statements),
         definitions=walker.definitions,
+        subscribed=tuple(dict.fromkeys(subscription.topic for subscription in walker.known.values())),
     )
 
 

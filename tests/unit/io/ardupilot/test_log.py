@@ -188,6 +188,7 @@ def test_parameters_are_the_last_ones_and_say_nothing_of_the_place(tmp_path: Pat
     log = Log()
     for name, value in (("SIH_MASS", 1.0), ("SIH_MASS", 2.0), ("SIM_OPOS_LAT", -35.0), ("AHRS_ORIG_LON", 149.0)):
         log.parameter(name, value)
+    log.run(1_000_000, 10, 1.0, 10.0)
 
     record = log.read(tmp_path)
 
