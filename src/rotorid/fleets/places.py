@@ -88,7 +88,7 @@ class FoundPlaces(Immutable):
 
 
 def find_places(paths: Iterable[str | Path]) -> FoundPlaces:
-    """All logs behind files, folders, patterns, archives and addresses, each once, in the order of their names.
+    """The logs as :func:`places_of` finds them, and what is no log.
 
     Raises
     ------
@@ -109,6 +109,17 @@ def find_places(paths: Iterable[str | Path]) -> FoundPlaces:
         places=tuple(found[address] for address in sorted(found)),
         skipped=tuple(visible(Place(address=item, mark="").name) for item in sorted(skipped) if item not in found),
     )
+
+
+def places_of(paths: Iterable[str | Path]) -> tuple[Place, ...]:
+    """All logs behind files, folders, patterns, archives and addresses, each once, in the order of their names.
+
+    Raises
+    ------
+    UsageError
+        A path leads to nothing, or nothing was found at all.
+    """
+    return find_places(paths).places
 
 
 def _behind(path: str) -> Iterator[Place | str]:
