@@ -6,11 +6,11 @@ less. So low and high frequencies of one sweep are measured with slopes that dif
 shows where a lag can follow. By how much is known up to a factor from zero to one,
 
 .. math:: \Delta \ln|H(\omega)| = \gamma \, \ln \frac{\bar c(\omega)}{\bar c}, \qquad \gamma = \min(2 (n - 1), 1),
-    \qquad n = \frac{|a_z / c| \, \bar c}{g}
+    \qquad n = \frac{|a_z / c| \, \bar c}{\overline{-a_z}}
 
 with the mean command :math:`\bar c(\omega)` at the times when the input moved at a frequency. The elasticity n is one
-of thrust in proportion to the command and two of a square; in hover thrust is the weight, so that the response of heave
-to thrust shows it, at the frequencies where it is largest. A curve of second order through zero has
+of thrust in proportion to the command and two of a square; mean specific force is mean thrust, so that the response of
+heave to thrust shows it, at the frequencies where it is largest. A curve of second order through zero has
 :math:`\gamma = 2 (n - 1)/n`; with an offset it is more or less, so that the larger one counts. Where a log holds no
 excitation of thrust, a factor of 0.6 stands for all from zero to one (its root mean square).
 """
@@ -169,4 +169,10 @@ def _of_history(history: TimeHistory) -> float | None:
     coherent = (hz >= low) & (hz <= high) & (coherence >= _COHERENT)
     if not coherent.any():
         return None
-    return float(np.max(np.abs(together[coherent]) / moved[coherent])) * level / STANDARD_GRAVITY_M_S2
+    return float(np.max(np.abs(together[coherent]) / moved[coherent])) * level / _mean_force(heave)
+
+
+def _mean_force(heave: FloatArray) -> float:
+    """Mean specific force along the thrust; gravity, where the accelerometer shows less than half of it."""
+    measured = -float(heave.mean())
+    return measured if measured > 0.5 * STANDARD_GRAVITY_M_S2 else STANDARD_GRAVITY_M_S2

@@ -109,6 +109,9 @@ _SAME = 1e-6
 _HOVER_DIFFERS = 0.05
 """Relative difference of the hover output of vehicle and result from which there is a remark."""
 
+_HOVER_LOAD = 0.05
+"""How far the mean thrust of a flight may lie from the weight for its mean output to be that of hover."""
+
 _TRIANGLE_ROUNDING = 1e-3
 """Share of the yaw inertia by which it may violate the triangle of inertias, in addition to its errors."""
 
@@ -187,15 +190,19 @@ class JoinedVehicle(Immutable):
 
     @property
     def stated_hover_output(self) -> float:
-        """Mean output in hover that a result states of its flights; by mass and thrust, where none does.
+        """Mean output that a result states of its flights, if they hovered; by mass and thrust, where none does.
 
         Raises
         ------
         UsageError
             The vehicle is not known in full.
         """
-        motors = (model.motors for model in self.models if model.motors is not None)
-        return next((physics.hover_output for physics in motors if physics.outputs != "speed"), self.hover_output)
+        stated = (
+            model.motors.hover_output
+            for model in self.models
+            if model.motors is not None and model.motors.outputs != "speed" and _hovered(model.motors)
+        )
+        return next(stated, self.hover_output)
 
     @property
     def hover_output(self) -> float:
@@ -882,15 +889,22 @@ def _multirotor(
     )
 
 
+def _hovered(motors: MotorPhysics) -> bool:
+    """Whether the mean output of the fitted stretches is one of hover; as older results do not state it, they did."""
+    return motors.load_factor is None or abs(motors.load_factor - 1.0) <= _HOVER_LOAD
+
+
 def _hover_remarks(vehicle: JoinedVehicle, flown: Iterable[IdentifiedModel]) -> list[Finding]:
-    """Whether the rotors carry the weight where they did in flight."""
+    """Whether the rotors carry the weight where they did in flight; turns and climbs do not show it."""
     if vehicle.multirotor is None:
         return []
     hover = vehicle.hover_output
     found = []
     for model in flown:
         motors = model.motors
-        if motors is None or motors.outputs == "speed" or abs(hover / motors.hover_output - 1.0) <= _HOVER_DIFFERS:
+        if motors is None or motors.outputs == "speed" or not _hovered(motors):
+            continue
+        if abs(hover / motors.hover_output - 1.0) <= _HOVER_DIFFERS:
             continue
         message = (
             f"Mass and thrust give a hover output of {hover:.3f}; the mean in {_label(model)} was "

@@ -175,6 +175,7 @@ def _physics(fitted: FittedMotors, known: Mapping[str, float]) -> MotorPhysics:
         curve_assumed=fitted.curve_assumed,
         reference_v=data.reference_v,
         hover_output=fitted.hover_output,
+        load_factor=fitted.load_factor,
         flown_outputs=(float(low), float(high)),
         scale=scale_of(known, fitted.axes),
         straightening=_straightening(data.flights),

@@ -16,7 +16,7 @@ by inertia, :math:`\kappa` and h by :math:`I_{zz}`. One known mass, thrust or in
 :math:`\kappa` and :math:`I_{zz}` gives the other.
 
 Identified constants are checked against physics (:func:`check_motor_constants`): inertia that a rigid body can have,
-thrust that rises with the command, and carries the weight that flew.
+thrust that rises with the command, and makes the specific force that was measured, in a hover and in a turn of 2 g.
 """
 
 from __future__ import annotations
@@ -249,8 +249,9 @@ def _lifts(fixed: Mapping[str, float], curve: Curve) -> bool:
     return not set(terms) <= set(fixed) or sum(fixed[name] for name in terms) > 0.0
 
 
-_WEIGHT_TOLERANCE = 0.05
-"""How far the mean thrust of a flight may lie from the weight."""
+_FORCE_TOLERANCE, _IMPOSSIBLE_FORCE = 0.1, 0.2
+"""How far the mean thrust of a flight may lie from mass times measured specific force: without a remark, and at all.
+The thrust of flights of up to 2.4 g lies within 5 %."""
 
 _THRUST_TO_WEIGHT = (1.2, 15.0)
 """Thrust of all rotors at full output over the weight that is plausible."""
@@ -337,15 +338,15 @@ def check_motor_constants(
 
     Moments of inertia are positive and meet the triangle inequality; a violation within the 95 % interval is reported
     as such. The curve of thrust rises wherever it was flown, outputs below a twentieth of the full one and one percent
-    at each end left out, as far as it is known there; it carries the weight on average; thrust at full output is 1.2 to
-    15 weights; inertia is 0.05 to 1.5 times mass by the mean square of the lever.
+    at each end left out, as far as it is known there; on average it makes the measured specific force; thrust at full
+    output is 1.2 to 15 weights; inertia is 0.05 to 1.5 times mass by the mean square of the lever.
 
     Parameters
     ----------
     values
         Of :func:`rotorid.models.motors.motor_parameters`, as far as known.
     records
-        What was flown; without them weight and curve are not judged.
+        What was flown; without them thrust and its curve are not judged.
     levers
         As for :class:`rotorid.fitting.motors.fit.MotorProblem`, where they are in meters; by default inertia is not
         judged against the arm.
@@ -368,7 +369,7 @@ def check_motor_constants(
     if curve is None:
         return findings
     if records:
-        findings += _rising(curve, records, certain, full_output) + _carrying(values, curve, records)
+        findings += _rising(curve, records, certain, full_output) + _matches_force(values, curve, records)
     if full_output is not None and "m" in values:
         findings += _lifting(values["m"], curve, rotors, full_output)
     return findings
@@ -380,10 +381,11 @@ def check_figure_of_merit(
     speed_rad_s: float,
     rotor_diameter_m: float,
     rotors: int = 4,
+    load_factor: float = 1.0,
 ) -> list[Finding]:
-    r"""A remark where the rotors would hover with more or less power than rotors do.
+    r"""A remark where the rotors would fly with more or less power than rotors do.
 
-    .. math:: FM = \frac{T^{3/2} / \sqrt{2 \rho A}}{\kappa T \Omega}, \qquad T = \frac{m g}{n}
+    .. math:: FM = \frac{T^{3/2} / \sqrt{2 \rho A}}{\kappa T \Omega}, \qquad T = \frac{m g n_z}{n}
 
     Assumes a measured speed: with outputs alone the power on the shaft is not known.
 
@@ -392,9 +394,11 @@ def check_figure_of_merit(
     values
         With ``m`` and ``kappa``; nothing is judged without them.
     speed_rad_s
-        Of the rotors in hover.
+        Mean of the rotors.
     rotor_diameter_m, rotors
         Of the vehicle.
+    load_factor
+        Mean thrust over weight, :math:`n_z`: one in hover.
 
     Examples
     --------
@@ -404,7 +408,7 @@ def check_figure_of_merit(
     """
     if not {"m", "kappa"} <= set(values):
         return []
-    thrust = values["m"] * STANDARD_GRAVITY_M_S2 / rotors
+    thrust = values["m"] * STANDARD_GRAVITY_M_S2 * load_factor / rotors
     ideal = math.sqrt(thrust / (2.0 * _AIR_DENSITY_KG_M3 * math.pi * (rotor_diameter_m / 2.0) ** 2))
     merit = ideal / (abs(values["kappa"]) * speed_rad_s) if values["kappa"] and speed_rad_s > 0.0 else math.inf
     if _MERIT[0] <= merit <= _MERIT[1]:
@@ -499,18 +503,54 @@ def _of_pair(covariance: Mapping[tuple[str, str], float], one: str, other: str) 
     return covariance.get((one, other), covariance.get((other, one), 0.0))
 
 
-def _carrying(values: Mapping[str, float], curve: PolynomialCurve, records: Sequence[MotorRecord]) -> list[Finding]:
-    """Over a flight the rotors carry the weight on average."""
+def mean_force(records: Sequence[MotorRecord], heave_damping: float = 0.0) -> float:
+    r"""Mean thrust over mass that an accelerometer shows, m/s², downward motion through the air taken out.
+
+    .. math:: \overline{\tfrac{1}{m} \sum F_i} = \overline{-a_z} + Z_w \, \overline{w}
+
+    Parameters
+    ----------
+    records
+        Stretches of flights, each counting by its samples.
+    heave_damping
+        :math:`Z_w`, 1/s.
+
+    Examples
+    --------
+    >>> still = np.zeros((3, 50))
+    >>> record = MotorRecord(name="turn", sample_rate_hz=50.0, outputs=np.full((4, 50), 0.6), rates=still,
+    ...                      az=np.full(50, -11.4))
+    >>> round(mean_force([record]), 3)
+    11.4
+    """
+    total = sum(float(heave_damping * record.w.sum() - record.az.sum()) for record in records)
+    return total / sum(record.samples for record in records)
+
+
+def _matches_force(
+    values: Mapping[str, float], curve: PolynomialCurve, records: Sequence[MotorRecord]
+) -> list[Finding]:
+    """Over a flight the rotors make the measured specific force on average, whatever the load factor is."""
     if "m" not in values:
         return []
     lifted = sum(float(np.sum(curve.thrust(record.outputs) * record.strength)) for record in records)
-    share = lifted / sum(record.samples for record in records) / (values["m"] * STANDARD_GRAVITY_M_S2)
-    if abs(share - 1.0) <= _WEIGHT_TOLERANCE:
+    thrust = lifted / sum(record.samples for record in records)
+    force = values["m"] * mean_force(records, values.get("Z_w", 0.0))
+    share = thrust / force if force > 0.0 else math.inf
+    if abs(share - 1.0) <= _FORCE_TOLERANCE:
         return []
     message = (
-        f"The thrust curve carries {100.0 * share:.0f} % of the weight on average; check the mass and the thrust data."
+        f"The thrust curve makes {100.0 * share:.0f} % of the measured specific force on average "
+        f"({100.0 * (1.0 - _FORCE_TOLERANCE):.0f} to {100.0 * (1.0 + _FORCE_TOLERANCE):.0f} % are plausible): check "
+        "the mass and the time stamps."
+        if math.isfinite(share)
+        else f"The mean specific force along z is {-force / values['m']:.2g} m/s^2, but the rotors lift: check the "
+        "accelerometer and its axes."
     )
-    return [_remark("impossible_physics", "thrust", message, {"thrust_per_weight": share})]
+    numbers = {"thrust_per_weight": thrust / (values["m"] * STANDARD_GRAVITY_M_S2)}
+    numbers |= {"thrust_per_force": share} if math.isfinite(share) else {}
+    kind = "impossible_physics" if abs(share - 1.0) > _IMPOSSIBLE_FORCE else "implausible_physics"
+    return [_remark(kind, "thrust", message, numbers)]
 
 
 def _lifting(mass: float, curve: PolynomialCurve, rotors: int, full_output: float) -> list[Finding]:

@@ -10,8 +10,8 @@ Four rotors in an X, 0.2 m forward or back and 0.2 m to a side, each with
     \dot p = \tfrac{1}{I_{xx}} \sum (-y_i) F_i + L_p p + g_p
 
 and so for pitch and yaw, with gusts :math:`g`. The motors receive their outputs late, by the delays that gyros and
-accelerometer are given. The vehicle stays close to hover: inertia does not couple the axes, and thrust that tilts away
-is not modeled.
+accelerometer are given. Inertia does not couple the axes, and thrust that tilts away is not modeled: a turn is flown as
+a hover of more weight, by its load factor.
 """
 
 from __future__ import annotations
@@ -122,16 +122,22 @@ def thrust(motor_speed: FloatArray) -> FloatArray:
     return TRUTH["c_0"] + TRUTH["c_1"] * motor_speed + TRUTH["c_2"] * motor_speed**2
 
 
-def hover_output() -> float:
-    """The output at which four rotors carry the weight.
+def hover_output(load_factor: float = 1.0) -> float:
+    """The output at which four rotors carry the weight, or more of it in a turn.
 
     Examples
     --------
-    >>> round(hover_output(), 4)
-    0.5502
+    >>> round(hover_output(), 4), round(hover_output(1.16), 4)
+    (0.5502, 0.606)
     """
-    weight = TRUTH["m"] * STANDARD_GRAVITY_M_S2 / 4.0
-    return float(max(np.roots([TRUTH["c_2"], TRUTH["c_1"], TRUTH["c_0"] - weight]).real))
+    return float(_trim_outputs(np.array([load_factor]))[0])
+
+
+def _trim_outputs(load_factor: FloatArray) -> FloatArray:
+    """Outputs of four rotors at which they make some load factors, of the same shape."""
+    missing = TRUTH["c_0"] - TRUTH["m"] * STANDARD_GRAVITY_M_S2 / 4.0 * load_factor
+    half = 0.5 * TRUTH["c_1"] / TRUTH["c_2"]
+    return np.asarray(np.sqrt(half**2 - missing / TRUTH["c_2"]) - half)
 
 
 def flights(
@@ -142,6 +148,8 @@ def flights(
     sample_rate_hz: float = 200.0,
     air: Air = USUAL,
     size: float | Sequence[float] | Sequence[Sequence[float]] = 1.0,
+    load_factor: float | FloatArray = 1.0,
+    climb_m_s: float = 0.0,
 ) -> list[MotorRecord]:
     """Flights that differ in noise, gusts and phases of the excitation, and in its size where that is asked.
 
@@ -161,6 +169,10 @@ def flights(
     size
         Of the excitation: one number, or one each for roll, pitch, yaw and thrust, or a row of four for each flight;
         zero for a controller that answers to noise and gusts alone.
+    load_factor
+        Thrust over weight that keeps the height: one number, 1.16 in a circle of 30° of bank, or one for each sample.
+    climb_m_s
+        Speed upward that is held.
 
     Examples
     --------
@@ -172,9 +184,12 @@ def flights(
     samples, step = round(duration_s * sample_rate_hz), 1.0 / sample_rate_hz
     excitation = _excitation(rng, count, step * np.arange(samples, dtype=np.float64))
     excitation = np.broadcast_to(np.asarray(size, dtype=np.float64), (count, 4))[..., None] * excitation
-    pace, hover, mixer = _pace(step / _SUBSTEPS), hover_output(), np.vstack([np.sign(levers()), np.ones(4)])
-    rest = np.full((count, 4), hover)
-    now = _Motion(rest, np.zeros((count, 3)), np.zeros(count), np.zeros((count, 3)))
+    pace, mixer = _pace(step / _SUBSTEPS), np.vstack([np.sign(levers()), np.ones(4)])
+    load = np.broadcast_to(np.asarray(load_factor, dtype=np.float64), (samples,))
+    # A climb asks for the thrust that its damping takes.
+    trim = _trim_outputs(load - TRUTH["Z_w"] * climb_m_s / STANDARD_GRAVITY_M_S2)
+    rest = np.full((count, 4), trim[0])
+    now = _Motion(rest, np.zeros((count, 3)), np.full(count, -climb_m_s), np.zeros((count, 3)))
     waiting = [rest] * round(TRUTH["tau_gyro"] / pace.step_s)
     angle, sway = np.zeros((count, 3)), np.zeros(count)
     calm = pace.calm**_SUBSTEPS
@@ -183,15 +198,16 @@ def flights(
     for place in range(samples):
         measured = now.rate + air.gyro * rng.standard_normal((count, 3))
         angle = angle + step * measured
-        command = excitation[:, :, place] - _answer(measured, angle, now.w)
-        output = np.clip(hover + command @ mixer, *_LIMITS)
+        command = excitation[:, :, place] - _answer(measured, angle, now.w + climb_m_s)
+        output = np.clip(trim[place] + command @ mixer, *_LIMITS)
         outputs[:, :, place], rates[:, :, place], speed[:, place] = output, measured, now.w
         sway = calm * sway + np.sqrt(1.0 - calm**2) * rng.standard_normal(count)
         noise = air.accelerometer * (sway + rng.standard_normal(count))
         force[:, place] = -thrust(now.motor_speed).sum(axis=1) / TRUTH["m"] + TRUTH["Z_w"] * now.w + noise
         for _ in range(_SUBSTEPS):
             waiting.append(output)
-            now = _moved(now, waiting.pop(0), air.gust * rng.standard_normal((count, 3)), pace)
+            gust = air.gust * rng.standard_normal((count, 3))
+            now = _moved(now, waiting.pop(0), gust, pace, STANDARD_GRAVITY_M_S2 * float(load[place]))
     return [
         MotorRecord(
             name=f"flight {number}",
@@ -248,8 +264,8 @@ def _pace(step_s: float) -> _Pace:
     )
 
 
-def _moved(now: _Motion, held: FloatArray, noise: FloatArray, pace: _Pace) -> _Motion:
-    """The motion a short step later; the mean thrust over the step is Simpson's."""
+def _moved(now: _Motion, held: FloatArray, noise: FloatArray, pace: _Pace, pull: float) -> _Motion:
+    """The motion a short step later, with m/s² downward; the mean thrust over the step is Simpson's."""
     motor_speed = held + (now.motor_speed - held) * pace.decay
     halfway = held + (now.motor_speed - held) * np.sqrt(pace.decay)
     mean = (thrust(now.motor_speed) + thrust(motor_speed) + 4.0 * thrust(halfway)) / 6.0
@@ -258,7 +274,7 @@ def _moved(now: _Motion, held: FloatArray, noise: FloatArray, pace: _Pace) -> _M
     rate = (
         now.rate * np.exp(pace.damping * pace.step_s) + pace.step_s * np.exp(0.5 * pace.damping * pace.step_s) * pushed
     )
-    falling = STANDARD_GRAVITY_M_S2 - mean.sum(axis=1) / TRUTH["m"] + TRUTH["Z_w"] * now.w
+    falling = pull - mean.sum(axis=1) / TRUTH["m"] + TRUTH["Z_w"] * now.w
     return _Motion(motor_speed, rate, now.w + pace.step_s * falling, gust)
 
 

@@ -26,11 +26,11 @@ def chirp(low: float, high: float) -> FloatArray:
     return np.asarray(np.sin(phase))
 
 
-def heave_log(exponent: float, *, noise: float = 0.0) -> FlightRecord:
-    """Thrust by a power of the command, swept about hover; the weight holds the mean."""
+def heave_log(exponent: float, *, noise: float = 0.0, load_factor: float = 1.0) -> FlightRecord:
+    """Thrust by a power of the command, swept about hover or a turn; the specific force holds the mean."""
     command = HOVER + 0.05 * chirp(1.0, 30.0)
     rng = np.random.default_rng(3)
-    az = -STANDARD_GRAVITY_M_S2 * (command / HOVER) ** exponent + noise * rng.standard_normal(TIME_S.size)
+    az = -load_factor * STANDARD_GRAVITY_M_S2 * (command / HOVER) ** exponent + noise * rng.standard_normal(TIME_S.size)
     values = {"thrust_command": command, "az": az, "thrust_excitation": command - HOVER}
     channels = tuple(Channel(name=name, unit=STANDARD_UNITS.get(name, "1")) for name in values)
     topic = Topic(name="all", time_s=TIME_S, channels=channels, values=np.stack(list(values.values())))
@@ -40,6 +40,10 @@ def heave_log(exponent: float, *, noise: float = 0.0) -> FlightRecord:
 @pytest.mark.parametrize(("exponent", "factor"), [(1.0, 0.0), (1.3, 0.6), (2.0, 1.0)])
 def test_heave_tells_how_curved_thrust_is(exponent: float, factor: float) -> None:
     assert curvature([heave_log(exponent)]) == pytest.approx(factor, abs=0.03)
+
+
+def test_a_turn_shows_the_same_curve_as_hover() -> None:
+    assert curvature([heave_log(1.3, load_factor=1.5)]) == pytest.approx(0.6, abs=0.03)
 
 
 def test_without_an_answer_of_heave_nothing_is_known() -> None:

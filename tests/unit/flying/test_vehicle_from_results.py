@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -76,7 +77,9 @@ def result(
     return identified_model(document, None)
 
 
-def physics(*, arm_m: float | None = ARM_M, scale: str | None = "m", outputs: str = "output") -> MotorPhysics:
+def physics(
+    *, arm_m: float | None = ARM_M, scale: str | None = "m", outputs: str = "output", load_factor: float | None = None
+) -> MotorPhysics:
     layout = library_layout("quad.x").scaled(arm_m or 1.0)
     return MotorPhysics(
         layout="quad.x",
@@ -90,6 +93,7 @@ def physics(*, arm_m: float | None = ARM_M, scale: str | None = "m", outputs: st
         hover_output=0.5233,
         flown_outputs=(0.2, 0.8),
         scale=scale,
+        load_factor=load_factor,
     )
 
 
@@ -117,6 +121,17 @@ def hover(share: float = 0.05, **values: float) -> IdentifiedModel:
         units={"M_u": "rad/(s m)", "X_u": "1/s", "M_q": "1/s"},
         log="hover.ulg",
     )
+
+
+@pytest.mark.parametrize(("load_factor", "remarked"), [(None, True), (1.0, True), (1.16, False)])
+def test_the_mean_output_of_a_turn_is_not_that_of_hover(load_factor: float | None, remarked: bool) -> None:
+    """2.8 kg hover above the mean output of 0.52, which says something of a hover, and nothing of a turn."""
+    known = motors(m=2.8)
+    assert known.motors is not None
+    flown = replace(known.motors, load_factor=load_factor)
+    vehicle = joined_vehicle([replace(known, motors=flown)], given={"I_zz": 0.04})
+    assert ("implausible_physics" in {finding.kind for finding in vehicle.findings}) == remarked
+    assert (vehicle.stated_hover_output == pytest.approx(vehicle.hover_output)) != remarked
 
 
 def test_a_result_of_motors_is_a_body() -> None:

@@ -43,7 +43,9 @@ def test_a_sound_vehicle_passes() -> None:
         ({"I_xx": -0.02}, "impossible_physics", "I_xx"),
         ({"I_zz": 0.05}, "impossible_physics", "I_zz"),
         ({"I_yy": 0.07, "I_zz": 0.06}, "implausible_physics", "I_yy"),
-        ({"c_1": 5.5}, "impossible_physics", "thrust"),
+        ({"c_1": 5.6}, "implausible_physics", "thrust"),
+        ({"c_1": 6.1}, "impossible_physics", "thrust"),
+        ({"c_1": 3.9}, "impossible_physics", "thrust"),
         ({"c_0": 5.0, "c_1": -5.2}, "impossible_physics", "thrust"),
     ],
 )
@@ -105,6 +107,26 @@ def falling(findings: Sequence[Finding]) -> bool:
     return any("falls with the output" in finding.message for finding in findings)
 
 
+@pytest.mark.parametrize(("load_factor", "climb_m_s"), [(1.0, 0.0), (1.16, 0.0), (2.4, 0.0), (1.0, 4.0), (1.0, -4.0)])
+def test_thrust_is_compared_with_the_measured_force(load_factor: float, climb_m_s: float) -> None:
+    """Turns and climbs carry more than the weight; what the accelerometer shows decides."""
+    damping, gravity = -0.4, 9.80665
+    force = gravity * load_factor - damping * climb_m_s
+    flown = hover(output=force / 20.0)
+    flown = replace(flown, az=np.full(400, -gravity * load_factor), w=np.full(400, -climb_m_s))
+    sound = {**SOUND, "Z_w": damping}
+    assert check_motor_constants(sound, records=[flown], levers=LEVERS) == []
+    (heavy,) = check_motor_constants({"m": 0.75, "c_1": 5.0, "Z_w": damping}, records=[flown])
+    assert (heavy.kind, heavy.severity) == ("impossible_physics", "warning")
+    assert heavy.numbers["thrust_per_force"] == pytest.approx(1.0 / 0.75, rel=0.06)
+    assert "mass and the time stamps" in heavy.message
+
+
+def test_an_accelerometer_without_gravity_is_named() -> None:
+    (finding,) = check_motor_constants({"m": 1.0, "c_1": 5.0}, records=[replace(hover(), az=np.full(400, 0.1))])
+    assert finding.message.startswith("The mean specific force along z is 0.1 m/s^2, but the rotors lift")
+
+
 def test_a_weak_battery_lifts_less() -> None:
     record = hover()
     weak = MotorRecord(
@@ -117,6 +139,7 @@ def test_a_weak_battery_lifts_less() -> None:
     )
     (finding,) = check_motor_constants(SOUND, records=[weak])
     assert finding.numbers["thrust_per_weight"] == pytest.approx(0.8)
+    assert finding.numbers["thrust_per_force"] == pytest.approx(0.8, rel=1e-3)
 
 
 def test_figure_of_merit() -> None:

@@ -37,6 +37,7 @@ from rotorid.models.motors import (
     YAW_DELAY,
     Curve,
     check_motor_constants,
+    mean_force,
     motor_parameters,
     scale_of,
 )
@@ -238,6 +239,7 @@ def _bounded(data: MotorData, choices: MotorSettings, fit: MotorFit, curve: Curv
             if np.isfinite([*regression.plain, *regression.corrected, *regression.deviations]).all()
         ),
         hover_output=hover,
+        load_factor=mean_force(data.records) / STANDARD_GRAVITY_M_S2,
         derived=_derived(parameters, bounds, at_hover, hover, data, scaled=scaled),
     )
 

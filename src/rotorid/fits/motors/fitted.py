@@ -58,6 +58,8 @@ class FittedMotors(Immutable):
         Each inertia by regressions both ways.
     hover_output
         Mean output of the motors.
+    load_factor
+        Mean specific force along the thrust over gravity, as measured.
     derived
         Thrust of a rotor and its slope at that output, at full output, and thrust over weight there.
     left_out
@@ -79,6 +81,7 @@ class FittedMotors(Immutable):
     memory: int
     both: tuple[InertiaRegression, ...]
     hover_output: float
+    load_factor: float
     derived: Mapping[str, Derived]
     left_out: tuple[Finding, ...] = ()
     disagreeing: tuple[Disagreement, ...] = ()

@@ -230,6 +230,7 @@ def _merit(identified: FittedMotors, choices: MotorSettings) -> list[Finding]:
     return check_figure_of_merit(
         identified.parameters.values,
         speed_rad_s=identified.hover_output,
+        load_factor=identified.load_factor,
         rotor_diameter_m=choices.rotor_diameter_m,
         rotors=data.layout.rotors,
     )

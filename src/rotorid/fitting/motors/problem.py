@@ -11,7 +11,7 @@ neither of them white. Filters A that whiten them, :math:`A(z^{-1}) e = \epsilon
 depend on the past alone, so that :math:`\epsilon` is independent of them although a controller feeds the measured
 motion back: the values are those of a prediction error method, without the bias of plain regression under feedback.
 An axis of a flight counts where the motors moved it enough (:mod:`rotorid.fitting.motors.excitation`); where thrust was
-not moved, the mean of the specific force alone is compared, with the weight (the equation ``weight``).
+not moved, the mean of the specific force alone is compared with thrust (the equation ``weight``).
 
 Assumes motors and rates on one clock, torque bias constant over a record, small rates (no gyroscopic coupling), and
 errors that an autoregression describes. What breaks it: motors logged slower than they act, saturated ones whose output
@@ -356,7 +356,7 @@ def _passed(row: FloatArray, taps: FloatArray) -> FloatArray:
 
 
 def _mean(force: Axis) -> Axis:
-    """Mean thrust that carries the weight."""
+    """Mean thrust that makes the mean specific force: the weight, times the load factor that was flown."""
     mean = (row.mean(axis=-1, keepdims=True) for row in (force.measured, force.predicted, force.slopes))
     return Axis("weight", *mean)
 

@@ -11,13 +11,13 @@ from rotorid.data.record import MotorRecord
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, Excitation, slow_taps
 from rotorid.fitting.motors.problem import Filter, MotorProblem
 from rotorid.fitting.problem import Scale, StartBox
-from rotorid.models.motors import SPIN_UP, YAW_DELAY
+from rotorid.models.motors import SPIN_UP, YAW_DELAY, mean_force
 from rotorid.models.parameter import ParameterSet
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 WEIGHING = Filter(np.ones(1), 0.05)
-"""The mean of an accelerometer as a scale of the weight: good to its bias, 0.05 m/s² where it was calibrated."""
+"""The mean of an accelerometer as a scale of thrust: good to its bias, 0.05 m/s² where it was calibrated."""
 
 _INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
 _SEARCHED_HZ = 50.0
@@ -73,7 +73,7 @@ def coarser(record: MotorRecord) -> MotorRecord:
 
 
 def reach(problem: MotorProblem, *, factor: float = _FAR) -> StartBox:
-    """Where a vehicle may lie: thrust that carries it, inertia within a factor, lags, damping.
+    """Where a vehicle may lie: thrust that makes the measured force, inertia within a factor, lags, damping.
 
     Parameters
     ----------
@@ -83,14 +83,14 @@ def reach(problem: MotorProblem, *, factor: float = _FAR) -> StartBox:
         How far from these inertia and the only coefficient of thrust may lie.
     """
     parameters = problem.parameters
-    weight = parameters["m"].value * STANDARD_GRAVITY_M_S2
+    force = parameters["m"].value * _force_per_mass(problem)
     sides: list[tuple[float, float]] = []
     several = sum(name in parameters.free for name in ("c_0", "c_1", "c_2"))
     for name in parameters.free:
         value = parameters[name].value
         low, high = min(value / factor, value * factor), max(value / factor, value * factor)
         if name in ("c_0", "c_1", "c_2") and not (factor < _FAR and several == 1):
-            size = weight / max(_summed(problem, int(name[-1])), 1e-9)
+            size = force / max(_summed(problem, int(name[-1])), 1e-9)
             low, high = -size, 2.0 * size
         low, high = _REACH.get(name, (low, high))
         sides.append((max(low, parameters[name].lower), min(high, parameters[name].upper)))
@@ -122,7 +122,7 @@ def sized(taps: FloatArray, error: FloatArray) -> Filter:
 
 
 def started(problem: MotorProblem, found: Sequence[Mapping[str, Excitation]]) -> ParameterSet:
-    """Thrust that carries the weight, lag of the best correlation, inertia from torque and slow acceleration."""
+    """Thrust that makes the measured force, lag of the best correlation, inertia from torque and slow acceleration."""
     parameters = problem.parameters
     free = set(parameters.free)
     lags = [
@@ -133,20 +133,26 @@ def started(problem: MotorProblem, found: Sequence[Mapping[str, Excitation]]) ->
     ]
     if "T_motor" in free and lags:
         parameters = parameters.with_values({"T_motor": float(np.median(lags))})
-    parameters = parameters.with_values(_carrying(problem, parameters))
+    parameters = parameters.with_values(_of_mean_force(problem, parameters))
     units = {name: 1.0 for axis, name in _INERTIA.items() if axis in problem.axes and name in free}
     return parameters.with_values(_inertia(problem.with_parameters(parameters.with_values(units)), found, units))
 
 
-def _carrying(problem: MotorProblem, parameters: ParameterSet) -> dict[str, float]:
-    """The leading coefficient of thrust, or the mass, with which the rotors carry the weight on average."""
+def _force_per_mass(problem: MotorProblem) -> float:
+    """Mean specific force of the flights; weight, where the accelerometer shows less than half of it."""
+    measured = mean_force(problem.records)
+    return measured if measured > 0.5 * STANDARD_GRAVITY_M_S2 else STANDARD_GRAVITY_M_S2
+
+
+def _of_mean_force(problem: MotorProblem, parameters: ParameterSet) -> dict[str, float]:
+    """The leading coefficient of thrust, or the mass, with which the rotors make the measured force on average."""
     curve: list[str] = [name for name in ("c_0", "c_1", "c_2") if name in parameters.names]
     sums = {name: _summed(problem, int(name[-1])) for name in curve}
     carried = sum(parameters[name].value * sums[name] for name in curve if name not in parameters.free)
     if not (open_ := [name for name in curve if name in parameters.free]):
-        return {"m": carried / STANDARD_GRAVITY_M_S2} if "m" in parameters.free else {}
-    weight = parameters["m"].value * STANDARD_GRAVITY_M_S2
-    return dict.fromkeys(open_, 0.0) | {open_[-1]: (weight - carried) / sums[open_[-1]]}
+        return {"m": carried / _force_per_mass(problem)} if "m" in parameters.free else {}
+    force = parameters["m"].value * _force_per_mass(problem)
+    return dict.fromkeys(open_, 0.0) | {open_[-1]: (force - carried) / sums[open_[-1]]}
 
 
 def _summed(problem: MotorProblem, power: int) -> float:

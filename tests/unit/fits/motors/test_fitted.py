@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.unit.identifying.motor_logs import ARM_M, flight, repeated
+from tests.unit.identifying.motor_logs import ARM_M, flight, repeated, written
 
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.motors import fit, remarks
@@ -18,7 +18,7 @@ from rotorid.flights.motor_data import motor_data
 from rotorid.identifying.identification import identify_motors
 from rotorid.io.registry import read
 from rotorid.settings.motors import MotorSettings
-from rotorid.vehicles.motor_flight import TRUTH
+from rotorid.vehicles.motor_flight import TRUTH, flights
 
 CHOICES = MotorSettings(known={"m": TRUTH["m"]}, layout="quad.x", arm_m=ARM_M)
 
@@ -74,6 +74,21 @@ def test_what_physics_does_not_allow_is_refused(fitted: FittedMotors) -> None:
     with pytest.raises(InsufficientDataError, match="are not physical") as refused:
         fit._require_end(impossible, CHOICES)
     assert "impossible_physics" in {finding.kind for finding in refused.value.findings}
+
+
+@pytest.mark.parametrize("flown", ["turn", "quick roll and pitch", "climb"])
+def test_a_flight_that_carries_more_than_its_weight_is_identified(tmp_path: Path, flown: str) -> None:
+    swing = np.abs(np.sin(2.0 * np.pi * 0.7 * np.arange(2400) / 200.0))
+    load = {"turn": np.full(2400, 1.16), "quick roll and pitch": 1.0 + 0.6 * swing, "climb": np.ones(2400)}[flown]
+    climb_m_s = 4.0 if flown == "climb" else 0.0
+    (record,) = flights(1, seed=3, duration_s=12.0, load_factor=load, climb_m_s=climb_m_s)
+    data = motor_data([read(written(record, tmp_path / "flight.csv"))], CHOICES)
+    found = fit_motor_data(data, CHOICES)
+    fit._require_end(found, CHOICES)
+    assert found.load_factor == pytest.approx(float(load.mean()), abs=0.02)
+    for name in ("I_xx", "I_yy", "T_motor"):
+        std = found.bounds.std[found.bounds.names.index(name)]
+        assert abs(found.parameters[name].value - TRUTH[name]) < 3.0 * std
 
 
 def test_a_deviation_that_is_no_number_is_refused(fitted: FittedMotors) -> None:
