@@ -64,6 +64,15 @@ def test_freestyle_has_a_frame_line_and_rotors_that_rise_with_throttle(logs: Cal
     assert not [one for one in untold if one.what == "noise.maps.before"]
 
 
+def test_full_throttle_of_a_climb_is_no_thrust_ratio(shared_data: Path) -> None:
+    """It climbs at 95 % throttle with one weight, and lifts off at 42 % with 1.14."""
+    summary, untold = flight(rotorid.read(shared_data / "field/maik_00000003.BIN", sandbox=False))
+
+    assert summary.thrust_to_weight is None
+    (why,) = (one.why for one in untold if one.what == "flight.thrust_to_weight")
+    assert "full thrust is more than 2.3 times the weight" in why
+
+
 def test_freestyle_as_a_flight(logs: Callable[[str], FlightRecord]) -> None:
     record = logs("betaflight_431_freestyle.bbl")
     summary, _ = flight(record)

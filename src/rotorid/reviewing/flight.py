@@ -6,7 +6,9 @@ Internal resistance comes from volts against amperes: with slow discharge taken 
 
 Thrust over weight follows from the throttle of hover where the autopilot knows the motors' curve (ArduPilot's ``ThO``
 is linear in thrust, so that the ratio is its inverse) or where the usual curve is known (PX4). Elsewhere it is the
-largest specific force of the flight.
+largest specific force at full throttle, if the vehicle made less at lower throttle: thrust of a rotor falls as it
+climbs, so that full throttle in a steady climb makes one weight and shows no ratio. Thrust grows with the throttle at
+least in proportion, hence the most thrust is at least :math:`f/u` of the specific force f at throttle u.
 """
 
 from __future__ import annotations
@@ -56,6 +58,12 @@ _PUNCH_S = 0.1
 
 _FULL = 0.9
 """Throttle that counts as full."""
+
+_LOW, _NEAR_WEIGHT = 0.15, 0.15
+"""Throttle from which specific force is compared with that at full throttle, where it is within this of the weight."""
+
+_COMPARED_S = 2.0
+"""Flight at lower throttle that a comparison needs."""
 
 
 def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Unavailable, ...]]:
@@ -232,6 +240,15 @@ def _thrust_to_weight(
         )
         return None, f"Throttle {demand_words}."
     value = float(np.percentile(full, 90))
+    lower = (asked > _LOW) & (asked < _FULL) & (np.abs(force - 1.0) < _NEAR_WEIGHT)
+    if np.count_nonzero(lower) * step_s >= _COMPARED_S:
+        least = float(np.median(force[lower] / asked[lower]))
+        if least > value:
+            return None, (
+                f"Full throttle was flown in a climb, which takes thrust: {value:.1f} times the weight. "
+                f"{100.0 * float(np.median(asked[lower])):.0f} % throttle carries the weight too, so full thrust is "
+                f"more than {least:.1f} times the weight."
+            )
     # Airspeed reduces thrust: a hovering vehicle has more.
     return Quantity(value=value, std=0.1 * value, lower=0.9 * value, upper=1.5 * value, unit="1"), ""
 

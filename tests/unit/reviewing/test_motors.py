@@ -181,6 +181,24 @@ def test_full_thrust_that_was_too_short_is_not_told_to_be_missing() -> None:
     assert why.startswith("Throttle never exceeded 5")
 
 
+@pytest.mark.parametrize(("climbing", "ratio"), [(True, None), (False, 3.0)])
+def test_full_throttle_in_a_climb_is_no_thrust_ratio(climbing: bool, ratio: float | None) -> None:
+    """A fast climb at full throttle carries one weight, as hover does at 40 %."""
+    columns = hovering(20.0, 100.0)
+    for number in range(1, 5):
+        columns[f"motor_{number}"][500:800] = 0.96
+    columns["az"][500:800] *= 1.0 if climbing else 3.0
+
+    found, untold = flight(record(columns, 100.0))
+
+    assert (found.thrust_to_weight is None) == climbing
+    if found.thrust_to_weight is not None:
+        assert found.thrust_to_weight.value == pytest.approx(ratio, rel=0.01)
+    else:
+        (why,) = (one.why for one in untold if one.what == "flight.thrust_to_weight")
+        assert "40 % throttle carries the weight too, so full thrust is more than 2.5 times" in why
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_resistance_comes_from_volts_against_amperes(seed: int) -> None:
     rng, columns = np.random.default_rng(seed), hovering(60.0, 50.0)
