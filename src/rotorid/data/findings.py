@@ -581,6 +581,9 @@ KINDS: Mapping[str, Kind] = {
         "info", "Motor limits not checked", "Gains were proposed without a check of the motor limits."
     ),
     "rotor_layout": Kind("info", "Rotor positions", "These are the positions of the rotors according to the log."),
+    "rotor_order": Kind(
+        "warning", "Motor numbering", "Where the motors sit and turn according to the flight, against the layout."
+    ),
     "saturation": Kind("warning", "Saturation", "Motors or commands reached their limits."),
     "seen_data": Kind(
         "warning",

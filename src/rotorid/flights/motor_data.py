@@ -26,6 +26,7 @@ from rotorid.fitting.motors.fit import LEAST_SAMPLES
 from rotorid.flights.differentiated import from_angles
 from rotorid.flights.flights import Flight, longest_flight
 from rotorid.flights.instruments import while_flying
+from rotorid.flights.rotor_order import require_order, rotor_order
 from rotorid.flights.segments import built
 from rotorid.flights.selection import described, each_once, require_inside
 from rotorid.models.autopilots.layouts import layout_of, mixer_of
@@ -368,7 +369,8 @@ def motor_data(
                 remedy="name it with --layout",
             )
         stretches, remarks = _stretches(record, choices)
-        findings += [*motors.history.findings, *remarks]
+        ordered = require_order(rotor_order(record, layout), record.source.name)
+        findings += [*motors.history.findings, *ordered, *remarks]
         flown += [FlownMotors(record, motors, stretch) for stretch in stretches]
     voltage = common_voltage(flown, reference_v) if choices.voltage else Voltage(None)
     findings += voltage.findings

@@ -26,6 +26,7 @@ _PARTS: Mapping[str, str] = MappingProxyType(
         "models": "models",
         "motors": "motors",
         "motors.events": "desync",
+        "motors.rotor_order": "motor numbering",
         "oscillations": "oscillation",
         "noise": "noise",
         "noise.maps": "noise maps",

@@ -18,6 +18,7 @@ from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Topic
 from rotorid.errors import InsufficientDataError, RotoridError
 from rotorid.flights.consistency import ChannelSkew, check_consistency, stretches
 from rotorid.flights.controller_check import controller_findings
+from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.supports import Support, ordinary_flights, segment_of, supports
 from rotorid.flying.next_steps import KnownOfLog, next_steps
 from rotorid.models.families import RATE_AXIS, family_of, rate_model_of
@@ -252,6 +253,7 @@ def inspect(record: FlightRecord) -> Inspection:
                 *remarks,
                 *_oscillations(record, flight),
                 *motor_limits(record).remarks(),
+                *_order(record, flight),
                 *consistency.findings,
             )
         ),
@@ -267,6 +269,12 @@ def inspect(record: FlightRecord) -> Inspection:
         settings={name: record.parameters[name] for name in _SETTINGS if name in record.parameters},
     )
     return replace(inspection, next_commands=_next_commands(record, inspection))
+
+
+def _order(record: FlightRecord, flight: Airborne | None) -> tuple[Finding, ...]:
+    """Whether the motors sit and turn as the layout of the log says; nothing of logs without motors or flight."""
+    order = order_of_log(record) if flight is not None else None
+    return () if order is None else order.findings("motors")
 
 
 def _next_commands(record: FlightRecord, inspection: Inspection) -> tuple[str, ...]:

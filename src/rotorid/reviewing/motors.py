@@ -34,6 +34,7 @@ from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Intervals
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.flights.hover import WINDOW_S, steady_windows, thrust_curve
+from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.whole_flights import FlightData, flown, loop_response
 from rotorid.models.autopilots.layouts import layout_of
 from rotorid.reviewing.values import MotorReview, Unavailable
@@ -113,7 +114,12 @@ def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Unavailable, ...]]:
     numbers |= delay
     unavailable += missing
     found = MotorReview(means=means, numbers=numbers, pattern=pattern, events=events, steps_checked=steps_checked)
-    return replace(found, findings=tuple(_findings(found))), tuple(unavailable)
+    order = order_of_log(record)
+    if order is not None and order.verdict == "not enough data":
+        unavailable.append(Unavailable(what="motors.rotor_order", why=order.why, remedy=order.remedy))
+        order = None
+    findings = (*_findings(found), *(() if order is None else order.findings("motors")))
+    return replace(found, findings=findings), tuple(unavailable)
 
 
 def _limits(record: FlightRecord, limits: MotorLimits) -> dict[str, Quantity]:
