@@ -452,6 +452,7 @@ KINDS: Mapping[str, Kind] = {
         "Motors computed from commands",
         "Motor outputs were computed from commands logged at a higher rate and compared with the logged outputs.",
     ),
+    "dead_sensor": Kind("warning", "Dead sensor", "A gyro never moves, or an accelerometer does not show gravity."),
     "never_airborne": Kind("error", "The vehicle never flew", "The log shows no flight."),
     "not_as_foretold": Kind(
         "warning", "Gains miss the prediction", "The loop with the proposed gains does not behave as predicted."

@@ -365,6 +365,8 @@ class Status:
         When the autopilot held that it flew; empty: never; ``None`` where the log does not say.
     early
         Whether the autopilot may hold that it flies as soon as the throttle rises.
+    unlogged
+        When neither arming nor landing had been logged yet, so that nothing is known of either.
     flagged_in
         What says when it was armed and in the air, such as ``vehicle_land_detected``.
     direct_rates
@@ -380,6 +382,7 @@ class Status:
     armed: Intervals | None = None
     in_air: Intervals | None = None
     early: bool = False
+    unlogged: Intervals = ()
     flagged_in: str = ""
     direct_rates: Intervals = ()
     modes: tuple[tuple[str, float, float], ...] = ()

@@ -59,6 +59,18 @@ def intervals_of(time_s: FloatArray, on: BoolArray, *, until_s: float) -> Interv
     return tuple((float(start), float(stop)) for start, stop in pairs if start < stop)
 
 
+def before_first(time_s: FloatArray, begin_s: float) -> Intervals:
+    """From the beginning of a record to the first sample of its flags, when nothing is known of them.
+
+    Examples
+    --------
+    >>> before_first(np.array([3.0, 4.0]), 1.0), before_first(np.array([1.0, 4.0]), 1.0)
+    (((1.0, 3.0),), ())
+    """
+    first_s = float(np.min(time_s[np.isfinite(time_s)], initial=np.inf))
+    return ((begin_s, first_s),) if begin_s < first_s < np.inf else ()
+
+
 def shared(one: Intervals, other: Intervals) -> Intervals:
     """What two rows of intervals have in common.
 

@@ -1,66 +1,51 @@
-"""When a vehicle was in the air: as the flags of its log say, or else as thrust and sensors show."""
+"""When a vehicle was in the air, weighed from all that its log shows.
+
+The landed flag of an autopilot decides where it was logged; else the thrust (throttle, outputs and speeds of the
+motors, current), then the height, then the motion of gyro and accelerometer. What the first of them does not show, the
+next one does: flags that were first logged late are unknown before, and not "on the ground". Two witnesses overrule all
+others: a vehicle that was not armed, or whose motors never ran, did not fly.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rotorid.data.axes import RATES
 from rotorid.data.base import cached_by_value
 from rotorid.data.findings import Finding, refusal, remark
-from rotorid.data.record import MOTORS, FlightRecord, Intervals, Topic, silences
+from rotorid.data.record import FlightRecord, Intervals, silences
 from rotorid.errors import InsufficientDataError
+from rotorid.signal.dead_sensors import dead_sensor_findings
+from rotorid.signal.witnesses import (
+    LEVELS,
+    Name,
+    Witness,
+    climbed,
+    moves,
+    seconds_within,
+    without,
+    witnesses_of,
+)
 from rotorid.typing import BoolArray, FloatArray
-from rotorid.units import STANDARD_GRAVITY_M_S2
-
-FLYING_SHARE = 0.5
-"""A vehicle flies while its thrust exceeds this share of its usual thrust."""
-
-_LONGEST_DIP_S = 1.0
-_LONGEST_REST_S = 5.0
-"""While the motors run on, a descent may be as long, and as quiet; and so may a dive without motors."""
 
 _SHORTEST_FLIGHT_S = 2.0
 _SHORTEST_EARLY_S = 5.0
 """Who raises the throttle and tips over is said to fly for seconds."""
 
-_WINDOW_S = 0.5
-"""Window over which the motion of sensors is taken."""
-
-_LIVELIER = 15.0
-"""Sweeps in light gusts spread up to eleven times as much as the calm between them; rest on the ground, far less."""
-
-_QUIET_PERCENT, _FLYING_PERCENT = 2.0, 75.0
-"""Percentiles that stand for rest and for usual flight."""
+_EARLIEST_S = 1.5
+"""An early flag that goes farther ahead of the thrust is not the take-off."""
 
 _LONGEST_SILENCE_S = 60.0
 """A flight does not go on through a longer pause of the whole log; so no flight is longer than its samples allow."""
 
-_FORCES = ("ax", "ay", "az")
-_SENSORS = (*_FORCES, *RATES)
+_TOUCHING_S = 0.05
+"""Stretches of two witnesses that are so close are one flight."""
 
-_HIGH_PERCENT = 99.0
-"""Percentile that stands for the highest thrust, without single peaks."""
+_DECIDING: tuple[Name, ...] = ("landed flag", *LEVELS, "height", "motion")
+"""Who decides, the surest first."""
 
-_MOVING_RAD_S = 0.1
-"""Body rates, rms of half a second and without vibration, that a vehicle on the ground does not have."""
-
-_MOVING_M_S2 = 0.5
-"""The same for the size of the specific force against that of gravity, biases of sensors included."""
-
-_VIBRATION_S = 0.1
-"""Mean that takes vibration out of rates and forces."""
-
-_RUNNING_SHARE = 0.1
-"""Motors run while they exceed this share of their usual output."""
-
-_CARRYING_SHARE = 0.25
-"""Share of the usual thrust that motors which idle on the ground do not reach."""
-
-_MOST_BELOW_ZERO = 0.05
-"""Share of the usual thrust by which a thrust may lie below zero; one that lies lower counts from hover."""
+_NOTHING_LOGGED = "thrust_command, motor_1 ..., ax ay az, or p q r"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,14 +57,17 @@ class Airborne:
     intervals
         Start and stop of each flight in seconds on the log's own clock, in order of time.
     seen_in
-        What showed it: flags of the log, a thrust command, the motors, or the activity of accelerometer and gyro.
+        What showed it: flags of the log, a thrust command, the motors, the height, or the activity of accelerometer and
+        gyro.
     by_thrust
-        Whether flags, thrust or motors showed it. The activity of sensors only guesses: who rests in the air looks
-        landed.
+        Whether flags, thrust, motors or height showed it. The activity of sensors only guesses: who rests in the air
+        looks landed.
     by_flags
         Whether the autopilot itself says so.
     findings
         ``airborne`` with start and stop of the longest flight.
+    witnesses
+        What each part of the log says, the surest first.
     """
 
     intervals: tuple[tuple[float, float], ...]
@@ -87,6 +75,7 @@ class Airborne:
     findings: tuple[Finding, ...]
     by_thrust: bool = True
     by_flags: bool = False
+    witnesses: tuple[Witness, ...] = ()
 
     @property
     def longest(self) -> tuple[float, float]:
@@ -95,21 +84,22 @@ class Airborne:
 
 
 @cached_by_value
-def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
+def airborne(record: FlightRecord, *, margin_s: float = 0.0) -> Airborne:
     """Find the flights in a record.
 
-    Where the log has landed flags, they say it, and nothing is cut from their flights. An autopilot that says "not
-    landed" as soon as the throttle rises is believed from 5 s on, where the vehicle then moved for 2 s and more: by
-    body rates above 0.1 rad/s, or a specific force that is 0.5 m/s² off gravity.
+    The landed flag decides, where it was logged. An autopilot that says "not landed" as soon as the throttle rises is
+    believed from 5 s on, where another witness says so too: the vehicle turned by more than 0.1 rad/s or its specific
+    force was 0.5 m/s² off gravity for 2 s, it climbed, or its thrust carried it and its height does not contradict.
 
-    Elsewhere the first of these that the record holds: the thrust command, the mean of the motor outputs (more than
-    half of its usual value while it runs, or body rates above 0.1 rad/s while the motors run, as in a dive at zero
-    throttle), the activity of accelerometer and gyro (spread within half a second more than the geometric mean of that
-    at rest and that in flight, where these differ by fifteen and more). Dips of up to 1 s belong to a flight; flights
-    under 2 s and what was not armed are left out. A thrust that goes below zero counts from hover, and shows nothing.
+    Elsewhere thrust decides: more than half of its usual value (a speed of 70 %), or body rates above 0.1 rad/s while
+    the motors run, as in a dive at zero throttle. The flight begins where the thrust reaches what carries the vehicle.
+    Without thrust, the height does; without height, the activity of accelerometer and gyro (spread within half a second
+    more than the geometric mean of that at rest and that in flight, where these differ by fifteen and more). Dips of up
+    to 1 s belong to a flight; flights under 2 s and what was not armed are left out. A thrust that goes below zero
+    counts from hover, and shows nothing.
 
-    A vehicle without flags that lifts off below half of its usual thrust without turning, or is carried about by hand,
-    misleads it. A record that begins in the air begins its flight with its first sample.
+    A record that begins in the air begins its flight with its first sample. A vehicle without flags and thrust that is
+    carried about by hand misleads it.
 
     Parameters
     ----------
@@ -120,32 +110,138 @@ def airborne(record: FlightRecord, *, margin_s: float = 1.0) -> Airborne:
     Raises
     ------
     InsufficientDataError
-        There is neither thrust nor motor, accelerometer or gyro, or the vehicle never flew.
+        Nothing in the log shows whether it flew, or the vehicle never flew.
 
     Examples
     --------
-    >>> from rotorid.data.record import Channel
-    >>> from rotorid.data.record import Source
+    >>> from rotorid.data.record import Channel, Source, Topic
     >>> time_s = np.arange(0.0, 60.0, 0.02)
     >>> thrust = np.where((time_s >= 10.0) & (time_s < 50.0), 0.4, 0.0)
     >>> command = Channel(name="thrust_command", unit="1")
     >>> topic = Topic(name="mixer", time_s=time_s, channels=(command,), values=thrust[None])
     >>> record = FlightRecord(source=Source(name="flight.csv", format="CSV", sha256=""), topics=(topic,))
-    >>> start_s, stop_s = airborne(record).longest
-    >>> round(start_s, 2), round(stop_s, 2)
-    (11.0, 48.98)
+    >>> found = airborne(record)
+    >>> [round(float(end), 2) for end in found.longest], found.seen_in
+    ([10.0, 49.98], 'thrust_command')
+    >>> next(one.answer(0.0, 10.0) for one in found.witnesses if one.name == "throttle")
+    'no'
     """
-    status = record.status
-    if status.in_air is not None or status.armed == ():
-        shortest_s = _SHORTEST_EARLY_S if status.early else _SHORTEST_FLIGHT_S
-        flights = [interval for interval in status.in_air or () if interval[1] - interval[0] >= shortest_s]
-        intervals = tuple(interval for interval in flights if not status.early or _moves(record, interval))
-        return _found(record, intervals, status.flagged_in or "the log", by_flags=True)
-    time_s, flying, carrying, seen_in = _flying(record)
-    if status.armed is not None:
-        flying = flying & within(time_s, status.armed)
-    by_thrust = carrying is not None
-    return _found(record, _intervals(time_s, flying, carrying, margin_s), seen_in, by_thrust=by_thrust)
+    witnesses = witnesses_of(record)
+    deciding = [one for name in _DECIDING for one in witnesses if one.name == name and one.speaks]
+    if not deciding:
+        raise _unknown(record)
+    first, *others = deciding
+    by_flags = first.name == "landed flag"
+    early = by_flags and record.status.early
+    flights, seen_in = _decided(record, first, others)
+    if early:
+        flights = _overruled(flights, first, others)
+        flights = tuple(_from_take_off(flight, others) for flight in flights if _confirmed(record, flight, witnesses))
+    arming = next(one for one in witnesses if one.name == "arming")
+    flights = without(flights, arming.no)
+    if not by_flags and margin_s:
+        flights = _without_ends(record, flights, margin_s)
+    shortest_s = _SHORTEST_EARLY_S if early else _SHORTEST_FLIGHT_S
+    flights = tuple(
+        (start_s, stop_s)
+        for start_s, stop_s in _logged(record, flights)
+        if stop_s - start_s >= shortest_s and not _at_rest(record, (start_s, stop_s), witnesses)
+    )
+    if not flights:
+        raise _never(record, first, witnesses, shortest_s)
+    found = Airborne(
+        intervals=flights,
+        seen_in=seen_in,
+        findings=(),
+        by_thrust=first.name != "motion",
+        by_flags=by_flags,
+        witnesses=witnesses,
+    )
+    return replace(found, findings=(_finding(found, record),))
+
+
+def _decided(record: FlightRecord, first: Witness, others: list[Witness]) -> tuple[Intervals, str]:
+    """What the first witness shows, with what flags and thrust show where it says nothing; and who showed it."""
+    left = without(((record.start_s, record.stop_s),), (*first.yes, *first.no))
+    stretches, sources = list(first.yes), [first.source]
+    for other in others:
+        if other.name not in LEVELS or first.name not in ("landed flag", *LEVELS):
+            continue
+        more = tuple((max(a, c), min(b, d)) for a, b in left for c, d in other.yes if max(a, c) < min(b, d))
+        if any(stop_s - start_s > _TOUCHING_S for start_s, stop_s in more):
+            stretches += more
+            sources.append(other.source)
+        left = without(left, (*other.yes, *other.no))
+    return _joined(stretches), " and ".join(sources)
+
+
+def _joined(stretches: list[tuple[float, float]]) -> Intervals:
+    """Stretches in order of time, those that touch as one."""
+    joined: list[tuple[float, float]] = []
+    for start_s, stop_s in sorted(stretches):
+        if joined and start_s - joined[-1][1] <= _TOUCHING_S:
+            joined[-1] = joined[-1][0], max(joined[-1][1], stop_s)
+        else:
+            joined.append((start_s, stop_s))
+    return tuple(joined)
+
+
+def _overruled(flights: Intervals, flag: Witness, others: list[Witness]) -> Intervals:
+    """Flights of which the events were lost: thrust and height show them, and the flag denies them."""
+    height = next((one for one in others if one.name == "height"), None)
+    level = next((one for one in others if one.name in LEVELS), None)
+    if height is None or level is None:
+        return flights
+    lost = [flight for flight in level.yes if flag.denies(*flight) and height.answer(*flight) == "yes"]
+    return _joined([*flights, *lost])
+
+
+def _confirmed(record: FlightRecord, flight: tuple[float, float], witnesses: tuple[Witness, ...]) -> bool:
+    """Whether another witness shows a flight that begins, as its flag says, when the throttle rises."""
+    moved, rose = moves(record, *flight, least_s=_SHORTEST_FLIGHT_S), climbed(record, *flight)
+    if "yes" in (moved, rose) or _seconded(flight, witnesses, ("mode", "height")):
+        return True
+    carried = _seconded(flight, witnesses, LEVELS)
+    # Who hovers calmly neither moves nor climbs; who stands with a raised throttle neither.
+    return (carried and rose != "no") or (moved == rose == "nothing" and not _speaks(flight, witnesses, LEVELS))
+
+
+def _seconded(flight: tuple[float, float], witnesses: tuple[Witness, ...], names: tuple[Name, ...]) -> bool:
+    return any(seconds_within(one.yes, *flight) >= _SHORTEST_FLIGHT_S for one in witnesses if one.name in names)
+
+
+def _speaks(flight: tuple[float, float], witnesses: tuple[Witness, ...], names: tuple[Name, ...]) -> bool:
+    return any(one.answer(*flight) != "nothing" for one in witnesses if one.name in names)
+
+
+def _from_take_off(flight: tuple[float, float], others: list[Witness]) -> tuple[float, float]:
+    """A flight from where its thrust carries it, when its flag went far ahead."""
+    start_s, stop_s = flight
+    for one in others:
+        begins = [start for start, stop in one.yes if start < stop_s and stop > start_s]
+        if one.name in LEVELS and begins:
+            return (min(begins), stop_s) if min(begins) - start_s > _EARLIEST_S else flight
+    return flight
+
+
+def _at_rest(record: FlightRecord, flight: tuple[float, float], witnesses: tuple[Witness, ...]) -> bool:
+    """Whether all that shows thrust denies a flight, and the height does not show it."""
+    levels = [one for one in witnesses if one.name in LEVELS and one.answer(*flight) != "nothing"]
+    if not levels or not all(one.denies(*flight) for one in levels):
+        return False
+    return climbed(record, *flight) != "yes" and not _seconded(flight, witnesses, ("height",))
+
+
+def _without_ends(record: FlightRecord, flights: Intervals, margin_s: float) -> Intervals:
+    """Flights without their ends, but for those where the record ends."""
+    cut = (
+        (
+            start_s + (margin_s if start_s - record.start_s > _TOUCHING_S else 0.0),
+            stop_s - (margin_s if record.stop_s - stop_s > _TOUCHING_S else 0.0),
+        )
+        for start_s, stop_s in flights
+    )
+    return tuple((start_s, stop_s) for start_s, stop_s in cut if start_s < stop_s)
 
 
 def airborne_by_thrust(record: FlightRecord) -> Airborne | None:
@@ -175,21 +271,53 @@ def evidence_words(seen_in: str) -> str:
     return f"as {seen_in} {'show' if ' and ' in seen_in else 'shows'}"
 
 
-def _found(
-    record: FlightRecord, intervals: Intervals, seen_in: str, *, by_thrust: bool = True, by_flags: bool = False
-) -> Airborne:
-    intervals = _logged(record, intervals)
-    if not intervals:
-        shortest_s = _SHORTEST_EARLY_S if by_flags and record.status.early else _SHORTEST_FLIGHT_S
-        message = f"{record.source.name} has no flight of {shortest_s:g} s and more, {evidence_words(seen_in)}."
-        raise InsufficientDataError(
-            message,
-            needed="a vehicle in the air",
-            remedy="choose another log, or fit one part with rotorid identify --segment AXIS:START:STOP",
-            findings=[refusal("never_airborne", seen_in, message)],
+def _unknown(record: FlightRecord) -> InsufficientDataError:
+    """Nothing shows whether the vehicle flew."""
+    dead = dead_sensor_findings(record)
+    if not dead:
+        return InsufficientDataError(
+            f"{record.source.name} has neither thrust nor accelerometer nor gyro",
+            needed=_NOTHING_LOGGED,
+            remedy="log one of them, or name its source with --map",
         )
-    found = Airborne(intervals=intervals, seen_in=seen_in, findings=(), by_thrust=by_thrust, by_flags=by_flags)
-    return replace(found, findings=(_finding(found, record),))
+    why = " ".join(finding.message.partition(". ")[0] + "." for finding in dead)
+    message = f"{record.source.name} shows no flight. {why}"
+    return InsufficientDataError(
+        message.removesuffix("."),
+        needed="sensors that measure, or thrust",
+        remedy="check the sensors and their units, and log thrust_command or the motors",
+        findings=[refusal("never_airborne", record.source.name, message), *dead],
+    )
+
+
+def _never(
+    record: FlightRecord, first: Witness, witnesses: tuple[Witness, ...], shortest_s: float
+) -> InsufficientDataError:
+    """Why there is no flight: who denies it."""
+    witness = first
+    if record.status.armed == ():
+        witness = next(one for one in witnesses if one.name == "arming")
+    elif first.yes and max(stop_s - start_s for start_s, stop_s in first.yes) >= shortest_s:
+        witness = next((one for one in witnesses if one.name in LEVELS and one.no and not one.yes), first)
+    why = _why_not(witness, shortest_s)
+    message = f"{record.source.name} has no flight of {shortest_s:g} s and more, {evidence_words(witness.source)}{why}."
+    return InsufficientDataError(
+        message,
+        needed="a vehicle in the air",
+        remedy="choose another log, or fit one part with rotorid identify --segment AXIS:START:STOP",
+        findings=[refusal("never_airborne", witness.source, message), *dead_sensor_findings(record)],
+    )
+
+
+def _why_not(witness: Witness, shortest_s: float) -> str:
+    if not witness.yes:
+        return f": {witness.reason}" if witness.reason else ""
+    longest_s = max(stop_s - start_s for start_s, stop_s in witness.yes)
+    if longest_s < shortest_s:
+        return f": the longest stretch lasts {longest_s:.1f} s"
+    if witness.name == "landed flag":
+        return ", and nothing else confirms it: neither motion nor height nor throttle shows a flight"
+    return ""
 
 
 def _logged(record: FlightRecord, intervals: Intervals) -> Intervals:
@@ -202,26 +330,6 @@ def _logged(record: FlightRecord, intervals: Intervals) -> Intervals:
         ]
         intervals = tuple((start_s, stop_s) for start_s, stop_s in parts if stop_s - start_s >= _SHORTEST_FLIGHT_S)
     return intervals
-
-
-def _moves(record: FlightRecord, interval: tuple[float, float]) -> bool:
-    """Whether the vehicle turns or accelerates for as long as a flight lasts at least; believed without sensors."""
-    looked_at = False
-    for names, most in ((RATES, _MOVING_RAD_S), (_FORCES, _MOVING_M_S2)):
-        sensors = _together(record, names)
-        if sensors is None:
-            continue
-        time_s, values, _ = sensors
-        if names == _FORCES:
-            values = np.sqrt((values**2).sum(axis=0, keepdims=True)) - STANDARD_GRAVITY_M_S2
-        inside = (time_s >= interval[0]) & (time_s <= interval[1])
-        # A damaged or thin channel is no evidence against a flag.
-        if np.count_nonzero(inside) * float(np.median(np.diff(time_s))) < 0.5 * (interval[1] - interval[0]):
-            continue
-        looked_at = True
-        if float(np.mean(_speed(time_s, values)[inside] > most)) * (interval[1] - interval[0]) >= _SHORTEST_FLIGHT_S:
-            return True
-    return not looked_at
 
 
 def within(time_s: FloatArray, intervals: Intervals) -> BoolArray:
@@ -239,144 +347,6 @@ def in_air(record: FlightRecord, name: str, flights: Intervals) -> tuple[FloatAr
     track = record[name]
     kept = within(track.time_s, flights) & np.isfinite(track.values)
     return track.time_s[kept], track.values[kept]
-
-
-def _speed(time_s: FloatArray, rates: FloatArray) -> FloatArray:
-    """Rms over half a second of body rates, or of what else moves, without vibration, shape ``(samples,)``."""
-    step_s = float(np.median(np.diff(time_s)))
-    square = np.zeros(time_s.size)
-    # One axis after the other: of a long log, all of them at once would take a good part of the memory.
-    for axis in rates:
-        calm = _moving_mean(axis[np.newaxis], max(int(_VIBRATION_S / step_s), 1))
-        calm *= calm
-        mean = _moving_mean(calm, max(int(_WINDOW_S / step_s), 1), output=calm)[0]
-        square += np.maximum(mean, 0.0, out=mean)
-        del calm, mean
-    return np.sqrt(square)
-
-
-def _flying(record: FlightRecord) -> tuple[FloatArray, BoolArray, BoolArray | None, str]:
-    """Stamps, where the vehicle flies, where its motors carry a part of it as far as they are known, and the signal."""
-    for time_s, thrust, name in _thrusts(record):
-        usual = _usual(thrust)
-        if usual > 0.0 and float(np.percentile(thrust, _QUIET_PERCENT)) > -_MOST_BELOW_ZERO * usual:
-            flying = (thrust > FLYING_SHARE * usual) | _diving(record, time_s, thrust > _RUNNING_SHARE * usual)
-            return time_s, flying, thrust > _CARRYING_SHARE * usual, name
-    sensors = _together(record, _SENSORS)
-    if sensors is None:
-        raise InsufficientDataError(
-            f"{record.source.name} has neither thrust nor accelerometer nor gyro",
-            needed="thrust_command, motor_1 ..., ax ay az, or p q r",
-            remedy="log one of them, or name its source with --map",
-        )
-    time_s, values, name = sensors
-    return time_s, _lively(time_s, values), None, f"the activity of {name}"
-
-
-def _diving(record: FlightRecord, time_s: FloatArray, running: BoolArray) -> BoolArray:
-    """Where the vehicle turns while its motors run, whatever their thrust: in acro it flies without."""
-    rates = _together(record, RATES)
-    if rates is None or not running.any():
-        return np.zeros(time_s.size, dtype=np.bool_)
-    rate_time_s, values, _ = rates
-    moving = np.interp(time_s, rate_time_s, _speed(rate_time_s, values), left=0.0, right=0.0) > _MOVING_RAD_S
-    before = np.maximum.accumulate(np.where(running, time_s, -np.inf))
-    after = np.minimum.accumulate(np.where(running, time_s, np.inf)[::-1])[::-1]
-    return np.asarray(moving & (after - before <= _LONGEST_REST_S))
-
-
-def _thrusts(record: FlightRecord) -> Iterator[tuple[FloatArray, FloatArray, str]]:
-    """Signals that rise with thrust, best first."""
-    command = _together(record, ("thrust_command",))
-    if command:
-        yield command[0], command[1][0], command[2]
-    motors = _together(record, tuple(f"motor_{number}" for number in range(1, MOTORS + 1)))
-    if motors:
-        yield motors[0], motors[1].mean(axis=0), "the mean of the motors"
-
-
-def _together(record: FlightRecord, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray, str] | None:
-    """Those of the channels that stand in one topic, the one that lasts longest, where all are finite."""
-    topics = dict.fromkeys(topic for name in names for topic, _ in record.holding(name))
-    durations = [(float(np.ptp(topic.time_s)), topic) for topic in topics if topic.time_s.size >= 2]
-    if not durations:
-        return None
-    topic = max(durations, key=lambda item: item[0])[1]
-    rows = {name: topic.row(name) for name in names}
-    present = {name: row for name, row in rows.items() if row is not None}
-    return _finite_samples(topic, list(present.values()), ", ".join(present))
-
-
-def _finite_samples(topic: Topic, rows: list[int], names: str) -> tuple[FloatArray, FloatArray, str] | None:
-    """Samples that are finite at stamps that rise."""
-    values = topic.values[rows]
-    kept = np.isfinite(values).all(axis=0) & np.isfinite(topic.time_s)
-    # Of a long log, a copy of all samples is a good part of the memory.
-    time_s, values = (topic.time_s, values) if kept.all() else (topic.time_s[kept], values[:, kept])
-    if not np.all(time_s[1:] >= time_s[:-1]):
-        order = np.argsort(time_s, kind="stable")
-        time_s, values = time_s[order], values[:, order]
-    return (time_s, values, names) if time_s.size >= 2 else None
-
-
-def _usual(thrust: FloatArray) -> float:
-    """Thrust in flight: the median of all above half of its highest values, so that waiting does not count."""
-    high = float(np.percentile(thrust, _HIGH_PERCENT))
-    running = thrust[thrust > 0.5 * high]
-    return float(np.median(running)) if high > 0.0 and running.size else 0.0
-
-
-def _lively(time_s: FloatArray, values: FloatArray) -> BoolArray:
-    """Where sensors move as in flight; everywhere, when they never rest."""
-    window = max(int(_WINDOW_S / float(np.median(np.diff(time_s)))), 2)
-    activity = np.zeros(values.shape[1])
-    # One sensor after the other: of a long log, all of them at once are a good part of the memory.
-    for row in values:
-        square = _moving_mean(row[None] ** 2, window)
-        mean = _moving_mean(row[None], window)
-        spread = np.sqrt(np.maximum(square - mean**2, 0.0))[0]
-        # Sensors of both kinds count alike, each in units of its own spread over the record.
-        scale = float(np.percentile(spread, _FLYING_PERCENT))
-        activity += spread / (scale if scale > 0.0 else 1.0)
-    activity /= len(values)
-    quiet, usual = (float(level) for level in np.percentile(activity, [_QUIET_PERCENT, _FLYING_PERCENT]))
-    if usual <= 0.0:
-        return np.zeros(time_s.size, dtype=np.bool_)
-    if usual < _LIVELIER * quiet:
-        return np.ones(time_s.size, dtype=np.bool_)
-    return np.asarray(activity > np.sqrt(max(quiet, usual / _LIVELIER**2) * usual))
-
-
-def _moving_mean(values: FloatArray, window: int, *, output: FloatArray | None = None) -> FloatArray:
-    """Mean over a window of samples, put into ``output`` where it is given, which may be ``values`` itself."""
-    from scipy.ndimage import uniform_filter1d
-
-    # Stamps in bursts, most of them a microsecond apart, ask for a window longer than the log.
-    return np.asarray(uniform_filter1d(values, min(window, values.shape[1]), axis=1, mode="nearest", output=output))
-
-
-def _intervals(
-    time_s: FloatArray, flying: BoolArray, carrying: BoolArray | None, margin_s: float
-) -> tuple[tuple[float, float], ...]:
-    """Stretches of flight, dips bridged, margins cut where the flight does not reach an end of the record."""
-    index = np.flatnonzero(flying)
-    if index.size == 0:
-        return ()
-    longest_s = np.full(index.size - 1, _LONGEST_DIP_S)
-    if carrying is not None:
-        dropped = np.diff(np.cumsum(~(carrying | flying))[index])
-        longest_s[dropped == 0] = _LONGEST_REST_S
-    breaks = np.flatnonzero((np.diff(time_s[index]) > longest_s) & (np.diff(index) > 1))
-    starts = index[np.concatenate([[0], breaks + 1])]
-    stops = index[np.concatenate([breaks, [index.size - 1]])]
-    cut = [
-        (
-            float(time_s[start]) + (margin_s if start > 0 else 0.0),
-            float(time_s[stop]) - (margin_s if stop < time_s.size - 1 else 0.0),
-        )
-        for start, stop in zip(starts, stops, strict=True)
-    ]
-    return tuple((start, stop) for start, stop in cut if stop - start >= _SHORTEST_FLIGHT_S)
 
 
 def _finding(found: Airborne, record: FlightRecord) -> Finding:

@@ -38,6 +38,7 @@ def stretch(record: FlightRecord, start_s: float, stop_s: float) -> FlightRecord
             status,
             armed=_inside(status.armed, start_s, stop_s),
             in_air=_inside(status.in_air, start_s, stop_s),
+            unlogged=_clipped(status.unlogged, start_s, stop_s),
             direct_rates=_clipped(status.direct_rates, start_s, stop_s),
             planned=_clipped(status.planned, start_s, stop_s),
             modes=tuple(

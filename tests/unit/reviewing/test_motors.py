@@ -288,7 +288,7 @@ def test_a_flight_without_its_motors_is_told_whether_they_are_in_the_log() -> No
 
 
 def test_a_plane_gets_no_advice_for_multirotors() -> None:
-    columns = {name: np.full(2000, 0.1) for name in ("p", "motor_1", "motor_2", "thrust_command")}
+    columns = {name: 0.3 + 0.1 * np.sin(np.arange(2000)) for name in ("p", "motor_1", "motor_2", "thrust_command")}
     flown = record(columns, 100.0)
     seen = rotorid.review(replace(flown, status=replace(flown.status, vehicle="plane", named_in="MAV_TYPE 1")))
     assert (seen.models, seen.next_commands) == ({}, ())

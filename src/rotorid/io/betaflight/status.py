@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from rotorid.data.record import Intervals, Status
 from rotorid.io.betaflight.blackbox import Flight
-from rotorid.io.flags import intervals_of, stays_of
+from rotorid.io.flags import before_first, intervals_of, stays_of
 
 _FLAGS, _FAILSAFE = "flightModeFlags", "failsafePhase"
 _ARM, _ANGLE, _HORIZON = 1, 2, 4
@@ -43,6 +43,7 @@ def status_of(flights: Sequence[Flight]) -> Status:
         armed=_sorted(_intervals(flight, direct=False) for flight in flights_with_flags)
         if len(flights_with_flags) == len(flights)
         else None,
+        unlogged=_sorted(before_first(flight.slow_time_s, float(flight.time_s[0])) for flight in flights_with_flags),
         flagged_in=_FLAGS,
         direct_rates=_sorted(_intervals(flight, direct=True) for flight in flights_with_flags),
         modes=tuple(
