@@ -45,9 +45,20 @@ RATES_HZ = {
 }
 VARIANTS: dict[Kind, tuple[str, ...]] = {
     "flight": ("sticks", "steps", "punches", "sticks", "dives", "doublets", "gusts", "flips"),
-    "landed": ("hover", "sticks"),
+    "landed": ("hover", "sticks", "hover", "hard"),
     "bench": ("still", "idle", "carried", "idle carried", "carried", "idle"),
-    "crash": ("motor", "motor", "weak motor", "power", "motor", "collision", "brown-out", "motor", "disarmed", "motor"),
+    "crash": (
+        "motor",
+        "motor",
+        "weak motor",
+        "power",
+        "motor",
+        "collision",
+        "brown-out",
+        "motor",
+        "two motors",
+        "motor",
+    ),
 }
 """What happens in turn in the logs of each kind."""
 
@@ -143,7 +154,9 @@ def _script(case: Case, rng: np.random.Generator) -> _Script:
     lift_s = off_s + idle_s + spool_s
     top_s = lift_s + height / 1.5
     down_s = top_s + air_s
-    ground_s = down_s + height / 1.0 + 3.0
+    # A hard landing goes on at the speed of the descent, without a flare.
+    flare_s = down_s + (height - 1.0) / (2.5 if case.variant == "hard" else 1.0)
+    ground_s = flare_s + 4.0
     end_s = ground_s + (rng.uniform(8.0, 25.0) if long else rng.uniform(1.0, 5.0))
     time_s = np.arange(round(end_s * rate_hz)) / rate_hz
     size = time_s.size
@@ -155,8 +168,8 @@ def _script(case: Case, rng: np.random.Generator) -> _Script:
     phase[time_s >= ground_s + 3.0] = OFF
     wanted_height = np.interp(
         time_s,
-        [off_s + idle_s, lift_s, top_s, down_s, down_s + (height - 1.0), down_s + height + 3.0],
-        [-1.0, 0.0, height, height, 1.0, -1.0],
+        [off_s + idle_s, lift_s, top_s, down_s, flare_s, flare_s + 4.0],
+        [-1.0, 0.0, height, height, 1.0, -1.0 if case.variant != "hard" else -9.0],
     )
     if case.kind != "landed" or case.variant == "sticks":
         wanted_height += np.where(
@@ -229,10 +242,9 @@ def _fail(case: Case, script: _Script, rng: np.random.Generator, at_s: float) ->
     elif case.variant == "collision":
         script.health[after, rotor] = 0.0
         script.kicks[first, :2] = rng.uniform(4.0, 12.0, 2) * rng.choice([-1.0, 1.0], 2)
-    if case.variant == "disarmed":
-        script.wanted[after, 0] = OFF
-    else:
-        script.wanted[script.time_s >= at_s + rng.uniform(3.0, 6.0), 0] = OFF
+    elif case.variant == "two motors":
+        script.health[after, rotor] = script.health[after, rotor - 1] = 0.0
+    script.wanted[script.time_s >= at_s + rng.uniform(3.0, 6.0), 0] = OFF
 
 
 def _bench(case: Case, rng: np.random.Generator, rate_hz: float) -> _Script:

@@ -181,6 +181,11 @@ def _print(reviewed: Review, file: Path, map: Path | None = None, *, verbose: bo
         console.print(text, markup=False, soft_wrap=True)
 
     plain(f"{reviewed.name}  {headline(reviewed)}\n")
+    lost = [finding for finding in reviewed.findings if finding.kind == "control_lost"]
+    for finding in lost:
+        # Before all answers: they are about the flight up to here.
+        console.print(f"{'look here':<{_WIDTH}}", style=INKS["red"], end=" ")
+        plain(finding.message)
     for card in cards(reviewed):
         console.print(f"{card.word:<{_WIDTH}}", style=INKS[card.color], end=" ")
         plain(f"{card.title} {card.headline}{f' {capital(card.measured)}.' if card.measured else ''}")
@@ -191,9 +196,10 @@ def _print(reviewed: Review, file: Path, map: Path | None = None, *, verbose: bo
         )
         if more:
             plain(f"{'':<{_WIDTH}} {more}")
-    if any(verbose or finding.severity != "info" for finding in reviewed.findings):
+    remarks = [finding for finding in reviewed.findings if finding not in lost]
+    if any(verbose or finding.severity != "info" for finding in remarks):
         plain("")
-        print_findings(reviewed.findings, (file,), verbose=verbose, page=page)
+        print_findings(remarks, (file,), verbose=verbose, page=page)
     if not verbose:
         # Notes on a plan that was asked for are part of the answer.
         notes = [finding for finding in reviewed.findings if finding.severity == "info"]

@@ -276,6 +276,11 @@ KINDS: Mapping[str, Kind] = {
         "Time offset between channels",
         "Two channels are offset in time; a warning names the --shift that corrects it.",
     ),
+    "control_lost": Kind(
+        "warning",
+        "Control lost",
+        "The vehicle did not come back from a loss of control; what follows it is left out of all averages.",
+    ),
     "controller_unchecked": Kind(
         "info", "Controller not checked", "The log does not show whether the logged gains were the ones flown."
     ),
@@ -330,6 +335,7 @@ KINDS: Mapping[str, Kind] = {
         "Approximated in the export",
         "The export approximates a value that its target cannot represent exactly.",
     ),
+    "ends_in_air": Kind("info", "Log ends in the air", "The log ends before the vehicle lands."),
     "error_not_checked": Kind(
         "info",
         "Error not measured",
@@ -362,6 +368,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "gains_differ": Kind("warning", "Logs of different gains", "Logs tuned together were flown with different gains."),
     "gap": Kind("warning", "Gap in the data", "Samples are missing."),
+    "hard_landing": Kind("warning", "Hard landing", "The specific force at touchdown was that of a hard landing."),
     "held_out": Kind(
         "info",
         "Judged on an unused maneuver",

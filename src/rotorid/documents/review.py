@@ -163,6 +163,14 @@ class UnavailableDocument(Document):
     remedy: str = ""
 
 
+class ControlDocument(Document):
+    """When and why control was lost, both null where it was kept, and whether the log ends before a landing."""
+
+    lost_at_s: float | None
+    cause: str | None
+    ends_in_air: bool
+
+
 class CardDocument(Document):
     """An answer of the first screen."""
 
@@ -185,6 +193,7 @@ class ReviewDocument(Document):
     vehicle: VehicleReviewDocument
     flights: list[FlightReviewDocument]
     seen_in: str = ""
+    control: ControlDocument | None = None
     modes: dict[str, float] = Field(default_factory=dict)
     battery: dict[str, QuantityDocument] = Field(default_factory=dict)
     hover_throttle: QuantityDocument | None = None
@@ -207,7 +216,7 @@ class ReviewDocument(Document):
         for result in written["models"].values():
             if not result["parameters"]:
                 del result["parameters"]
-        return {name: value for name, value in written.items() if value is not None}
+        return {name: value for name, value in written.items() if value is not None or name == "control"}
 
 
 class ReviewsDocument(Document):
@@ -226,6 +235,7 @@ def review_document(review: Review) -> ReviewDocument:
         vehicle=VehicleReviewDocument.model_validate(review.vehicle),
         flights=[FlightReviewDocument(start_s=start_s, stop_s=stop_s) for start_s, stop_s in review.flight.flights],
         seen_in=review.flight.seen_in,
+        control=_control(review),
         modes=dict(review.flight.modes),
         battery=_numbers(review.flight.battery),
         hover_throttle=_number(review.flight.hover_throttle),
@@ -257,6 +267,14 @@ def review_document(review: Review) -> ReviewDocument:
         next_commands=list(review.next_commands),
         findings=[FindingDocument.model_validate(finding) for finding in review.findings],
     )
+
+
+def _control(review: Review) -> ControlDocument | None:
+    """A loss of control or an end in the air; a hard landing is among the findings."""
+    found = review.control
+    if found is None or (found.lost_at_s is None and not found.ends_in_air):
+        return None
+    return ControlDocument(lost_at_s=found.lost_at_s, cause=found.cause, ends_in_air=found.ends_in_air)
 
 
 def _oscillation(found: OscillationReview) -> OscillationDocument:

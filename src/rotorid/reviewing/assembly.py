@@ -51,6 +51,7 @@ from rotorid.reviewing.values import (
     Unavailable,
 )
 from rotorid.settings.option import as_settings
+from rotorid.signal.airborne import control_of
 from rotorid.signal.oscillations import check_oscillations
 from rotorid.typing import Axis
 
@@ -161,6 +162,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
         noise_review = part("noise", lambda: noise(record, bandwidths_rad_s=widths), noise_review)
         worked = part("motors", lambda: motors(record), worked)
     kind, *_ = vehicle(record)
+    control = control_of(record)
     if air is not None and models:
         if motors_limited(swinging):
             unavailable.append(_hidden_by_limits("models", swinging))
@@ -184,8 +186,10 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
         next_commands=(),
         oscillations=swinging,
         calm=calm,
+        control=control,
         findings=worst_first(
             [
+                *(control.findings if control is not None else ()),
                 *record.findings,
                 *controller_findings(record),
                 *oscillation_findings(swinging),

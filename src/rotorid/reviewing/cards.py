@@ -119,9 +119,31 @@ def cards(review: Review) -> tuple[Card, ...]:
         _models(review),
     )
     if review.flight.flights:
-        return found
+        return tuple(_with_loss(card, review) for card in found)
     return tuple(
         Card(key=card.key, title=card.title, state="cannot", headline="This log contains no flight.") for card in found
+    )
+
+
+def _with_loss(card: Card, review: Review) -> Card:
+    """A card that asks for what a loss of control came from; the flight before the loss may look healthy."""
+    lost = review.control
+    if lost is None or lost.lost_at_s is None or card.key != ("power" if lost.cause == "power lost" else "motors"):
+        return card
+    motor = lost.numbers.get("motor")
+    if card.key == "power":
+        headline, check = "Thrust was lost in flight", "check battery, connectors, ESCs and the power supply"
+    elif motor is not None:
+        headline = f"Motor {motor:.0f} was at its limit when control was lost"
+        check = "check this motor, its ESC and its propeller first"
+    else:
+        headline, check = "Control was lost", "check motors, ESCs and propellers"
+    return Card(
+        key=card.key,
+        title=card.title,
+        state="look",
+        headline=f"{headline}, at {lost.lost_at_s:.1f} s.",
+        details=f"Before the next flight, {check}. Before that moment: {_lower_first(card.headline)}",
     )
 
 

@@ -247,6 +247,7 @@ def inspect(record: FlightRecord) -> Inspection:
         supports={name: foreseen(record, name, support) for name, support in supports(record).items()},
         findings=worst_first(
             (
+                *(flight.control.findings if flight is not None and flight.control is not None else ()),
                 *record.findings,
                 *controller_findings(record),
                 *_still(record),

@@ -21,6 +21,7 @@ from rotorid.flights.oscillations import OscillationReview
 from rotorid.flights.whole_flights import Instrument
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
+from rotorid.signal.control import Control
 from rotorid.typing import Axis, FloatArray
 
 
@@ -310,7 +311,7 @@ class Review(Immutable):
     ``models`` maps names of models to an ``IdentifiedModel`` or to an error that says why there is none; none was
     looked for where ``models_sought`` is false; ``unsupported`` names those that the log does not support, as
     ``inspect`` answers. ``oscillations`` are axes that swing by themselves, ``calm`` those that were checked and do
-    not.
+    not. ``control`` is a loss of control, a hard landing or an end in the air.
     """
 
     name: str
@@ -330,6 +331,7 @@ class Review(Immutable):
     unsupported: tuple[str, ...] = ()
     oscillations: tuple[OscillationReview, ...] = ()
     calm: tuple[Axis, ...] = ()
+    control: Control | None = None
 
     def __post_init__(self) -> None:
         self._set(loops=self.loops, margins=self.margins, models=self.models)

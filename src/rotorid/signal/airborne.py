@@ -16,6 +16,7 @@ from rotorid.data.base import cached_by_value
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import FlightRecord, Intervals, silences
 from rotorid.errors import InsufficientDataError
+from rotorid.signal.control import Control, before_loss, control
 from rotorid.signal.dead_sensors import dead_sensor_findings
 from rotorid.signal.witnesses import (
     LEVELS,
@@ -65,7 +66,9 @@ class Airborne:
     by_flags
         Whether the autopilot itself says so.
     findings
-        ``airborne`` with start and stop of the longest flight.
+        What is to be said of control, then ``airborne`` with start and stop of the longest flight.
+    control
+        Loss of control, at which its flight ends here; hard landing; end of the log in the air. ``None`` without any.
     witnesses
         What each part of the log says, the surest first.
     """
@@ -76,6 +79,7 @@ class Airborne:
     by_thrust: bool = True
     by_flags: bool = False
     witnesses: tuple[Witness, ...] = ()
+    control: Control | None = None
 
     @property
     def longest(self) -> tuple[float, float]:
@@ -149,6 +153,13 @@ def airborne(record: FlightRecord, *, margin_s: float = 0.0) -> Airborne:
     )
     if not flights:
         raise _never(record, first, witnesses, shortest_s)
+    lost = control(record, flights)
+    said = () if lost is None else lost.findings
+    flights = tuple(
+        (start_s, stop_s) for start_s, stop_s in before_loss(flights, lost) if stop_s - start_s >= shortest_s
+    )
+    if not flights:
+        raise _lost_at_once(record, seen_in, shortest_s, said)
     found = Airborne(
         intervals=flights,
         seen_in=seen_in,
@@ -156,8 +167,9 @@ def airborne(record: FlightRecord, *, margin_s: float = 0.0) -> Airborne:
         by_thrust=first.name != "motion",
         by_flags=by_flags,
         witnesses=witnesses,
+        control=lost,
     )
-    return replace(found, findings=(_finding(found, record),))
+    return replace(found, findings=(*said, _finding(found, record)))
 
 
 def _decided(record: FlightRecord, first: Witness, others: list[Witness]) -> tuple[Intervals, str]:
@@ -260,6 +272,14 @@ def airborne_by_thrust(record: FlightRecord) -> Airborne | None:
     return found if found.by_thrust else None
 
 
+def control_of(record: FlightRecord) -> Control | None:
+    """Loss of control, hard landing or end in the air of a record; ``None`` without any, and where nothing flew."""
+    try:
+        return airborne(record).control
+    except InsufficientDataError:
+        return None
+
+
 def evidence_words(seen_in: str) -> str:
     """The evidence of a flight, as the end of a sentence.
 
@@ -306,6 +326,19 @@ def _never(
         needed="a vehicle in the air",
         remedy="choose another log, or fit one part with rotorid identify --segment AXIS:START:STOP",
         findings=[refusal("never_airborne", witness.source, message), *dead_sensor_findings(record)],
+    )
+
+
+def _lost_at_once(
+    record: FlightRecord, seen_in: str, shortest_s: float, said: tuple[Finding, ...]
+) -> InsufficientDataError:
+    """The vehicle left the ground, and control was lost before there was a flight."""
+    message = f"{record.source.name} has no flight of {shortest_s:g} s and more before control was lost."
+    return InsufficientDataError(
+        message,
+        needed="a vehicle in the air and in control",
+        remedy="choose another log",
+        findings=[refusal("never_airborne", seen_in, message), *said],
     )
 
 
