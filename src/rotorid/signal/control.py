@@ -7,10 +7,12 @@ Witnesses look at cells of 50 ms. Each says yes (out of control), no, or nothing
 - *attitude missed*: the thrust axis is more than 45° off its set-point
 - *tumbling*: tilt above 75° in a mode that holds attitudes; or, without set-points, 8 rad/s of roll and pitch
 - *falling*: the vehicle sinks faster than 3 m/s at 1.3 times its usual thrust
-- *unpowered*: the specific force is below 0.35 g while the motors are asked for half of their usual thrust or more; for
-  0.6 s it is below 0.35 g, or below 0.6 g at four fifths of the usual thrust or with motors at rest, or the vehicle
-  sinks at 3 m/s with motors at rest; the current is below a fifth of its usual while the motors should run, or the
-  voltage below 60 %
+- *unpowered*: the specific force is below 0.35 g while the motors are asked for half of their usual thrust or more, or
+  for 0.6 s below 0.6 g at four fifths of it; the current is below a fifth of its usual while the motors should run, or
+  the voltage below 60 %
+
+Motors that are asked for little thrust, as in a dive at zero throttle or after they were stopped, cannot follow, and
+what they miss is no loss.
 
 A maneuver ends in controlled flight, a loss does not. What the witnesses see is a loss where the vehicle does not fly
 on for 1.5 s: without complaint, level within 60°, at half to 1.8 times its usual thrust, and with no motor that stays
@@ -50,8 +52,7 @@ _EDGE = 0.05
 """Distance from the highest or lowest output of a flight, over their distance, that counts as at it."""
 _SINK_M_S, _HIGH_SHARE = 3.0, 1.3
 _FREE_FALL_M_S2, _LIGHT_M_S2 = 0.35 * STANDARD_GRAVITY_M_S2, 0.6 * STANDARD_GRAVITY_M_S2
-_AT_REST_SHARE = 0.15
-_ASKED_SHARE, _NEARLY_USUAL = 0.5, 0.8
+_ASKED_SHARE, _NEARLY_USUAL, _ABLE_SHARE = 0.5, 0.8, 0.4
 _CURRENT_SHARE, _VOLTAGE_SHARE = 0.2, 0.6
 _LEAST_CURRENT_A = 2.0
 """A usual current that is lower is that of a sensor that does not work."""
@@ -191,7 +192,7 @@ def _kept(record: FlightRecord, intervals: Intervals) -> Control | None:
     powered = False
     if begins_on_ground and stop_s > record.stop_s - 0.5 and _is_up(record, start_s, stop_s):
         last = _Cells.of(record, start_s, stop_s, record.stop_s)
-        powered = last is not None and last.powered_at_end
+        powered = last is not None and (last.powered_at_end or last.sinks_at_end)
     impact_m_s2, impact_at_s = _touchdown(record, intervals)
     if not powered and not impact_m_s2:
         return None
@@ -213,7 +214,9 @@ def _is_up(record: FlightRecord, start_s: float, stop_s: float) -> bool:
         track = record["down"]
         known = np.isfinite(track.values) & (track.time_s >= start_s - 1.0) & (track.time_s <= stop_s + 0.5)
         if known.any():
-            return bool(track.values[known][0] - track.values[known][-1] > 1.0)
+            rise = track.values[known][0] - track.values[known][-1]
+            # Off a hill or a roof, a vehicle flies below the place where it took off.
+            return bool(abs(rise) > 1.0)
     return any(abs(stop - record.stop_s) < 0.5 for _, stop in record.status.in_air or ())
 
 
@@ -309,6 +312,13 @@ class _Cells:
         last = last[np.isfinite(last)]
         return bool(last.size and last.min() > _ASKED_SHARE)
 
+    @property
+    def sinks_at_end(self) -> bool:
+        """Whether the vehicle falls in the last cells."""
+        last = self.sink[-6:]
+        last = last[np.isfinite(last)]
+        return bool(last.size and last.min() > _HARD_SINK_M_S)
+
     def loss(self) -> Control | None:
         """The loss of control from which this flight did not recover."""
         witnesses = {cause: seen for cause, seen in self._witnesses().items() if self._is_trusted(seen)}
@@ -361,6 +371,7 @@ class _Cells:
         most[2] *= _YAW_WEAKER
         missed = (error > most).any(axis=0) & (self._limited() | blind)
         missed |= _angle_between(self.attitude) > _ATTITUDE_MISSED_RAD
+        missed &= ~(self.thrust < _ABLE_SHARE)
         spinning = np.isnan(error[:2]).all(axis=0) & (np.hypot(rates[0], rates[1]) > _TUMBLING_RAD_S)
         tumbling = spinning | ((_tilt(self.attitude[0], self.attitude[1]) > _TUMBLING_RAD) & self._holds_attitude())
         falling = (self.sink > _SINK_M_S) & (self.thrust > _HIGH_SHARE)
@@ -374,13 +385,9 @@ class _Cells:
     def _unpowered(self) -> BoolArray:
         """Free fall, or a battery that gives nothing, while the motors should run."""
         asked = self.thrust > _ASKED_SHARE
+        unknown = np.isnan(self.thrust)
         light = self.force < _FREE_FALL_M_S2
-        falls = self._lasting(light & (asked | np.isnan(self.thrust)), _SHORTEST_S)
-        rests = self.thrust < _AT_REST_SHARE
-        drops = rests & ((self.force < _LIGHT_M_S2) | (self.sink > _SINK_M_S))
-        # Motors that answer lift what they are asked to.
-        falls |= self._lasting((self.force < _LIGHT_M_S2) & (self.thrust > _NEARLY_USUAL), _SHORTEST_FALL_S)
-        falls |= self._lasting(light, _SHORTEST_FALL_S) | self._lasting(drops, _SHORTEST_FALL_S)
+        falls = self._lasting(light & asked, _SHORTEST_S) | self._lasting(light & unknown, _SHORTEST_FALL_S)
         usual_a, usual_v = (
             float(np.nanmedian(row[self.flying])) if np.isfinite(row[self.flying]).any() else np.nan
             for row in (self.current, self.voltage)
@@ -453,7 +460,7 @@ class _Cells:
             lost_at_s=float(self.time_s[first]) - 0.5 * _CELL_S,
             cause=cause,
             words=", ".join(parts) or cause,
-            ends_in_air=not strikes and stop_s - float(self.time_s[last - 1]) < 0.5 and not self._rests_at_end(),
+            ends_in_air=not strikes and stop_s - float(self.time_s[-1]) < 0.5 and not self._rests_at_end(),
             stop_s=stop_s,
             impact_m_s2=float(size[impact]) if strikes else 0.0,
             impact_at_s=float(stamps[impact]) if strikes else 0.0,
