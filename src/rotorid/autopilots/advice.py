@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from rotorid.autopilots.registry import autopilot_of
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import FlightRecord, Unread
 from rotorid.typing import Axis
 
 
@@ -19,7 +21,35 @@ def logging_advice(record: FlightRecord, rate_hz: float, channels: tuple[str, ..
     channels
         Those that are not logged, as far as they are known.
     """
+    if words := unread_words(record.unread, channels):
+        return words
     return autopilot_of(record).advice.logging(record, rate_hz, channels)
+
+
+def unread_words(unread: Iterable[Unread], channels: Iterable[str]) -> str:
+    """Clauses on what a log holds near to channels that it lacks; empty where it holds nothing of the kind.
+
+    Examples
+    --------
+    >>> mean = Unread(name="escRPM", channels=("motor_speed_",), why="it is the mean of all motors", rate_hz=2.0)
+    >>> unread_words([mean], ["motor_speed_1"])
+    'escRPM is in the log (2 Hz), but rotorid does not read it: it is the mean of all motors'
+    >>> unread_words([mean], ["motor_1"])
+    ''
+    """
+    wanted = tuple(channels)
+    near = (item for item in unread if any(map(item.near, wanted)))
+    rates = ((item, f" ({item.rate_hz:.3g} Hz)" if item.rate_hz else "") for item in near)
+    return "; ".join(
+        f"{item.name} is in the log{rate}, but rotorid does not read it: {item.why}" for item, rate in rates
+    )
+
+
+def channel_advice(record: FlightRecord, name: str) -> str:
+    """What to do about a channel that a log lacks: where the user chooses what is logged, which field holds it."""
+    known = unread_words(record.unread, (name,))
+    chosen = autopilot_of(record).log.fields_chosen
+    return known or (logging_advice(record, 0.0, (name,)) if chosen else "") or "log it, or name its source with --map"
 
 
 def sensor_advice(record: FlightRecord, rate_hz: float) -> str:
@@ -37,17 +67,17 @@ def sensor_advice(record: FlightRecord, rate_hz: float) -> str:
 
 def raw_gyro_advice(record: FlightRecord) -> str:
     """How the next log holds the gyro before its filters."""
-    return autopilot_of(record).advice.raw_gyro(record)
+    return unread_words(record.unread, ("p_raw",)) or autopilot_of(record).advice.raw_gyro(record)
 
 
 def motor_advice(record: FlightRecord) -> str:
     """How to log the motor outputs."""
-    return autopilot_of(record).advice.motors(record)
+    return unread_words(record.unread, ("motor_1",)) or autopilot_of(record).advice.motors(record)
 
 
 def speed_advice(record: FlightRecord) -> str:
     """How the next log holds the speeds of the motors."""
-    return autopilot_of(record).advice.speeds
+    return unread_words(record.unread, ("motor_speed_1",)) or autopilot_of(record).advice.speeds
 
 
 def gains_advice(record: FlightRecord) -> str:

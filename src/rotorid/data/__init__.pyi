@@ -21,5 +21,6 @@ from rotorid.data.record import Status as Status
 from rotorid.data.record import TimeHistory as TimeHistory
 from rotorid.data.record import Topic as Topic
 from rotorid.data.record import Track as Track
+from rotorid.data.record import Unread as Unread
 from rotorid.data.response import Disturbance as Disturbance
 from rotorid.data.response import FrequencyResponse as FrequencyResponse

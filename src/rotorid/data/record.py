@@ -342,6 +342,40 @@ class Source(Immutable):
     mapping: str = ""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Unread:
+    """What a log holds near to channels that it may lack, and no reader turns into them.
+
+    Parameters
+    ----------
+    name
+        Of the topic, message or variable, as the log calls it.
+    channels
+        What it is near to: names of channels, or ``motor_`` and ``motor_speed_`` of all motors.
+    why
+        Reason, as a clause.
+    rate_hz
+        How often it was logged; zero where that was not counted.
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    why: str
+    rate_hz: float = 0.0
+
+    def near(self, channel: str) -> bool:
+        """Whether a channel could have come from this.
+
+        Examples
+        --------
+        >>> speeds = Unread(name="escRPM", channels=("motor_speed_",), why="it is the mean of all motors")
+        >>> speeds.near("motor_speed_3"), speeds.near("motor_3")
+        (True, False)
+        """
+        head = channel.rstrip("0123456789")
+        return channel in self.channels or (head.endswith("_") and head in self.channels)
+
+
 Vehicle: TypeAlias = Literal[
     "", "multirotor", "helicopter", "plane", "VTOL", "rover", "boat", "submarine", "airship", "antenna tracker"
 ]
@@ -414,6 +448,8 @@ class FlightRecord(Immutable):
         What the reader had to remark.
     status
         What the autopilot says of vehicle and flight.
+    unread
+        What the log holds near to channels that it lacks: no reason to say that it was not logged.
 
     Examples
     --------
@@ -434,6 +470,7 @@ class FlightRecord(Immutable):
     instruments: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     status: Status = Status()
+    unread: tuple[Unread, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(

@@ -16,9 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.autopilots.advice import unread_words
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import LOWEST_RATE_HZ, STANDARD_UNITS, Channel, FlightRecord, Source, Topic
+from rotorid.data.record import AXES, LOWEST_RATE_HZ, STANDARD_UNITS, Channel, FlightRecord, Source, Topic, Unread
 from rotorid.errors import LogError
+from rotorid.frames import euler_from_quaternion
 from rotorid.typing import AnyArray, FloatArray, IntArray
 from rotorid.units import parse_unit
 
@@ -42,7 +44,6 @@ _MOST_TRIES = 200_000
 
 _FULL_THROTTLE = 65535.0
 _FULL_COMMAND = 32767.0
-_MOTORS = tuple(f"motor.m{number}" for number in range(1, 5))
 
 
 class Meaning(NamedTuple):
@@ -58,13 +59,27 @@ def _rows(group: str, variables: str, channels: str, unit: str, *scales: float) 
     return {f"{group}.{variable}": Meaning(channel, unit, scale) for variable, channel, scale in names}
 
 
+_MOTORS = "motor_1 motor_2 motor_3 motor_4"
+_OF_FULL_THROTTLE = 4 * (1.0 / _FULL_THROTTLE,)
+_FLU = (1.0, -1.0, -1.0)
+_ANGLES = "phi theta psi"
+_POSITION = "north east down"
+_VELOCITY = "velocity_north velocity_east velocity_down"
+_ATTITUDE_SETPOINT = "phi_setpoint theta_setpoint psi_setpoint"
+_RATE_SETPOINT = "p_setpoint q_setpoint r_setpoint"
+
 # The firmware's axes are forward, left, up, so that y and z turn their sign. Its attitude, the set-points of it and
-# everything that follows from them count the pitch angle the other way round, nose up, as this package does.
+# everything that follows from them count the pitch angle the other way round, nose up, as this package does; the
+# controllers of Lee and others that work with vectors keep its axes.
 MEANINGS: Mapping[str, Meaning] = {
-    **_rows("gyro", "x y z", "p q r", "deg/s", 1.0, -1.0, -1.0),
+    **_rows("gyro", "x y z", "p q r", "deg/s", *_FLU),
     **_rows("stateEstimateZ", "rateRoll ratePitch rateYaw", "p q r", "mrad/s", 1.0, 1.0, -1.0),
-    **_rows("acc", "x y z", "ax ay az", "g", 1.0, -1.0, -1.0),
-    **_rows("motor", "m1 m2 m3 m4", "motor_1 motor_2 motor_3 motor_4", "1", *4 * (1.0 / _FULL_THROTTLE,)),
+    **_rows("ctrlLee", "omegax omegay omegaz", "p q r", "rad/s", *_FLU),
+    **_rows("acc", "x y z", "ax ay az", "g", *_FLU),
+    # Nearest to the motors first: what the timers got, the powers, and those before the battery compensation.
+    **_rows("pwm", "m1_pwm m2_pwm m3_pwm m4_pwm", _MOTORS, "1", *_OF_FULL_THROTTLE),
+    **_rows("motor", "m1 m2 m3 m4", _MOTORS, "1", *_OF_FULL_THROTTLE),
+    **_rows("motor", "m1req m2req m3req m4req", _MOTORS, "1", *_OF_FULL_THROTTLE),
     **_rows("rpm", "m1 m2 m3 m4", "motor_speed_1 motor_speed_2 motor_speed_3 motor_speed_4", "rpm"),
     **_rows(
         "controller",
@@ -73,25 +88,62 @@ MEANINGS: Mapping[str, Meaning] = {
         "1",
         *3 * (1.0 / _FULL_COMMAND,),
     ),
-    **_rows("stateEstimate", "roll pitch yaw", "phi theta psi", "deg", 1.0, 1.0, -1.0),
-    **_rows("stateEstimate", "x y z", "north east down", "m", 1.0, -1.0, -1.0),
-    **_rows("stateEstimate", "vx vy vz", "velocity_north velocity_east velocity_down", "m/s", 1.0, -1.0, -1.0),
-    **_rows("stateEstimateZ", "x y z", "north east down", "mm", 1.0, -1.0, -1.0),
-    **_rows("stateEstimateZ", "vx vy vz", "velocity_north velocity_east velocity_down", "mm/s", 1.0, -1.0, -1.0),
-    **_rows("controller", "roll pitch yaw", "phi_setpoint theta_setpoint psi_setpoint", "deg", 1.0, 1.0, -1.0),
-    **_rows("controller", "rollRate pitchRate yawRate", "p_setpoint q_setpoint r_setpoint", "deg/s", 1.0, 1.0, -1.0),
+    **_rows("controller", "cmd_thrust", "thrust_command", "1", 1.0 / _FULL_THROTTLE),
+    **_rows("stabilizer", "thrust", "thrust_command", "1", 1.0 / _FULL_THROTTLE),
+    **_rows("stateEstimate", "roll pitch yaw", _ANGLES, "deg", 1.0, 1.0, -1.0),
+    **_rows("stabilizer", "roll pitch yaw", _ANGLES, "deg", 1.0, 1.0, -1.0),
+    **_rows("ctrlLee", "rpyx rpyy rpyz", _ANGLES, "rad", *_FLU),
+    **_rows("stateEstimate", "x y z", _POSITION, "m", *_FLU),
+    **_rows("stateEstimate", "vx vy vz", _VELOCITY, "m/s", *_FLU),
+    **_rows("stateEstimateZ", "x y z", _POSITION, "mm", *_FLU),
+    **_rows("stateEstimateZ", "vx vy vz", _VELOCITY, "mm/s", *_FLU),
+    **_rows("controller", "roll pitch yaw", _ATTITUDE_SETPOINT, "deg", 1.0, 1.0, -1.0),
+    **_rows("controller", "rollRate pitchRate yawRate", _RATE_SETPOINT, "deg/s", 1.0, 1.0, -1.0),
+    **_rows("ctrlLee", "rpydx rpydy rpydz", _ATTITUDE_SETPOINT, "rad", *_FLU),
+    **_rows("ctrlLee", "omegarx omegary omegarz", _RATE_SETPOINT, "rad/s", *_FLU),
     # Its velocities are left out: some commanders give them in body axes, and the log does not say which did.
-    **_rows("ctrltarget", "roll pitch yaw", "phi_setpoint theta_setpoint psi_setpoint", "deg", 1.0, 1.0, -1.0),
-    **_rows("ctrltarget", "x y z", "north_setpoint east_setpoint down_setpoint", "m", 1.0, -1.0, -1.0),
+    **_rows("ctrltarget", "roll pitch", "phi_setpoint theta_setpoint", "deg"),
+    # Under this name the firmware logs the rate: the angle is no part of this group.
+    **_rows("ctrltarget", "yaw", "r_setpoint", "deg/s", -1.0),
+    **_rows("ctrltarget", "x y z", "north_setpoint east_setpoint down_setpoint", "m", *_FLU),
+    **_rows("ctrltargetZ", "x y z", "north_setpoint east_setpoint down_setpoint", "mm", *_FLU),
     **_rows("pm", "vbat", "battery_voltage", "V"),
     **_rows("pm", "vbatMV", "battery_voltage", "mV"),
+    # Measured by a positioning system, and what the estimator is made of: behind everything else.
+    **_rows("locSrv", "x y z", _POSITION, "m", *_FLU),
+    **_rows("locSrvZ", "x y z", _POSITION, "mm", *_FLU),
 }
 """Variable to channel, best first: of two that are the same channel in one event, the earlier one is used."""
+
+_POSITIONING = ("locSrv.", "locSrvZ.")
+
+QUATERNIONS: Mapping[str, str] = {
+    "stateEstimate": _ANGLES,
+    "ctrltarget": _ATTITUDE_SETPOINT,
+    "locSrv": _ANGLES,
+}
+"""Groups with the variables ``qw qx qy qz``, and the angles that follow from them where no others are logged."""
+
+COMPRESSED_QUATERNIONS: Mapping[str, str] = {"stateEstimateZ.quat": _ANGLES, "locSrvZ.quat": _ANGLES}
+"""The same in 32 bits."""
+
+UNREAD: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "ctrlrl.out": (("motor_", "thrust_command"), "what the outputs of a learned policy mean, only its builder knows"),
+    "powerDist.m": (("motor_", "thrust_command"), "it is the force that the controller wanted, not what the motor got"),
+    "erpm.": (("motor_speed_",), "electrical speeds need the number of poles"),
+    "gyro.xRaw": (("p_raw", "q_raw", "r_raw"), "its counts are in the axes of the chip, which the log does not name"),
+    "ctrlMel.cmd_": (
+        tuple(f"{axis}_command" for axis in AXES),
+        "the scale of these commands is that of the gains, which the log does not name",
+    ),
+    "stateEstimate.a": (("ax", "ay", "az"), "it is the acceleration of the earth's axes, without gravity"),
+}
+"""Beginning of variables near to channels, these channels, and why they are not read."""
 
 _NEEDED = {
     "p": "the body rates: gyro.x, gyro.y, gyro.z",
     "az": "the specific force: acc.x, acc.y, acc.z",
-    "thrust_command": "motor commands (motor.m1 to motor.m4)",
+    "thrust_command": "the outputs of all motors in one event: pwm.m1_pwm to pwm.m4_pwm, or motor.m1 to motor.m4",
 }
 
 
@@ -107,10 +159,10 @@ def read(path: Path, source: Source) -> FlightRecord:
     """Read a uSD log of version 1 or 2.
 
     Axes become FRD and NED: *north* is the x axis of the firmware's estimator, which points where the vehicle pointed
-    when it was switched on, unless a positioning system says otherwise. ``thrust_command`` is the mean of the four
-    motor commands, 0 to 1, where an event holds all of them; it is the command after the battery compensation, so that
-    its gain to thrust changes with the voltage. Gyro and accelerometer have passed the firmware's low-pass filters (80
-    and 30 Hz unless changed), which a fitted delay contains.
+    when it was switched on, unless a positioning system says otherwise. Angles come as they are or from quaternions.
+    ``thrust_command`` is the mean of the four motor outputs, 0 to 1, where an event holds all of them; they are those
+    after the battery compensation, so that their gain to thrust changes with the voltage. Gyro and accelerometer have
+    passed the firmware's low-pass filters (80 and 30 Hz unless changed), which a fitted delay contains.
 
     Parameters
     ----------
@@ -135,42 +187,123 @@ def read(path: Path, source: Source) -> FlightRecord:
             remedy="copy it again from the card",
         )
     log = decode(data)
-    topics = tuple(topic for event in log.events if (topic := _topic(event)) is not None)
+    found = (topic for event in log.events if (topic := _topic(event)) is not None)
+    topics = tuple(sorted(found, key=_is_positioning))
     if not any(event.time_s.size for event in log.events):
         raise LogError(
             f"{source.name} contains a header and no samples",
-            needed="samples of variables such as gyro.x, acc.z, motor.m1",
+            needed="samples of variables such as gyro.x, acc.z, pwm.m1_pwm",
             remedy="write 1 in the fourth line of config.txt on the card (log from power-on), or set usd.logging = 1",
         )
     if not topics:
         column_names = ", ".join(repr(name)[1:-1] for event in log.events for name in event.columns) or "nothing"
         raise LogError(
             f"{source.name} has no samples of a variable with a known name; its header announces {column_names[:300]}",
-            needed="variables such as gyro.x, acc.z, motor.m1",
+            needed="variables such as gyro.x, acc.z, pwm.m1_pwm",
             remedy="name them in config.txt on the card before the next flight",
         )
     kept, remarks = _finite(topics)
-    findings = (*_damage(log), *remarks, *_missing(kept), *_slow(kept))
-    return FlightRecord(source=replace(source, firmware="Crazyflie"), topics=kept, findings=findings)
+    unread = tuple(_unread(log))
+    findings = (*_damage(log), *remarks, *_missing(kept, unread), *_slow(kept))
+    return FlightRecord(source=replace(source, firmware="Crazyflie"), topics=kept, findings=findings, unread=unread)
+
+
+def _unread(log: UsdLog) -> Iterator[Unread]:
+    """Variables near to channels, each kind once."""
+    for beginning, (channels, why) in UNREAD.items():
+        found = next(
+            ((event, name) for event in log.events for name in event.columns if name.startswith(beginning)), None
+        )
+        if found is not None and found[1] not in MEANINGS:
+            event, name = found
+            span_s = float(np.ptp(event.time_s)) if event.time_s.size > 1 else 0.0
+            rate_hz = (event.time_s.size - 1) / span_s if span_s > 0.0 else 0.0
+            yield Unread(name=name, channels=channels, why=why, rate_hz=rate_hz)
+
+
+def _is_positioning(topic: Topic) -> bool:
+    """Whether a topic holds measurements of a positioning system only, which come after everything else."""
+    return all(channel.source.startswith(_POSITIONING) for channel in topic.channels)
 
 
 def _topic(event: Event) -> Topic | None:
     """The variables of an event that have a meaning, as channels on the event's clock."""
-    channels: list[Channel] = []
-    rows: list[FloatArray] = []
+    rows: dict[str, tuple[str, FloatArray]] = {}
     for variable, meaning in MEANINGS.items():
-        if variable in event.columns and meaning.channel not in {channel.name for channel in channels}:
-            unit = STANDARD_UNITS[meaning.channel]
-            channels.append(Channel(name=meaning.channel, unit=unit, source=variable))
-            rows.append(_doubles(event.columns[variable], meaning.scale * parse_unit(meaning.unit).factor))
-    if all(variable in event.columns for variable in _MOTORS):
+        if variable in event.columns and meaning.channel not in rows:
+            factor = meaning.scale * parse_unit(meaning.unit).factor
+            rows[meaning.channel] = (variable, _doubles(event.columns[variable], factor))
+    motors = _MOTORS.split()
+    if set(motors) <= rows.keys():
         with np.errstate(invalid="ignore"):
-            mean = np.mean([_doubles(event.columns[variable], 1.0 / _FULL_THROTTLE) for variable in _MOTORS], axis=0)
-        channels.append(Channel(name="thrust_command", unit="1", source="mean of motor.m1 to motor.m4"))
-        rows.append(mean)
+            mean = np.mean([rows[motor][1] for motor in motors], axis=0)
+        rows["thrust_command"] = (f"mean of {rows[motors[0]][0]} to {rows[motors[-1]][0]}", mean)
+    for source, names, quaternion in _quaternions(event):
+        # Angles that belong together: none of a quaternion next to one that was logged as it stands.
+        if rows.keys().isdisjoint(names) and _is_rotation(quaternion):
+            rows |= {name: (source, angle) for name, angle in zip(names, _angles(quaternion), strict=True)}
     if not rows or not event.time_s.size:
         return None
-    return Topic(name=event.name, time_s=event.time_s, channels=tuple(channels), values=np.stack(rows))
+    return Topic(
+        name=event.name,
+        time_s=event.time_s,
+        channels=tuple(
+            Channel(name=name, unit=STANDARD_UNITS[name], source=source) for name, (source, _) in rows.items()
+        ),
+        values=np.stack([values for _, values in rows.values()]),
+    )
+
+
+def _quaternions(event: Event) -> Iterator[tuple[str, list[str], FloatArray]]:
+    """Source, angles, and rows w, x, y, z of the quaternions of an event."""
+    for group, names in QUATERNIONS.items():
+        parts = [f"{group}.q{axis}" for axis in "wxyz"]
+        if all(part in event.columns for part in parts):
+            values = np.stack([_doubles(event.columns[part], 1.0) for part in parts])
+            yield f"{group}.qx to {group}.qw", names.split(), values
+    for variable, names in COMPRESSED_QUATERNIONS.items():
+        if variable in event.columns:
+            yield variable, names.split(), decompressed(event.columns[variable])
+
+
+_MOST_NORM_ERROR = 0.1
+
+
+def _is_rotation(quaternion: FloatArray) -> bool:
+    """Whether a quaternion was in use: one that is none stays at zero."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        norms = np.sqrt(np.sum(quaternion**2, axis=0))
+    return bool(norms.size and abs(float(np.median(norms)) - 1.0) < _MOST_NORM_ERROR)
+
+
+def _angles(quaternion: FloatArray) -> FloatArray:
+    """Angles of a quaternion that turns forward, left, up into the axes of the estimator."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return euler_from_quaternion(quaternion * np.array([1.0, *_FLU])[:, None])
+
+
+def decompressed(values: AnyArray) -> FloatArray:
+    r"""Rows w, x, y, z of quaternions that the firmware wrote in 32 bits.
+
+    The two highest bits number the largest part, of x, y, z and w. The others follow, each as a sign and nine bits of
+    :math:`\sqrt2` times its size; the largest is not negative and follows from the unit norm.
+
+    Examples
+    --------
+    >>> turned = 3 << 30 | 511  # w is the largest; x and y are zero, z as large as w
+    >>> decompressed(np.array([turned])).round(3).ravel().tolist()
+    [0.707, 0.0, 0.0, 0.707]
+    """
+    words = values.astype(np.int64) & 0xFFFFFFFF
+    largest, parts = words >> 30, np.zeros((4, words.size))
+    for part in (3, 2, 1, 0):
+        others = largest != part
+        size = (words & 511) / (511.0 * np.sqrt(2.0))
+        parts[part] = np.where(others, np.where(words >> 9 & 1, -size, size), 0.0)
+        words = np.where(others, words >> 10, words)
+    rest = np.sqrt(np.maximum(1.0 - np.sum(parts**2, axis=0), 0.0))
+    parts[largest, np.arange(words.size)] = rest
+    return parts[[3, 0, 1, 2]]
 
 
 def _doubles(values: AnyArray, factor: float) -> FloatArray:
@@ -214,15 +347,14 @@ def _damage(log: UsdLog) -> Iterator[Finding]:
     )
 
 
-def _missing(topics: tuple[Topic, ...]) -> Iterator[Finding]:
+def _missing(topics: tuple[Topic, ...], unread: Sequence[Unread]) -> Iterator[Finding]:
     logged = {channel.name for topic in topics for channel in topic.channels}
     for name, meaning in _NEEDED.items():
         if name not in logged:
-            yield warn(
-                "missing_channel",
-                name,
-                f"The log does not contain {meaning}. Name them in config.txt on the card before the next flight.",
-            )
+            near = unread_words(unread, (name,))
+            known = f"{near}. " if near else ""
+            remedy = "Name them in config.txt on the card before the next flight."
+            yield warn("missing_channel", name, f"The log does not contain {meaning}. {known}{remedy}")
 
 
 def _slow(topics: tuple[Topic, ...]) -> Iterator[Finding]:

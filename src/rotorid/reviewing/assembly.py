@@ -210,7 +210,11 @@ def _oscillations(
     check = check_oscillations(record)
     rates = {axis: record.rate_hz(f"{axis}_command") for axis in RATE_OF}
     unavailable = [
-        Unavailable(what=f"oscillations.{axis}", why=why, remedy=logging_advice(record, rates[axis]))
+        Unavailable(
+            what=f"oscillations.{axis}",
+            why=why,
+            remedy=logging_advice(record, rates[axis], () if rates[axis] else (f"{axis}_command",)),
+        )
         for axis, why in check.unchecked.items()
     ]
     return (reviewed_oscillations(record), check.calm), unavailable

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.autopilots.advice import channel_advice
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory, Topic
@@ -165,7 +166,7 @@ def missing_channel(record: FlightRecord, name: str, remedy: str = "") -> Insuff
     return InsufficientDataError(
         f"{record.source.name} has no {name}",
         needed=f"the channel {name}; there are {', '.join(record.channel_names) or 'none'}",
-        remedy=remedy or "log it, or name its source with --map",
+        remedy=remedy or channel_advice(record, name),
         findings=[refusal("missing_channel", name, message)],
     )
 

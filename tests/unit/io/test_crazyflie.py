@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rotorid.autopilots.advice import channel_advice, motor_advice, unread_words
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
 from rotorid.io import crazyflie
@@ -86,6 +87,18 @@ def test_axes_turn_from_forward_left_up_to_forward_right_down(tmp_path: Path) ->
         ("controller.pitchRate", "q_setpoint", np.pi / 180),
         ("ctrltarget.pitch", "theta_setpoint", np.pi / 180),
         ("ctrltarget.y", "east_setpoint", -1.0),
+        # What the firmware calls the yaw of its target is a rate.
+        ("ctrltarget.yaw", "r_setpoint", -np.pi / 180),
+        ("ctrltargetZ.z", "down_setpoint", -1e-3),
+        ("ctrlLee.rpyy", "theta", -1.0),
+        ("ctrlLee.rpydy", "theta_setpoint", -1.0),
+        ("ctrlLee.omegaz", "r", -1.0),
+        ("ctrlLee.omegarx", "p_setpoint", 1.0),
+        ("stabilizer.pitch", "theta", np.pi / 180),
+        ("stabilizer.thrust", "thrust_command", 1 / 65535),
+        ("pwm.m3_pwm", "motor_3", 1 / 65535),
+        ("motor.m3req", "motor_3", 1 / 65535),
+        ("locSrv.y", "east", -1.0),
         ("rpm.m2", "motor_speed_2", np.pi / 30),
         ("pm.vbat", "battery_voltage", 1.0),
         ("pm.vbatMV", "battery_voltage", 1e-3),
@@ -95,6 +108,87 @@ def test_other_variables_have_their_meaning(tmp_path: Path, variable: str, chann
     record = read(tmp_path, usd([{variable: ("h", 300)}]))
     assert record.channel_names == (channel,)
     assert value_of(record, channel) == pytest.approx(300 * factor, rel=1e-12)
+
+
+ATTITUDE = (0.3, -0.4, 1.9)
+"""Roll, pitch and yaw in the axes of this package."""
+
+
+def quaternion(phi: float, theta: float, psi: float) -> dict[str, float]:
+    """Parts of the firmware's quaternion, from forward, left, up to its earth: pitch and yaw turn their sign."""
+    half = np.array([phi, -theta, -psi]) / 2
+    (c1, c2, c3), (s1, s2, s3) = np.cos(half), np.sin(half)
+    return {
+        "qw": c1 * c2 * c3 + s1 * s2 * s3,
+        "qx": s1 * c2 * c3 - c1 * s2 * s3,
+        "qy": c1 * s2 * c3 + s1 * c2 * s3,
+        "qz": c1 * c2 * s3 - s1 * s2 * c3,
+    }
+
+
+def compressed(parts: Mapping[str, float]) -> int:
+    """Two bits for the largest part, then a sign and nine bits of each of the others."""
+    values = [parts[name] for name in ("qx", "qy", "qz", "qw")]
+    largest = max(range(4), key=lambda part: abs(values[part]))
+    word = largest
+    for part in (part for part in range(4) if part != largest):
+        value = values[part] * np.sign(values[largest])
+        word = word << 10 | (value < 0) << 9 | round(511 * np.sqrt(2) * abs(value))
+    return word
+
+
+@pytest.mark.parametrize("group", ["stateEstimate", "locSrv", "ctrltarget"])
+def test_angles_come_from_quaternions(tmp_path: Path, group: str) -> None:
+    parts = quaternion(*ATTITUDE)
+    record = read(tmp_path, usd([{f"{group}.{name}": ("f", value) for name, value in parts.items()}]))
+    names = [f"{angle}{'_setpoint' * (group == 'ctrltarget')}" for angle in ("phi", "theta", "psi")]
+    assert [value_of(record, name) for name in names] == pytest.approx(ATTITUDE, abs=1e-6)
+
+
+@pytest.mark.parametrize("attitude", [ATTITUDE, (0.0, 0.0, 0.0), (-2.9, 0.2, 0.1), (0.1, 1.2, -3.0)])
+def test_angles_come_from_quaternions_in_32_bits(tmp_path: Path, attitude: tuple[float, float, float]) -> None:
+    """One unit of nine bits is 0.08° of a half angle."""
+    record = read(tmp_path, usd([{"stateEstimateZ.quat": ("I", compressed(quaternion(*attitude)))}]))
+    assert [value_of(record, name) for name in ("phi", "theta", "psi")] == pytest.approx(attitude, abs=0.01)
+
+
+def test_a_quaternion_that_no_commander_sets_is_no_set_point(tmp_path: Path) -> None:
+    zeros = {f"ctrltarget.q{axis}": ("f", 0.0) for axis in "xyzw"}
+    assert read(tmp_path, usd([{"gyro.x": ("f", 1.0), **zeros}])).channel_names == ("p",)
+
+
+def test_angles_as_they_were_logged_come_before_a_quaternion(tmp_path: Path) -> None:
+    parts = {f"stateEstimate.{name}": ("f", value) for name, value in quaternion(*ATTITUDE).items()}
+    (topic,) = read(tmp_path, usd([{"stateEstimate.roll": ("f", 10.0), **parts}])).topics
+    assert [channel.source for channel in topic.channels] == ["stateEstimate.roll"]
+
+
+def test_outputs_of_the_timers_are_the_motors(tmp_path: Path) -> None:
+    outputs = {f"pwm.m{number}_pwm": ("I", 6553 * number) for number in range(1, 5)}
+    powers = {f"motor.m{number}": ("H", 1) for number in range(1, 5)}
+    record = read(tmp_path, usd([{**powers, **outputs}]))
+    assert value_of(record, "motor_4") == pytest.approx(0.4, abs=1e-4)
+    assert value_of(record, "thrust_command") == pytest.approx(0.25, abs=1e-4)
+
+
+def test_variables_that_are_not_read_are_not_called_missing(tmp_path: Path) -> None:
+    policy = {f"ctrlrl.out{number}": ("f", 0.5) for number in range(4)}
+    record = read(tmp_path, usd([{"gyro.x": ("f", 1.0), **policy}], step=4000))
+    assert unread_words(record.unread, ("motor_1",)).startswith("ctrlrl.out0 is in the log (250 Hz), but rotorid does")
+    (finding,) = (finding for finding in record.findings if finding.where == "thrust_command")
+    assert "ctrlrl.out0 is in the log" in finding.message
+    assert unread_words(record.unread, ("motor_speed_1",)) == ""
+
+
+def test_advice_names_the_variables_to_log(tmp_path: Path) -> None:
+    record = read(tmp_path, usd([{"gyro.x": ("f", 1.0)}]))
+    assert channel_advice(record, "q") == "add gyro.x, gyro.y, gyro.z to config.txt on the card"
+    assert motor_advice(record).startswith("add pwm.m1_pwm, pwm.m2_pwm, pwm.m3_pwm and pwm.m4_pwm to config.txt")
+
+
+def test_a_positioning_system_comes_after_the_estimator(tmp_path: Path) -> None:
+    record = read(tmp_path, usd([{"locSrv.x": ("f", 1.0)}, {"stateEstimate.x": ("f", 2.0)}]))
+    assert value_of(record, "north") == 2.0
 
 
 @pytest.mark.parametrize(("version", "unit_s"), [(1, 1e-3), (2, 1e-6)])

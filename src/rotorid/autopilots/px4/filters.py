@@ -59,7 +59,7 @@ CHAINS = (
         stages=(stage("IMU_INTEG_RATE", _integral, needed=True),),
     ),
     Chain(
-        source=r"(vehicle_torque_setpoint|vehicle_thrust_setpoint|actuator_controls_0|actuator_motors)\..*",
+        source=r"(vehicle_torque_setpoint|vehicle_thrust_setpoint|actuator_controls_0|actuator_motors|actuator_outputs)\..*",
         nonlinear=("THR_MDL_FAC", *_SLEW),
     ),
 )

@@ -126,9 +126,11 @@ def _topic_of(file: Path) -> tuple[str, str] | None:
 
 def _named(file: Path) -> tuple[str, str] | None:
     """Name of the log and of the topic in a file name; the longest topic that fits, since names are parts of names."""
-    fitting = [topic for topic in wanted_fields() if file.stem.endswith(f"_{topic}_0")]
-    topic = max(fitting, key=len, default="")
-    return (file.stem.removesuffix(f"_{topic}_0"), topic) if topic and file.suffix == ".csv" else None
+    endings = {
+        topic: "_{}_{}".format(*(topic if ":" in topic else f"{topic}:0").split(":")) for topic in wanted_fields()
+    }
+    topic = max((topic for topic, ending in endings.items() if file.stem.endswith(ending)), key=len, default="")
+    return (file.stem.removesuffix(endings[topic]), topic) if topic and file.suffix == ".csv" else None
 
 
 def _export(path: Path, name: str) -> _Export:

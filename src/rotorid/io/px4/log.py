@@ -13,15 +13,17 @@ from typing import Any
 
 import numpy as np
 
+from rotorid.autopilots.advice import unread_words
 from rotorid.autopilots.px4.advice import gap_advice, logging_advice
 from rotorid.autopilots.px4.versions import firmware_shown
 from rotorid.data.display import capital
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic, Unread
 from rotorid.errors import LogError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.flags import vehicle_findings
 from rotorid.io.parameters import kept_parameters, parameters_changed
+from rotorid.io.px4.outputs import OUTPUT_FIELDS, motor_outputs, rate_hz_of
 from rotorid.io.px4.sensors import SENSOR_FIELDS, sensor_topics
 from rotorid.io.px4.status import STATUS_FIELDS, status_of
 from rotorid.io.px4.ulog import MAGIC, extract
@@ -50,7 +52,7 @@ def read(path: Path, source: Source) -> FlightRecord:
     LogError
         The file cannot be parsed, or holds no topic that the package has a name for.
     """
-    log = extract(path, wanted_fields())
+    log = extract(path, {**dict.fromkeys(NEAR, ()), **wanted_fields()})
     facts = {
         "parameters": kept_parameters(log.parameters),
         "changed": log.changed,
@@ -217,10 +219,36 @@ def _empty(name: str, facts: Mapping[str, Any]) -> LogError:
 _MOST_NAMED = 5
 
 
+_TRUTH = "it is the simulator's truth, which no vehicle logs"
+_RECEIVER = "it is the receiver's, before the calibration and the choice of the sticks"
+
+NEAR: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "vehicle_imu": (
+        ("p", "q", "r", "ax", "ay", "az"),
+        "its angles and speeds are sums over an interval",
+    ),
+    "vehicle_angular_velocity_groundtruth": (("p", "q", "r"), _TRUTH),
+    "vehicle_attitude_groundtruth": (("phi", "theta", "psi"), _TRUTH),
+    "rc_channels": (tuple(_STICKS.split()), _RECEIVER),
+    "input_rc": (tuple(_STICKS.split()), _RECEIVER),
+    "esc_status": (("motor_speed_",), "none of its motors ever turned"),
+}
+"""Topics near to channels that a log may lack: these channels, and why they do not come from there."""
+
+
+def _near(arrays: Mapping[str, AnyArray], topics: Sequence[Topic]) -> Iterator[Unread]:
+    """Topics of a log that were read for none of the channels that they are near to."""
+    logged = {channel.name for topic in topics for channel in topic.channels}
+    for name, (channels, why) in NEAR.items():
+        item = Unread(name=name, channels=channels, why=why)
+        if f"{name}/timestamp" in arrays and not any(map(item.near, logged)):
+            yield replace(item, rate_hz=rate_hz_of(arrays, name))
+
+
 def wanted_fields() -> dict[str, list[str]]:
     """Name of each topic to the names of its fields, as the table wants them; stamps are wanted without being named."""
     wanted: dict[str, list[str]] = {topic: list(fields) for topic, fields in STATUS_FIELDS.items()}
-    for topic, fields in SENSOR_FIELDS.items():
+    for topic, fields in (*SENSOR_FIELDS.items(), *OUTPUT_FIELDS.items()):
         wanted.setdefault(topic, []).extend(fields)
     for rule in ALL_RULES:
         wanted.setdefault(rule.topic, []).extend((*rule.fields, *rule.letters))
@@ -247,17 +275,24 @@ def record_of(arrays: Mapping[str, AnyArray], facts: Mapping[str, Any], source: 
     """
     parameters: Mapping[str, float] = facts["parameters"]
     topics, remarks = _topics(arrays, parameters)
+    unread: tuple[Unread, ...] = ()
+    if all(topic.row("motor_1") is None for topic in topics):
+        # Motors of newer firmware are demands of their own; only where they are not logged, the drivers' outputs are.
+        outputs, assumed, unread = motor_outputs(arrays, parameters)
+        topics, remarks = (*topics, *outputs), (*remarks, *assumed)
     topics = (*topics, *sensor_topics(arrays, parameters)) if topics else ()
     if not topics:
         raise _empty(source.name, facts)
     status = status_of(arrays, parameters, _span_s(topics))
+    unread = (*unread, *_near(arrays, topics))
     return FlightRecord(
         source=source,
         topics=topics,
         parameters=parameters,
         instruments=_instruments(topics),
-        findings=(*vehicle_findings(status), *findings_of(topics, facts, source.firmware), *remarks),
+        findings=(*vehicle_findings(status), *findings_of(topics, facts, source.firmware, unread), *remarks),
         status=status,
+        unread=unread,
     )
 
 
@@ -386,7 +421,9 @@ _NEEDED = {
 }
 
 
-def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any], firmware: str) -> Iterator[Finding]:
+def findings_of(
+    topics: Sequence[Topic], facts: Mapping[str, Any], firmware: str, unread: Sequence[Unread] = ()
+) -> Iterator[Finding]:
     """Damage, dropouts, missing channels and slow topics of a log.
 
     Parameters
@@ -396,6 +433,8 @@ def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any], firmware: str
         ``changed``, if it says that.
     firmware
         As it introduces itself.
+    unread
+        What the log holds near to channels that it lacks.
     """
     yield from _damage(facts["damage"], facts["size_bytes"])
     yield from _dropouts(facts["dropouts"], facts["parameters"])
@@ -404,7 +443,7 @@ def findings_of(topics: Sequence[Topic], facts: Mapping[str, Any], firmware: str
     sources = (channel.source.partition("[")[0] for topic in topics for channel in topic.channels)
     advice = logging_advice(facts["parameters"], firmware_shown(firmware, (*sources, *facts["parameters"])))
     remedy = f"{capital(advice)}."
-    yield from _missing(topics, remedy)
+    yield from _missing(topics, unread, remedy)
     yield from _slow(topics, remedy)
 
 
@@ -443,11 +482,13 @@ def _dropouts(dropouts: Sequence[tuple[float, float]], parameters: Mapping[str, 
     )
 
 
-def _missing(topics: Sequence[Topic], remedy: str) -> Iterator[Finding]:
+def _missing(topics: Sequence[Topic], unread: Sequence[Unread], remedy: str) -> Iterator[Finding]:
     logged = {channel.name for topic in topics for channel in topic.channels}
     for name, meaning in _NEEDED.items():
         if name not in logged:
-            yield warn("missing_channel", name, f"The log does not contain {meaning}. {remedy}")
+            near = unread_words(unread, (name,))
+            known = f"{near}. " if near else ""
+            yield warn("missing_channel", name, f"The log does not contain {meaning}. {known}{remedy}")
 
 
 def _slow(topics: Sequence[Topic], remedy: str) -> Iterator[Finding]:

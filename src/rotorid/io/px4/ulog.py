@@ -138,7 +138,8 @@ def extract(path: Path, topics: Mapping[str, Sequence[str]]) -> ULog:
     path
         A ULog file.
     topics
-        Name of a topic to the names of its fields, such as ``xyz[0]``. Only the first instance of a topic is read.
+        Name of a topic to the names of its fields, such as ``xyz[0]``. Of several instances the first is read; another
+        one is asked for with its number, ``battery_status:1``.
 
     Raises
     ------
@@ -158,7 +159,7 @@ def extract(path: Path, topics: Mapping[str, Sequence[str]]) -> ULog:
     streams: dict[str, Stream] = {}
     for stream in found.streams:
         if stream.positions.size:
-            streams.setdefault(stream.subscription.topic, stream)
+            streams.setdefault(stream.subscription.called, stream)
     fields: dict[str, tuple[Stream, Place]] = {}
     damage = [(item.start, item.stop, item.reason) for item in found.damage]
     for topic, stream in streams.items():
@@ -579,7 +580,7 @@ class _Walker:
         self.block_bytes = _FIRST_BLOCK
         self.least[identity], self.most[identity] = subscription.least_bytes, subscription.most_bytes
         self.part_of[identity] = -1
-        if subscription.topic in self.topics and subscription.instance == 0:
+        if subscription.called in self.topics:
             self.part_of[identity] = len(self.parts)
             self.parts.append(_Part(subscription=subscription))
 
@@ -643,6 +644,11 @@ class Subscription:
     instance: int
     least_bytes: int
     most_bytes: int
+
+    @property
+    def called(self) -> str:
+        """Its name among topics that are asked for: with the number of its instance, but for the first."""
+        return f"{self.topic}:{self.instance}" if self.instance else self.topic
 
 
 @dataclass(slots=True)
