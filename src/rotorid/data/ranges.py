@@ -29,7 +29,7 @@ def _ranges() -> Mapping[str, tuple[float, float]]:
     numbers = range(1, MOTORS + 1)
     found = dict.fromkeys([f"motor_{number}" for number in numbers], (_LOWEST_SHARE, HIGHEST_SHARE))
     found |= within([f"motor_{number}_excitation" for number in numbers], 2.0)
-    found |= within([f"motor_speed_{number}" for number in numbers], 2e4)
+    found |= within([f"{name}_{number}" for name in ("motor_speed", "notch_frequency") for number in numbers], 2e4)
     # A mixer's input may well exceed one: nothing but a slip of units makes it a hundred.
     found |= within([f"{axis}_{kind}" for axis in AXES for kind in ("command", "excitation")], 100.0)
     found |= within([f"{axis}_setpoint_excitation" for axis in AXES], 100.0)

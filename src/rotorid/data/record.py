@@ -49,6 +49,7 @@ def _standard() -> Mapping[str, str]:
     units |= {f"motor_{number}": "1" for number in range(1, MOTORS + 1)}
     units |= {f"motor_{number}_excitation": "1" for number in range(1, MOTORS + 1)}
     units |= {f"motor_speed_{number}": "rad/s" for number in range(1, MOTORS + 1)}
+    units |= {f"notch_frequency_{number}": "rad/s" for number in range(1, MOTORS + 1)}
     groups = {
         "rad/s": "p q r",
         "rad": "phi theta psi",

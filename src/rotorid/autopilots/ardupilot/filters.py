@@ -10,7 +10,10 @@ and *System Identification Mode*; the digital forms, and what is logged from whe
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
+
+import numpy as np
 
 from rotorid.autopilots.filters import KnownFilter, integral_mean, moving_average, notch
 from rotorid.autopilots.numbers import Parameters, broken, whole
@@ -33,6 +36,7 @@ _GYRO_RATES = {0: 1.0, 1: 2.0, 2: 4.0, 3: 8.0}
 _SINGLE_NOTCH = "INS_NOTCH"
 """Of older firmware: without harmonics, and it does not move."""
 
+_MOVING = "moves in flight"
 _DEEPEST_NOTCH_DB = 120.0
 _FIXED, _THROTTLE = 0.0, 1.0
 _COMPOSITE = 1 | 2 | 16 | 64
@@ -42,7 +46,20 @@ _COMPOSITE = 1 | 2 | 16 | 64
 def passage(record: FlightRecord, source: str, sensor_rate_hz: float | None) -> Passage:
     """What a channel of a log has passed; at the rate that its parameters say where none is given."""
     rate_hz = sensor_rate_hz or _SENSOR_HZ * _oversampling(record.parameters)
-    return through(CHAINS, source, record.parameters, rate_hz)
+    found = through(CHAINS, source, record.parameters, rate_hz)
+    doubts = tuple(f"{doubt}{_centers(record) * (_MOVING in doubt)}" for doubt in found.doubts)
+    return replace(found, doubts=doubts)
+
+
+def _centers(record: FlightRecord) -> str:
+    """Where the notches of the motors were, as far as the log holds it; the rest of a sentence."""
+    names = [name for name in record.channel_names if name.startswith("notch_frequency_")]
+    centers = [values[values > 0.0] for name in names for values in [record[name].values]]
+    moved = np.concatenate(centers) / (2.0 * math.pi) if centers else np.empty(0)
+    if not moved.size:
+        return ""
+    low, high = np.quantile(moved, (0.025, 0.975))
+    return f"; it was between {low:.0f} and {high:.0f} Hz for 95 % of the log"
 
 
 def _oversampling(parameters: Parameters) -> float:

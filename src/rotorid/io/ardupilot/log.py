@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -20,8 +20,9 @@ import numpy as np
 from rotorid.autopilots.ardupilot.advice import decimation_findings, missing_rate, slow_topics
 from rotorid.autopilots.ardupilot.firmware import Firmware
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Source, Status, Topic
+from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Source, Status, Topic, Unread
 from rotorid.errors import LogError, UsageError
+from rotorid.frames import euler_from_quaternion
 from rotorid.io.ardupilot.batches import BATCH_MESSAGES, sensor_topics
 from rotorid.io.ardupilot.dataflash import Table, decode, sniff
 from rotorid.io.ardupilot.firmware import firmware_of, is_centivolts, is_legacy_rate
@@ -66,6 +67,18 @@ _ATTITUDE = _rows(
     "Roll:phi DesRoll:phi_setpoint Pitch:theta DesPitch:theta_setpoint Yaw:psi DesYaw:psi_setpoint", "deg"
 )
 
+_NOTCHES = 12
+
+
+def _notches(*columns: str) -> tuple[Row, ...]:
+    """Centers of a notch for each motor, or of one; older and newer names side by side."""
+    return tuple(
+        Row(column.format(number), f"notch_frequency_{number}", "Hz")
+        for column in columns
+        for number in range(1, 1 + (_NOTCHES if "{}" in column else 1))
+    )
+
+
 MESSAGES: Mapping[str, tuple[Row, ...]] = MappingProxyType(
     {
         "RATE": (*_rows(_OUTPUTS + " AOut:thrust_command", "1"), *_rows(_RATES, "deg/s")),
@@ -92,9 +105,17 @@ MESSAGES: Mapping[str, tuple[Row, ...]] = MappingProxyType(
         ),
         "XKF2": _WIND,
         "NKF2": _WIND,
+        # Where the notches were, then where they should have been; of several harmonic notches the first.
+        "FCN": _notches("CF{}"),
+        "FCNS": _notches("CF"),
+        "FTN": _notches("NF{}", "DnF{}"),
+        "FTNS": _notches("NF"),
+        "FTN1": _notches("DnF"),
     }
 )
 """Messages in order of preference, the rows of old and new firmware side by side."""
+
+_NOTCH_MESSAGES = ("FCN", "FCNS", "FTN", "FTNS", "FTN1")
 
 SYSTEM_ID = (*_rows("Gx:p Gy:q Gz:r", "deg/s"), *_rows("Ax:ax Ay:ay Az:az", "m/s^2"))
 """Unfiltered gyros and accelerometers that SYSTEMID mode logs."""
@@ -171,9 +192,14 @@ target, 10–13 the mixer.
 
 _ENDED_EARLY = 0.9
 
-WANTED = frozenset(
-    {*MESSAGES, *STATUS_MESSAGES, *BATCH_MESSAGES, "SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC", "TIME"}
-) | {f"ESC{number}" for number in range(1, 33)}
+QUATERNIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    dict.fromkeys(("XKQ", "XKQ1", "NKQ1", "AHR2"), ("Q1", "Q2", "Q3", "Q4"))
+)
+"""Messages with an attitude as a quaternion, for logs without its angles."""
+
+_OWN = frozenset({"SIDD", "SIDS", "PARM", "VER", "MSG", "RCOU", "RCIN", "ESC", "RPM", "TIME"})
+_OLD_ESCS = frozenset(f"ESC{number}" for number in range(1, 33))
+WANTED = frozenset({*MESSAGES, *QUATERNIONS, *STATUS_MESSAGES, *BATCH_MESSAGES, *_OWN, *_OLD_ESCS})
 """Messages that are read at all."""
 
 
@@ -240,6 +266,7 @@ def record_of(
         *(() if sticks is None else (sticks,)),
         *sensor_topics(tables, parameters),
     )
+    topics = (*topics, *_attitude(tables, topics))
     if not any(topic.channels and topic.time_s.size for topic in topics):
         raise _empty(source.name, tables)
     status = status_of(tables, parameters, firmware.text, _span_s(topics))
@@ -260,7 +287,45 @@ def record_of(
             *slow_topics(topics, parameters, firmware),
         ),
         status=status,
+        unread=tuple(_unread(tables, topics)),
     )
+
+
+def _attitude(tables: Mapping[str, Table], topics: Sequence[Topic]) -> Iterator[Topic]:
+    """Angles from the first quaternion of a log that lacks them."""
+    if any(topic.row("phi") is not None for topic in topics):
+        return
+    for name, columns in QUATERNIONS.items():
+        table = tables.get(name)
+        if table is None or not table.holds_numbers(*columns):
+            continue
+        number = instances(table)
+        part = table if number is None else table.chosen(number == number.min())
+        if part.time_s is not None and len(part):
+            channels = tuple(Channel(name=angle, unit="rad", source=f"{name}.Q") for angle in ("phi", "theta", "psi"))
+            angles = euler_from_quaternion(part.numbers(*columns))
+            yield Topic(name=name, time_s=part.time_s, channels=channels, values=angles)
+            return
+
+
+_NEAR: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "RCOU": ("motor_", "neither SERVOn_FUNCTION nor a frame names its motors"),
+        "ESC": ("motor_speed_", "none of its instances is the output of a motor (SERVOn_FUNCTION)"),
+        "RPM": ("motor_speed_", "its sensors are assigned to no motor"),
+    }
+)
+"""Messages near to channels that a log may lack: these, and why they do not come from there."""
+
+
+def _unread(tables: Mapping[str, Table], topics: Sequence[Topic]) -> Iterator[Unread]:
+    logged = {channel.name for topic in topics for channel in topic.channels}
+    for name, (channels, why) in _NEAR.items():
+        time_s = tables[name].time_s if name in tables else None
+        item = Unread(name=name, channels=(channels,), why=why)
+        if time_s is not None and time_s.size and not any(map(item.near, logged)):
+            span_s = float(np.ptp(time_s))
+            yield replace(item, rate_hz=(time_s.size - 1) / span_s if span_s > 0.0 else 0.0)
 
 
 def _span_s(topics: tuple[Topic, ...]) -> tuple[float, float]:
@@ -369,7 +434,11 @@ def _common_topics(tables: Mapping[str, Table], firmware: Firmware) -> Iterator[
         table = tables[name]
         number = None if name.startswith("PID") else instances(table)
         first = None if number is None else number == number.min()
-        topic = topic_of(table, _in_units_of(table, rows, firmware), chosen=first)
+        rows = _in_units_of(table, rows, firmware)
+        if name in _NOTCH_MESSAGES:
+            # A message has room for more motors than there are.
+            rows = tuple(row for row in rows if table.holds_numbers(row.column) and np.any(table.column(row.column)))
+        topic = topic_of(table, rows, chosen=first)
         if topic is not None:
             yield topic
 
@@ -522,6 +591,10 @@ def _speed_topics(tables: Mapping[str, Table], motors: Mapping[int, int]) -> Ite
     """Speeds that the motor controllers report; each numbers itself by its output channel, from 0."""
     table = tables.get("ESC")
     numbers = None if table is None else instances(table)
+    reporting = set() if numbers is None else {int(number) for number in np.unique(numbers)}
+    if reporting == set(range(len(motors))) and not reporting & {channel - 1 for channel in motors}:
+        # Numbered among themselves, as controllers on a bus are: in the order of the outputs.
+        motors = {number + 1: motor for number, (_, motor) in enumerate(sorted(motors.items()))}
     for channel, motor in motors.items():
         row = Row("RPM", f"motor_speed_{motor}", "rpm")
         topic = None

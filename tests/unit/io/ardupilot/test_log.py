@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rotorid.autopilots.advice import motor_advice, speed_advice
+from rotorid.autopilots.ardupilot.filters import passage
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, Source, Topic
 from rotorid.errors import LogError
 from rotorid.io.ardupilot.log import FORMAT, read
@@ -383,3 +385,102 @@ def test_gains_that_change_after_arming_are_told_and_what_is_set_before_is_not(t
     assert "PIT" not in told.message
     assert "HOVER" not in told.message
     assert record.parameters["ATC_RAT_RLL_P"] == pytest.approx(0.15)
+
+
+QUAD = {f"SERVO{channel}_FUNCTION": 33.0 + motor for motor, channel in enumerate((2, 3, 1, 4))}
+"""Motors 1 to 4 on outputs 2, 3, 1 and 4."""
+
+
+def with_speeds(instances: dict[int, float], functions: dict[str, float]) -> Log:
+    log = Log()
+    for name, value in functions.items():
+        log.parameter(name, value)
+    for sample in range(3):
+        for instance, rpm in instances.items():
+            log.add("ESC", "QBf", TimeUS=1_000_000 + 10_000 * sample + instance, Instance=instance, RPM=rpm)
+    return log
+
+
+def speeds_of(record: FlightRecord) -> dict[str, float]:
+    names = [name for name in record.channel_names if name.startswith("motor_speed_")]
+    return {name: round(values(record, name)[0] * 30.0 / math.pi) for name in names}
+
+
+def test_the_speeds_of_some_motors_are_those_of_their_outputs(tmp_path: Path) -> None:
+    record = with_speeds({0: 4000.0, 2: 5000.0}, QUAD).read(tmp_path)
+    assert speeds_of(record) == {"motor_speed_3": 4000, "motor_speed_2": 5000}
+    assert record.unread == ()
+
+
+def test_speeds_that_are_numbered_among_themselves_follow_the_outputs(tmp_path: Path) -> None:
+    """Controllers on a bus count from 0, though the motors are outputs 9 to 12."""
+    functions = {f"SERVO{channel}_FUNCTION": 33.0 + motor for motor, channel in enumerate((11, 12, 9, 10))}
+    record = with_speeds({number: 1000.0 * (number + 1) for number in range(4)}, functions).read(tmp_path)
+    assert speeds_of(record) == {
+        "motor_speed_3": 1000,
+        "motor_speed_4": 2000,
+        "motor_speed_1": 3000,
+        "motor_speed_2": 4000,
+    }
+
+
+def test_speeds_of_no_motor_are_not_called_missing(tmp_path: Path) -> None:
+    log = with_speeds({12: 4000.0}, QUAD)
+    log.add("ATT", "Qf", TimeUS=1_000_000, Roll=0.0)
+    record = log.read(tmp_path)
+    assert speeds_of(record) == {}
+    assert speed_advice(record).startswith("ESC is in the log (100 Hz), but rotorid does not read it: none of its")
+
+
+def test_outputs_without_a_frame_are_not_called_missing(tmp_path: Path) -> None:
+    log = Log()
+    for sample in range(3):
+        log.add("RCOU", "QHHHH", TimeUS=1_000_000 + 100_000 * sample, C1=1500, C2=1500, C3=1500, C4=1500)
+    log.add("ATT", "Qf", TimeUS=1_000_000, Roll=0.0)
+    record = log.read(tmp_path)
+    assert motor_advice(record).startswith("RCOU is in the log (10 Hz), but rotorid does not read it: neither SERVOn")
+
+
+@pytest.mark.parametrize(
+    ("name", "columns", "expected"),
+    [
+        ("FTN", {"NDn": 2, "NF1": 80.0, "NF2": 90.0, "NF3": 0.0}, {1: 80.0, 2: 90.0}),
+        ("FTN", {"NDn": 1, "DnF1": 70.0}, {1: 70.0}),
+        ("FTNS", {"NF": 85.0}, {1: 85.0}),
+        ("FCN", {"NF": 1, "CF1": 81.0, "CF2": 0.0, "HF1": 162.0}, {1: 81.0}),
+        ("FCNS", {"CF": 82.0, "HF": 164.0}, {1: 82.0}),
+        ("FTN1", {"PkAvg": 99.0, "DnF": 83.0}, {1: 83.0}),
+    ],
+)
+def test_centers_of_notches(tmp_path: Path, name: str, columns: dict[str, float], expected: dict[int, float]) -> None:
+    log = Log()
+    for sample in range(3):
+        log.add(name, "Q" + "f" * len(columns), TimeUS=1_000_000 + 10_000 * sample, **columns)
+    record = log.read(tmp_path)
+    found = {channel: values(record, channel)[0] / (2.0 * math.pi) for channel in record.channel_names}
+    assert found == pytest.approx({f"notch_frequency_{number}": hertz for number, hertz in expected.items()})
+
+
+def test_a_notch_that_moves_is_named_with_where_it_was(tmp_path: Path) -> None:
+    log = Log()
+    settings = {"ENABLE": 1, "MODE": 3, "REF": 1, "FREQ": 60, "BW": 30, "ATT": 40, "HMNCS": 1}
+    for setting, value in {"INS_GYRO_FILTER": 40.0, **{f"INS_HNTCH_{k}": v for k, v in settings.items()}}.items():
+        log.parameter(setting, float(value))
+    for sample in range(101):
+        log.add("FTN", "QBBf", TimeUS=1_000_000 + 10_000 * sample, I=0, NDn=1, NF1=80.0 + 0.2 * sample)
+        log.add("FTN", "QBBf", TimeUS=1_000_001 + 10_000 * sample, I=1, NDn=1, NF1=500.0)
+    doubts = passage(log.read(tmp_path), "RATE.R", None).doubts
+    assert len(doubts) == 1
+    assert doubts[0].endswith("; it was between 80 and 100 Hz for 95 % of the log")
+
+
+def test_angles_come_from_a_quaternion_where_no_others_are_logged(tmp_path: Path) -> None:
+    half = math.pi / 8.0
+    log = Log()
+    for sample in range(3):
+        stamp = 1_000_000 + 10_000 * sample
+        log.add("XKQ", "QBffff", TimeUS=stamp, C=0, Q1=math.cos(half), Q2=0.0, Q3=math.sin(half), Q4=0.0)
+        log.add("XKQ", "QBffff", TimeUS=stamp, C=1, Q1=1.0, Q2=0.0, Q3=0.0, Q4=0.0)
+    assert values(log.read(tmp_path), "theta") == pytest.approx([math.pi / 4.0] * 3)
+    log.add("ATT", "Qfff", TimeUS=1_000_000, Roll=0.0, Pitch=10.0, Yaw=0.0)
+    assert values(log.read(tmp_path), "theta") == pytest.approx([math.radians(10.0)])
