@@ -262,6 +262,9 @@ _NOISE = {
     "clipping_count": FigureOfMerit(words="accelerometer at its limits, times"),
     "filter_delay_configured_s": FigureOfMerit(words="delay of the gyro filters as configured", unit="ms", factor=1e3),
     "filter_delay_measured_s": FigureOfMerit(words="delay of the gyro filters as measured", unit="ms", factor=1e3),
+    "filter_attenuation": FigureOfMerit(
+        words="attenuation of the gyro filters", detail="noise above 30 Hz, before over behind them", factor=None
+    ),
     **{
         f"{axis}_{term}_noise_share{band}": FigureOfMerit(
             words=f"noise through {term.upper()} of {axis}",

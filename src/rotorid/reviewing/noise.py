@@ -30,6 +30,7 @@ from rotorid.signal.airborne import airborne, within
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.spectral.noise import (
     HARMONICS,
+    OVERLAP,
     ShortSpectra,
     by_level,
     floor_db,
@@ -79,6 +80,9 @@ _GYRO_END_RAD_S = tuple(math.radians(end) for end in (2000.0, 4000.0))
 
 _ACCEL_END_M_S2 = tuple(9.80665 * end for end in (8.0, 16.0, 32.0))
 """Ends of the ranges that accelerometers have."""
+
+_SAME_RATE = 1.1
+"""Ratio of two rates within which neither sensor folds more noise than the other."""
 
 _DEGREES = 180.0 / math.pi
 
@@ -140,6 +144,10 @@ def noise(
         more, missing = part(record, sensors, flights)
         numbers |= more
         unavailable += missing
+    attenuation, why = _attenuation(maps)
+    numbers |= attenuation
+    if why:
+        unavailable.append(Unavailable(what="noise.filter_attenuation", why=why, remedy=raw_gyro_advice(record)))
     return (
         NoiseReview(maps=tuple(maps), peaks=tuple(found), numbers=numbers, findings=tuple(_findings(numbers))),
         tuple(unavailable),
@@ -516,6 +524,62 @@ def _delays(record: FlightRecord, sensors: Sequence[_Sensor], _: Intervals) -> N
         return numbers, [*unavailable, Unavailable(what=what, why=why, remedy="fly for 20 s or more")]
     numbers["filter_delay_measured_s"] = Quantity.normal(measured.delay_s, max(measured.std_s, 2e-5), "s")
     return numbers, unavailable
+
+
+def _attenuation(maps: Sequence[NoiseMap]) -> tuple[dict[str, Quantity], str]:
+    r"""How much of the gyro's noise its filters take, or why that is not known.
+
+    .. math:: a = \sqrt{\sum_{c, b} w_b \int S_{before} df \Big/ \sum_{c, b} w_b \int S_{after} df}
+
+    over the axes :math:`c` and the bins :math:`b` of the throttle that were flown while either side was logged, with
+    the fewer windows of the two as weight. The two need not have been logged at the same time: at one throttle the
+    rotors make the same noise. The interval is that of a jackknife over the bins, at least that of as many windows.
+    """
+    pairs = [
+        (before, after)
+        for before in maps
+        for after in maps
+        if before.stage == "before" and after.stage == "after" and before.channel == after.channel
+        if before.channel in RATES and before.against and after.against
+    ]
+    powers: dict[int, list[tuple[float, float, float]]] = {}
+    for before, after in pairs:
+        tops_hz = [float(made.frequency_hz[-1]) for made in (before, after)]
+        if not 1.0 / _SAME_RATE < tops_hz[0] / tops_hz[1] < _SAME_RATE:
+            slow, rate_hz = ("unfiltered", tops_hz[0]) if tops_hz[0] < tops_hz[1] else ("filtered", tops_hz[1])
+            return {}, f"The {slow} gyro is logged at only {2.0 * rate_hz:.0f} Hz, where faster noise folds."
+        unfiltered, filtered = (_powers(made, _OF_RATE * 2.0 * min(tops_hz)) for made in (before, after))
+        for place in unfiltered.keys() & filtered.keys():
+            weight = min(unfiltered[place][1], filtered[place][1])
+            powers.setdefault(place, []).append(
+                (weight * unfiltered[place][0], weight * filtered[place][0], (1.0 - OVERLAP) * weight)
+            )
+    if not powers:
+        return {}, "The gyro was logged before and after its filters at different throttles only." if pairs else ""
+    by_bin = np.stack([np.sum(rows, axis=0) for rows in powers.values()])
+    before_power, after_power, windows = by_bin.sum(axis=0)
+    if not (before_power > 0.0 and after_power > 0.0):
+        return {}, "The gyro shows no noise above 30 Hz."
+    value, std = math.sqrt(before_power / after_power), 1.0 / math.sqrt(windows)
+    if len(by_bin) > 1:
+        rest = by_bin.sum(axis=0) - by_bin
+        logs = 0.5 * np.log(rest[:, 0] / rest[:, 1])
+        std = max(std, math.sqrt((len(logs) - 1) * float(np.var(logs))))
+    return {"filter_attenuation": _positive(value, value * std, "1")}, ""
+
+
+def _powers(made: NoiseMap, top_hz: float) -> dict[int, tuple[float, float]]:
+    """Power of the noise in each bin of the throttle that was flown, and its windows."""
+    band = (made.frequency_hz >= LINES_ABOVE_HZ) & (made.frequency_hz <= top_hz)
+    if np.count_nonzero(band) < 2:
+        return {}
+    step_hz = float(made.frequency_hz[1] - made.frequency_hz[0])
+    sums = step_hz * made.density[:, band].sum(axis=1)
+    return {
+        round(level * _BINS - 0.5): (float(power), float(windows))
+        for level, power, windows in zip(made.level, sums, made.windows, strict=True)
+        if np.isfinite(power) and windows > 0.0
+    }
 
 
 def _terms(

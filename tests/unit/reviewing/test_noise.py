@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, freqz, lfilter
 from tests.unit.reviewing.test_motors import record
 
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import Channel, FlightRecord, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.reviewing.noise import noise
 from rotorid.reviewing.values import NoiseReview
@@ -95,6 +95,47 @@ def test_the_delay_of_the_filters_is_measured(found: NoiseReview) -> None:
 
     assert delay.lower <= DELAY_SAMPLES / RATE_HZ <= delay.upper
     assert delay.std < 1e-4
+
+
+def in_turns(cutoff_hz: float, *, throttle_after: float = 0.0) -> FlightRecord:
+    """Batches of a second of white noise, which grows with throttle, before a low-pass and behind it in turns."""
+    rng, count = np.random.default_rng(3), round(40.0 * RATE_HZ)
+    time_s = np.arange(count) / RATE_HZ
+    turn = (time_s // 1.0).astype(int) % 2
+    throttle = 0.4 + 0.1 * np.sin(2.0 * np.pi * time_s / 7.7) + throttle_after * turn
+    b, a = butter(2, cutoff_hz, fs=RATE_HZ)
+    columns = {f"motor_{number}": throttle for number in range(1, 5)}
+    topics = []
+    for stage, number in (("raw", 0), ("filtered", 1)):
+        noises = np.stack([throttle * rng.normal(size=count) for _ in "pqr"])
+        noises = noises if stage == "raw" else lfilter(b, a, noises)
+        channels = tuple(Channel(name=f"{rate}_{stage}", unit="rad/s", source=f"ISBD.{rate}") for rate in "pqr")
+        kept = turn == number
+        topics.append(Topic(name=f"ISBD[{number}]", time_s=time_s[kept], channels=channels, values=noises[:, kept]))
+    whole = record(columns | {"az": np.full(count, -9.81)}, RATE_HZ, "ArduPilot DataFlash")
+    return replace(whole, topics=(*whole.topics, *topics))
+
+
+@pytest.mark.parametrize("cutoff_hz", [40.0, 80.0, 160.0])
+def test_batches_before_and_behind_the_filters_need_not_be_taken_together(cutoff_hz: float) -> None:
+    """Of white noise a low-pass leaves the mean of its squared gain."""
+    found, gaps = noise(in_turns(cutoff_hz))
+    omega, response = freqz(*butter(2, cutoff_hz, fs=RATE_HZ), worN=4096, fs=RATE_HZ)
+    band = (omega >= 30.0) & (omega <= 0.4 * RATE_HZ)
+    truth = 1.0 / np.sqrt(np.mean(np.abs(response[band]) ** 2))
+
+    attenuation = found.numbers["filter_attenuation"]
+    assert attenuation.lower <= truth <= attenuation.upper
+    assert attenuation.std < 0.1 * truth
+    assert not [gap for gap in gaps if gap.what == "noise.filter_attenuation"]
+    assert [gap for gap in gaps if gap.what == "noise.filter_delay_measured_s"]
+
+
+def test_batches_at_different_throttles_show_no_attenuation() -> None:
+    found, gaps = noise(in_turns(80.0, throttle_after=0.4))
+    assert "filter_attenuation" not in found.numbers
+    (gap,) = (gap for gap in gaps if gap.what == "noise.filter_attenuation")
+    assert "at different throttles only" in gap.why
 
 
 def test_filters_of_a_gyro_that_is_not_logged_have_no_name() -> None:
