@@ -70,6 +70,13 @@ _ALIASES: Mapping[str, str] = {
     "degrees": "deg",
     "radians": "rad",
     "seconds": "s",
+    "sec": "s",
+    "msec": "ms",
+    "usec": "us",
+    "degree": "deg",
+    "deg/sec": "deg/s",
+    "rad/sec": "rad/s",
+    "m/sec": "m/s",
     "µs": "us",
     "hz": "Hz",
     "khz": "kHz",
@@ -85,6 +92,10 @@ _ALIASES: Mapping[str, str] = {
     "°": "deg",
     "°/s": "deg/s",
 }
+
+
+UNITS_AND_ALIASES = frozenset({*UNITS, *_ALIASES} - {"", "-"})
+"""All unit strings that are known."""
 
 
 def parse_unit(text: str) -> Unit:

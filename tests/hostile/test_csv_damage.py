@@ -39,7 +39,7 @@ def refusal(folder: Path, content: bytes) -> str:
         (b"time [s],q [furlong]\n0,0\n", "unknown unit 'furlong'; expected a unit such as"),
         (b"time [s],q [rad/s],q [rad/s]\n0,0,0\n", "two columns"),
         (b"time [s],time [s],q [rad/s]\n0,0,0\n", "two columns"),
-        (b"\xff\xfet\0i\0m\0e\0,\0", "not in a known format"),
+        (b"\xff\xfet\0i\0m\0e\0,\0", "has the columns time"),
         (b"," * 4000 + b"\n0\n", "first column is ''"),
     ],
 )

@@ -10,12 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
+from rotorid.data.findings import Finding
 from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, Source
 from rotorid.errors import LogError, UsageError
 from rotorid.io.files import log_progress, write_atomically
+from rotorid.io.tables.dialect import decoded, dialect_of, plain_table
 from rotorid.io.tables.mapped import HEADER_RULE, assemble, of_columns, sources_of
 from rotorid.io.tables.mapping import ChannelMapping, nearest
+from rotorid.io.tables.scattered import long_layout, read_long, read_sparse, with_stamps
 from rotorid.typing import FloatArray
 
 FORMAT = "CSV"
@@ -25,19 +28,22 @@ _SEPARATORS = ",;\t"
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file that starts like this is a table in text: a first line with separators and no binary bytes."""
-    line = head.removeprefix(b"\xef\xbb\xbf").lstrip().partition(b"\n")[0].decode("utf-8", errors="replace")
-    binary = b"\0" in head or "\ufffd" in line.rstrip("\ufffd")
-    return not binary and any(sign in line for sign in _SEPARATORS)
+    """Whether a file that starts like this is a table in text: a line of names with separators, no binary bytes."""
+    text = decoded(head)
+    binary = "\0" in text or "\ufffd" in text.lstrip().partition("\n")[0]
+    return not binary and dialect_of(head) is not None
 
 
 def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> FlightRecord:
     """Read a CSV log.
 
+    A long table, with one row for each value (``time,name,value``), is read like a wide one whose columns have stamps
+    of their own. So is a wide one in which a column is empty in many rows, as of topics of different rates.
+
     Parameters
     ----------
     path
-        Text in UTF-8 with one header line; the separator is a comma, a semicolon or a tab, the decimal sign a point.
+        Text with one header line; how else it may be written, :mod:`rotorid.io.tables.dialect` says.
     source
         Name, format and hash of the file as the user gave it.
     mapping
@@ -51,12 +57,36 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None) -> F
     UsageError
         The mapping names a column that does not exist, or the unit of a column is unknown.
     """
-    header, separator, first_line = _header(path, source.name)
-    mapping, findings = of_columns(header, mapping, source.name)
-    wanted = sorted({header.index(name) for name in sources_of(mapping)})
-    table = _table(path, source.name, header, wanted, separator, first_line)
-    arrays = {header[column]: table[:, place] for place, column in enumerate(wanted)}
-    return assemble(arrays, mapping, source, findings)
+    with plain_table(path) as text:
+        header, separator, first_line = _header(text, source.name)
+        layout = long_layout(header)
+        if layout is not None and (mapping is None or not {*sources_of(mapping)} <= {*header}):
+            values, stamps = read_long(text, source.name, separator, first_line, layout)
+            mapping, findings = of_columns([layout.clock, *values], mapping, source.name)
+            return _scattered(values, stamps, mapping, source, findings)
+        mapping, findings = of_columns(header, mapping, source.name)
+        wanted = sorted({header.index(name) for name in sources_of(mapping)})
+        try:
+            table = _table(text, source.name, header, wanted, separator, first_line)
+        except LogError:
+            sparse = read_sparse(text, header, wanted, separator, first_line, mapping)
+            if sparse is None:
+                raise
+            return _scattered(*sparse, mapping, source, findings)
+        arrays = {header[column]: table[:, place] for place, column in enumerate(wanted)}
+        return assemble(arrays, mapping, source, findings)
+
+
+def _scattered(
+    values: dict[str, FloatArray],
+    stamps: dict[str, FloatArray],
+    mapping: ChannelMapping,
+    source: Source,
+    findings: tuple[Finding, ...],
+) -> FlightRecord:
+    """The record of columns with stamps of their own."""
+    mapping, clocks = with_stamps(mapping, stamps)
+    return assemble({**values, **clocks}, mapping, source, findings)
 
 
 def write_csv(path: Path, time_s: FloatArray, columns: Mapping[str, FloatArray]) -> None:

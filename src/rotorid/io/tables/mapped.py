@@ -18,10 +18,11 @@ from rotorid.data.findings import Finding, remark
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import LogError, UsageError
 from rotorid.frames import euler_from_quaternion
+from rotorid.io.tables.exporters import foreign_remedy
 from rotorid.io.tables.mapping import ChannelMapping, Clock, MappedAttitude, MappedChannel, Segment, Series, nearest
 from rotorid.io.tables.steps import describe_steps, processed
 from rotorid.typing import AnyArray, FloatArray
-from rotorid.units import parse_unit
+from rotorid.units import UNITS_AND_ALIASES, parse_unit
 
 _COMMON_CLOCK = "clock"
 
@@ -352,6 +353,7 @@ def of_columns(
     """
     if mapping is None:
         return by_header(columns, file)
+    mapping = _with_full_names(mapping, columns)
     missing = [name for name in sources_of(mapping) if name not in columns]
     if missing:
         close = nearest(missing[0], columns)
@@ -361,6 +363,48 @@ def of_columns(
             remedy=f"did you mean {close}?" if close else "correct `source` or `time` in the mapping",
         )
     return mapping, ()
+
+
+def _with_full_names(mapping: ChannelMapping, columns: Sequence[str]) -> ChannelMapping:
+    """A mapping that may leave out the units behind the names of the columns; they then are those of the columns.
+
+    Raises
+    ------
+    UsageError
+        The mapping gives a column another unit than its header does.
+    """
+    bare: dict[str, list[str]] = {}
+    for column in columns:
+        bare.setdefault(_name_and_unit(column)[0], []).append(column)
+
+    def full(series: Series | None) -> Series | None:
+        if series is None or series.source in columns or len(found := bare.get(series.source.lstrip("%"), [])) != 1:
+            return series
+        unit = _name_and_unit(found[0])[1]
+        known = unit in UNITS_AND_ALIASES
+        if known and series.unit and parse_unit(series.unit) != parse_unit(unit):
+            raise UsageError(
+                f"the mapping gives {series.source} the unit {series.unit!r}, and its column is {found[0]!r}",
+                needed="the same unit",
+                remedy=f'write unit = "{unit}", or source = "{found[0]}" if the header is wrong',
+            )
+        return replace(series, source=found[0], unit=series.unit or (unit if known else ""))
+
+    def required(series: Series) -> Series:
+        return full(series) or series
+
+    clock, attitude = mapping.clock, mapping.attitude
+    if attitude is not None:
+        w, x, y, z = (required(part) for part in attitude.parts)
+        attitude = replace(attitude, parts=(w, x, y, z), time=full(attitude.time))
+    return replace(
+        mapping,
+        channels=tuple(
+            replace(channel, samples=required(channel.samples), time=full(channel.time)) for channel in mapping.channels
+        ),
+        attitude=attitude,
+        clock=clock and replace(clock, time=full(clock.time), steps=full(clock.steps)),
+    )
 
 
 def by_header(header: Sequence[str], file: str) -> tuple[ChannelMapping, tuple[Finding, ...]]:
@@ -387,13 +431,14 @@ def by_header(header: Sequence[str], file: str) -> tuple[ChannelMapping, tuple[F
     ('deg/s', 'unknown_column')
     """
     names = [_name_and_unit(cell) for cell in header]
-    if not names or names[0][0] != "time":
-        first = repr(header[0]) if header else "missing"
-        came = f"{file} is a table whose first column is {first}"
-        raise _no_header(came, microseconds=first == repr("timestamp"))
+    clock = _clock_column(names)
+    if clock is None:
+        raise _no_header(header, file)
     channels: list[MappedChannel] = []
     findings: list[Finding] = []
-    for cell, (name, unit) in zip(header[1:], names[1:], strict=True):
+    for place, (cell, (name, unit)) in enumerate(zip(header, names, strict=True)):
+        if place == clock[0]:
+            continue
         if name in STANDARD_UNITS:
             _check_unit(name, unit, cell, file)
             if twin := next((channel.samples.source for channel in channels if channel.name == name), None):
@@ -406,10 +451,28 @@ def by_header(header: Sequence[str], file: str) -> tuple[ChannelMapping, tuple[F
         else:
             findings.append(_unknown(cell, name))
     if not channels:
-        raise _no_header(f"{file} has the columns {', '.join(header[:20])}")
-    _check_unit("time", names[0][1], header[0], file)
-    clock = Clock(time=Series(source=header[0], unit=names[0][1]))
-    return ChannelMapping(channels=tuple(channels), clock=clock), tuple(findings)
+        raise _no_header(header, file, named=True)
+    place, unit = clock
+    _check_unit("time", unit, header[place], file)
+    return ChannelMapping(channels=tuple(channels), clock=Clock(time=Series(source=header[place], unit=unit))), tuple(
+        findings
+    )
+
+
+_SECONDS = ("time", "t", "__time", "time_s", "elapsed_time", "elapsed time")
+_SUFFIXES = ("s", "ms", "us", "ns")
+
+
+def _clock_column(names: Sequence[tuple[str, str]]) -> tuple[int, str] | None:
+    """Place and unit of the stamps: ``time`` in seconds, or a stamp whose unit is behind it or in its name."""
+    for place, (name, unit) in enumerate(names):
+        lower = name.lower()
+        if lower in _SECONDS or (lower in ("timestamp", "stamp") and unit):
+            return place, unit
+        stem, _, suffix = lower.rpartition("_")
+        if stem in ("time", "timestamp", "stamp", "t") and suffix in _SUFFIXES and not unit:
+            return place, suffix
+    return None
 
 
 def sampling_instants(arrays: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
@@ -448,15 +511,28 @@ def sampling_instants(arrays: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
 
 
 def _name_and_unit(cell: str) -> tuple[str, str]:
+    """A name, and the unit in brackets or, where it is one, in parentheses behind it."""
+    bare = cell.strip()
+    if "[" not in bare and bare.endswith(")"):
+        name, parenthesis, unit = bare[:-1].rpartition("(")
+        known = parenthesis and unit.strip() in UNITS_AND_ALIASES
+        return (name.strip(), unit.strip()) if known else (bare, "")
     name, _, rest = cell.partition("[")
     return name.strip(), rest.rstrip().removesuffix("]").strip()
 
 
-def _no_header(came: str, *, microseconds: bool = False) -> LogError:
+def _no_header(header: Sequence[str], file: str, *, named: bool = False) -> LogError:
+    """The error of a table whose header names no channels: whose table it is, where that shows, and what to type."""
+    first = repr(header[0]) if header else "missing"
+    came = (
+        f"{file} has the columns {', '.join(header[:20])}"
+        if named
+        else (f"{file} is a table whose first column is {first}")
+    )
     remedy = "correct the header, or name the columns with a mapping: --map FILE.toml"
-    if microseconds:
+    if first == repr("timestamp"):
         remedy += "; a topic of a PX4 log that ulog2csv wrote is read with the others: give their folder"
-    return LogError(came, needed=HEADER_RULE, remedy=remedy)
+    return LogError(came, needed=HEADER_RULE, remedy=foreign_remedy(header) or remedy)
 
 
 def _check_unit(name: str, unit: str, cell: str, file: str) -> None:

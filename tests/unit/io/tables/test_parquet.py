@@ -47,7 +47,7 @@ def test_a_mapping_names_any_columns(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("columns", "error", "sentence"),
     [
-        ({"q": TIME, "time": TIME}, LogError, "whose first column is 'q'"),
+        ({"q": TIME, "stamp": TIME}, LogError, "whose first column is 'q'"),
         ({"time": TIME, "qq": TIME}, LogError, "has the columns time, qq"),
         ({"time": TIME, "q [m]": TIME}, UsageError, "has the unit 'm'.*a unit of rad/s"),
         ({"time": TIME, "q": [None, *TIME[1:]]}, LogError, "the column 'q' contains 1 holes"),

@@ -1,0 +1,82 @@
+"""Tables that well-known programs write, known by their headers: what each is, and the one thing to type."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+_PAGE = "docs/mappings"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Exporter:
+    """A program that writes tables.
+
+    Parameters
+    ----------
+    words
+        Whose table it is.
+    remedy
+        What to type or give.
+    begins
+        How its header begins, in small letters, cells joined by commas; empty for any.
+    holds
+        Parts of its header, of which one is there; empty where the beginning is enough.
+    """
+
+    words: str
+    remedy: str
+    begins: tuple[str, ...] = ("",)
+    holds: tuple[str, ...] = ("",)
+
+
+EXPORTERS: Sequence[Exporter] = (
+    Exporter(
+        words="PlotJuggler's export",
+        begins=("__time,",),
+        remedy="give the log that PlotJuggler opened, or name the columns: --map FILE.toml",
+    ),
+    Exporter(
+        words="the output of rostopic echo -p",
+        begins=("time,field.", "%time,field."),
+        remedy=f"add --map FILE.toml as {_PAGE}/rostopic_imu.toml, or give the bag itself",
+    ),
+    Exporter(
+        words="QGroundControl's telemetry",
+        begins=("timestamp,",),
+        holds=(",rollrate", ",groundspeed", ",flightdistance"),
+        remedy=f"add --map FILE.toml as {_PAGE}/qgroundcontrol.toml; the log of the autopilot shows more",
+    ),
+    Exporter(
+        words="the Crazyflie client's",
+        begins=("timestamp,",),
+        holds=("gyro.x", "acc.z", "stabilizer.roll", "stateestimate.", "motor.m1", "pm.vbat"),
+        remedy=f"add --map FILE.toml as {_PAGE}/crazyflie_client.toml",
+    ),
+    Exporter(words="Mission Planner's export of a .tlog", holds=(",mavlink_",), remedy="give the .tlog itself"),
+    Exporter(
+        words="Vicon's",
+        begins=("frame,sub frame", "frame,subframe", "objects", "trajectories", "segments"),
+        remedy="delete the lines above the names of the columns, and name them: --map FILE.toml",
+    ),
+    Exporter(
+        words="OptiTrack's",
+        begins=("format version,", "frame,time"),
+        remedy="export without header lines, and name the columns: --map FILE.toml",
+    ),
+)
+
+
+def foreign_remedy(header: Sequence[str]) -> str:
+    """What to do with a table whose header is that of a known program; empty for all others.
+
+    Examples
+    --------
+    >>> foreign_remedy(["a", "b"]), "PlotJuggler" in foreign_remedy(["__time", "/imu/gyro/x"])
+    ('', True)
+    """
+    joined = ",".join(cell.strip() for cell in header).lower()
+    for known in EXPORTERS:
+        if joined.startswith(known.begins) and any(part in joined for part in known.holds):
+            return f"it looks like {known.words}: {known.remedy}"
+    return ""
