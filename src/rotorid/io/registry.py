@@ -25,6 +25,7 @@ from rotorid.io.documents import require_file
 from rotorid.io.files import compression_of, sha256_of, unpacked
 from rotorid.io.formats import HEAD_BYTES, READ, READERS, WRITERS, Reader
 from rotorid.io.screening import screened
+from rotorid.io.tables.contradictions import require_agreement
 from rotorid.io.tables.csv import table_rate_hz
 from rotorid.io.tables.mapped import joined
 from rotorid.io.tables.mapping import ChannelMapping, read_mapping
@@ -96,7 +97,10 @@ def read(
     parts = {file: mapping.part(file) for file in mapping.files} if mapping else {}
     record = _read_file(path, parts.pop("", None), sandbox=sandbox)
     others = {file: _read_file(_below(path.parent, file), part, sandbox=sandbox) for file, part in parts.items()}
-    record = screened(joined(record, others))
+    record = joined(record, others)
+    if mapping is not None:
+        require_agreement(record, mapping)
+    record = screened(record)
     return replace(record, source=replace(record.source, mapping=named_by)) if named_by else record
 
 

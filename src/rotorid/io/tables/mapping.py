@@ -11,7 +11,7 @@ import difflib
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from types import MappingProxyType
 from typing import Any, cast, get_args
@@ -95,11 +95,12 @@ class Clock:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MappedChannel:
-    """A channel, where its samples stand, and its own stamps if it has some."""
+    """A channel, where its samples stand, its own stamps if it has some, and the table that says so."""
 
     name: str
     samples: Series
     time: Series | None = None
+    where: str = field(default="", compare=False)
 
     @property
     def si(self) -> str:
@@ -533,7 +534,7 @@ def _read_channel(name: str, value: object, frames: Frames, where: str) -> Mappe
     )
     if name in STANDARD_UNITS:
         series = read_frames(values, where, frames).turned(name, series)
-    return MappedChannel(name=name, samples=series, time=_own_time(values, where))
+    return MappedChannel(name=name, samples=series, time=_own_time(values, where), where=where)
 
 
 def _steps(values: Mapping[str, Any], where: str) -> dict[str, Any]:
@@ -576,7 +577,7 @@ def _read_vector(
         axes = signed_axes(own.frame if name in BODY_VECTORS else own.world)
         turned = [replace(parts[place], scale=sign * parts[place].scale) for place, sign in axes]
     channels = zip(known[name], turned, strict=True)
-    return tuple(MappedChannel(name=channel, samples=part, time=time) for channel, part in channels), None
+    return tuple(MappedChannel(name=channel, samples=part, time=time, where=where) for channel, part in channels), None
 
 
 def read_series(values: Mapping[str, Any], where: str, *, si: str) -> Series:
