@@ -43,6 +43,7 @@ READERS: Sequence[Reader] = (
     Reader(module="rotorid.io.ardupilot.text", endings=(".log", ".txt")),
     Reader(module="rotorid.io.betaflight.log", endings=(".bbl", ".bfl"), words="Betaflight .BBL"),
     Reader(module="rotorid.io.crazyflie", endings=(".usd",), words="Crazyflie uSD"),
+    Reader(module="rotorid.io.paparazzi", endings=(".data",), words="Paparazzi .data"),
     Reader(module="rotorid.io.mavlink.tlog", endings=(".tlog",), words=".tlog"),
     Reader(
         module="rotorid.io.ros.bag",

@@ -13,7 +13,7 @@ from rotorid.io.formats import ENDINGS, HEAD_BYTES, PACKED, READERS
 
 _MOST_NAMES = 5
 _ARCHIVE = ".zip"
-_SHARED = (".txt", ".log")
+_SHARED = (".txt", ".log", ".data")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -385,6 +385,14 @@ def _sdlog2(name: str, *, empty: bool) -> LogError:
 def _empty(name: str, tables: Mapping[str, Table]) -> LogError:
     """The error of a log without a message of a flight, and the one setting that mends it."""
     held = [message for message, table in tables.items() if message.partition("#")[0] not in _NO_FLIGHT]
+    timeless = {name: len(tables[name]) for name in held if tables[name].clock is None and name in _OF_FLIGHT}
+    if timeless:
+        counts = ", ".join(f"{count} {message}" for message, count in timeless.items())
+        return LogError(
+            f"{name} contains {counts}, which have no stamps (TimeUS, TimeMS), as firmware before 3.2 logs them",
+            needed="stamps, without which nothing over time can be computed",
+            remedy="if the text was made from a .bin of newer firmware, give the .bin; else update and fly again",
+        )
     if held:
         came, remedy = f"no rates, attitude or motor outputs, only {', '.join(held[:5])}", "set LOG_BITMASK = 176126"
     else:
@@ -392,6 +400,7 @@ def _empty(name: str, tables: Mapping[str, Table]) -> LogError:
     return LogError(f"{name} contains {came}", needed="a log of a flight, such as RATE with IMU", remedy=remedy)
 
 
+_OF_FLIGHT = frozenset({*MESSAGES, "RCOU", "MOT", "MOTB", "INAV", "NTUN"})
 _NO_FLIGHT = frozenset({"FMT", "FMTU", "UNIT", "MULT", "PARM", "VER", "MSG"})
 
 

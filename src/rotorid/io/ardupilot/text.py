@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 import struct
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,12 +30,16 @@ _JSON = re.compile(r'\s*\{\s*"meta"\s*:\s*\{[^{}]*"type"\s*:')
 _KIND = re.compile(r'"type"\s*:\s*"(\w+)"')
 _FIELD = re.compile(r"(?:^|, )(\w+) : ")
 
+_BARE = re.compile(r"(ATT|IMU|RAW|CTUN|NTUN|GPS|MOT|RATE|RCOU|RCIN|CURR|MODE|PM) ?[,:] ?[-+.\d]")
+"""A message without a definition of its columns, as before firmware of 2013."""
+
 _WHOLE = frozenset("bBhHiIqQM")
 _SCALED = frozenset("cCeEL")
 _STORED: Mapping[str, tuple[str, str]] = {"n": ("n", "4s"), "N": ("N", "16s"), "Z": ("Z", "64s"), "a": ("Z", "64s")}
 """Letter in the text to the letter and the type in which it is written back; all others are numbers."""
 
 _DEFINING = frozenset({"UNIT", "MULT", "FMTU"})
+_FEW_LINES = 20
 _LONGEST_MESSAGE, _MOST_TYPES = 255, 256
 
 Cells: TypeAlias = Sequence[object]
@@ -52,7 +57,8 @@ def sniff(head: bytes) -> bool:
     if any(_PLAIN.match(line) for line in lines):
         return True
     first = next((line for line in lines if line.strip()), "")
-    return bool(_JSON.match(first) or _DUMPED.match(first))
+    bare = [bool(_BARE.match(line.lstrip())) for line in lines[:_FEW_LINES] if line.strip()]
+    return bool(_JSON.match(first) or _DUMPED.match(first)) or sum(bare) > len(bare) / 2
 
 
 def read(path: Path, source: Source) -> FlightRecord:
@@ -75,8 +81,17 @@ def read(path: Path, source: Source) -> FlightRecord:
     except OSError as error:
         raise LogError(f"{path.name} cannot be read: {error.strerror}", needed="a readable log file") from error
     written = _Binary()
-    for name, cells, columns in _messages(text.splitlines()):
+    lines = text.splitlines()
+    for name, cells, columns in _messages(lines):
         written.add(name, cells, columns)
+    bare = Counter(found[1] for line in lines if (found := _BARE.match(line.lstrip())))
+    if bare and not written.defined:
+        counts = ", ".join(f"{count} {message}" for message, count in bare.most_common())
+        raise LogError(
+            f"{source.name} contains {counts} of ArduPilot, without definitions of their columns (FMT) and stamps",
+            needed="lines as Mission Planner or mavlogdump.py write them from a .BIN, FMT among them",
+            remedy="give the .BIN that the text was made from, or fly again with a newer firmware",
+        )
     if not written.messages:
         raise LogError(
             f"{source.name} contains no message of an ArduPilot log that can be read",
@@ -136,6 +151,11 @@ class _Binary:
         self.messages: list[bytes] = []
         self.damaged = 0
         self._layouts: dict[str, _Layout] = {}
+
+    @property
+    def defined(self) -> bool:
+        """Whether the columns of any message are known."""
+        return bool(self._layouts)
 
     def add(self, name: str, cells: Cells, columns: Sequence[str]) -> None:
         """One message; of the definitions each becomes one of its own."""

@@ -155,3 +155,30 @@ def test_an_encrypted_log_is_named_with_the_way_to_decrypt_it(tmp_path: Path, ma
     with pytest.raises(LogError, match=r"encrypted PX4 log.*decrypt_logs\.py") as error:
         read(tmp_path, "a.ulge", magic + bytes(100))
     assert error.value.exit_code == 2
+
+
+WITHOUT_STAMPS = """ArduCopter V3.0.1
+FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns
+FMT, 1, 19, ATT, cccc, RollIn,Roll,PitchIn,Pitch
+FMT, 3, 27, IMU, ffffff, GyrX,GyrY,GyrZ,AccX,AccY,AccZ
+ATT, 0.00, -0.50, 0.00, 1.20
+IMU, 0.01, 0.02, 0.00, 0.1, 0.2, -9.8
+ATT, 0.00, -0.52, 0.00, 1.21
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "came"),
+    [
+        (WITHOUT_STAMPS, "contains 2 ATT, 1 IMU, which have no stamps .TimeUS, TimeMS., as firmware before 3.2 logs"),
+        (
+            "ATT, 0.00, -0.50, 0.00\r\nCTUN, 0, 0.00, 0.2\r\n",
+            "contains 1 ATT, 1 CTUN of ArduPilot, without definitions",
+        ),
+    ],
+)
+def test_messages_without_stamps_are_named_for_what_they_are(tmp_path: Path, text: str, came: str) -> None:
+    (tmp_path / "old.log").write_text(text)
+    with pytest.raises(LogError, match=came) as error:
+        rotorid.read(tmp_path / "old.log")
+    assert ".bin" in error.value.remedy.lower()
