@@ -23,6 +23,7 @@ from rotorid.signal.witnesses import (
     Name,
     Witness,
     climbed,
+    descended,
     moves,
     seconds_within,
     without,
@@ -36,6 +37,9 @@ _SHORTEST_EARLY_S = 5.0
 
 _EARLIEST_S = 1.5
 """An early flag that goes farther ahead of the thrust is not the take-off."""
+
+_LONGEST_WAIT_S, _TAKING_BACK_S = 5.0, 0.3
+"""Most rest on the ground after which a landing detector says so; and until the throttle is back at touch-down."""
 
 _LONGEST_SILENCE_S = 60.0
 """A flight does not go on through a longer pause of the whole log; so no flight is longer than its samples allow."""
@@ -141,6 +145,8 @@ def airborne(record: FlightRecord, *, margin_s: float = 0.0) -> Airborne:
     if early:
         flights = _overruled(flights, first, others)
         flights = tuple(_from_take_off(flight, others) for flight in flights if _confirmed(record, flight, witnesses))
+    if by_flags:
+        flights = tuple(_to_touch_down(record, flight, others) for flight in flights)
     arming = next(one for one in witnesses if one.name == "arming")
     flights = without(flights, arming.no)
     if not by_flags and margin_s:
@@ -233,6 +239,25 @@ def _from_take_off(flight: tuple[float, float], others: list[Witness]) -> tuple[
         begins = [start for start, stop in one.yes if start < stop_s and stop > start_s]
         if one.name in LEVELS and begins:
             return (min(begins), stop_s) if min(begins) - start_s > _EARLIEST_S else flight
+    return flight
+
+
+def _to_touch_down(record: FlightRecord, flight: tuple[float, float], others: list[Witness]) -> tuple[float, float]:
+    """A flight to its touch-down: a landing detector waits for up to a second of rest on the ground.
+
+    The last thrust that carries the vehicle is there, unless it goes on to sink.
+    """
+    start_s, stop_s = flight
+    if record.stop_s - stop_s <= _TOUCHING_S:
+        return flight
+    for one in others:
+        ends = [stop for begin, stop in one.yes if begin < stop_s and stop > start_s]
+        if one.name not in LEVELS or not ends:
+            continue
+        waited_s = stop_s - max(ends)
+        if not 0.0 < waited_s < _LONGEST_WAIT_S or descended(record, max(ends) + _TAKING_BACK_S, stop_s):
+            return flight
+        return start_s, max(ends)
     return flight
 
 

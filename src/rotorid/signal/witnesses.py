@@ -483,6 +483,15 @@ def climbed(record: FlightRecord, start_s: float, stop_s: float) -> Answer:
     return "no" if float(np.ptp(np.concatenate([inside, ground]))) < 2.0 * _STILL_M else "nothing"
 
 
+def descended(record: FlightRecord, start_s: float, stop_s: float) -> bool:
+    """Whether the height changes within a stretch as it does not on the ground."""
+    found = _together(record, ("down",))
+    if found is None:
+        return False
+    inside = found[1][0][(found[0] >= start_s) & (found[0] <= stop_s)]
+    return inside.size >= 2 and float(np.ptp(inside)) > _LIFTED_M
+
+
 def moves(record: FlightRecord, start_s: float, stop_s: float, *, least_s: float) -> Answer:
     """Whether the vehicle turns or accelerates for so long within a stretch; dead sensors say nothing."""
     looked_at = False
