@@ -14,7 +14,10 @@ from collections.abc import Mapping
 from rotorid.autopilots.ardupilot.firmware import Firmware, named
 from rotorid.io.ardupilot.dataflash import Table
 
-_VERSION = re.compile(r"\bV(\d+)\.(\d+)")
+_VERSION = re.compile(r"\bV(\d+)\.(\d+)", re.IGNORECASE)
+_VEHICLE = re.compile(
+    r"\b(?:Ardu|APM[: ]?)(?:Copter|Heli|Plane|Rover|Boat|Sub)|\bAntennaTracker|\bBlimp\b", re.IGNORECASE
+)
 _NORMALIZED_FROM = (3, 4)
 """From here on rates are deg/s, outputs parts of full scale, voltages volts."""
 
@@ -22,12 +25,24 @@ _WHOLE_NUMBERS = frozenset("bBhHiIqQ")
 
 
 def firmware_of(tables: Mapping[str, Table]) -> Firmware:
-    """The firmware behind the messages ``VER`` and ``MSG``; the oldest name, ``APM:Copter``, included."""
+    """The firmware behind the messages ``VER`` and ``MSG``: the text that names vehicle and version, or one of them."""
     texts: list[str] = []
     for name, column in (("VER", "FWS"), ("MSG", "Message")):
         if name in tables and tables[name].holds_text(column):
             texts += [str(text) for text in tables[name].column(column).tolist()]
-    return named(next((text for text in texts if _VERSION.search(text)), ""))
+    tests = (lambda text: introduces(text) and _VERSION.search(text), _VERSION.search, introduces)
+    return named(next((text for test in tests for text in texts if test(text)), ""))
+
+
+def introduces(text: str) -> bool:
+    """Whether a text names the firmware of a vehicle.
+
+    Examples
+    --------
+    >>> introduces("APM:Rover V2.50"), introduces("ArduPlane"), introduces("EKF2 IMU0 is using GPS")
+    (True, True, False)
+    """
+    return _VEHICLE.search(text) is not None
 
 
 def is_legacy_rate(table: Table, firmware: Firmware) -> bool:

@@ -18,7 +18,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rotorid.autopilots.ardupilot.advice import decimation_findings, missing_rate, slow_topics
-from rotorid.autopilots.ardupilot.firmware import Firmware
+from rotorid.autopilots.ardupilot.firmware import Firmware, named
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Source, Status, Topic, Unread
 from rotorid.errors import LogError, UsageError
@@ -257,6 +257,8 @@ def record_of(
     if ("TIME" in tables and "StartTime" in tables["TIME"]) or _is_sdlog2(defined):
         raise _sdlog2(source.name, empty=not tables.keys() - _NO_FLIGHT)
     parameters, firmware = _parameters(tables), firmware_of(tables)
+    if not firmware.text:
+        firmware = named(source.firmware)
     runs = _system_id_runs(tables, parameters)
     sticks = stick_topic(tables, parameters)
     topics = (

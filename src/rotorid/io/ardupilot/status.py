@@ -26,13 +26,26 @@ _IN_AIR: Mapping[int, bool] = {
 _ACRO, _GUIDED = 1, 4
 
 _FIRMWARES: Sequence[tuple[str, Vehicle]] = (
+    ("Heli", "helicopter"),
     ("Copter", "multirotor"),
     ("Plane", "plane"),
     ("Rover", "rover"),
-    ("Sub", "submarine"),
+    ("Boat", "boat"),
+    (r"Sub\b", "submarine"),
     ("Blimp", "airship"),
     ("Tracker", "antenna tracker"),
 )
+_OWN_PARAMETERS: Mapping[str, Vehicle] = {
+    **dict.fromkeys(("TECS_CLMB_MAX", "RLL2SRV_P", "GROUND_STEER_ALT"), "plane"),
+    **dict.fromkeys(("ATC_STR_RAT_P", "STEER2SRV_P", "CRUISE_THROTTLE"), "rover"),
+    **dict.fromkeys(("JS_GAIN_DEFAULT", "SURFACE_DEPTH"), "submarine"),
+    **dict.fromkeys(("H_RSC_MODE", "H_COL_MID"), "helicopter"),
+}
+"""Parameters that only the firmware of one kind of vehicle has, for logs that do not introduce themselves."""
+
+_BOAT = 2
+"""``FRAME_CLASS`` of a boat in the firmware of rovers."""
+
 _HELICOPTERS = (6, 11, 13)
 """``FRAME_CLASS`` of helicopters with one, two and four rotors."""
 
@@ -59,7 +72,9 @@ def status_of(
     vehicle, named_in = _vehicle(parameters, firmware)
     events, states = _stamped(tables, "EV", "Id"), _stamped(tables, "ARM", "ArmState")
     armed, in_air = None, None
+    unlogged: Intervals = ()
     if events is not None:
+        unlogged = _take_offs_lost(events)
         armed = _between(events, {_ARMED: True, _NOT_LANDED: True, _DISARMED: False}, span_s)
         in_air = _between(events, _IN_AIR, span_s) if vehicle in ("", "multirotor", "helicopter") else None
     if states is not None and (events is None or not np.isin(events[1], (_ARMED, _DISARMED)).any()):
@@ -70,6 +85,7 @@ def status_of(
         armed=armed,
         in_air=in_air,
         early=True,
+        unlogged=unlogged,
         flagged_in="EV" if events is not None else "ARM" if states is not None else "",
         direct_rates=_acro(tables, parameters, span_s[1]),
         modes=_modes(tables, vehicle, span_s[1]),
@@ -79,11 +95,15 @@ def status_of(
 
 def _vehicle(parameters: Mapping[str, float], firmware: str) -> tuple[Vehicle, str]:
     """Kind of vehicle by the name of the firmware, and by the parameters that make more of it."""
-    name = firmware.split(" V")[0]
-    found: Vehicle = next((kind for word, kind in _FIRMWARES if re.search(word, name)), "")
+    name = re.split(r" v(?=\d)", firmware, flags=re.IGNORECASE)[0]
+    found: Vehicle = next((kind for word, kind in _FIRMWARES if re.search(word, name, re.IGNORECASE)), "")
+    if not found:
+        found, name = next(((kind, key) for key, kind in _OWN_PARAMETERS.items() if key in parameters), ("", ""))
     if found == "plane" and parameters.get("Q_ENABLE", 0.0) > 0.0:
         return "VTOL", f"Q_ENABLE {parameters['Q_ENABLE']:g}"
     frame = int(parameters.get("FRAME_CLASS", 0.0))
+    if found == "rover" and frame == _BOAT:
+        return "boat", f"FRAME_CLASS {frame}"
     if found == "multirotor" and frame in _HELICOPTERS:
         return "helicopter", f"FRAME_CLASS {frame}"
     return found, name if found else ""
@@ -100,13 +120,22 @@ def _between(
     meaningful = np.isin(numbers, list(meaning))
     time_s, on = time_s[meaningful], np.array([meaning[int(number)] for number in numbers[meaningful]], dtype=np.bool_)
     if not time_s.size:
-        return () if np.isin(numbers, (_ARMED, _DISARMED, *_IN_AIR)).any() else None
+        # What landed was armed, at a time that was not logged.
+        return () if np.isin(numbers, (_ARMED, _DISARMED)).any() else None
     landed_before = not on[0] and int(numbers[meaningful][0]) in (_LANDED, _DISARMED)
     return intervals_of(
         np.concatenate([[min(span_s[0], float(time_s[0]))], time_s]),
         np.concatenate([[landed_before], on]),
         until_s=span_s[1],
     )
+
+
+def _take_offs_lost(events: tuple[FloatArray, AnyArray]) -> Intervals:
+    """From arming to a landing without a take-off between them: its event was lost, and when it was is unknown."""
+    kept = np.isin(events[1], (_ARMED, _NOT_LANDED, _LANDED, _DISARMED))
+    time_s, numbers = events[0][kept].tolist(), events[1][kept].tolist()
+    pairs = zip(time_s, time_s[1:], numbers, numbers[1:], strict=False)
+    return tuple((start, stop) for start, stop, *both in pairs if both == [_ARMED, _LANDED])
 
 
 def _armed(states: tuple[FloatArray, AnyArray], span_s: tuple[float, float]) -> Intervals:

@@ -12,7 +12,7 @@ import re
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -20,6 +20,7 @@ from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
 from rotorid.io.ardupilot.dataflash import FMT, MAGIC, decode
+from rotorid.io.ardupilot.firmware import introduces
 from rotorid.io.ardupilot.log import WANTED, record_of
 
 FORMAT = "ArduPilot DataFlash as text"
@@ -40,6 +41,8 @@ _STORED: Mapping[str, tuple[str, str]] = {"n": ("n", "4s"), "N": ("N", "16s"), "
 
 _DEFINING = frozenset({"UNIT", "MULT", "FMTU"})
 _FEW_LINES = 20
+_BANNER = 2000
+"""Within so many characters a log says what wrote it."""
 _LONGEST_MESSAGE, _MOST_TYPES = 255, 256
 
 Cells: TypeAlias = Sequence[object]
@@ -99,6 +102,9 @@ def read(path: Path, source: Source) -> FlightRecord:
             remedy="give the .BIN or .tlog that the text was made from",
         )
     log = decode(b"".join(written.messages), WANTED)
+    # Logs of the years before MSG have the firmware in the lines before their first message.
+    banner = next((line.strip() for line in text[:_BANNER].splitlines() if "," not in line and introduces(line)), "")
+    source = replace(source, firmware=banner or source.firmware)
     return record_of(log.tables, source, (*log.findings, *_damage(written.damaged)), log.defined)
 
 

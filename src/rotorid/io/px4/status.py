@@ -9,7 +9,7 @@ import numpy as np
 
 from rotorid.autopilots.numbers import whole
 from rotorid.data.record import Intervals, Status, Vehicle
-from rotorid.io.flags import MAV_TYPES, intervals_of, most_frequent, shared, stays_of
+from rotorid.io.flags import MAV_TYPES, before_first, intervals_of, most_frequent, shared, stays_of
 from rotorid.typing import AnyArray, FloatArray
 
 STATUS_FIELDS: Mapping[str, Sequence[str]] = MappingProxyType(
@@ -22,6 +22,9 @@ STATUS_FIELDS: Mapping[str, Sequence[str]] = MappingProxyType(
 """Topics and fields to read besides those of the channels."""
 
 _ARMED, _ACRO = 2, 10
+
+_ARMED_FIELDS = (("vehicle_status/arming_state", _ARMED), ("actuator_armed/armed", 1))
+"""What says whether it was armed, and the value that does; the first that was logged counts."""
 
 _VEHICLE_TYPES: Mapping[int, Vehicle] = MappingProxyType({1: "multirotor", 2: "plane", 3: "rover", 4: "airship"})
 _AIRFRAMES: Mapping[int, Vehicle] = MappingProxyType(
@@ -40,7 +43,9 @@ _STARTS: Sequence[tuple[range, Vehicle]] = (
     (range(4000, 13000), "multirotor"),
     (range(13000, 14000), "VTOL"),
     (range(14000, 15000), "multirotor"),
-    (range(15000, 16000), "helicopter"),
+    (range(15000, 17000), "helicopter"),
+    (range(17000, 18000), "plane"),
+    (range(24000, 25000), "multirotor"),
     (range(50000, 60000), "rover"),
     (range(60000, 62000), "submarine"),
 )
@@ -54,7 +59,7 @@ def status_of(arrays: Mapping[str, AnyArray], parameters: Mapping[str, float], s
     """What the flags and parameters of a log say.
 
     In the air is armed and not landed, as the landing detector holds it. Logs without that detector (before 2018) only
-    say when the vehicle was armed.
+    say when the vehicle was armed. Before a flag was first logged it is unknown, unless that is within 2 s.
 
     Parameters
     ----------
@@ -66,22 +71,19 @@ def status_of(arrays: Mapping[str, AnyArray], parameters: Mapping[str, float], s
         First and last stamp of the record.
     """
     vehicle, named_in = _vehicle(arrays, parameters)
-    armed, armed_in = _armed(arrays, span_s[1])
+    armed, armed_in = _armed(arrays, span_s)
     landed = _field_samples(arrays, "vehicle_land_detected/landed")
     in_air = None
-    if landed is not None and armed is not None:
-        time_s, down = landed
-        # What was said within the first second or so, was so when the record began.
-        begin = (
-            np.concatenate([[min(span_s[0], time_s[0])], time_s[1:]]) if time_s[0] < span_s[0] + _REGULAR_S else time_s
-        )
-        in_air = shared(intervals_of(begin, down == 0, until_s=span_s[1]), armed)
+    if landed is not None:
+        in_air = intervals_of(_from_begin(landed[0], span_s[0]), landed[1] == 0, until_s=span_s[1])
+        in_air = in_air if armed is None else shared(in_air, armed)
     named = [name for name in ("vehicle_land_detected" if in_air is not None else "", armed_in) if name]
     return Status(
         vehicle=vehicle,
         named_in=named_in,
         armed=armed,
         in_air=in_air,
+        unlogged=_unlogged(arrays, span_s[0]),
         flagged_in=" and ".join(named),
         direct_rates=_acro(arrays, span_s[1]),
         modes=_modes(arrays, span_s[1]),
@@ -97,12 +99,27 @@ def _field_samples(arrays: Mapping[str, AnyArray], field: str) -> tuple[FloatArr
     return stamps.astype(np.float64) * 1e-6, values
 
 
-def _armed(arrays: Mapping[str, AnyArray], until_s: float) -> tuple[Intervals | None, str]:
-    for field, value in (("vehicle_status/arming_state", _ARMED), ("actuator_armed/armed", 1)):
+def _from_begin(time_s: FloatArray, begin_s: float) -> FloatArray:
+    """Stamps of a flag: what was said within the first second or so, was so when the record began."""
+    return np.append(min(begin_s, time_s[0]), time_s[1:]) if time_s[0] < begin_s + _REGULAR_S else time_s
+
+
+def _armed(arrays: Mapping[str, AnyArray], span_s: tuple[float, float]) -> tuple[Intervals | None, str]:
+    for field, value in _ARMED_FIELDS:
         samples = _field_samples(arrays, field)
         if samples is not None:
-            return intervals_of(samples[0], samples[1] == value, until_s=until_s), field.partition("/")[0]
+            time_s = _from_begin(samples[0], span_s[0])
+            return intervals_of(time_s, samples[1] == value, until_s=span_s[1]), field.partition("/")[0]
     return None, ""
+
+
+def _unlogged(arrays: Mapping[str, AnyArray], begin_s: float) -> Intervals:
+    """When the record had begun and one of the flags was not logged yet: it is unknown, not off."""
+    armed = next((field for field, _ in _ARMED_FIELDS if _field_samples(arrays, field)), "")
+    fields = ("vehicle_land_detected/landed", armed)
+    firsts = [before_first(samples[0], begin_s) for field in fields if (samples := _field_samples(arrays, field))]
+    late = [part for parts in firsts for part in parts if part[1] - part[0] > _REGULAR_S]
+    return (max(late, key=lambda part: part[1]),) if late else ()
 
 
 def _acro(arrays: Mapping[str, AnyArray], until_s: float) -> Intervals:
