@@ -51,11 +51,13 @@ from rotorid.reviewing.values import (
     Unavailable,
 )
 from rotorid.settings.option import as_settings
-from rotorid.signal.airborne import control_of
+from rotorid.signal.airborne import control_of, not_flown
+from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_gyro, dead_sensor_findings
 from rotorid.signal.oscillations import check_oscillations
 from rotorid.typing import Axis
 
 _PROGRESS = logs.getLogger("rotorid.progress")
+_OF_GYRO = ("oscillations", "loops", "margins")
 _STEPS = ("flight", "logging", "oscillations", "loops", "margins", "noise", "motors", "models")
 
 
@@ -150,7 +152,11 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
     found: dict[str, IdentifiedModel | Refused] = {}
     swinging: tuple[OscillationReview, ...] = ()
     calm: tuple[Axis, ...] = ()
-    if air is not None:
+    widths: dict[str, float] = {}
+    still = dead_gyro(record)
+    if air is not None and still:
+        unavailable += [Unavailable(what=step, why=f"{still}.", remedy=CHECK_SENSORS) for step in _OF_GYRO]
+    elif air is not None:
         swinging, calm = part("oscillations", lambda: _oscillations(record), (swinging, calm))
         closed = part("loops", lambda: _loops_of(air, swinging), closed)
         broken = part("margins", lambda: _margins_of(air, swinging), broken)
@@ -159,6 +165,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
             for name, loop in closed.items()
             if "bandwidth_90deg_rad_s" in loop.numbers
         }
+    if air is not None:
         noise_review = part("noise", lambda: noise(record, bandwidths_rad_s=widths), noise_review)
         worked = part("motors", lambda: motors(record), worked)
     kind, *_ = vehicle(record)
@@ -191,6 +198,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
             [
                 *(control.findings if control is not None else ()),
                 *record.findings,
+                *(dead_sensor_findings(record) if air is not None else not_flown(record)),
                 *controller_findings(record),
                 *oscillation_findings(swinging),
                 *(finding for loop in closed.values() for finding in loop.findings),

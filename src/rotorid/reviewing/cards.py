@@ -120,9 +120,27 @@ def cards(review: Review) -> tuple[Card, ...]:
     )
     if review.flight.flights:
         return tuple(_with_loss(card, review) for card in found)
-    return tuple(
-        Card(key=card.key, title=card.title, state="cannot", headline="This log contains no flight.") for card in found
+    first, *others = (
+        Card(key=card.key, title=card.title, state="cannot", headline=no_flight(review)) for card in found
     )
+    gap = _gap(review, "flight") or Unavailable(what="flight", why="")
+    remedy = gap.remedy if gap.remedy and not _never_flew(review) else "fly, and log from take-off to landing"
+    return replace(first, details=_sentence(gap.why), remedy=remedy), *others
+
+
+def no_flight(review: Review) -> str:
+    """That a log contains no flight, or does not show whether it does, as a sentence."""
+    if _never_flew(review) or _gap(review, "flight") is None:
+        return "This log contains no flight."
+    return "This log does not show whether the vehicle flew."
+
+
+def _never_flew(review: Review) -> bool:
+    return any(finding.kind == "never_airborne" for finding in review.findings)
+
+
+def _sentence(words: str) -> str:
+    return f"{words.rstrip('.')}." if words else ""
 
 
 def _with_loss(card: Card, review: Review) -> Card:

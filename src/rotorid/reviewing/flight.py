@@ -31,6 +31,7 @@ from rotorid.reviewing.values import FlightSummary, LoggingReview, Unavailable, 
 from rotorid.signal.airborne import airborne, in_air
 from rotorid.signal.battery import battery_voltages
 from rotorid.signal.clock import even_step_s
+from rotorid.signal.dead_sensors import dead_accelerometer
 from rotorid.signal.motors import linearization_of, logged_outputs, or_none
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -222,6 +223,8 @@ def _thrust_to_weight(
 ) -> tuple[Quantity | None, str]:
     if linearization_of(record) is not None and hover is not None and "thrust_command" in record and hover.value > 0.02:
         return _by_hover(record, hover), ""
+    if weightless := dead_accelerometer(record):
+        return None, f"{weightless}."
     stamps, az = in_air(record, "az", flights)
     if stamps.size < 50 or time_s.size < 20:
         return None, "The log contains neither the thrust curve nor the acceleration."

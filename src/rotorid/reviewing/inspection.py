@@ -13,7 +13,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.display import html_table, lines_of
-from rotorid.data.findings import Finding, remark, warn, worst_first
+from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Topic
 from rotorid.errors import InsufficientDataError, RotoridError
 from rotorid.flights.consistency import ChannelSkew, check_consistency, stretches
@@ -24,8 +24,9 @@ from rotorid.flying.next_steps import KnownOfLog, next_steps
 from rotorid.models.families import RATE_AXIS, family_of, rate_model_of
 from rotorid.results.provenance import LoggedManeuver, logged
 from rotorid.settings.identifying import IdentifySettings
-from rotorid.signal.airborne import Airborne, airborne, evidence_words
+from rotorid.signal.airborne import Airborne, airborne, evidence_words, not_flown
 from rotorid.signal.battery import battery_voltages
+from rotorid.signal.dead_sensors import dead_sensor_findings
 from rotorid.signal.excitations import (
     candidate_excitations,
     find_excitations,
@@ -366,11 +367,9 @@ def _flight(record: FlightRecord) -> tuple[Airborne | None, tuple[Finding, ...]]
     """The flights, or why they are not known: a log from the bench can be inspected too."""
     try:
         found = airborne(record)
-    except InsufficientDataError as error:
-        never = [warn(f.kind, f.where, f.message) for f in error.findings]
-        unknown = remark("airborne", "log", f"The log does not show when the vehicle flew: {error.came.rstrip('.')}.")
-        return None, tuple(never) or (unknown,)
-    return found, found.findings
+    except InsufficientDataError:
+        return None, not_flown(record)
+    return found, (*found.findings, *dead_sensor_findings(record))
 
 
 def _oscillations(record: FlightRecord, flight: Airborne | None) -> tuple[Finding, ...]:

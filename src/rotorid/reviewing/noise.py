@@ -28,6 +28,7 @@ from rotorid.flights.controllers import controllers_of
 from rotorid.reviewing.values import NoiseMap, NoisePeak, NoiseReview, Unavailable
 from rotorid.signal.airborne import airborne, within
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
+from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_accelerometer, dead_gyro
 from rotorid.spectral.noise import (
     HARMONICS,
     OVERLAP,
@@ -157,7 +158,9 @@ def noise(
 def _sensors(record: FlightRecord, flights: Intervals) -> Iterator[_Sensor]:
     """Gyro and accelerometer before and after the filters, each at the highest logged rate."""
     unfiltered = autopilot_of(record).log.unfiltered_topic
-    for channel in ("p", "q", "r", "ax", "ay", "az"):
+    rates = () if dead_gyro(record) else ("p", "q", "r")
+    forces = () if dead_accelerometer(record) else ("ax", "ay", "az")
+    for channel in (*rates, *forces):
         before = _samples(record, (f"{channel}_raw",), channel, "before", flights)
         after = _samples(record, (f"{channel}_filtered", channel), channel, "after", flights)
         if before is None and unfiltered:
@@ -399,6 +402,8 @@ NumbersAndGaps = tuple[dict[str, Quantity], list[Unavailable]]
 
 def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> NumbersAndGaps:
     """Root mean square of the specific force above 10 Hz, or the autopilot's own measure of it."""
+    if weightless := dead_accelerometer(record):
+        return {}, [Unavailable(what="noise.vibration_m_s2", why=f"{weightless}.", remedy=CHECK_SENSORS)]
     cutoff_hz = autopilot_of(record).log.accelerometer_cutoff_hz(record)
     if 0.0 < cutoff_hz < LEAST_RATE_HZ / 2.0:
         why = f"The accelerometer is logged after a low-pass of {cutoff_hz:g} Hz, which removes the vibration."
@@ -672,7 +677,7 @@ def _shares(
 def _unavailable(record: FlightRecord, sensors: Sequence[_Sensor], level: _Level | None) -> Iterator[Unavailable]:
     gyro = [sensor for sensor in sensors if sensor.channel == "p"]
     if not gyro:
-        why = "Body rates are not logged in the air."
+        why = f"{dead_gyro(record) or 'Body rates are not logged in the air'}."
         yield Unavailable(what="noise.maps", why=why, remedy=_fast_sensors(record))
         return
     if max(sensor.rate_hz for sensor in gyro) < LEAST_RATE_HZ:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rotorid.data.base import cached_by_value
-from rotorid.data.findings import Finding, refusal, remark
+from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import FlightRecord, Intervals, silences
 from rotorid.errors import InsufficientDataError
 from rotorid.signal.control import Control, before_loss, control
@@ -279,6 +279,17 @@ def _without_ends(record: FlightRecord, flights: Intervals, margin_s: float) -> 
         for start_s, stop_s in flights
     )
     return tuple((start_s, stop_s) for start_s, stop_s in cut if start_s < stop_s)
+
+
+def not_flown(record: FlightRecord) -> tuple[Finding, ...]:
+    """Why a log shows no flight, as warnings, or that it does not show when it flew; empty where it shows a flight."""
+    try:
+        airborne(record)
+    except InsufficientDataError as error:
+        never = tuple(warn(finding.kind, finding.where, finding.message) for finding in error.findings)
+        unknown = f"The log does not show when the vehicle flew: {error.came.rstrip('.')}."
+        return never or (remark("airborne", "log", unknown),)
+    return ()
 
 
 def airborne_by_thrust(record: FlightRecord) -> Airborne | None:

@@ -17,6 +17,9 @@ from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord, Topic
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
+CHECK_SENSORS = "check the sensor, its driver and its units"
+"""What to do about a sensor that measures nothing."""
+
 _FORCES = ("ax", "ay", "az")
 
 _FEWEST, _SHORTEST_S = 16, 2.0

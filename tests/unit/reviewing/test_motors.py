@@ -262,7 +262,11 @@ def test_a_log_without_a_flight_is_not_told_to_lack_what_it_holds() -> None:
     columns = {name: np.full(2000, 0.1) for name in ("p", "motor_1", "motor_2", "battery_voltage", "thrust_command")}
     bench = record(columns, 100.0)
     seen = rotorid.review(replace(bench, status=Status(in_air=(), flagged_in="twin")))
-    assert {card.sentence for card in cards(seen)} == {"This log contains no flight."}
+    first, *others = cards(seen)
+    assert {card.sentence for card in others} == {"This log contains no flight."}
+    assert (first.headline, first.state) == ("This log contains no flight.", "cannot")
+    assert first.details.endswith("as twin shows: the autopilot never left the landed state.")
+    assert first.remedy == "fly, and log from take-off to landing"
 
 
 def test_a_flight_without_its_motors_is_told_whether_they_are_in_the_log() -> None:
