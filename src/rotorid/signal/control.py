@@ -60,7 +60,7 @@ _LEAST_CURRENT_A = 2.0
 _SHORTEST_S, _SHORTEST_FALL_S, _SHORTEST_LOSS_S = 0.35, 0.6, 0.6
 _GAP_S = 0.5
 _RECOVERED_S = 1.5
-_STOPPED_S = 0.15
+_STOPPED_S, _EARLIER_S = 0.15, 3.0
 _CONTROLLED_SHARE = (0.5, 1.8)
 _LATER_S = 4.0
 """So long after a flight its end is looked at: flags may end it at the loss, and the fall comes later."""
@@ -331,8 +331,14 @@ class _Cells:
         lasts_s = _CELL_S * sum(stop - first for first, stop in spells)
         if not spells or (lasts_s < _SHORTEST_LOSS_S and spells[-1][1] < self.time_s.size - round(_HOLD_S / _CELL_S)):
             return None
-        first, last = spells[0][0], spells[-1][1]
-        return self._describe(first, last, witnesses)
+        return self._describe(spells[0][0], spells[-1][1], witnesses)
+
+    def _begin(self, first: int) -> int:
+        """The first cell of a loss: where the motor that is then at full output got there, up to three seconds ago."""
+        for begin, stop in self._runs(self._stuck(), _CELL_S, 0.0):
+            if begin < first < stop:
+                return max(begin, first - round(_EARLIER_S / _CELL_S))
+        return first
 
     def _is_trusted(self, seen: BoolArray) -> bool:
         size = int(self.flying.sum())
@@ -457,7 +463,7 @@ class _Cells:
         if strikes:
             parts.append(f"impact of {size[impact] / STANDARD_GRAVITY_M_S2:.0f} g at {stamps[impact]:.1f} s")
         return Control(
-            lost_at_s=float(self.time_s[first]) - 0.5 * _CELL_S,
+            lost_at_s=float(self.time_s[self._begin(first)]) - 0.5 * _CELL_S,
             cause=cause,
             words=", ".join(parts) or cause,
             ends_in_air=not strikes and stop_s - float(self.time_s[-1]) < 0.5 and not self._rests_at_end(),
