@@ -57,6 +57,7 @@ def _numbered(text: str, start: int, stop: int) -> str:
 
 
 _AXES = "h:xacc h:yacc h:zacc h:xgyro h:ygyro h:zgyro"
+_ESCS = " ".join(_numbered(f"H:{name}{{}}", 1, 5) for name in ("voltage", "current", "totalcurrent", "rpm"))
 _SCALED = f"I:time_boot_ms {_AXES}"
 
 LAYOUTS: Mapping[int, Layout] = MappingProxyType(
@@ -67,6 +68,9 @@ LAYOUTS: Mapping[int, Layout] = MappingProxyType(
         26: _layout("SCALED_IMU", 170, _SCALED),
         27: _layout("RAW_IMU", 144, f"Q:time_usec {_AXES}"),
         30: _layout("ATTITUDE", 39, "I:time_boot_ms f:roll f:pitch f:yaw f:rollspeed f:pitchspeed f:yawspeed"),
+        31: _layout(
+            "ATTITUDE_QUATERNION", 246, "I:time_boot_ms f:q1 f:q2 f:q3 f:q4 f:rollspeed f:pitchspeed f:yawspeed"
+        ),
         32: _layout("LOCAL_POSITION_NED", 185, "I:time_boot_ms f:x f:y f:z f:vx f:vy f:vz"),
         36: _layout(
             "SERVO_OUTPUT_RAW",
@@ -84,6 +88,8 @@ LAYOUTS: Mapping[int, Layout] = MappingProxyType(
         116: _layout("SCALED_IMU2", 76, _SCALED),
         129: _layout("SCALED_IMU3", 46, _SCALED),
         148: _layout("AUTOPILOT_VERSION", 178, "Q:capabilities Q:uid I:flight_sw_version"),
+        11030: _layout("ESC_TELEMETRY_1_TO_4", 144, _ESCS),
+        11031: _layout("ESC_TELEMETRY_5_TO_8", 133, _ESCS),
         140: _layout("ACTUATOR_CONTROL_TARGET", 181, f"Q:time_usec {_numbered('f:control{}', 0, 8)} B:group_mlx"),
     }
 )

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rotorid.autopilots.advice import unread_words
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic, Unread
 from rotorid.errors import LogError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.ardupilot.dataflash import HEADER_BYTES, Format, Table
@@ -21,6 +22,7 @@ from rotorid.io.ardupilot.log import motor_topics, stick_topic
 from rotorid.io.flags import MAV_TYPES, most_frequent, vehicle_findings
 from rotorid.io.mavlink.messages import Messages, Telemetry, decode, starts_like_telemetry
 from rotorid.io.parameters import kept_parameters
+from rotorid.io.px4.outputs import motor_outputs
 from rotorid.typing import AnyArray, BoolArray, FloatArray
 from rotorid.units import parse_unit
 
@@ -80,25 +82,30 @@ def read(path: Path, source: Source) -> FlightRecord:
         *_message_topics(messages, clock, scaled_raw=firmware == ARDUPILOT),
         *(_pulse_topics(messages, clock, parameters) if firmware == ARDUPILOT else ()),
     )
+    outputs, assumed = _px4_outputs(messages, clock, parameters) if firmware == PX4 else ((), ())
+    topics = (*topics, *outputs)
     if not topics:
         raise LogError(
             f"{source.name} contains only {', '.join(messages) or 'no message'} of the autopilot {sender[0]}",
             needed="a telemetry log of a flight, such as ATTITUDE with SERVO_OUTPUT_RAW",
             remedy="raise the stream rates (SR0_EXTRA1, SR0_RAW_SENS, SR0_RC_CHAN), or use the log on the SD card",
         )
+    unread = tuple(_unread(messages, topics))
     return FlightRecord(
         source=replace(source, firmware=_named(firmware, messages, status)),
         topics=topics,
         parameters=kept_parameters(parameters),
         instruments=_instruments(topics),
         status=status,
+        unread=unread,
         findings=(
             *vehicle_findings(status),
             *_damage(telemetry, len(data)),
             *_others(telemetry.messages, sender),
             *clock.findings(),
+            *assumed,
             _decimated(topics),
-            *_missing(topics),
+            *_missing(topics, unread),
         ),
     )
 
@@ -222,14 +229,31 @@ def _decimated(topics: tuple[Topic, ...]) -> Finding:
     )
 
 
-def _missing(topics: tuple[Topic, ...]) -> Iterator[Finding]:
+_NEAR: Mapping[str, tuple[str, str]] = {
+    "SERVO_OUTPUT_RAW": ("motor_", "which of its outputs are motors is not known without parameters"),
+    "ESC_TELEMETRY_1_TO_4": ("motor_speed_", "which motors it is of is not known without parameters"),
+}
+"""Messages near to channels that a log may lack: these, and why they do not come from there."""
+
+
+def _unread(messages: Mapping[str, Messages], topics: tuple[Topic, ...]) -> Iterator[Unread]:
+    logged = {channel.name for topic in topics for channel in topic.channels}
+    for name, (channels, why) in _NEAR.items():
+        item = Unread(name=name, channels=(channels,), why=why)
+        if name in messages and not any(map(item.near, logged)):
+            yield item
+
+
+def _missing(topics: tuple[Topic, ...], unread: tuple[Unread, ...]) -> Iterator[Finding]:
     logged = {channel.name for topic in topics for channel in topic.channels}
     if not any(name.endswith("_command") or name.startswith("motor_") for name in logged):
+        near = unread_words(unread, ("motor_1",))
+        known = f"{near}. " if near else ""
         yield warn(
             "missing_channel",
             "motor_1",
-            "The motor commands were not logged. They need SERVO_OUTPUT_RAW and the parameters "
-            "SERVOn_FUNCTION or FRAME_CLASS of ArduPilot, or ACTUATOR_CONTROL_TARGET of PX4.",
+            f"The motor commands are not in the log. {known}They need SERVO_OUTPUT_RAW and the parameters "
+            "SERVOn_FUNCTION or FRAME_CLASS of ArduPilot or MAV_TYPE of PX4, or ACTUATOR_CONTROL_TARGET of PX4.",
         )
 
 
@@ -351,6 +375,8 @@ RULES: tuple[Rule, ...] = (
     _rule("HIGHRES_IMU", *_ACCELEROMETER, "m/s^2"),
     _rule("ATTITUDE", "rollspeed pitchspeed yawspeed", "p q r", "rad/s"),
     _rule("ATTITUDE", "roll pitch yaw", "phi theta psi", "rad"),
+    _rule("ATTITUDE_QUATERNION", "rollspeed pitchspeed yawspeed", "p q r", "rad/s"),
+    _rule("ATTITUDE_QUATERNION", "q1 q2 q3 q4", "phi theta psi", "1"),
     *(_rule(name, *_GYRO, "mrad/s") for name in _INTEGER_IMUS),
     *(_rule(name, *_ACCELEROMETER, "mg") for name in _INTEGER_IMUS),
     _rule("LOCAL_POSITION_NED", "vx vy vz", "velocity_north velocity_east velocity_down", "m/s"),
@@ -425,14 +451,64 @@ def _pulse_topics(
     The messages are the ``RCOU`` and ``RCIN`` of its own logs under another name, so that the same rules hold.
     """
     servos, sticks = messages.get("SERVO_OUTPUT_RAW"), messages.get("RC_CHANNELS")
+    tables: dict[str, Table] = {}
     if servos is not None:
         first_port = servos.chosen(servos.fields["port"] == 0)
         if first_port.fields.size:
-            yield from motor_topics({"RCOU": _table("RCOU", first_port, clock, "servo", 16)}, parameters)
+            tables["RCOU"] = _table("RCOU", first_port, clock, "servo", 16)
+    if (speeds := _speeds(messages, clock)) is not None:
+        tables["ESC"] = speeds
+    yield from motor_topics(tables, parameters)
     if sticks is not None:
         topic = stick_topic({"RCIN": _table("RCIN", sticks, clock, "chan", 16)}, parameters)
         if topic is not None:
             yield topic
+
+
+def _px4_outputs(
+    messages: Mapping[str, Messages], clock: BootClock, parameters: Mapping[str, float]
+) -> tuple[tuple[Topic, ...], tuple[Finding, ...]]:
+    """Motors of a PX4 vehicle from the outputs that it sends: those of its own logs under another name."""
+    servos = messages.get("SERVO_OUTPUT_RAW")
+    main = None if servos is None else servos.chosen(servos.fields["port"] == 0)
+    if main is None or not main.fields.size:
+        return (), ()
+    arrays: dict[str, AnyArray] = {
+        "actuator_outputs/timestamp": np.round(np.maximum(clock.stamps(main), 0.0) * 1e6),
+        **{f"actuator_outputs/output[{number}]": main.fields[f"servo{number + 1}_raw"] for number in range(16)},
+    }
+    if "HEARTBEAT" in messages:
+        arrays["vehicle_status/system_type"] = messages["HEARTBEAT"].fields["type"]
+    topics, findings, _ = motor_outputs(arrays, parameters)
+    return tuple(_renamed(topic) for topic in topics), findings
+
+
+def _renamed(topic: Topic) -> Topic:
+    channels = [
+        replace(channel, source=f"SERVO_OUTPUT_RAW.{channel.source.partition('.')[2]}") for channel in topic.channels
+    ]
+    return replace(topic, name="SERVO_OUTPUT_RAW", channels=tuple(channels))
+
+
+_ESC_MESSAGES = ("ESC_TELEMETRY_1_TO_4", "ESC_TELEMETRY_5_TO_8")
+
+
+def _speeds(messages: Mapping[str, Messages], clock: BootClock) -> Table | None:
+    """Speeds of the motor controllers that ever turned, as a table of the autopilot's own kind."""
+    kind = np.dtype([("head", f"S{HEADER_BYTES}"), ("TimeUS", "<u8"), ("Instance", "u1"), ("RPM", "<f4")])
+    parts = []
+    for group, name in enumerate(_ESC_MESSAGES):
+        item = messages.get(name)
+        if item is None:
+            continue
+        for place in range(4):
+            rpm = item.fields[f"rpm{place + 1}"]
+            if rpm.any():
+                rows = np.zeros(rpm.size, dtype=kind)
+                rows["TimeUS"] = np.round(np.maximum(clock.stamps(item), 0.0) * 1e6)
+                rows["Instance"], rows["RPM"] = 4 * group + place, rpm
+                parts.append(rows)
+    return _as_table("ESC", np.concatenate(parts), "QBf") if parts else None
 
 
 def _table(name: str, messages: Messages, clock: BootClock, stem: str, count: int) -> Table:
@@ -443,6 +519,12 @@ def _table(name: str, messages: Messages, clock: BootClock, stem: str, count: in
     rows["TimeUS"] = np.round(np.maximum(clock.stamps(messages), 0.0) * 1e6)
     for number, label in enumerate(labels, start=1):
         rows[label] = messages.fields[f"{stem}{number}_raw"]
-    layout = Format(number=0, length=kind.itemsize, name=name, letters="Q" + "H" * count, columns=("TimeUS", *labels))
-    positions = np.arange(rows.size, dtype=np.int64) * kind.itemsize
+    return _as_table(name, rows, "Q" + "H" * count)
+
+
+def _as_table(name: str, rows: AnyArray, letters: str) -> Table:
+    """Rows of a head and columns, with the letters of the columns' types."""
+    size, columns = rows.dtype.itemsize, (rows.dtype.names or ())[1:]
+    layout = Format(number=0, length=size, name=name, letters=letters, columns=columns)
+    positions = np.arange(rows.size, dtype=np.int64) * size
     return Table(format=layout, units={}, data=rows.view(np.uint8), positions=positions)

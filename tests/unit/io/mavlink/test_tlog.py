@@ -253,3 +253,45 @@ def test_the_version_of_the_firmware_is_that_which_was_sent(
     sent = station.frame(0.0, "AUTOPILOT_VERSION", 0, number, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0)
     told = read_bytes(tmp_path, [heartbeat(station, autopilot, vehicle), sent, attitude(station, 1.0)])
     assert told.source.firmware == firmware
+
+
+def test_speeds_of_some_motors_are_those_of_their_outputs(tmp_path: Path) -> None:
+    station = Station()
+    functions = {1: 33, 2: 34, 3: 35, 4: 36, 5: 37}
+    frames = [heartbeat(station), *(attitude(station, 0.1 * k) for k in range(3))]
+    frames += [
+        station.frame(0.0, "PARAM_VALUE", f"SERVO{channel}_FUNCTION".encode(), value, 9, 5, channel)
+        for channel, value in functions.items()
+    ]
+    zeros = [0] * 4
+    for k in range(3):
+        frames.append(
+            station.frame(0.1 * k, "ESC_TELEMETRY_1_TO_4", zeros, zeros, zeros, zeros, [0, 4000, 0, 0], zeros)
+        )
+        frames.append(station.frame(0.1 * k, "ESC_TELEMETRY_5_TO_8", zeros, zeros, zeros, zeros, [900, 0, 0, 0], zeros))
+    record = read_bytes(tmp_path, frames)
+    found = {name: float(record[name].values[0]) for name in record.channel_names if name.startswith("motor_speed")}
+    assert found == pytest.approx({"motor_speed_2": 4000 * np.pi / 30, "motor_speed_5": 900 * np.pi / 30})
+
+
+def test_attitude_comes_from_a_quaternion_where_no_angles_are_sent(tmp_path: Path) -> None:
+    station, half = Station(), 0.3
+    values = (float(np.cos(half)), 0.0, float(np.sin(half)), 0.0, 0.1, 0.2, 0.3)
+    record = read_bytes(tmp_path, [station.frame(0.1 * k, "ATTITUDE_QUATERNION", 100 * k, *values) for k in range(3)])
+    assert record["theta"].values == pytest.approx([0.6] * 3)
+    assert record["q"].values == pytest.approx([0.2] * 3)
+
+
+def test_motors_of_px4_are_its_pulses_between_their_limits(tmp_path: Path) -> None:
+    station = Station()
+    frames = [heartbeat(station, autopilot=12)]
+    for place, (name, value) in enumerate({"PWM_MAIN_MIN": 1100, "PWM_MAIN_MAX": 1900}.items()):
+        number = float(np.array([value], np.int32).view(np.float32)[0])
+        frames.append(station.frame(0.0, "PARAM_VALUE", name.encode(), number, 6, 2, place))
+    pulses = [900, 1100, 1500, 1900, *[0] * 4]
+    for k in range(3):
+        frames += [attitude(station, 0.1 * k), station.frame(0.1 * k, "SERVO_OUTPUT_RAW", 100_000 * k, 0, *pulses)]
+    record = read_bytes(tmp_path, frames)
+    found = [float(record[f"motor_{number}"].values[1]) for number in range(1, 5)]
+    assert found == pytest.approx([0.0, 0.0, 0.5, 1.0])
+    assert record["motor_1"].channel.source == "SERVO_OUTPUT_RAW.output[0]"
