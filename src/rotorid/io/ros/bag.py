@@ -6,6 +6,7 @@ here and nowhere else.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic, Unread
 from rotorid.errors import LogError, UsageError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io import sandbox as sandboxed
@@ -88,7 +89,26 @@ def read(path: Path, source: Source, mapping: ChannelMapping | None = None, *, s
         topics=topics,
         instruments={axis: names for axis, names in present.items() if names},
         findings=tuple(findings_of(topics, extract)),
+        unread=tuple(_unread(logged, extract.facts["topics"])),
     )
+
+
+_NEAR: Mapping[str, tuple[str, str]] = {
+    "mavros_msgs/msg/RCOut": ("motor_", "bags contain neither the limits of pulses nor which are motors"),
+    "px4_msgs/msg/ActuatorOutputs": ("motor_", "bags contain neither their limits nor which are motors"),
+    "mav_msgs/msg/Actuators": ("motor_", "speeds that are asked for are no share of full output"),
+    "actuator_msgs/msg/Actuators": ("motor_", "speeds that are asked for are no share of full output"),
+}
+"""Types near to channels that a bag may lack: these, and why they do not come from there."""
+
+
+def _unread(logged: set[str], topics: Mapping[str, Mapping[str, Any]]) -> Iterator[Unread]:
+    for topic, about in topics.items():
+        if about["kind"] in _NEAR:
+            channels, why = _NEAR[about["kind"]]
+            item = Unread(name=topic, channels=(channels,), why=why)
+            if not any(map(item.near, logged)):
+                yield item
 
 
 def _by_rules() -> dict[str, Any]:
@@ -235,6 +255,31 @@ def _px4_rules() -> tuple[Rule, ...]:
 
 
 _GROUP_ZERO = ("group_mix", 0.0)
+_NUMBERED = 12
+_ACTUATORS = ("mav_msgs/Actuators", "angular_velocities"), ("actuator_msgs/Actuators", "velocity")
+_ESCS = ("mavros_msgs/ESCTelemetry", "esc_telemetry[{}].rpm"), ("mavros_msgs/ESCStatus", "esc_status[{}].rpm")
+
+
+def _motors(kind: str, path: str, channel: str, **options: Any) -> Rule:
+    """A rule for every motor: a path and a channel with a place for its number, from 0 and from 1."""
+    fields, channels = (
+        " ".join(text.format(first + number) for number in range(_NUMBERED))
+        for text, first in ((path, 0), (channel, 1))
+    )
+    return _rule(kind, fields, channels, optional=True, **options)
+
+
+def _actuator_rules() -> Iterator[Rule]:
+    """Speeds of rotors, which a topic of commands only asks for, and outputs from 0 to 1."""
+    for kind, speeds in _ACTUATORS:
+        yield _motors(kind, f"{speeds}[{{}}]", "motor_speed_{}", topic=rf"^(?!.*(?:{_ASKED.pattern}))")
+        yield _motors(kind, "normalized[{}]", "motor_{}")
+    for kind, path in (*_ESCS, ("px4_msgs/EscStatus", "esc[{}].esc_rpm")):
+        yield _motors(kind, path, "motor_speed_{}", sign=math.pi / 30.0)
+
+
+_ASKED = re.compile(r"setpoint|target|cmd|command|desired|reference")
+"""Words in the name of a topic that say it is asked for and not measured."""
 
 RULES: tuple[Rule, ...] = (
     *_px4_rules(),
@@ -262,6 +307,12 @@ RULES: tuple[Rule, ...] = (
     _rule("geometry_msgs/PoseStamped", _xyz("pose.position"), _POSITION, "earth"),
     *_twist("geometry_msgs/TwistStamped", "twist."),
     *_twist("geometry_msgs/Twist", ""),
+    _rule("geometry_msgs/PoseWithCovarianceStamped", _xyz("pose.pose.orientation", "xyzw"), _EULER, "attitude"),
+    _rule("geometry_msgs/PoseWithCovarianceStamped", _xyz("pose.pose.position"), _POSITION, "earth"),
+    _rule("geometry_msgs/TransformStamped", _xyz("transform.rotation", "xyzw"), _EULER, "attitude"),
+    _rule("geometry_msgs/TransformStamped", _xyz("transform.translation"), _POSITION, "earth"),
+    _rule("geometry_msgs/QuaternionStamped", _xyz("quaternion", "xyzw"), _EULER, "attitude"),
+    *_actuator_rules(),
     _rule("sensor_msgs/BatteryState", "voltage", "battery_voltage"),
 )
 """In order of preference."""
@@ -270,9 +321,6 @@ _IGNORED_BITS: Mapping[str, int] = {"thrust_command": 64, "p_setpoint": 7, "phi_
 """First channel of a rule for ``mavros_msgs/AttitudeTarget`` to the bits of ``type_mask`` that declare it void."""
 
 _MASKED = "mavros_msgs/msg/AttitudeTarget"
-
-_ASKED = re.compile(r"setpoint|target|cmd|command|desired|reference")
-"""Words in the name of a topic that say it is asked for and not measured."""
 
 
 def rules_for(kind: str, topic: str) -> tuple[Rule, ...]:

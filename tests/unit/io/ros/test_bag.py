@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rotorid.autopilots.advice import motor_advice
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
 from rotorid.io.ros import bag as rosbag
@@ -36,6 +37,10 @@ MAVROS = {
     "mavros_msgs/msg/ActuatorControl": "std_msgs/Header header\nuint8 group_mix\nfloat32[8] controls\n",
     "mavros_msgs/msg/AttitudeTarget": "std_msgs/Header header\nuint8 type_mask\ngeometry_msgs/Quaternion orientation\n"
     "geometry_msgs/Vector3 body_rate\nfloat32 thrust\n",
+    "mavros_msgs/msg/ESCTelemetryItem": "std_msgs/Header header\nint32 rpm\n",
+    "mavros_msgs/msg/ESCTelemetry": "std_msgs/Header header\nmavros_msgs/ESCTelemetryItem[] esc_telemetry\n",
+    "mavros_msgs/msg/RCOut": "std_msgs/Header header\nuint16[] channels\n",
+    "mav_msgs/msg/Actuators": "std_msgs/Header header\nfloat64[] angular_velocities\nfloat64[] normalized\n",
 }
 
 Make = Callable[[Any, int], Any]
@@ -261,6 +266,60 @@ def test_px4_topics_keep_their_axes_and_their_own_clock(tmp_path: Path) -> None:
     measured, _ = next(record.holding("phi"))
     # A command is stamped when it is published, a measurement when it was sampled.
     np.testing.assert_allclose(command.time_s - measured.time_s, 1e-3, atol=2.0**-20)
+
+
+def actuators(speeds: Sequence[float], outputs: Sequence[float]) -> Make:
+    return lambda store, k: store.types["mav_msgs/msg/Actuators"](
+        header=header(store, k), angular_velocities=np.array(speeds), normalized=np.array(outputs)
+    )
+
+
+def test_speeds_and_outputs_of_motors(tmp_path: Path) -> None:
+    def telemetry(store: Any, k: int) -> Any:
+        item = store.types["mavros_msgs/msg/ESCTelemetryItem"]
+        items = [item(header=header(store, k), rpm=rpm) for rpm in (3000, 6000)]
+        return store.types["mavros_msgs/msg/ESCTelemetry"](header=header(store, k), esc_telemetry=items)
+
+    made = {
+        "/mavros/esc_telemetry": ("mavros_msgs/msg/ESCTelemetry", telemetry),
+        "/uav/command/motors": ("mav_msgs/msg/Actuators", actuators((500.0, 600.0), (0.25, 0.75))),
+    }
+    record = read_bag(write_bag(tmp_path, "mcap", made))
+    assert first_values(record, "motor_1 motor_2") == [0.25, 0.75]
+    assert first_values(record, "motor_speed_1 motor_speed_2") == pytest.approx([100 * np.pi, 200 * np.pi])
+
+
+def test_speeds_that_were_measured_and_those_that_were_asked_for(tmp_path: Path) -> None:
+    made = {
+        "/uav/motor_speed": ("mav_msgs/msg/Actuators", actuators((500.0, 600.0), ())),
+        "/uav/command/motor_speed": ("mav_msgs/msg/Actuators", actuators((1.0, 2.0), ())),
+    }
+    record = read_bag(write_bag(tmp_path, "ros1", made))
+    assert first_values(record, "motor_speed_1 motor_speed_2") == [500.0, 600.0]
+    assert "no share of full output" in motor_advice(record)
+
+
+def test_pulses_without_limits_are_not_called_missing(tmp_path: Path) -> None:
+    def pulses(store: Any, k: int) -> Any:
+        return store.types["mavros_msgs/msg/RCOut"](header=header(store, k), channels=np.array([1500] * 4, np.uint16))
+
+    made = {"/mavros/rc/out": ("mavros_msgs/msg/RCOut", pulses), "/imu": ("sensor_msgs/msg/Imu", imu)}
+    record = read_bag(write_bag(tmp_path, "mcap", made))
+    assert motor_advice(record).startswith("/mavros/rc/out is in the log, but rotorid does not read it: bags contain")
+
+
+def test_a_transform_is_an_attitude_and_a_position(tmp_path: Path) -> None:
+    def transform(store: Any, k: int) -> Any:
+        kind = store.types
+        rotation = quaternion(store, 0.1, 0.2, 0.3)
+        inner = kind["geometry_msgs/msg/Transform"](translation=vector(store, (1.0, 2.0, 3.0)), rotation=rotation)
+        return kind["geometry_msgs/msg/TransformStamped"](
+            header=header(store, k, "world"), child_frame_id="base_link", transform=inner
+        )
+
+    record = read_bag(write_bag(tmp_path, "mcap", {"/vicon": ("geometry_msgs/msg/TransformStamped", transform)}))
+    assert first_values(record, "north east down") == [2.0, 1.0, -3.0]
+    assert first_values(record, "phi theta psi") == pytest.approx([0.1, -0.2, np.pi / 2 - 0.3], abs=1e-9)
 
 
 def test_a_header_that_nobody_filled_in_is_not_believed(tmp_path: Path) -> None:
