@@ -1,4 +1,4 @@
-"""What Betaflight says of its flight: arming and flight mode, in the slow frames of a blackbox log."""
+"""What Betaflight and INAV say of their flights: arming and flight mode, in the slow frames of a blackbox log."""
 
 from __future__ import annotations
 
@@ -21,20 +21,28 @@ _SELF_LEVELED: Mapping[tuple[int, int], Mapping[int, str]] = MappingProxyType(
 )
 """Boxes with which the autopilot levels although neither angle nor horizon mode is set, by the first version."""
 
+_INAV_BOXES: Mapping[int, str] = MappingProxyType(
+    {1 << 18: "failsafe", 1 << 8: "return", 1 << 19: "mission", 1 << 9: "position hold", 1 << 4: "heading hold"}
+)
+"""The same of INAV since 2.0, which numbers arming, angle and horizon as Betaflight does; heading hold yaws by itself.
+"""
+_INAV_SINCE = "activeFlightModeFlags"
+"""With this field ``flightModeFlags`` are the boxes; before, they were modes of other numbers."""
+
 
 def status_of(flights: Sequence[Flight]) -> Status:
     """When the flights of a log were armed, and when the sticks were set-points of rates.
 
     There is no landed flag. Without angle and horizon mode the set-points of the body rates come straight from the
-    sticks, unless the failsafe, a GPS rescue or a hold of altitude or position flies. INAV numbers its modes otherwise;
-    of it nothing is said.
+    sticks, unless the failsafe, a GPS rescue or a hold of altitude or position flies. Of INAV before 2.0, whose modes
+    have other numbers, nothing is said.
 
     Parameters
     ----------
     flights
         Those that can be read.
     """
-    flights_with_flags = [flight for flight in flights if _FLAGS in flight.slow_fields and _is_betaflight(flight)]
+    flights_with_flags = [flight for flight in flights if _FLAGS in flight.slow_fields and _has_boxes(flight)]
     if not flights_with_flags:
         return Status()
     return Status(
@@ -52,8 +60,12 @@ def status_of(flights: Sequence[Flight]) -> Status:
     )
 
 
-def _is_betaflight(flight: Flight) -> bool:
-    return flight.header.values.get("Firmware revision", "").startswith("Betaflight")
+def _has_boxes(flight: Flight) -> bool:
+    """Whether the flags are those of boxes whose numbers are known."""
+    revision = flight.header.values.get("Firmware revision", "")
+    return revision.startswith("Betaflight") or (
+        flight.header.firmware[0] == "INAV" and _INAV_SINCE in flight.slow_fields
+    )
 
 
 def _is_multirotor(flight: Flight) -> bool:
@@ -72,7 +84,9 @@ def _intervals(flight: Flight, *, direct: bool) -> Intervals:
 
 def _leveling(flight: Flight) -> dict[int, str]:
     """Boxes with which the set-points of the rates are not the sticks'; the first that is set names the mode."""
-    _, version = flight.header.firmware
+    name, version = flight.header.firmware
+    if name == "INAV":
+        return {**_INAV_BOXES, _ANGLE: "angle", _HORIZON: "horizon"}
     newest = next((boxes for since, boxes in _SELF_LEVELED.items() if version >= since), {})
     return {**newest, _ANGLE: "angle", _HORIZON: "horizon"}
 

@@ -242,6 +242,34 @@ def test_inav_logs_angles_in_tenths_of_a_degree_and_the_pitch_nose_down(tmp_path
     )
 
 
+@pytest.mark.parametrize(
+    ("flags", "mode", "direct"),
+    [
+        (1, "acro", True),
+        (1 | 2, "angle", False),
+        (1 | 1 << 3, "acro", True),
+        (1 | 2 | 1 << 9, "position hold", False),
+        (1 | 1 << 8, "return", False),
+        (1 | 1 << 10, "acro", True),
+    ],
+)
+def test_inav_says_when_it_was_armed_and_who_made_the_set_points(
+    tmp_path: Path, flags: int, mode: str, direct: bool
+) -> None:
+    slow = (
+        "H Field S name:flightModeFlags,activeFlightModeFlags\nH Field S signed:0,0\nH Field S predictor:0,0\n"
+        "H Field S encoding:1,1\nH Firmware revision:INAV 9.0.0 (abc) JHEMCUF435\n"
+    )
+    start = header(["gyroADC[0]"], inter_encoding=[0], inter_predictor=[1], lines=slow)
+    frames = [intra(8 * k, 8000 * k, 1) for k in range(5)]
+    frames[1] += b"S" + unsigned(flags) + unsigned(0)
+    status = record_of(start + b"".join(frames) + END, tmp_path).status
+
+    assert status.armed == ((pytest.approx(0.008), pytest.approx(0.032)),)
+    assert [name for name, _, _ in status.modes] == [mode]
+    assert bool(status.direct_rates) == direct
+
+
 def test_angles_of_betaflight_come_from_the_vector_of_a_quaternion(tmp_path: Path) -> None:
     """A quarter turn to the right, in axes forward, left, up: about −z."""
     yawed = {f"imuQuaternion__{index}": value for index, value in enumerate((0, 0, round(-math.sqrt(0.5) * 32767)))}
