@@ -28,7 +28,7 @@ from rotorid.flights.instruments import (
     is_command,
     is_injection,
 )
-from rotorid.flights.supports import nothing_excites, ordinary_flights
+from rotorid.flights.supports import dwell_of, dwells_alone, dwells_in, nothing_excites, ordinary_flights
 from rotorid.models.families import is_rate_model
 from rotorid.models.structure import LinearStructure
 from rotorid.settings.identifying import IdentifySettings
@@ -119,6 +119,7 @@ def select_maneuvers(
         fitted = otherwise(records, axes)
     if not fitted:
         raise _nothing_flown(records, axes, [flight.maneuver for flight in found])
+    _require_band(fitted)
     unseen = [
         flight
         for flight in found
@@ -130,6 +131,28 @@ def select_maneuvers(
         and not _answers(flight, fitted)
     ]
     return Selection(fitted=tuple(fitted), unseen=wholly_flown(unseen))
+
+
+def _require_band(fitted: Sequence[Flight]) -> None:
+    """Refuse maneuvers that all dwell at one frequency: no structure can be fitted to one point of a response.
+
+    Raises
+    ------
+    InsufficientDataError
+        No maneuver has a band.
+    """
+    dwells = [dwell_of(flight.record, flight.maneuver) for flight in fitted]
+    frequencies = [omega_rad_s for omega_rad_s in dwells if omega_rad_s is not None]
+    if not frequencies or len(frequencies) < len(dwells):
+        return
+    flight = fitted[0]
+    came = f"{flight.record.source.name} {dwells_alone(flight.axis, frequencies)}"
+    raise InsufficientDataError(
+        came,
+        needed="a sweep, multisine or random binary signal of about 20 s or more",
+        remedy=flying_advice(flight.record, flight.axis),
+        findings=[refusal("no_excitation", flight.axis, f"{came}.")],
+    )
 
 
 def wholly_flown(flights: Sequence[Flight]) -> tuple[Flight, ...]:
@@ -277,6 +300,10 @@ def _nothing_flown(
         needed = f"about 20 s in which {wanted} moves slowly and fast: weaving, pulses or steps both ways"
         remedy = "name such an interval with --segment"
     came = f"{names} {nothing_excites(axes, found)}"
+    sines = {axis: [omega_rad_s for record in records for _, omega_rad_s in dwells_in(record, axis)] for axis in axes}
+    for axis, frequencies in sines.items():
+        if frequencies and not found:
+            came, remedy = f"{names} {dwells_alone(axis, frequencies)}", flying_advice(records[0], axis)
     for record in records:
         for axis in axes:
             if f"{axis}_command" not in record.channel_names:

@@ -9,6 +9,7 @@ fits, only ``identify`` shows.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
@@ -32,6 +33,7 @@ from rotorid.signal.excitations import (
     find_excitations,
     motor_excitations,
     rich_excitations,
+    single_frequency,
 )
 from rotorid.spectral.windows import excited_to_rad_s
 from rotorid.typing import Axis
@@ -291,6 +293,43 @@ def nothing_excites(axes: Sequence[Axis], found: Sequence[Maneuver]) -> str:
     return f"contains only short {wanted} maneuvers ({kinds}{', …' if len(found) > _LISTED else ''})"
 
 
+def dwell_of(record: FlightRecord, maneuver: Maneuver) -> float | None:
+    """Frequency in rad/s at which a maneuver dwells; ``None`` for one with a band, or that cannot be judged."""
+    if maneuver.kind != "other":
+        return None
+    flight = Flight(record, maneuver)
+    name = maneuver.signal or find_instrument([flight], maneuver.axis) or f"{maneuver.axis}_command"
+    for samples in flight.samples(name):
+        if samples.values.size > _FEWEST_OF_A_DWELL:
+            return single_frequency(samples.time_s, samples.values)
+    return None
+
+
+_FEWEST_OF_A_DWELL = 50
+
+
+def dwells_in(record: FlightRecord, axis: Axis) -> tuple[tuple[Maneuver, float], ...]:
+    """Stretches in which an axis was moved by one sine, and their frequencies in rad/s."""
+    found = ((maneuver, dwell_of(record, maneuver)) for maneuver in candidate_excitations(record, axis))
+    return tuple((maneuver, omega_rad_s) for maneuver, omega_rad_s in found if omega_rad_s is not None)
+
+
+def dwells_alone(axis: Axis, frequencies_rad_s: Sequence[float]) -> str:
+    """Statement that only sines move an axis, as the end of a sentence about a log.
+
+    Examples
+    --------
+    >>> dwells_alone("roll", [12.57])
+    'moves roll by a sine of 12.6 rad/s (2.0 Hz) alone, and one frequency is one point of a response, no model'
+    """
+    listed = " and ".join(
+        f"{omega_rad_s:.3g} rad/s ({omega_rad_s / math.tau:.1f} Hz)" for omega_rad_s in frequencies_rad_s[:_LISTED]
+    )
+    one = len(frequencies_rad_s) == 1
+    count = "one frequency is one point" if one else f"{len(frequencies_rad_s)} frequencies are as many points"
+    return f"moves {axis} by {'a sine' if one else 'sines'} of {listed} alone, and {count} of a response, no model"
+
+
 def nothing_above(top_rad_s: float) -> str:
     """Statement that the excitations of an axis end at a frequency.
 
@@ -397,9 +436,12 @@ def _by_ordinary(
 
 def _unflown(record: FlightRecord, axis: Axis, tried: Maneuver | None) -> Support:
     """The refusal of a flight that moves an axis neither on purpose nor by stick; a candidate is pointed at."""
-    because = f"the log {nothing_excites([axis], find_excitations(record, axis))}, and {_no_ordinary(record, axis)}"
+    found = find_excitations(record, axis)
+    because = f"the log {nothing_excites([axis], found)}, and {_no_ordinary(record, axis)}"
     remedy = flying_advice(record, axis)
-    if tried is not None:
+    if not found and (dwells := dwells_in(record, axis)):
+        because = f"the log {dwells_alone(axis, [omega_rad_s for _, omega_rad_s in dwells])}"
+    elif tried is not None:
         remedy += f", or try --segment {segment_of(axis, tried.start_s, tried.stop_s)}"
     return Support(possible=False, because=because, remedy=remedy, lacks="no_excitation")
 

@@ -19,7 +19,7 @@ from rotorid.errors import InsufficientDataError, RotoridError
 from rotorid.flights.consistency import ChannelSkew, check_consistency, stretches
 from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.rotor_order import order_of_log
-from rotorid.flights.supports import Support, ordinary_flights, segment_of, supports
+from rotorid.flights.supports import Support, dwells_in, ordinary_flights, segment_of, supports
 from rotorid.flying.next_steps import KnownOfLog, next_steps
 from rotorid.models.families import RATE_AXIS, family_of, rate_model_of
 from rotorid.results.provenance import LoggedManeuver, logged
@@ -34,7 +34,7 @@ from rotorid.signal.excitations import (
 )
 from rotorid.signal.kinematics import KinematicCheck
 from rotorid.signal.motors import motor_limits
-from rotorid.typing import FloatArray, IntArray
+from rotorid.typing import Axis, FloatArray, IntArray
 
 _GAP_STEPS = 2.5
 
@@ -232,7 +232,7 @@ def inspect(record: FlightRecord) -> Inspection:
     'the log lacks roll_command'
     """
     found = {axis: find_excitations(record, axis) for axis in AXES}  # type: ignore[arg-type]
-    candidates = {axis: candidate_excitations(record, axis) for axis in AXES}  # type: ignore[arg-type]
+    candidates = {axis: _candidates(record, axis) for axis in AXES}  # type: ignore[arg-type]
     flight, remarks = _flight(record)
     consistency = check_consistency(record, stretches(record, _in_time(*found.values()), flight))
     inspection = Inspection(
@@ -271,6 +271,12 @@ def inspect(record: FlightRecord) -> Inspection:
         settings={name: record.parameters[name] for name in _SETTINGS if name in record.parameters},
     )
     return replace(inspection, next_commands=_next_commands(record, inspection))
+
+
+def _candidates(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
+    """Likely excitations, without sines of one frequency, of which no model can be made."""
+    dwells = [maneuver for maneuver, _ in dwells_in(record, axis)]
+    return tuple(maneuver for maneuver in candidate_excitations(record, axis) if maneuver not in dwells)
 
 
 def _order(record: FlightRecord, flight: Airborne | None) -> tuple[Finding, ...]:

@@ -726,6 +726,50 @@ def classify(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float,
     return ("other", band) if many or duration >= 15.0 else ("multistep", None)
 
 
+def single_frequency(time_s: FloatArray, motion: FloatArray) -> float | None:
+    """Frequency in rad/s of a signal that is one sine, as of a dwell; ``None`` for any other.
+
+    Its half periods are alike, and a sine of that frequency, whose amplitude and phase may drift, explains 90 % of its
+    variance.
+
+    Parameters
+    ----------
+    time_s, motion
+        One active interval, shapes ``(samples,)``.
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 30.0, 0.01)
+    >>> round(single_frequency(t, np.sin(12.6 * t)), 2), single_frequency(t, np.sin(t + 0.2 * t**2))
+    (12.6, None)
+    """
+    motion = motion - _middle_of_levels(motion)
+    level = float(np.percentile(np.abs(motion), 95.0))
+    switches = _switch_times(time_s, motion, _HYSTERESIS * level)
+    halves = np.diff(switches)
+    if halves.size < _FEWEST_HALVES or float(np.std(halves)) > _LEAST_VARIATION * float(np.mean(halves)):
+        return None
+    omega_rad_s = float(np.pi * halves.size / (switches[-1] - switches[0]))
+    inside = (time_s >= switches[0]) & (time_s <= switches[-1])
+    time_s, motion = time_s[inside], motion[inside]
+    if time_s.size < _SAMPLES_OF_A_HALF * halves.size:
+        return None
+    missed = total = 0.0
+    turns = omega_rad_s * (time_s - time_s[0]) / (2.0 * np.pi)
+    for part in np.array_split(np.arange(time_s.size), max(1, int(turns[-1] / _PERIODS_AT_ONCE))):
+        phase = 2.0 * np.pi * turns[part]
+        basis = np.stack([np.cos(phase), np.sin(phase), np.ones(phase.size)], axis=1)
+        rest = motion[part] - basis @ np.linalg.lstsq(basis, motion[part], rcond=None)[0]
+        missed += float(rest @ rest)
+        total += float(np.sum(np.square(motion[part] - motion[part].mean())))
+    return omega_rad_s if missed < _NOT_OF_SINE * total else None
+
+
+_PERIODS_AT_ONCE = 8.0
+_SAMPLES_OF_A_HALF = 3
+_NOT_OF_SINE = 0.1
+
+
 def _repeated(time_s: FloatArray, motion: FloatArray) -> tuple[Kind, tuple[float, float]] | None:
     """A multisine with its band: a signal of several lines that repeats."""
     period_s = period_of(time_s, motion, shortest_s=_SHORTEST_PERIOD_S)

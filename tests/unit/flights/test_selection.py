@@ -50,7 +50,7 @@ def record(
     time_s = np.arange(0.0, STOP_S, 1.0 / RATE_HZ)
     names = ("roll_command", "p", *moving, *resting)
     values = np.zeros((len(names), time_s.size))
-    values[: 2 + len(moving)] = np.sin(time_s)
+    values[: 2 + len(moving)] = np.sin(time_s) + np.sin(2.7 * time_s)
     channels = tuple(Channel(name=n, unit=STANDARD_UNITS[n]) for n in names)
     topic = Topic(name="all", time_s=time_s, channels=channels, values=values)
     return FlightRecord(source=source(name), topics=(topic,), declared=declared)
