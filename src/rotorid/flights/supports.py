@@ -35,6 +35,7 @@ from rotorid.signal.excitations import (
     rich_excitations,
     single_frequency,
 )
+from rotorid.signal.motors import MotorHistory, logged_outputs, logged_speeds, or_none
 from rotorid.spectral.windows import excited_to_rad_s
 from rotorid.typing import Axis
 
@@ -50,7 +51,7 @@ _WHOLE_HZ, _WHOLE_RAD_S = 100.0, 2.0
 
 _LISTED = 4
 
-By: TypeAlias = Literal["", "excitation", "ordinary flight", "motors"]
+By: TypeAlias = Literal["", "excitation", "ordinary flight", "motors", "motor speeds"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +84,8 @@ class Support(Immutable):
     instrument
         Channel free of feedback that a joint estimate would use.
     by
-        What it would be identified from: an ``excitation``, an ``ordinary flight`` or the ``motors``; empty where it
+        What it would be identified from: an ``excitation``, an ``ordinary flight``, the ``motors`` or their
+        ``motor speeds``; empty where it
         cannot.
     lacks
         Kind of the finding that says why it cannot; empty where it can.
@@ -531,6 +533,32 @@ def _motor_support(record: FlightRecord, model: str) -> Support:  # noqa: ARG001
     return Support(possible=True, because=because, needs=needs, by="motors")
 
 
+def _speed_support(record: FlightRecord, model: str) -> Support | None:  # noqa: ARG001 - as all that look
+    """Whether a log holds outputs and speeds of all motors, fast enough; ``None`` without speeds."""
+    speeds, outputs = or_none(logged_speeds, record), or_none(logged_outputs, record)
+    if speeds is None:
+        return None
+    rate_hz = 0.0 if outputs is None else min(speeds.sample_rate_hz, outputs.sample_rate_hz)
+    needs = (
+        Need(need="outputs of all motors", there=outputs is not None, found=_logged_at(outputs)),
+        Need(need="speeds of all motors", there=True, found=_logged_at(speeds)),
+    )
+    if outputs is None:
+        remedy = logging_advice(record, 0.0, ("motor_1",))
+        because = "the log has speeds of the motors and no outputs"
+        return Support(possible=False, because=because, remedy=remedy, needs=needs, lacks="missing_channel")
+    if rate_hz < LOWEST_RATE_HZ:
+        because = f"outputs and speeds of the motors at {rate_hz:.0f} Hz; {LOWEST_RATE_HZ:.0f} Hz are needed"
+        remedy = logging_advice(record, rate_hz)
+        return Support(possible=False, because=because, remedy=remedy, needs=needs, lacks="rate_too_low")
+    because = f"outputs and speeds of {min(speeds.motors, outputs.motors)} motors at {rate_hz:.0f} Hz"
+    return Support(possible=True, because=because, needs=needs, by="motor speeds")
+
+
+def _logged_at(history: MotorHistory | None) -> str:
+    return "not logged" if history is None else f"{history.sample_rate_hz:.0f} Hz"
+
+
 def _rig_support(record: FlightRecord, model: str) -> Support | None:
     """Whether a record supports a model of a vehicle on a pivot; ``None`` without test inputs of single motors."""
     if not motor_excitations(record):
@@ -584,6 +612,7 @@ _LOOKS: Mapping[Needs, Callable[[FlightRecord, str], Support | None]] = {
     "axis": rate_support,
     "axes": _coupled_support,
     "motors": _motor_support,
+    "motor speeds": _speed_support,
     "single motors": _rig_support,
 }
 """Whether a log has what a family needs; no answer where nobody would ask it of such a log."""

@@ -15,10 +15,11 @@ from rotorid.data.record import FlightRecord
 from rotorid.errors import UsageError
 from rotorid.identifying.hover_physics import hover_of_vehicle
 from rotorid.identifying.methods import Frequency, InTime, Method
+from rotorid.identifying.motor_speed import MotorSpeeds
 from rotorid.identifying.motors import Motors
 from rotorid.identifying.nonlinear import Nonlinear, asked_parameters
 from rotorid.models.derived import require_useful
-from rotorid.models.families import HOVER, LARGE_MOTION, MOTORS, family_of
+from rotorid.models.families import HOVER, LARGE_MOTION, MOTOR_SPEED, MOTORS, family_of
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.structure import LinearStructure
 from rotorid.settings.identifying import IdentifySettings, MethodChoice
@@ -141,6 +142,12 @@ FITTINGS: Mapping[str, Fitting] = {
         only_with={"outputs": "accelerations"},
         no_option=_NO_CHOICE,
         check=lambda _, settings: motor_settings(settings),
+    ),
+    MOTOR_SPEED.name: Fitting(
+        method=lambda _, __, settings: MotorSpeeds(settings=settings),
+        choices=("fix", "free", "segments", "shifts", "hold", "search", "evaluations", "runs", "seed", "method"),
+        methods=("auto", "output_error"),
+        no_option=_NO_CHOICE,
     ),
     LARGE_MOTION.name: Fitting(
         method=_nonlinear,

@@ -299,7 +299,8 @@ class Nonlinear:
                 simulated=fitted.simulated,
             ),
             combinations=unseen_combinations(fitted.model.parameters, fitted.bounds),
-            poles=pole_confidence(structure, linear, bounds_of(fitted.bounds, linear.free)),
+            # A model that does not rest at zero has no small motion about it, and no poles.
+            poles=pole_confidence(structure, linear, bounds_of(fitted.bounds, linear.free)) if linear.free else (),
             covered=covered_by(data.flights),
             nonlinear=fitted.model,
         )

@@ -30,6 +30,8 @@ from rotorid.models.library import (
     response_pairs,
     transfer_function,
 )
+from rotorid.models.motor_speed import NAME as MOTOR_SPEED_NAME
+from rotorid.models.motor_speed import UNITS as MOTOR_SPEED_UNITS
 from rotorid.models.motors import motor_parameters
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.physical import PHYSICAL_UNITS
@@ -38,9 +40,10 @@ from rotorid.typing import Axis
 
 Structure: TypeAlias = LinearStructure | NonlinearStructure
 
-Needs: TypeAlias = Literal["axis", "axes", "motors", "single motors"]
+Needs: TypeAlias = Literal["axis", "axes", "motors", "motor speeds", "single motors"]
 """What a log has to hold: of rate models the excitation of their axis, or a stick that moves it; of all others
-excitations of one or several axes; outputs of all motors; or single motors that are swept.
+excitations of one or several axes; outputs of all motors, or with their speeds; or
+single motors that are swept.
 :mod:`rotorid.flights.supports` looks for each."""
 
 
@@ -267,6 +270,18 @@ MOTORS = Family(
 )
 """Accelerations by motor outputs, which is no linear structure."""
 
+MOTOR_SPEED = Family(
+    name=MOTOR_SPEED_NAME,
+    listed=(MOTOR_SPEED_NAME,),
+    about=lambda _: "Speed of the motors by their outputs: lag up and down, curve, influence of the battery's voltage.",
+    by_logs=True,
+    units=MOTOR_SPEED_UNITS,
+    needs="motor speeds",
+    axes={MOTOR_SPEED_NAME: ()},
+    in_all=True,
+)
+"""Speeds by outputs, a nonlinear structure of as many motors as a log has."""
+
 LARGE_MOTION = Family(
     name="drag.*, flight.*",
     listed=nonlinear_model_names(),
@@ -301,7 +316,7 @@ BLACK_BOX = Family(
 _AUTO = "black_box:auto"
 """A black box whose order the records choose; until then it is one of first order."""
 
-FAMILIES = (RATE, AIRFRAME, HOVER, RIG, RESPONSE, MOTORS, LARGE_MOTION, TRANSFER, BLACK_BOX, OWN)
+FAMILIES = (RATE, AIRFRAME, HOVER, RIG, RESPONSE, MOTORS, MOTOR_SPEED, LARGE_MOTION, TRANSFER, BLACK_BOX, OWN)
 """In the order of lists; the first that has a name is its family."""
 
 

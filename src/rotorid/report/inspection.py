@@ -73,6 +73,7 @@ _BY = {
     "excitation": "from its test inputs",
     "ordinary flight": "from ordinary flight; a sweep would give intervals several times narrower",
     "motors": "from motor outputs",
+    "motor speeds": "from outputs and speeds of the motors",
 }
 """What a model would be identified from."""
 

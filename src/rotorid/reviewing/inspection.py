@@ -287,7 +287,7 @@ def _order(record: FlightRecord, flight: Airborne | None) -> tuple[Finding, ...]
 
 def _next_commands(record: FlightRecord, inspection: Inspection) -> tuple[str, ...]:
     """What the log supports, else a candidate that identify would take, and the review of what was flown."""
-    flown = ("excitation", "ordinary flight")
+    flown = ("excitation", "ordinary flight", "motor speeds")
     models = tuple(name for name, support in inspection.supports.items() if support.possible and support.by in flown)
     open_axes = [axis for axis in AXES if rate_model_of(axis) not in models]
     segment = next(
