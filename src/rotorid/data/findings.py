@@ -566,6 +566,11 @@ KINDS: Mapping[str, Kind] = {
         "Parameter at its bound",
         "The parameter ended at a bound of its range, so its value is only a limit.",
     ),
+    "weight_balance": Kind(
+        "info",
+        "Thrust follows from the weight",
+        "No axis was excited, so the thrust coefficient comes from the weight that the rotors carry in steady flight.",
+    ),
     "payload_step": Kind(
         "warning",
         "Payload differs between logs",

@@ -331,6 +331,34 @@ _MOTORS = {
     "center_of_gravity_right": FigureOfMerit(
         words="center of gravity right of the middle", detail="over the longest arm"
     ),
+    "thrust_coefficient": FigureOfMerit(
+        words="thrust of a rotor over the square of its speed",
+        short="thrust coefficient",
+        unit="N s²/rad²",
+        keeps_sign=True,
+        remedy=_HOVER,
+    ),
+    "thrust_coefficient_per_mass": FigureOfMerit(
+        words="thrust of a rotor over mass and the square of its speed",
+        short="thrust coefficient over mass",
+        unit="m/rad²",
+        keeps_sign=True,
+        remedy=_HOVER,
+    ),
+    "thrust_by_output": FigureOfMerit(
+        words="thrust of a rotor in hover",
+        detail="over the square of its output, or over its demand of thrust",
+        unit="N",
+        keeps_sign=True,
+        remedy=_HOVER,
+    ),
+    "thrust_by_output_per_mass": FigureOfMerit(
+        words="thrust of a rotor over mass in hover",
+        detail="over the square of its output, or over its demand of thrust",
+        unit="m/s²",
+        keeps_sign=True,
+        remedy=_HOVER,
+    ),
     "output_delay_s": FigureOfMerit(words="delay from motor output to gyro", unit="ms", factor=1e3),
 }
 

@@ -523,12 +523,14 @@ def _coupled_support(record: FlightRecord, model: str) -> Support:
 
 def _motor_support(record: FlightRecord, model: str) -> Support:  # noqa: ARG001 - as all that look
     """Whether a log may support the physics of the motors: their outputs are there, and have room."""
-    there = "motor_1" in record.channel_names
+    # Measured speeds stand for outputs.
+    there = bool({"motor_1", "motor_speed_1"} & set(record.channel_names))
     needs = (Need(need="outputs of all motors", there=there, found="logged" if there else "not logged"),)
     if refused := _no_vehicle(record) or _limited(record):
         return replace(refused, needs=refused.needs or needs)
     if not there:
-        return Support(possible=False, because="the log lacks motor_1", needs=needs, lacks="missing_channel")
+        because = "the log lacks motor_1 and motor_speed_1"
+        return Support(possible=False, because=because, needs=needs, lacks="missing_channel")
     because = "motors are logged; run rotorid identify to see whether they explain the motion"
     return Support(possible=True, because=because, needs=needs, by="motors")
 

@@ -109,8 +109,8 @@ def review(
     chosen = as_settings(ReviewSettings, settings, options)
     if isinstance(records, FlightRecord | str | Path):
         (record,) = as_records(records)
-        return _review(record, models=chosen.models)
-    return tuple(_review(record, models=chosen.models) for record in as_records(records))
+        return _review(record, models=chosen.models, known=chosen.known)
+    return tuple(_review(record, models=chosen.models, known=chosen.known) for record in as_records(records))
 
 
 def has_answers(reviewed: Review) -> bool:
@@ -129,7 +129,7 @@ def has_answers(reviewed: Review) -> bool:
     return bool(reviewed.flight.flights) and (identified or any(parts))
 
 
-def _review(record: FlightRecord, *, models: bool) -> Review:
+def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -> Review:
     unavailable: list[Unavailable] = []
 
     def part(step: str, make: Callable[[], tuple[Part, Sequence[Unavailable]]], otherwise: Part) -> Part:
@@ -167,7 +167,7 @@ def _review(record: FlightRecord, *, models: bool) -> Review:
         }
     if air is not None:
         noise_review = part("noise", lambda: noise(record, bandwidths_rad_s=widths), noise_review)
-        worked = part("motors", lambda: motors(record), worked)
+        worked = part("motors", lambda: motors(record, mass_kg=known.get("m")), worked)
     kind, *_ = vehicle(record)
     control = control_of(record)
     if air is not None and models:

@@ -593,7 +593,8 @@ def _power(review: Review) -> Card:
         gap = _gap(review, "flight.battery", "flight.hover_throttle")
         logged = _POWER & review.logging.rates_hz.keys()
         why = "neither battery nor throttle could be read." if logged else "neither battery nor throttle is logged."
-        return _unanswered(key, title, replace(gap, why=why) if gap else None, why)
+        unknown = _unanswered(key, title, replace(gap, why=why) if gap else None, why)
+        return replace(unknown, number=_thrust_words(review))
     hover = "" if throttle is None else f"hovers at {QUANTITIES['hover_throttle'].shown(throttle)} throttle"
     volts = _battery_words(battery)
     judged = [] if ratio is None else _judged(key, {"thrust_to_weight": ratio})
@@ -603,7 +604,13 @@ def _power(review: Review) -> Card:
     missing = [*([] if ratio is not None else ["full thrust"]), *([] if "sag_v" in names else ["sag under load"])]
     thrust = "" if ratio is None else f"full thrust {QUANTITIES['thrust_to_weight'].shown(ratio)} times the weight"
     number, scale = (thrust, judged[0].scale) if thrust else (hover, "")
-    also = _together(f"It {hover}." if thrust and hover else "", volts, _not_measured(missing))
+    weighed = _thrust_words(review)
+    also = _together(
+        f"It {hover}." if thrust and hover else "",
+        capital(f"{weighed}.") if weighed else "",
+        volts,
+        _not_measured(missing),
+    )
     for row in judged:
         if row.verdict == "look":
             shown, measure = (number, scale) if row.name == "thrust_to_weight" else (row.shown_alone, row.scale)
@@ -615,7 +622,7 @@ def _power(review: Review) -> Card:
     if not judged:
         gap = _gap(review, "flight.thrust_to_weight", "flight.battery")
         unknown = _unanswered(key, title, gap, "this log does not show the full thrust.", _together(volts))
-        return replace(unknown, number=number)
+        return replace(unknown, number="; ".join(text for text in (number, weighed) if text))
     return Card(
         key=key,
         title=title,
@@ -625,6 +632,15 @@ def _power(review: Review) -> Card:
         scale=scale,
         details=also,
     )
+
+
+def _thrust_words(review: Review) -> str:
+    """The thrust coefficient by measured speeds; outputs of another battery or ESC make another one."""
+    for name in ("thrust_coefficient", "thrust_coefficient_per_mass"):
+        if name in review.motors.numbers:
+            figure = QUANTITIES[name]
+            return f"{figure.before} {figure.shown(review.motors.numbers[name])}"
+    return ""
 
 
 def _battery_words(battery: Mapping[str, Quantity]) -> str:

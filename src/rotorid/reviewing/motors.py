@@ -26,7 +26,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rotorid.autopilots.advice import motor_advice, speed_advice
-from rotorid.data.display import counted
+from rotorid.data.display import capital, counted
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantities import COMPARE, QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
@@ -35,6 +35,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.flights.hover import WINDOW_S, steady_windows, thrust_curve
 from rotorid.flights.rotor_order import order_of_log
+from rotorid.flights.weight_balance import weight_balance
 from rotorid.flights.whole_flights import FlightData, flown, loop_response
 from rotorid.models.autopilots.layouts import layout_of
 from rotorid.reviewing.values import MotorReview, Unavailable
@@ -74,8 +75,15 @@ _LAG_BIAS = 0.05
 """Damping of the rate looks like less delay; flights with a known answer differ by so much."""
 
 
-def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Unavailable, ...]]:
-    """Limits, balance, headroom, loss of step, and the delay from output to gyro.
+def motors(record: FlightRecord, *, mass_kg: float | None = None) -> tuple[MotorReview, tuple[Unavailable, ...]]:
+    """Limits, balance, headroom, loss of step, thrust coefficient, and the delay from output to gyro.
+
+    Parameters
+    ----------
+    record
+        The log.
+    mass_kg
+        Mass in flight; without it thrust coefficients are per kilogram.
 
     Raises
     ------
@@ -110,6 +118,9 @@ def motors(record: FlightRecord) -> tuple[MotorReview, tuple[Unavailable, ...]]:
     events, missing = _events(record, flight.flights)
     unavailable += missing
     steps_checked = not missing
+    thrust, missing = _thrust(record, flight.flights, mass_kg)
+    numbers |= thrust
+    unavailable += missing
     delay, missing = _delay(flight)
     numbers |= delay
     unavailable += missing
@@ -299,6 +310,19 @@ def _lost_step(speeds: MotorHistory, outputs: MotorHistory, flights: Intervals) 
     times = np.sort(np.array(found))
     separate = np.concatenate([[True], np.diff(times) > 5.0 * _WITHIN_S]) if times.size else np.zeros(0, dtype=np.bool_)
     return tuple(times[separate].tolist())
+
+
+def _thrust(
+    record: FlightRecord, flights: Intervals, mass_kg: float | None
+) -> tuple[dict[str, Quantity], list[Unavailable]]:
+    """The thrust coefficient of a rotor, from the weight that it carries in steady flight."""
+    try:
+        balance = weight_balance(record, flights, mass_kg=mass_kg)
+    except InsufficientDataError as error:
+        why = f"{capital(error.came)}; needed: {error.needed}." if error.needed else f"{capital(error.came)}."
+        return {}, [Unavailable(what="motors.thrust_coefficient", why=why, remedy=error.remedy)]
+    name = "thrust_coefficient" if balance.kind == "speed" else "thrust_by_output"
+    return {name if mass_kg is not None else f"{name}_per_mass": balance.coefficient}, []
 
 
 def _delay(flight: FlightData) -> tuple[dict[str, Quantity], list[Unavailable]]:

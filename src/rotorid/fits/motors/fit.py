@@ -23,6 +23,7 @@ from rotorid.fits.bootstrapping import bootstrap
 from rotorid.fits.motors.errors import gusts_between, motor_model_error, with_model_errors
 from rotorid.fits.motors.fitted import FittedMotors, levers_of
 from rotorid.fits.motors.motion import CHANNELS, fit_percents
+from rotorid.fits.motors.weight import WEIGHT_ALONE, balance_finding, weighed, with_balance
 from rotorid.fits.scatter import LogEstimate, disagreements, widened
 from rotorid.fits.searching import Searched, searched
 from rotorid.fitting.motors.accelerations import AccelerationErrors, acceleration_errors
@@ -135,7 +136,8 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
 
     Axes of which the motors then explain less than they leave are left out: what was seen there was the controller, or
     motors that were logged too slowly. So are those whose inertia is not positive or no better known than nothing, and
-    a motor lag that the data do not separate from zero, or from a delay. Then the rest is fitted again.
+    a motor lag that the data do not separate from zero, or from a delay. Then the rest is fitted again. Where no
+    axis was excited, measured speeds still give the thrust coefficient: by the weight balance of steady flight.
 
     Raises
     ------
@@ -149,6 +151,8 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
         found = excitations(data.records, levers, spin_up=True)
     axes = excited_axes(found)
     if not axes:
+        if (by_weight := _by_weight(data, choices, levers)) is not None:
+            return by_weight
         raise _nothing_excited(data, found)
     left_out: list[Finding] = []
     while True:
@@ -160,6 +164,8 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
             break
         axes = tuple(axis for axis in axes if axis not in wrong)
         if not axes:
+            if (by_weight := _by_weight(data, choices, levers)) is not None:
+                return replace(by_weight, left_out=(*by_weight.left_out, *left_out))
             raise _nothing_explained(data, left_out)
     disagreeing = disagreements(_fit_each_log(fitted, choices))
     fitted = replace(
@@ -175,6 +181,21 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
         random = replace(fitted.bounds, covariance=fitted.bounds.random)
         again = bootstrap(fixed, replace(fit.solution, theta=fitted.parameters.pack()), random, choices)
     return replace(fitted, bootstrap=again, left_out=tuple(left_out))
+
+
+def _by_weight(data: MotorData, choices: MotorSettings, levers: FloatArray) -> FittedMotors | None:
+    """The thrust coefficient alone, from the weight balance; ``None`` where it is given, or there is no balance."""
+    mass_kg = choices.known.get("m", 1.0)
+    unweighed = scale_of(choices.known, ()) not in (None, "m") or _curve(choices, data, ()) != "quadratic"
+    if unweighed or choices.method == "accelerations" or (balance := weighed(data, mass_kg)) is None:
+        return None
+    parameters = motor_parameters(
+        curve="quadratic", known=choices.known, axes=(), lag=False, heave_damping=False, delays=False
+    )
+    problem = MotorProblem(records=data.records, levers=levers, parameters=parameters, axes=WEIGHT_ALONE)
+    fit, bounds = with_balance(fit_motors(problem), balance)
+    found = _Bounded(parameters=fit.parameters, bounds=bounds, at_hover=bounds)
+    return replace(_described(data, choices, fit, "quadratic", found), left_out=(balance_finding(balance),))
 
 
 _COMPARED = ("I_xx", "I_yy", "kappa_per_I_zz", "L_p", "M_q", "N_r", "Z_w", "T_motor", "tau_gyro", "tau_accel")
@@ -219,6 +240,24 @@ def _bounded(data: MotorData, choices: MotorSettings, fit: MotorFit, curve: Curv
     # The weight gives thrust at hover whatever the curve is; its slope is another matter.
     at_hover = with_model_errors(random, parameters, fit, data, curve_assumed=False, model=model)
     bounds = with_model_errors(random, parameters, fit, data, curve_assumed=assumed, model=model)
+    found = _Bounded(parameters=parameters, bounds=bounds, at_hover=at_hover, memory=memory, curve_assumed=assumed)
+    return _described(data, choices, fit, curve, found)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Bounded:
+    """Values with their bounds, and those of thrust at hover, which no assumed curve widens."""
+
+    parameters: ParameterSet
+    bounds: Bounds
+    at_hover: Bounds
+    memory: int = 0
+    curve_assumed: bool = False
+
+
+def _described(data: MotorData, choices: MotorSettings, fit: MotorFit, curve: Curve, found: _Bounded) -> FittedMotors:
+    """A bounded fit and what follows from it."""
+    parameters = found.parameters
     hover = float(np.mean([record.outputs.mean() for record in data.records]))
     scaled = scale_of(choices.known, tuple(axis for axis in fit.problem.axes if axis != "weight")) is not None
     units = _units(parameters, scaled=scaled, arm_known=data.layout.arm_known, speeds=data.kind == "speed")
@@ -230,9 +269,9 @@ def _bounded(data: MotorData, choices: MotorSettings, fit: MotorFit, curve: Curv
         fit=fit,
         curve=curve,
         parameters=ParameterSet([replace(parameter, unit=units[parameter.name]) for parameter in parameters]),
-        bounds=bounds,
-        memory=memory,
-        curve_assumed=assumed,
+        bounds=found.bounds,
+        memory=found.memory,
+        curve_assumed=found.curve_assumed,
         both=tuple(
             regression
             for regression in both
@@ -240,7 +279,7 @@ def _bounded(data: MotorData, choices: MotorSettings, fit: MotorFit, curve: Curv
         ),
         hover_output=hover,
         load_factor=mean_force(data.records) / STANDARD_GRAVITY_M_S2,
-        derived=_derived(parameters, bounds, at_hover, hover, data, scaled=scaled),
+        derived=_derived(parameters, found.bounds, found.at_hover, hover, data, scaled=scaled),
     )
 
 

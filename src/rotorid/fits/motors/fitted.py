@@ -95,8 +95,8 @@ class FittedMotors(Immutable):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Channels of these axes."""
-        return tuple(CHANNELS[axis] for axis in ("p", "q", "r", "az") if axis in self.axes)
+        """Channels of these axes; specific force, where the weight alone was used."""
+        return tuple(CHANNELS[axis] for axis in ("p", "q", "r", "az") if axis in (self.axes or ("az",)))
 
     @property
     def listed(self) -> ParameterSet:
@@ -117,9 +117,8 @@ class FittedMotors(Immutable):
     def flown(self) -> MotorProblem:
         """The problem on the records as flown, whatever clock the fit was on."""
         fitted = self.fit.problem
-        return MotorProblem(
-            records=self.data.records, levers=fitted.levers, parameters=fitted.parameters, axes=fitted.axes
-        )
+        axes = fitted.axes if self.axes else ("az",)
+        return MotorProblem(records=self.data.records, levers=fitted.levers, parameters=fitted.parameters, axes=axes)
 
     @cached_property
     def logs(self) -> tuple[LogThrust, ...]:
