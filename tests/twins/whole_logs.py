@@ -86,7 +86,10 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True)
 class Truth:
-    """What was true, on the clock of the log; the flight ends where control is lost, or where it touches down."""
+    """What was true, on the clock of the log.
+
+    The flight ends where control is lost, or where the vehicle stays on the ground: who bounces has not landed yet.
+    """
 
     flight: tuple[float, float] | None
     lost_s: float | None = None
@@ -377,7 +380,9 @@ def _window(
     free = np.flatnonzero(~contact)
     up_s = float(time_s[free[0]])
     hit = np.flatnonzero((strikes > 0.0) & (time_s > up_s + 2.0))
-    down_s = float(time_s[hit[0]]) if hit.size else float(time_s[free[-1]])
+    # A vehicle that bounces has not landed yet.
+    falls = hit.size and case.kind == "crash"
+    down_s = float(time_s[hit[0]]) if falls else float(time_s[free[-1]])
     if case.kind == "crash":
         assert script.fails_s is not None
         fallen_s = max(down_s - script.fails_s, 0.0)
