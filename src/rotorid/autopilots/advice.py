@@ -45,6 +45,21 @@ def unread_words(unread: Iterable[Unread], channels: Iterable[str]) -> str:
     )
 
 
+def absence(record: FlightRecord, *channels: str) -> str:
+    """How channels are missing: ``not logged``, or ``in the log, but not read`` where they could have come from there.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Source
+    >>> source = Source(name="a.ulg", format="PX4 ULog", sha256="")
+    >>> near = Unread(name="actuator_outputs", channels=("motor_",), why="its limits are not known")
+    >>> record = FlightRecord(source=source, topics=(), unread=(near,))
+    >>> absence(record, "motor_1"), absence(record, "p")
+    ('in the log, but not read', 'not logged')
+    """
+    return "in the log, but not read" if unread_words(record.unread, channels) else "not logged"
+
+
 def channel_advice(record: FlightRecord, name: str) -> str:
     """What to do about a channel that a log lacks: where the user chooses what is logged, which field holds it."""
     known = unread_words(record.unread, (name,))

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
-from rotorid.autopilots.advice import flying_advice, logging_advice
+from rotorid.autopilots.advice import absence, flying_advice, logging_advice, motor_advice
 from rotorid.data.base import Immutable
 from rotorid.data.display import counted, listed
 from rotorid.data.findings import Finding, refusal, warn
@@ -373,9 +373,15 @@ def _unlogged(record: FlightRecord, rates: Mapping[str, float]) -> Support | Non
     missing = [name for name in rates if name not in record.channel_names]
     if not missing:
         return None
-    because = f"the log lacks {' and '.join(missing)}"
+    because = _lacks(record, missing)
     remedy = logging_advice(record, min(rates.values()), tuple(missing))
     return Support(possible=False, because=because, remedy=remedy, lacks="missing_channel")
+
+
+def _lacks(record: FlightRecord, missing: Sequence[str]) -> str:
+    """Clause on channels that a record does not have: the log lacks them, or they could have been read from it."""
+    near = absence(record, *missing) != "not logged"
+    return f"no {' or '.join(missing)} was read" if near else f"the log lacks {' and '.join(missing)}"
 
 
 def _limited(record: FlightRecord) -> Support | None:
@@ -525,12 +531,12 @@ def _motor_support(record: FlightRecord, model: str) -> Support:  # noqa: ARG001
     """Whether a log may support the physics of the motors: their outputs are there, and have room."""
     # Measured speeds stand for outputs.
     there = bool({"motor_1", "motor_speed_1"} & set(record.channel_names))
-    needs = (Need(need="outputs of all motors", there=there, found="logged" if there else "not logged"),)
+    needs = (Need(need="outputs of all motors", there=there, found="logged" if there else absence(record, "motor_1")),)
     if refused := _no_vehicle(record) or _limited(record):
         return replace(refused, needs=refused.needs or needs)
     if not there:
-        because = "the log lacks motor_1 and motor_speed_1"
-        return Support(possible=False, because=because, needs=needs, lacks="missing_channel")
+        remedy, because = motor_advice(record), _lacks(record, ["motor_1", "motor_speed_1"])
+        return Support(possible=False, because=because, remedy=remedy, needs=needs, lacks="missing_channel")
     because = "motors are logged; run rotorid identify to see whether they explain the motion"
     return Support(possible=True, because=because, needs=needs, by="motors")
 
@@ -589,7 +595,7 @@ def _rig_support(record: FlightRecord, model: str) -> Support | None:
     )
     if missing or not logged:
         lacking = missing or [" or ".join(outputs)]
-        because = f"the log lacks {' and '.join(lacking)}"
+        because = _lacks(record, lacking)
         return Support(possible=False, because=because, needs=needs, lacks="missing_channel")
     if unswept:
         return Support(

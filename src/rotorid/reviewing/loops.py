@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rotorid.autopilots.advice import logging_advice
+from rotorid.autopilots.advice import absence, logging_advice
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantities import QUANTITIES, figures_of
@@ -195,7 +195,8 @@ def _missing(flight: FlightData, loop: Loop, instrument: Instrument, channel: st
             return Unavailable(what=what, why="")
         lacking = tuple(name for name in (loop.reference, loop.name) if name not in names)
         remedy = logging_advice(flight.record, 0.0, lacking)
-        return Unavailable(what=what, why=f"The {_lacking_words(loop, lacking)} not logged.", remedy=remedy)
+        how = absence(flight.record, *lacking)
+        return Unavailable(what=what, why=f"The {_lacking_words(loop, lacking)} {how}.", remedy=remedy)
     if flown_directly and not loop.of_rates:
         return Unavailable(what=what, why="")
     if not channel:

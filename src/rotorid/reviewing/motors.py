@@ -25,7 +25,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rotorid.autopilots.advice import motor_advice, speed_advice
+from rotorid.autopilots.advice import absence, motor_advice, speed_advice
 from rotorid.data.display import capital, counted
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantities import COMPARE, QUANTITIES
@@ -97,7 +97,8 @@ def motors(record: FlightRecord, *, mass_kg: float | None = None) -> tuple[Motor
     pattern = ""
     limits = motor_limits(record)
     if not limits.counted.any():
-        why = "Motor outputs are not logged in the air."
+        how = absence(record, "motor_1")
+        why = f"Motor outputs are {how}{' in the air' * (how == 'not logged')}."
         unavailable.append(Unavailable(what="motors", why=why, remedy=motor_advice(record)))
     else:
         numbers |= _limits(record, limits)

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from rotorid.autopilots.advice import raw_gyro_advice, sensor_advice
+from rotorid.autopilots.advice import absence, raw_gyro_advice, sensor_advice
 from rotorid.autopilots.filters import combined_response
 from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.axes import RATE_OF, RATES
@@ -677,7 +677,8 @@ def _shares(
 def _unavailable(record: FlightRecord, sensors: Sequence[_Sensor], level: _Level | None) -> Iterator[Unavailable]:
     gyro = [sensor for sensor in sensors if sensor.channel == "p"]
     if not gyro:
-        why = f"{dead_gyro(record) or 'Body rates are not logged in the air'}."
+        how = "not logged in the air" if "p" in record else absence(record, "p")
+        why = f"{dead_gyro(record) or f'Body rates are {how}'}."
         yield Unavailable(what="noise.maps", why=why, remedy=_fast_sensors(record))
         return
     if max(sensor.rate_hz for sensor in gyro) < LEAST_RATE_HZ:
@@ -685,7 +686,7 @@ def _unavailable(record: FlightRecord, sensors: Sequence[_Sensor], level: _Level
         why = f"The gyro is logged at only {fastest:.0f} Hz, so rotor vibration aliases."
         yield Unavailable(what="noise.peaks", why=why, remedy=_fast_sensors(record))
     if not any(sensor.stage == "before" for sensor in gyro):
-        why = "The gyro before its filters is not logged."
+        why = f"The gyro before its filters is {absence(record, 'p_raw')}."
         yield Unavailable(what="noise.maps.before", why=why, remedy=raw_gyro_advice(record))
     if level is None:
         why = "Neither motors nor throttle are logged."

@@ -10,7 +10,7 @@ import pytest
 from tests.twins import track_flights as twin
 
 from rotorid import identify, inspect, review
-from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Status, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Status, Topic, Unread
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.selection import select_records
 from rotorid.flights.supports import supported_models, supporting_logs, supports, unsupported
@@ -238,3 +238,14 @@ def test_a_model_of_two_axes_needs_both(flown: dict[str, FloatArray]) -> None:
     support = supports(MADE["by stick"](flown))["hover.lateral"]
     assert not support.possible
     assert "no sweep of roll and yaw" in support.because
+
+
+def test_what_is_not_read_is_not_said_to_be_lacking() -> None:
+    near = Unread(
+        name="actuator_outputs", channels=("motor_",), why="which of them are motors is not known", rate_hz=50
+    )
+    record = FlightRecord(source=Source(name="a.ulg", format="PX4 ULog", sha256=""), topics=(), unread=(near,))
+    support = supports(record)["physical.motors"]
+    assert (support.possible, support.because) == (False, "no motor_1 or motor_speed_1 was read")
+    assert support.remedy.startswith("actuator_outputs is in the log (50 Hz), but rotorid does not read it: which of")
+    assert [need.found for need in support.needs] == ["in the log, but not read"]
