@@ -530,6 +530,8 @@ def _no_header(header: Sequence[str], file: str, *, named: bool = False) -> LogE
         else (f"{file} is a table whose first column is {first}")
     )
     remedy = "correct the header, or name the columns with a mapping: --map FILE.toml"
+    if header and _name_and_unit(header[0])[0].lower() in ("timestamp", "stamp"):
+        remedy = f"write the unit behind the stamps, as in {header[0]} [us], or {remedy.partition(', or ')[2]}"
     if first == repr("timestamp"):
         remedy += "; a topic of a PX4 log that ulog2csv wrote is read with the others: give their folder"
     return LogError(came, needed=HEADER_RULE, remedy=foreign_remedy(header) or remedy)

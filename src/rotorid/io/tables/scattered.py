@@ -7,6 +7,7 @@ wherever its source was not sampled. Both become named arrays, each with its own
 from __future__ import annotations
 
 import csv
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -17,6 +18,7 @@ import numpy as np
 from rotorid.errors import LogError
 from rotorid.io.tables.mapping import ChannelMapping, MappedChannel, Series
 from rotorid.typing import FloatArray
+from rotorid.units import UNITS_AND_ALIASES
 
 _NAMES = frozenset({"name", "key", "variable", "signal", "channel", "field", "metric", "measurement", "topic", "tag"})
 _VALUES = frozenset({"value", "val", "data", "reading"})
@@ -31,13 +33,32 @@ _MOST_NAMES = 5000
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LongLayout:
-    """Columns of a long table: header and place of the stamps, places of names and values, number of columns."""
+    """Columns of a long table.
+
+    Parameters
+    ----------
+    clock, time
+        Header and place of the stamps.
+    names
+        Places of the parts of a name, which are joined by points: topic and field.
+    unit
+        Place of the unit of each value, where there is one.
+    value, width
+        Place of the values; number of columns.
+    """
 
     clock: str
     time: int
-    name: int
+    names: tuple[int, ...]
+    unit: int | None
     value: int
     width: int
+
+    def name_of(self, cells: Sequence[str]) -> str:
+        """What the value of a row is called, with its unit behind it."""
+        name = ".".join(part for place in self.names if (part := cells[place].strip()))
+        unit = "" if self.unit is None else cells[self.unit].strip().strip("[]()")
+        return f"{name} [{unit}]" if unit in UNITS_AND_ALIASES and "[" not in name else name
 
 
 def long_layout(header: Sequence[str]) -> LongLayout | None:
@@ -45,15 +66,16 @@ def long_layout(header: Sequence[str]) -> LongLayout | None:
 
     Examples
     --------
-    >>> long_layout(["time [s]", "name", "value"]).name, long_layout(["time [s]", "q [rad/s]", "p [rad/s]"])
-    (1, None)
+    >>> long_layout(["time [s]", "name", "value"]).names, long_layout(["time [s]", "q [rad/s]", "p [rad/s]"])
+    ((1,), None)
     """
     bare = [_bare(cell) for cell in header]
     places = [[place for place, name in enumerate(bare) if name in known] for known in (_CLOCKS, _NAMES, _VALUES)]
     if not all(places) or len(places[2]) != 1:
         return None
-    time, name, value = (found[0] for found in places)
-    return LongLayout(clock=header[time], time=time, name=name, value=value, width=len(header))
+    time, value = places[0][0], places[2][0]
+    unit = next((place for place, name in enumerate(bare) if name in ("unit", "units")), None)
+    return LongLayout(clock=header[time], time=time, names=tuple(places[1]), unit=unit, value=value, width=len(header))
 
 
 def _bare(cell: str) -> str:
@@ -75,7 +97,7 @@ def read_long(path: Path, file: str, separator: str, first_line: int, layout: Lo
     LogError
         A row is too short, a stamp is no number, or no row holds a number.
     """
-    found: dict[str, tuple[list[float], list[float]]] = {}
+    found: dict[str, tuple[array[float], array[float]]] = {}
     for number, cells in _rows(path, separator, first_line):
         if len(cells) < layout.width:
             raise LogError(
@@ -91,7 +113,7 @@ def read_long(path: Path, file: str, separator: str, first_line: int, layout: Lo
                 remedy="correct or delete the line",
             )
         if np.isfinite(value):
-            times, values = found.setdefault(cells[layout.name].strip(), ([], []))
+            times, values = found.setdefault(layout.name_of(cells), (array("d"), array("d")))
             times.append(stamp)
             values.append(value)
             if len(found) > _MOST_NAMES:
@@ -119,7 +141,7 @@ def read_sparse(
     clock = mapping.clock.time if mapping.clock else None
     if clock is None or clock.source not in header or mapping.experiments is not None:
         return None
-    columns: list[list[float]] = [[] for _ in wanted]
+    columns = [array("d") for _ in wanted]
     for _, cells in _rows(path, separator, first_line):
         if len(cells) != len(header):
             return None

@@ -115,6 +115,19 @@ def test_a_long_table_is_read_by_a_mapping(tmp_path: Path) -> None:
         read(tmp_path / "flight.csv", mapping=parse_mapping(document))
 
 
+def test_a_long_table_may_have_topics_fields_and_units(tmp_path: Path) -> None:
+    text = "t,topic,field,value,unit\n" + "".join(
+        f"{t:.2f},imu,q,{q:.4f},deg/s\n{t:.2f},baro,q,{q:.4f},\n" for t, q in zip(TIME, RATE_DEG, strict=True)
+    )
+    path = written(tmp_path, text)
+    check(
+        read(path, mapping=parse_mapping({"clock": {"time": {"source": "t"}}, "channels": {"q": {"source": "imu.q"}}}))
+    )
+    short = text.replace("t,topic,field", "t,tag,name").replace(",imu,q", ",,q").replace(",baro,q", ",,height")
+    with pytest.raises(LogError, match=r"first column is 'timestamp'.*write the unit behind the stamps"):
+        read(written(tmp_path, short.replace("t,tag", "timestamp,tag")))
+
+
 def test_a_long_table_with_other_names_lists_them(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="has the columns time, gyro_y, gyro_z"):
         read(written(tmp_path, "time,name,value\n0,gyro_y,1\n0,gyro_z,1\n"))
