@@ -31,6 +31,7 @@ from rotorid.io.tables.mapped import joined
 from rotorid.io.tables.mapping import ChannelMapping, read_mapping
 
 _DECRYPT = "decrypt it with decrypt_logs.py of PX4's Tools/log_encryption and your private key, and give the .ulg"
+_NAMES_ALONE = "delete the lines above the names of the columns, and name the channels: --map FILE.toml"
 _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"ULogEnc", "an encrypted PX4 log (.ulge)", _DECRYPT),
     (b"ULogKey", "the key of an encrypted PX4 log (.ulgk)", _DECRYPT),
@@ -38,6 +39,8 @@ _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
     (b"%PDF", "a PDF document", "give the flight log itself"),
     (b"<", "a web page or an XML file", "download the log itself, not the page about it"),
     (b"{", "a JSON document", "give the flight log itself"),
+    *((name + end, "Vicon's export", _NAMES_ALONE) for name in (b"Objects", b"Trajectories") for end in (b"\n", b"\r")),
+    (b"Format Version,", "OptiTrack's export", _NAMES_ALONE),
 )
 
 

@@ -16,6 +16,7 @@ from rotorid.data.record import STANDARD_UNITS, FlightRecord, Source
 from rotorid.errors import LogError, UsageError
 from rotorid.io.files import log_progress, write_atomically
 from rotorid.io.tables.dialect import decoded, dialect_of, plain_table
+from rotorid.io.tables.exporters import foreign_remedy
 from rotorid.io.tables.mapped import HEADER_RULE, assemble, of_columns, sources_of
 from rotorid.io.tables.mapping import ChannelMapping, nearest
 from rotorid.io.tables.scattered import long_layout, read_long, read_sparse, with_stamps
@@ -157,6 +158,7 @@ def _header(path: Path, file: str) -> tuple[list[str], str, int]:
                     separator = max(_SEPARATORS, key=line.count)
                     cells = [cell.strip() for cell in _cells(line, separator, file)]
                     _require_few(cells, file)
+                    _require_names(cells, file)
                     _refuse_twins(cells, file)
                     return cells, separator, number + 1
     except UnicodeDecodeError as error:
@@ -164,11 +166,27 @@ def _header(path: Path, file: str) -> tuple[list[str], str, int]:
     raise LogError(f"{file} is empty", needed=HEADER_RULE, remedy="check how it was written")
 
 
+def _require_names(cells: Sequence[str], file: str) -> None:
+    """Refuse a first line of numbers alone."""
+    named = [cell for cell in cells if cell]
+    try:
+        numbers = [float(cell) for cell in named]
+    except ValueError:
+        return
+    if numbers:
+        raise LogError(
+            f"{file} has no header: its first line is {', '.join(named[:5])}{', ...' * (len(named) > 5)}",
+            needed=HEADER_RULE,
+            remedy="write the names of the columns in the first line, then name the channels with --map FILE.toml",
+        )
+
+
 def _refuse_twins(cells: Sequence[str], file: str) -> None:
     earlier: set[str] = set()
     for cell in cells:
         if cell and cell in earlier:
-            raise LogError(f"{file} has two columns {cell!r}", needed="each name once", remedy="rename one of them")
+            remedy = foreign_remedy(cells) or "rename one of them"
+            raise LogError(f"{file} has two columns {cell!r}", needed="each name once", remedy=remedy)
         earlier.add(cell)
 
 

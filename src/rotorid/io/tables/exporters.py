@@ -56,13 +56,18 @@ EXPORTERS: Sequence[Exporter] = (
     Exporter(words="Mission Planner's export of a .tlog", holds=(",mavlink_",), remedy="give the .tlog itself"),
     Exporter(
         words="Vicon's",
-        begins=("frame,sub frame", "frame,subframe", "objects", "trajectories", "segments"),
-        remedy="delete the lines above the names of the columns, and name them: --map FILE.toml",
+        begins=("frame,sub frame", "frame,subframe"),
+        remedy="name the columns, and the rate as sample_rate_hz in [clock]: --map FILE.toml",
     ),
     Exporter(
         words="OptiTrack's",
         begins=("format version,", "frame,time"),
-        remedy="export without header lines, and name the columns: --map FILE.toml",
+        remedy="delete the lines above the names of the columns, and name them: --map FILE.toml",
+    ),
+    Exporter(
+        words="DJI's, as AirData and others convert it",
+        begins=("custom.", "time(millisecond),", "osd.", "clock:"),
+        remedy="name the columns: --map FILE.toml; it has 10 Hz and no motor commands, for an overview only",
     ),
 )
 

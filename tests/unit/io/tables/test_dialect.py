@@ -182,7 +182,11 @@ def test_the_mappings_of_known_programs_fit_their_tables(tmp_path: Path) -> None
         ("Timestamp,roll,pitch,rollRate,groundSpeed", "QGroundControl"),
         ("Timestamp,gyro.x,motor.m1", "Crazyflie client"),
         ("Frame,Sub Frame,TX,TY", "Vicon"),
-        ("12,FE,1c,0,mavlink_attitude_t,time_boot_ms,123,roll,0.1", "tlog"),
+        ("12,FE,1c,1,1,mavlink_attitude_t,time_boot_ms,123,roll,0.1", "tlog"),
+        ("CUSTOM.date [local],OSD.pitch", "DJI"),
+        ("Objects\n100\nFrame,Sub Frame,TX", "Vicon"),
+        ("Format Version,1.23,Take Name,a", "OptiTrack"),
+        ("0.1,0.1,3", "has no header: its first line is 0.1, 0.1, 3"),
     ],
 )
 def test_tables_of_known_programs_are_named(header: str, words: str, tmp_path: Path) -> None:
