@@ -1,4 +1,4 @@
-"""Logs of motors whose lag, curve and voltage are known: outputs as a loop sends them, speeds with a sensor's noise."""
+"""Logs of motors whose lag, curve and voltage are known: outputs of a loop of 1 kHz, speeds with a sensor's noise."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ import numpy as np
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 
+LOOP_HZ = 1000.0
+_WANDER_S = 0.08
+
 
 @dataclass(frozen=True, kw_only=True)
 class Motors:
-    """Motors of a twin: speed at an output of 0.5, its slope and curve there, lags, voltage and noise."""
+    """Motors of a twin: speed at an output of 0.5, its slope and curve there, lags, voltage, noise and gusts."""
 
     lag_up_s: float = 0.03
     lag_down_s: float = 0.045
@@ -24,35 +27,41 @@ class Motors:
     noise: float = 5.0
     gusts: float = 0.0
 
+    def steady(self, output: np.ndarray) -> np.ndarray:
+        """Speed of a mean motor at an output and the mean voltage, rad/s."""
+        about = output - 0.5
+        return self.speed + self.slope * about + self.curve * about**2
 
-def record_of(motors: Motors, *, rate_hz: float, duration_s: float, seed: int, swing: float = 0.12) -> FlightRecord:
-    """Outputs that wander, held until the next sample, and the speeds that follow them by exact exponentials."""
+
+def record_of(
+    motors: Motors, *, rate_hz: float, duration_s: float, seed: int, swing: float = 0.12, wander_s: float = _WANDER_S
+) -> FlightRecord:
+    """Outputs that wander, held for a loop, and the speeds that follow them by exact exponentials; logged at a rate."""
     rng = np.random.default_rng(seed)
-    count, size = round(duration_s * rate_hz), len(motors.factors)
-    steps = rng.normal(size=(size, count))
-    share = -np.expm1(-1.0 / (0.08 * rate_hz))
-    outputs = np.empty((size, count))
-    state = np.zeros(size)
-    for sample in range(count):
-        state = state + share * (steps[:, sample] * np.sqrt(2.0 / share) - state)
-        outputs[:, sample] = 0.5 + swing * state
-    outputs = outputs.clip(0.05, 0.95)
+    count, size, thin = round(duration_s * LOOP_HZ), len(motors.factors), round(LOOP_HZ / rate_hz)
+    outputs = (0.5 + swing * _wandering(rng, (size, count), wander_s)).clip(0.05, 0.95)
     volts = 16.0 * (1.0 - motors.sag * np.linspace(0.0, 1.0, count))
-    pushed = motors.gusts * rng.normal(size=(size, count))
-    speeds = np.empty((size, count))
-    speed = None
+    steady = np.array(motors.factors)[:, None] * motors.steady(outputs) * (volts / volts.mean()) ** motors.exponent
+    steady = steady + motors.gusts * _wandering(rng, (size, count), 0.1)
+    speeds, speed = np.empty((size, count)), steady[:, 0]
+    keep_up, keep_down = (np.exp(-1.0 / (LOOP_HZ * lag_s)) for lag_s in (motors.lag_up_s, motors.lag_down_s))
     for sample in range(count):
-        wanted = outputs[:, sample] - 0.5
-        steady = np.array(motors.factors) * (motors.speed + motors.slope * wanted + motors.curve * wanted**2)
-        steady = steady * (volts[sample] / volts.mean()) ** motors.exponent + pushed[:, sample]
-        speed = steady if speed is None else speed
         speeds[:, sample] = speed
-        lag_s = np.where(steady > speed, motors.lag_up_s, motors.lag_down_s)
-        speed = steady + (speed - steady) * np.exp(-1.0 / (rate_hz * lag_s))
+        error = speed - steady[:, sample]
+        speed = steady[:, sample] + error * np.where(error < 0.0, keep_up, keep_down)
+    speeds = speeds[:, ::thin]
     speeds = speeds + motors.noise * rng.normal(size=speeds.shape)
     names = [*(f"motor_{k + 1}" for k in range(size)), *(f"motor_speed_{k + 1}" for k in range(size))]
     names.append("battery_voltage")
     channels = tuple(Channel(name=name, unit=STANDARD_UNITS[name]) for name in names)
-    values = np.vstack([outputs, speeds, volts[None]])
-    topic = Topic(name="bench", time_s=np.arange(count) / rate_hz, channels=channels, values=values)
+    values = np.vstack([outputs[:, ::thin], speeds, volts[None, ::thin]])
+    topic = Topic(name="bench", time_s=np.arange(values.shape[1]) * thin / LOOP_HZ, channels=channels, values=values)
     return FlightRecord(source=Source(name=f"bench_{seed}.csv", format="CSV", sha256=f"{seed}"), topics=(topic,))
+
+
+def _wandering(rng: np.random.Generator, shape: tuple[int, int], lag_s: float) -> np.ndarray:
+    """Noise behind a first-order lag, of variance one."""
+    from scipy.signal import lfilter
+
+    keep = float(np.exp(-1.0 / (LOOP_HZ * lag_s)))
+    return np.asarray(lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.normal(size=shape), axis=1))

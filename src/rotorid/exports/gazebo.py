@@ -241,11 +241,18 @@ def gazebo_vehicle(
         thrust=thrust,
         torque_m=body.rotors.torque_per_thrust_m,
         drag=_drag(vehicle, body, float(np.sqrt(force / thrust)), findings),
-        lag_up_s=_LAG_UP_S if lag_s is None else lag_s,
-        lag_down_s=_LAG_DOWN_S if lag_s is None else lag_s,
+        lag_up_s=_LAG_UP_S if lag_s is None else _own(vehicle, "T_motor_up", lag_s),
+        lag_down_s=_LAG_DOWN_S if lag_s is None else _own(vehicle, "T_motor_down", lag_s),
         slowest=slowest,
         fastest=fastest,
     )
+
+
+def _own(vehicle: JoinedVehicle, name: str, lag_s: float) -> float:
+    """The lag in one direction, with the delay that the other one holds; that one where it is not known."""
+    if name not in vehicle.numbers:
+        return lag_s
+    return vehicle.numbers[name].value + lag_s - vehicle.numbers["T_motor"].value
 
 
 def _drag(vehicle: JoinedVehicle, body: Multirotor, hover_rad_s: float, findings: list[Finding]) -> float:
@@ -325,7 +332,7 @@ def _compared(
     exported = linearized(
         lambda x, v, w: gazebo_accelerations(model, x, v, w),
         np.full(len(model.hubs_m), output),
-        lag_s=model.lag_up_s,
+        lag_s=0.5 * (model.lag_up_s + model.lag_down_s),
     )
     rounding = _ROUNDING_RAD_S / (model.fastest - model.slowest)
     fidelities: dict[str, Fidelity] = dict.fromkeys(("Z_w", "L_p", "M_q", "N_r", "M_u", "L_v"), "not")

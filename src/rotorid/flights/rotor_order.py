@@ -248,6 +248,30 @@ def rotor_order(record: FlightRecord, layout: RotorLayout, *, intervals: Interva
     >>> order.verdict, order.to_type  # doctest: +SKIP
     ('wrong', '--layout quad.x.betaflight')
     """
+    found = _prepared(record, layout, intervals)
+    return found if isinstance(found, RotorOrder) else _of_windows(layout, found, _judged(layout, found))
+
+
+def window_orders(
+    record: FlightRecord, layout: RotorLayout, *, window_s: float = WINDOW_S, intervals: Intervals = ()
+) -> tuple[RotorOrder, ...]:
+    """The same for each window of the flights: empty where the log does not serve at all.
+
+    Parameters
+    ----------
+    record, layout, intervals
+        As for :func:`rotor_order`.
+    window_s
+        Length, five seconds or more; windows with gaps, or with motors at their limits, are left out.
+    """
+    found = _prepared(record, layout, intervals)
+    if isinstance(found, RotorOrder):
+        return ()
+    return tuple(_judged(layout, [cut]) for part in found for cut in _cut(part, window_s))
+
+
+def _prepared(record: FlightRecord, layout: RotorLayout, intervals: Intervals) -> Sequence[_Part] | RotorOrder:
+    """The flights as the regression needs them, or what is missing."""
     history = _history(record, layout)
     if history.motors != layout.rotors:
         raise UsageError(
@@ -266,11 +290,15 @@ def rotor_order(record: FlightRecord, layout: RotorLayout, *, intervals: Interva
     if layout.rotors > _MOST_ROTORS:
         return _unknown(layout, f"{layout.rotors} rotors have too many orders to try.")
     parts = _parts(record, history, intervals or _flights(record))
-    duration_s = sum(part.block.size for part in parts) / _clock_hz(slowest)
+    duration_s = _duration_s(parts)
     if duration_s < _LEAST_S:
         why = f"{duration_s:.0f} s without gaps and motor limits; {_LEAST_S:.0f} s are needed."
         return _unknown(layout, why, "log a longer flight", duration_s=duration_s)
-    return _of_windows(layout, parts, _judged(layout, parts, duration_s))
+    return parts
+
+
+def _duration_s(parts: Sequence[_Part]) -> float:
+    return _BLOCK_S * sum(np.unique(part.block).size for part in parts)
 
 
 def _of_windows(layout: RotorLayout, parts: Sequence[_Part], whole: RotorOrder) -> RotorOrder:
@@ -283,8 +311,8 @@ def _of_windows(layout: RotorLayout, parts: Sequence[_Part], whole: RotorOrder) 
     decided = [
         found
         for part in parts
-        for cut in _cut(part)
-        if (found := _judged(layout, [cut], WINDOW_S)).verdict != "not enough data"
+        for cut in _cut(part, WINDOW_S)
+        if (found := _judged(layout, [cut])).verdict != "not enough data"
     ]
     answers = {
         (found.verdict, () if found.fitting is None else tuple(map(tuple, found.fitting.positions)))
@@ -298,12 +326,12 @@ def _of_windows(layout: RotorLayout, parts: Sequence[_Part], whole: RotorOrder) 
     return surest if len(turning) < 2 else replace(surest, directions="not enough data")
 
 
-def _cut(part: _Part) -> Iterator[_Part]:
-    """Windows of a flight."""
-    window = part.block // round(WINDOW_S / _BLOCK_S)
+def _cut(part: _Part, window_s: float) -> Iterator[_Part]:
+    """Whole windows of a flight."""
+    window = part.block // round(window_s / _BLOCK_S)
     for number in np.unique(window):
         kept = window == number
-        if np.unique(part.block[kept]).size * _BLOCK_S >= _LEAST_S:
+        if np.unique(part.block[kept]).size * _BLOCK_S >= window_s:
             yield _Part(part.motors[:, :, kept], part.accelerations[:, kept], part.block[kept])
 
 
@@ -442,8 +470,9 @@ def _regression(parts: Sequence[_Part], lag: int) -> _Regression | None:
     return _Regression(gains, covariances, moved, correlation)
 
 
-def _judged(layout: RotorLayout, parts: Sequence[_Part], duration_s: float) -> RotorOrder:
+def _judged(layout: RotorLayout, parts: Sequence[_Part]) -> RotorOrder:
     """The answer of the lag that explains most, unless motors that act too early explain more and say otherwise."""
+    duration_s = _duration_s(parts)
     fits = [_regression(parts, lag) for lag in range(len(_LAGS_S) + 1)]
     moving = [fit for fit in fits if fit is not None]
     if len(moving) < len(fits):

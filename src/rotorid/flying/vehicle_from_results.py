@@ -57,6 +57,8 @@ UNITS: Mapping[str, str] = MappingProxyType(
         "h_per_I_zz": "rad/s",
         "h": "kg m^2/s",
         "T_motor": "s",
+        "T_motor_up": "s",
+        "T_motor_down": "s",
         "delay": "s",
         "X_u": "1/s",
         "Y_v": "1/s",
@@ -92,7 +94,7 @@ MOTION: Mapping[str, tuple[int, int]] = MappingProxyType(
 """Acceleration by motion: rows and columns of ``u v w p q r``."""
 
 _POSITIVE = ("m", "I_xx", "I_yy", "I_zz", "kappa", "arm", "speed_max", "disc_area", "reference_v")
-_FROM_ZERO = ("T_motor", "spin_min", "spin_max", "h", "h_per_I_zz")
+_FROM_ZERO = ("T_motor", "T_motor_up", "T_motor_down", "spin_min", "spin_max", "h", "h_per_I_zz")
 _INERTIA = ("I_xx", "I_yy", "I_zz")
 _PRODUCTS: Mapping[str, tuple[int, int]] = {"I_xy": (0, 1), "I_xz": (0, 2), "I_yz": (1, 2)}
 _TERMS = ("c_0", "c_1", "c_2")
@@ -490,7 +492,13 @@ def _joined_numbers(
     numbers = _thrust(ordered, parts, known)
     for name in dict.fromkeys(key for part in parts for key in part if key not in _TERMS):
         numbers[name] = _combined(name, [part[name] for part in parts if name in part], known)
-    linear = [(model, family_of(model.structure).of_rates) for model in models if model.motors is None]
+    families = [(model, family_of(model.structure)) for model in models if model.motors is None]
+    linear = [(model, family.of_rates) for model, family in families if family.needs != "motor speeds"]
+    # Lags from measured speeds are those of the motors themselves: no sensor or mixer stands between.
+    own = [model for model, family in families if family.needs == "motor speeds" and "T_motor" not in known]
+    measured = [_of_speeds(model) for model in own]
+    for name in dict.fromkeys(key for part in measured for key in part):
+        numbers[name] = _combined(name, [part[name] for part in measured if name in part], known)
     airframes = [model for model, of_rates in linear if not of_rates]
     rates = [model for model, of_rates in linear if of_rates]
     hover: Estimates = {}
@@ -659,6 +667,16 @@ def _of_airframe(model: IdentifiedModel) -> dict[str, VehicleNumber]:
         own_s = max(first.input_delay_s + first.output_delay_s - known_s, 0.0)
         found["delay"] = VehicleNumber(value=own_s, unit="s", source="derived", std=_delay_std(model), of=of)
     return found
+
+
+def _of_speeds(model: IdentifiedModel) -> dict[str, VehicleNumber]:
+    """Lags of the motors from their speeds: up, down, and the mean for what knows one lag only."""
+    of, estimates = _label(model), model.parameters
+    found = {name: _number(name, estimates[name], of) for name in ("T_motor_up", "T_motor_down")}
+    up, down = found.values()
+    std = None if up.std is None or down.std is None else 0.5 * math.hypot(up.std, down.std)
+    mean = VehicleNumber(value=0.5 * (up.value + down.value), unit="s", source="derived", std=std, of=of)
+    return {**found, "T_motor": mean}
 
 
 def _dropped(models: Sequence[IdentifiedModel], numbers: Mapping[str, VehicleNumber]) -> dict[str, VehicleNumber]:
@@ -880,7 +898,8 @@ def _multirotor(
             layout=rotors,
             thrust=(c_0, c_1, c_2),
             torque_per_thrust_m=value["kappa"],
-            lag_up_s=value.get("T_motor", 0.0),
+            lag_up_s=value.get("T_motor_up", value.get("T_motor", 0.0)),
+            lag_down_s=value.get("T_motor_down"),
             inertia_kg_m2=value.get("h", 0.0) / value.get("speed_max", _ANY_SPEED_RAD_S),
             full_speed_rad_s=value.get("speed_max", _ANY_SPEED_RAD_S) if "h" in value else 0.0,
         ),

@@ -22,6 +22,13 @@ from rotorid.typing import FloatArray
 FLU = np.diag([1.0, -1.0, -1.0])
 
 
+def test_lags_up_and_down_are_those_of_the_motors() -> None:
+    vehicle = second(T_motor=0.03, T_motor_up=0.02, T_motor_down=0.04)
+    for path, lag_s in (("timeConstantUp", 0.02), ("timeConstantDown", 0.04)):
+        found = re.findall(rf"<{path}>(.*?)</{path}>", text_of(export(vehicle, ExportSettings()), "model.sdf"))
+        assert {float(text) for text in found} == {lag_s}
+
+
 def text_of(exported: Exported, ending: str) -> str:
     (name,) = (name for name in exported.files if name.endswith(ending))
     text = exported.files[name]

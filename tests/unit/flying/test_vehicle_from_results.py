@@ -301,6 +301,18 @@ def test_rates_fill_in_what_motors_do_not_hold() -> None:
     assert (alone["L_p"].value, alone["T_motor"].value) == (-4.0, 0.05)
 
 
+def test_lags_from_measured_speeds_are_those_of_the_rotors() -> None:
+    lags = {"T_motor_up": 0.02, "T_motor_down": 0.044}
+    speeds = result("motor.speed", lags, units=dict.fromkeys(lags, "s"), log="bench.bbl")
+    vehicle = joined_vehicle([motors(), speeds], given={"kappa": 0.016})
+    assert vehicle.numbers["T_motor"].value == pytest.approx(0.032)
+    assert vehicle.multirotor is not None
+    assert (vehicle.multirotor.rotors.lag_up_s, vehicle.multirotor.rotors.lag_down_s) == (0.02, 0.044)
+    by_hand = joined_vehicle([motors(), speeds], given={"kappa": 0.016, "T_motor": 0.05})
+    assert by_hand.numbers["T_motor"].value == 0.05
+    assert "T_motor_up" not in by_hand.numbers
+
+
 def test_other_numbers_fill_in_what_is_missing() -> None:
     usual = {
         "kappa": VehicleNumber(value=0.02, unit="m", source="default", of="px4_quad"),
