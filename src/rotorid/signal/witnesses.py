@@ -245,7 +245,8 @@ def _level(record: FlightRecord, kind: _Level) -> Witness:
     level = rows[0] if len(rows) == 1 else rows.mean(axis=0)
     high = float(np.percentile(level, _HIGH_PERCENT))
     active = _active(time_s, rows, high)
-    usual = _usual(level, active & (level > kind.least))
+    # Outputs, speeds and current vary at idle too, and less between hover and full throttle.
+    usual = _usual(level, active & (level > kind.least) & (kind.name == "throttle"))
     logged = _covered(record, time_s)
     # Idle is constant. A controller that flies on so little moves its outputs.
     if high < kind.least and (high < 0.5 * kind.least or float(np.mean(active)) < _MOSTLY_ACTIVE):
