@@ -26,6 +26,7 @@ from rotorid.signal.witnesses import (
     descended,
     moves,
     seconds_within,
+    settled_s,
     without,
     witnesses_of,
 )
@@ -147,6 +148,7 @@ def airborne(record: FlightRecord, *, margin_s: float = 0.0) -> Airborne:
         flights = tuple(_from_take_off(flight, others) for flight in flights if _confirmed(record, flight, witnesses))
     if by_flags:
         flights = tuple(_to_touch_down(record, flight, others) for flight in flights)
+    flights = tuple((start_s, settled_s(record, stop_s)) for start_s, stop_s in flights)
     arming = next(one for one in witnesses if one.name == "arming")
     flights = without(flights, arming.no)
     if not by_flags and margin_s:

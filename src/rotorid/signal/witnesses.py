@@ -92,6 +92,8 @@ _LEAST_CLIMB_M, _LIFTED_M = 2.0, 0.5
 """A log shows the ground by its height when the vehicle climbed so far, and the air when it is so high above it."""
 _CERTAIN_CLIMB_M = 1.0
 """Change of height across a take-off that no drift of a barometer makes within seconds."""
+_LONGEST_TAKING_BACK_S, _FEWEST_HEIGHTS = 1.5, 6
+"""For so long the thrust of a vehicle on the ground still carries it; and samples of the height that show it."""
 _SLOWEST_HEIGHT_HZ = 0.5
 
 
@@ -482,6 +484,24 @@ def climbed(record: FlightRecord, start_s: float, stop_s: float) -> Answer:
         return "yes"
     ground = np.concatenate(outside)
     return "no" if float(np.ptp(np.concatenate([inside, ground]))) < 2.0 * _STILL_M else "nothing"
+
+
+def settled_s(record: FlightRecord, stop_s: float) -> float:
+    """When the height had reached the ground at the end of a flight; the end itself where the height does not show it.
+
+    It needs three seconds on the ground whose height is constant, and a height at 4 Hz and more.
+    """
+    found = _together(record, ("down",))
+    if found is None:
+        return stop_s
+    time_s, height = found[0], -found[1][0]
+    after = (time_s > stop_s + 0.5) & (time_s <= stop_s + 3.5)
+    before = (time_s >= stop_s - _LONGEST_TAKING_BACK_S) & (time_s <= stop_s)
+    enough = min(np.count_nonzero(after), np.count_nonzero(before)) >= _FEWEST_HEIGHTS
+    if not enough or float(np.ptp(height[after])) > _STILL_M:
+        return stop_s
+    above = np.flatnonzero(before & (np.abs(height - float(np.median(height[after]))) > _STILL_M))
+    return float(time_s[above[-1]]) if above.size else stop_s
 
 
 def descended(record: FlightRecord, start_s: float, stop_s: float) -> bool:
