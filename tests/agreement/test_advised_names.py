@@ -25,6 +25,7 @@ from rotorid.data.record import STANDARD_UNITS, FlightRecord, Source
 from rotorid.io import crazyflie
 from rotorid.io.ardupilot.log import WANTED
 from rotorid.io.px4.log import wanted_fields
+from rotorid.reviewing.flight import logger_topics
 
 FORMATS = {"PX4": "PX4 ULog", "ArduPilot": "ArduPilot DataFlash", "Betaflight": "Betaflight blackbox"}
 FIRMWARES = {
@@ -84,6 +85,19 @@ def test_topics_of_px4() -> None:
     named = names_in("PX4", r"\b[a-z]+(?:_[a-z0-9]+)+\b") - NO_TOPICS
     assert {"actuator_motors", "actuator_outputs"} <= named
     assert named <= wanted_fields().keys()
+
+
+@pytest.mark.parametrize("firmware", FIRMWARES["PX4"])
+def test_topics_of_a_list_for_px4s_logger(firmware: str) -> None:
+    """What ``review`` writes as ``logger_topics.txt``: one line for each topic, and none that the firmware lacks."""
+    source = Source(name="log", format=FORMATS["PX4"], sha256="", firmware=firmware)
+    text = logger_topics(FlightRecord(source=source, topics=()), wanted=tuple(STANDARD_UNITS))
+    named = [line.partition(" ")[0] for line in text.splitlines()]
+    assert len(named) == len(set(named))
+    assert set(named) - {"parameter_update"} <= wanted_fields().keys()
+    old = firmware in ("PX4 1.6.5", "PX4 1.9.0")
+    assert ("actuator_outputs" in named, "actuator_controls_0" in named) == (firmware in FIRMWARES["PX4"][:3], old)
+    assert ("hover_thrust_estimate" in named, "vehicle_angular_velocity" in named) == (not old, not old)
 
 
 def test_messages_of_ardupilot() -> None:

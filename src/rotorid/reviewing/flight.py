@@ -19,6 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from rotorid.autopilots.advice import gap_advice, logging_advice, raw_gyro_advice, wind_advice
+from rotorid.autopilots.px4.versions import firmware_shown, topic_of
 from rotorid.autopilots.registry import autopilot_of, writer_of
 from rotorid.data.display import listed
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
@@ -331,6 +332,13 @@ _PX4_TOPICS: Mapping[str, tuple[str, float]] = {
 }
 """Channel to PX4's topic and the highest rate at which it is published."""
 
+_PX4_FIXED: Mapping[str, int] = {
+    **dict.fromkeys(("vehicle_status", "vehicle_land_detected", "actuator_armed", "parameter_update"), 0),
+    "vehicle_imu_status": 1000,
+    "hover_thrust_estimate": 100,
+}
+"""Topics that are always logged, and their interval in milliseconds."""
+
 _PX4_WANTED: Mapping[str, float] = {**_NEEDED, "thrust_command": GOOD_RATE_HZ, "phi_setpoint": 50.0}
 
 
@@ -411,14 +419,17 @@ def logger_topics(record: FlightRecord, *, wanted: Sequence[str] = ()) -> str:
     needed = {**_PX4_WANTED, **{name: _PX4_TOPICS[name][1] for name in wanted if name in _PX4_TOPICS}}
     if all(rates.get(name, 0.0) >= 0.9 * rate for name, rate in needed.items()):
         return ""
-    lines = []
+    sources = (channel.source.partition("[")[0] for topic in record.topics for channel in topic.channels)
+    firmware = firmware_shown(record.source.firmware, (*sources, *record.parameters))
+    intervals_ms: dict[str, int] = {}
     for channel, (topic, fastest_hz) in _PX4_TOPICS.items():
         if channel not in needed and channel not in rates:
             continue
         rate_hz = min(max(needed.get(channel, 0.0), min(rates.get(channel, 0.0), fastest_hz)), fastest_hz)
         # An interval of zero is every message; whole milliseconds below half a step lose samples.
         interval_ms = 0 if rate_hz >= 1000.0 else math.floor(1000.0 / rate_hz)
-        lines.append(f"{topic} {interval_ms}")
-    fixed = ("vehicle_status", "vehicle_land_detected", "actuator_armed", "parameter_update", "vehicle_imu_status")
-    lines += [f"{topic} 0" for topic in fixed[:4]] + [f"{fixed[4]} 1000", "hover_thrust_estimate 100"]
-    return "\n".join(lines) + "\n"
+        # Two topics of today may have been one of an older firmware, which then is logged as fast as the faster one.
+        name = topic_of(topic, firmware)
+        intervals_ms[name] = min(interval_ms, intervals_ms.get(name, interval_ms))
+    intervals_ms |= {topic_of(topic, firmware): interval_ms for topic, interval_ms in _PX4_FIXED.items()}
+    return "".join(f"{topic} {interval_ms}\n" for topic, interval_ms in intervals_ms.items() if topic)

@@ -44,6 +44,38 @@ HAD: Mapping[str, tuple[Version, Version]] = MappingProxyType(
 """Topic, field or parameter to the first version that has it, and the first that has it no more."""
 
 
+_BEFORE: Mapping[str, str] = MappingProxyType(
+    {
+        "vehicle_angular_velocity": "sensor_combined",
+        "vehicle_acceleration": "sensor_combined",
+        "vehicle_torque_setpoint": "actuator_controls_0",
+        "vehicle_thrust_setpoint": "actuator_controls_0",
+        "actuator_motors": "actuator_outputs",
+    }
+)
+"""Topic to the one that held the same before it existed."""
+
+_SINCE: Mapping[str, Version] = MappingProxyType({"sensor_gyro_fifo": (1, 11), "vehicle_imu_status": (1, 11)})
+"""Topics that show no version, since boards differ in them, and the first that publishes them."""
+
+
+def topic_of(topic: str, firmware: str) -> str:
+    """The topic that holds this in a firmware: by today's name or an older one; empty where there was none.
+
+    Examples
+    --------
+    >>> topic_of("actuator_motors", "PX4 1.12.3"), topic_of("actuator_motors", "PX4 1.15.0")
+    ('actuator_outputs', 'actuator_motors')
+    >>> topic_of("hover_thrust_estimate", "PX4 1.9.2")
+    ''
+    """
+    match = _VERSION.search(firmware)
+    since = HAD[topic][0] if topic in HAD else _SINCE.get(topic, (0, 0))
+    if match is None or (int(match[1]), int(match[2])) >= since:
+        return topic
+    return _BEFORE.get(topic, "")
+
+
 def versions_with(names: Iterable[str]) -> tuple[Version, Version, str]:
     """The oldest version that has all of some names, the first that is too new, and the name that shows the oldest.
 
