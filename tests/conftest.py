@@ -12,6 +12,8 @@ import pytest
 
 # No test looks as somebody prefers it.
 os.environ["ROTORID_SETTINGS"] = ""
+# A fault in one part of an answer does not end the others for users; tests must see it.
+os.environ["ROTORID_STRICT"] = "1"
 
 HERE = Path(__file__).resolve().parent
 

@@ -7,6 +7,8 @@ findings that explain why.
 
 from __future__ import annotations
 
+import logging
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -27,6 +29,13 @@ class RotoridError(Exception):
         self.remedy = remedy
         sentence = "; ".join(part.rstrip(".") for part in (came, self.expectation, remedy) if part)
         super().__init__(sentence if sentence.endswith("?") else f"{sentence}.")
+
+    @property
+    def reason(self) -> str:
+        """What is wrong and what was expected, as a sentence, without the remedy."""
+        text = "; ".join(part.rstrip(".") for part in (self.came, self.expectation) if part)
+        word = text.partition(" ")[0]
+        return f"{word.capitalize() if word.isalpha() and word.islower() else word}{text[len(word) :]}."
 
     @property
     def expectation(self) -> str:
@@ -55,6 +64,52 @@ class InsufficientDataError(RotoridError):
     def __init__(self, came: str, *, needed: str = "", remedy: str = "", findings: Sequence[Finding] = ()) -> None:
         super().__init__(came, needed=needed, remedy=remedy)
         self.findings = tuple(findings)
+
+
+class FaultError(RotoridError):
+    """A part of an answer ended by an exception that nobody foresaw: a fault of rotorid, not of the log."""
+
+
+STRICT = "ROTORID_STRICT"
+"""Variable of the environment that makes :func:`reason_of` raise faults, so that tests see them."""
+
+_FAULTS = logging.getLogger("rotorid.faults")
+
+
+def reason_of(error: Exception, part: str) -> RotoridError:
+    """Why one part of an answer is missing, while the others stay.
+
+    Errors of rotorid give their own reason. Any other exception is a fault of the program: it is logged with its
+    traceback, and the reason asks the user to report it.
+
+    Parameters
+    ----------
+    error
+        What ended the part.
+    part
+        Name of the part, such as ``motors``.
+
+    Raises
+    ------
+    Exception
+        The fault itself, where the environment sets ``ROTORID_STRICT``; a lack of memory always.
+
+    Examples
+    --------
+    >>> print(reason_of(UsageError("unknown layout 'x'"), "motors"))
+    unknown layout 'x'.
+    """
+    if isinstance(error, RotoridError):
+        return error
+    if os.environ.get(STRICT) or isinstance(error, MemoryError):
+        raise error
+    _FAULTS.debug("%s failed", part, exc_info=error)
+    words = " ".join(str(error).split())[:200]
+    fault = f"{type(error).__name__}: {words}" if words else type(error).__name__
+    return FaultError(
+        f"{part} could not be computed because of a fault in rotorid ({fault})",
+        remedy="please report it with this log",
+    )
 
 
 _MOST_NAMES = 5

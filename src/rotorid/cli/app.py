@@ -19,7 +19,7 @@ import typer
 from typer.core import TyperGroup
 
 from rotorid import __version__
-from rotorid.cli.console import listen, patient_output, say, spare_warnings
+from rotorid.cli.console import for_reader, listen, patient_output, say, spare_warnings
 from rotorid.cli.help import HELP, HelpfulCommand, argument_name
 from rotorid.data import synonyms
 from rotorid.errors import RotoridError, UsageError, nearest_name, unknown_name
@@ -186,12 +186,12 @@ _Refused: type[Any] = next(kind for kind in typer.BadParameter.__mro__ if kind._
 
 def _print_error(error: RotoridError) -> None:
     """Print one sentence, and with ``--json`` an object on standard output for scripts."""
-    say(f"rotorid: {error}")
+    say(f"rotorid: {for_reader(str(error))}")
     if "--json" in sys.argv[1:]:
         from rotorid.documents.base import to_json
         from rotorid.documents.error import error_document
 
-        sys.stdout.write(to_json(error_document(error)))
+        sys.stdout.write(to_json(error_document(error, worded=for_reader)))
 
 
 def _parsed(words: list[str]) -> int:

@@ -173,13 +173,21 @@ def say(text: str) -> None:
     error_console().print(Text.assemble((_NAME, "bold red"), shown.removeprefix(_NAME)), soft_wrap=True)
 
 
+def for_reader(text: str) -> str:
+    """A text of the library for the command that was typed: an option of another command comes with its name."""
+    from rotorid.settings.verbs import VERBS, with_verbs
+
+    commands = {verb for verbs in VERBS.values() for verb in verbs}
+    return with_verbs(text, next((word for word in sys.argv[1:] if word in commands), "review"))
+
+
 def print_refusal(
     error: RotoridError, findings: Sequence[Finding | FindingDocument], results: Path, *, quiet: bool
 ) -> None:
     """Print why there is no result to standard error, and warn of results of an earlier run in the same folder."""
-    say(f"rotorid: {error}")
+    say(f"rotorid: {for_reader(str(error))}")
     for finding in () if quiet else without_repeated([finding for finding in findings if finding.severity != "info"]):
-        say(f"  {finding.kind}: {finding.message}")
+        say(f"  {finding.kind}: {for_reader(finding.message)}")
     if results.exists():
         say(f"rotorid: the results in {results.parent} are from an earlier run")
 

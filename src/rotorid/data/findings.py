@@ -389,6 +389,11 @@ KINDS: Mapping[str, Kind] = {
     "insensitive_parameter": Kind(
         "warning", "The data barely constrain this parameter", "Changing this parameter barely changes the fit."
     ),
+    "internal_error": Kind(
+        "warning",
+        "Part not computed",
+        "A part of the answer failed because of a fault in rotorid; all other parts are complete.",
+    ),
     "interpolated_channel": Kind(
         "warning", "Interpolated channel", "A channel was logged so slowly that its samples had to be interpolated."
     ),

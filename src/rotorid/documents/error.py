@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -22,12 +23,18 @@ class ErrorDocument(Document):
     message: str
 
 
-def error_document(error: RotoridError) -> ErrorDocument:
-    """An error as JSON holds it."""
+def error_document(error: RotoridError, *, worded: Callable[[str], str] = str) -> ErrorDocument:
+    """An error as JSON holds it.
+
+    Parameters
+    ----------
+    worded
+        Puts its texts into the words of the reader's command.
+    """
     return ErrorDocument(
         exit_code=error.exit_code,
         came=visible(error.came),
-        needed=visible(error.needed),
-        remedy=visible(error.remedy),
-        message=visible(str(error)),
+        needed=visible(worded(error.needed)),
+        remedy=visible(worded(error.remedy)),
+        message=visible(worded(str(error))),
     )

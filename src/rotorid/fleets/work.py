@@ -13,7 +13,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.display import visible
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError, LogError, RotoridError
+from rotorid.errors import InsufficientDataError, LogError, reason_of
 from rotorid.fleets.identity import board_of, hidden
 from rotorid.fleets.places import Place, fetched
 from rotorid.fleets.table import REVIEW, Failed, Failure, LogAnswer, Row
@@ -22,6 +22,7 @@ from rotorid.io.registry import read
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import ParameterEstimate
 from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.verbs import with_verbs
 from rotorid.signal.airborne import airborne
 from rotorid.signal.stretch import stretch
 
@@ -161,8 +162,9 @@ def _model_results(record: FlightRecord, task: Task) -> Iterator[tuple[str, list
     if models:
         try:
             several = identify_several([record], models, settings=IdentifySettings(seed=task.asked["seed"]))
-        except RotoridError as error:
-            yield from ((name, str(error)) for name in models)
+        except Exception as error:
+            reason = with_verbs(str(reason_of(error, "models")), "fleet")
+            yield from ((name, reason) for name in models)
         else:
             for name, model in several.items():
                 if isinstance(model, IdentifiedModel):
@@ -173,8 +175,8 @@ def _model_results(record: FlightRecord, task: Task) -> Iterator[tuple[str, list
     if task.asked["review"]:
         try:
             yield REVIEW, list(_measures(record))
-        except InsufficientDataError as error:
-            yield REVIEW, str(error)
+        except Exception as error:
+            yield REVIEW, with_verbs(str(reason_of(error, "the review")), "fleet")
 
 
 def _numbers(model: IdentifiedModel) -> Iterator[dict[str, Any]]:

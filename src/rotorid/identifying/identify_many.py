@@ -11,7 +11,7 @@ from typing import Any
 from rotorid.data.base import Immutable
 from rotorid.data.findings import refusal
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import FaultError, InsufficientDataError, RotoridError, UsageError, reason_of
 from rotorid.flights.instruments import axes_of
 from rotorid.flights.supports import supported_models, supports
 from rotorid.identifying.families import own_settings
@@ -115,6 +115,8 @@ def identify_several(
     ------
     UsageError
         An option is wrong, or is one of no model that was asked for.
+    RotoridError
+        Each of the models that were named fails by more than a lack of data; the error is that of the first.
 
     Examples
     --------
@@ -125,6 +127,7 @@ def identify_several(
     wanted = supported_models(logs, chosen) if asks_all(models) else _each(models)
     require_known_by_any(wanted, chosen)
     answers: dict[str, IdentifiedModel | Refused] = {}
+    wrong: list[RotoridError] = []
     for number, model in enumerate(wanted):
         name = model.name if isinstance(model, LinearStructure) else str(model)
         _PROGRESS.info(f"identifying {name}", extra={"done": number, "total": len(wanted)})
@@ -133,7 +136,20 @@ def identify_several(
             answers[name] = identify(logs, model, settings=own, verify=unseen)
         except InsufficientDataError as error:
             answers[name] = refused(error, logs, model, settings=own)
+        except Exception as error:
+            # What one model makes of a log, such as rotors that do not fit it, ends no other.
+            wrong.append(reason_of(error, name))
+            answers[name] = refused(_as_refusal(wrong[-1], name), logs, model, settings=own)
+    if wrong and len(wrong) == len(answers) and not asks_all(models):
+        raise wrong[0]
     return SeveralModels(answers=answers, provenance=provenance((*logs, *unseen), chosen))
+
+
+def _as_refusal(error: RotoridError, model: str) -> InsufficientDataError:
+    """The error of a model as what the data do not support."""
+    kind = "internal_error" if isinstance(error, FaultError) else "not_identifiable"
+    why = refusal(kind, model, error.reason)
+    return InsufficientDataError(error.came, needed=error.needed, remedy=error.remedy, findings=[why])
 
 
 def _settings_of(model: str | Path | LinearStructure, settings: IdentifySettings) -> IdentifySettings:

@@ -22,7 +22,7 @@ from rotorid.data.display import capital, html_table, lines_of
 from rotorid.data.findings import Finding, Findings, refusal, remark, warn, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.data.trust import ROBUSTNESS
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError, UsageError, reason_of
 from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.same_vehicle import require_one_autopilot
 from rotorid.flying.next_steps import sweep_for_tune
@@ -272,13 +272,18 @@ def tune(
         _PROGRESS.info(f"tuning {axis}")
         try:
             known[axis] = known_axis(axis, given, logs, filters=chosen.filters, findings=findings, **look)
-        except InsufficientDataError as error:
-            refused[axis] = error
+        except UsageError:
+            # A model or an option that was given for this axis is wrong: the user decides.
+            raise
+        except Exception as failure:
+            error = reason_of(failure, f"gains of {axis}")
+            lack = error if isinstance(error, InsufficientDataError) else None
+            refused[axis] = lack or InsufficientDataError(error.came, needed=error.needed, remedy=error.remedy)
             # tune does not have the options of identify.
             todo = error.expectation if "--" in error.remedy or not error.remedy else error.remedy
             why = "; ".join(part.rstrip(".") for part in (error.came, todo) if part)
             head = "Not enough data to tune" if error.needed else "No new gains for"
-            findings += [finding for finding in error.findings if finding not in findings]
+            findings += [finding for finding in (lack.findings if lack else ()) if finding not in findings]
             findings.append(warn("not_tuned", axis, f"{head} {axis}: {why}."))
             _PROGRESS.info(f"{axis}: {error}")
     if not known:

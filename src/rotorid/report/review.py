@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -37,6 +37,7 @@ from rotorid.reviewing.values import (
     Review,
     StepCurve,
     Unavailable,
+    section,
 )
 from rotorid.spectral.derived import read_points
 from rotorid.typing import BoolArray
@@ -176,37 +177,51 @@ def pictures_of(reviews: Sequence[Review]) -> dict[str, Figure]:
 
 def _section(review: Review, anchor: str) -> Section:
     names = tuple(LOOP_WORDS[name] for name in review.loops)
+    missing: list[Unavailable] = []
+
+    def drawn(what: str, make: Callable[[], Iterable[Picture]]) -> tuple[Picture, ...]:
+        """Pictures, or none: one that cannot be drawn leaves its reason in the list of what is missing."""
+        none: tuple[Picture, ...] = ()
+        pictures, gaps = section(f"page.{what}", lambda: (tuple(make()), ()), none)
+        missing.extend(gaps)
+        return pictures
+
     return Section(
         anchor=anchor,
         review=review,
         cards=tuple(_card(card, review) for card in cards(review)),
         headline=headline(review),
-        steps=tuple(_steps(review, anchor)),
+        steps=drawn("steps", lambda: _steps(review, anchor)),
         loops=_rows("loops", [loop.numbers for loop in review.loops.values()]),
         loop_names=names,
-        bodes=tuple(_bode(loop, f"{anchor}-bode-{name}") for name, loop in review.loops.items()),
+        bodes=drawn("loops", lambda: (_bode(loop, f"{anchor}-bode-{name}") for name, loop in review.loops.items())),
         margins=_margin_rows(list(review.margins.values())),
         margin_names=tuple(review.margins),
-        broken=tuple(
-            _broken(margin, f"{anchor}-broken-{axis}")
-            for axis, margin in review.margins.items()
-            if not margin.stick_idle and read_points(margin.loop).any()
+        broken=drawn(
+            "margins",
+            lambda: (
+                _broken(margin, f"{anchor}-broken-{axis}")
+                for axis, margin in review.margins.items()
+                if not margin.stick_idle and read_points(margin.loop).any()
+            ),
         ),
-        noise=tuple(_noise(review, anchor)),
+        noise=drawn("noise", lambda: _noise(review, anchor)),
         noise_numbers=_single(review.noise.numbers),
-        motors=_motors(review, anchor),
+        motors=drawn("motors", lambda: _motors(review, anchor)),
         motor_numbers=_single(review.motors.numbers),
         power=_power(review),
         models=tuple(_model(name, model) for name, model in review.models.items()),
-        unavailable=gathered(review.cannot_tell),
+        unavailable=gathered((*review.cannot_tell, *missing)),
     )
 
 
 def _card(card: Card, review: Review) -> CardRow:
     from markupsafe import Markup
 
+    # A small picture repeats what its card says, and is left out where it cannot be drawn.
+    small, _ = section("page.cards", lambda: (_SMALL[card.key](review, card) if review.flight.flights else "", ()), "")
     # Names of a log are escaped where the picture is made.
-    picture = Markup(_SMALL[card.key](review, card) if review.flight.flights else "")
+    picture = Markup(small)
     return CardRow(card=card, verdict=Verdict(LEVEL_OF[card.color], card.word), picture=picture)
 
 

@@ -12,11 +12,10 @@ from typing import Any, TypeVar, overload
 from rotorid.autopilots.advice import flying_advice, logging_advice
 from rotorid.data.axes import RATE_OF
 from rotorid.data.display import capital
-from rotorid.data.findings import worst_first
+from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.data.trust import RICH_KINDS
-from rotorid.errors import InsufficientDataError
 from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.oscillations import (
     OscillationReview,
@@ -49,8 +48,11 @@ from rotorid.reviewing.values import (
     NoiseReview,
     Review,
     Unavailable,
+    VehicleReview,
+    section,
 )
 from rotorid.settings.option import as_settings
+from rotorid.settings.verbs import with_verbs
 from rotorid.signal.airborne import control_of, not_flown
 from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_gyro, dead_sensor_findings
 from rotorid.signal.oscillations import check_oscillations
@@ -132,20 +134,24 @@ def has_answers(reviewed: Review) -> bool:
 def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -> Review:
     unavailable: list[Unavailable] = []
 
-    def part(step: str, make: Callable[[], tuple[Part, Sequence[Unavailable]]], otherwise: Part) -> Part:
+    def part(what: str, make: Callable[[], tuple[Part, Sequence[Unavailable]]], otherwise: Part) -> Part:
         """A part of the review; where there is none, its reason joins the list of what is unavailable."""
-        _PROGRESS.info(f"reviewing {step}", extra={"done": _STEPS.index(step), "total": len(_STEPS)})
-        try:
-            made, missing = make()
-        except InsufficientDataError as error:
-            unavailable.append(unavailable_by(error, step))
-            return otherwise
+        if what in _STEPS:
+            _PROGRESS.info(f"reviewing {what}", extra={"done": _STEPS.index(what), "total": len(_STEPS)})
+        made, missing = section(what, make, otherwise)
         unavailable.extend(missing)
         return made
+
+    def remarks(what: str, make: Callable[[], Sequence[Finding]]) -> Sequence[Finding]:
+        """Findings of a part that makes nothing else."""
+        none: Sequence[Finding] = ()
+        return part(what, lambda: (make(), ()), none)
 
     summary = part("flight", lambda: flight(record), FlightSummary(flights=(), seen_in=""))
     logged = part("logging", lambda: logging(record), LoggingReview(rates_hz={}, longest_gap_s=0.0))
     air = part("flight", lambda: (flown(record), ()), None)
+    if air is not None and not summary.flights:
+        summary = FlightSummary(flights=air.flights, seen_in=air.airborne.seen_in)
     closed: dict[str, LoopReview] = {}
     broken: dict[Axis, MarginReview] = {}
     noise_review, worked = NoiseReview(), MotorReview()
@@ -168,14 +174,30 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
     if air is not None:
         noise_review = part("noise", lambda: noise(record, bandwidths_rad_s=widths), noise_review)
         worked = part("motors", lambda: motors(record, mass_kg=known.get("m")), worked)
-    kind, *_ = vehicle(record)
-    control = control_of(record)
+    unknown = VehicleReview(autopilot=record.source.format, firmware=record.source.firmware, kind="", frame="")
+    # What the log does not say of the vehicle is a note of ``inspect``.
+    kind = part("vehicle", lambda: (vehicle(record)[0], ()), unknown)
+    control = part("control", lambda: (control_of(record), ()), None)
     if air is not None and models:
         if motors_limited(swinging):
             unavailable.append(_hidden_by_limits("models", swinging))
         else:
             found = part("models", lambda: _models(record), found)
-    summary, unavailable = _with_thrust_of(found, summary, unavailable)
+    summary, unavailable[:] = _with_thrust_of(found, summary, unavailable)
+    names: tuple[str, ...] = ()
+    unsupported = part("models.supports", lambda: (_unsupported(record, found), ()), names)
+    sensors = dead_sensor_findings if air is not None else not_flown
+    findings = [
+        *(control.findings if control is not None else ()),
+        *record.findings,
+        *remarks("sensors", lambda: sensors(record)),
+        *remarks("controllers", lambda: controller_findings(record)),
+        *remarks("oscillations", lambda: oscillation_findings(swinging)),
+        *(finding for loop in closed.values() for finding in loop.findings),
+        *(finding for margin in broken.values() for finding in margin.findings),
+        *noise_review.findings,
+        *worked.findings,
+    ]
     reviewed = Review(
         name=record.source.name,
         sha256=record.source.sha256,
@@ -186,29 +208,36 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
         margins=broken,
         models=found,
         models_sought=models,
-        unsupported=_unsupported(record, found),
+        unsupported=unsupported,
         noise=noise_review,
         motors=worked,
-        cannot_tell=tuple(dict.fromkeys(unavailable)),
+        cannot_tell=(),
         next_commands=(),
         oscillations=swinging,
         calm=calm,
         control=control,
-        findings=worst_first(
-            [
-                *(control.findings if control is not None else ()),
-                *record.findings,
-                *(dead_sensor_findings(record) if air is not None else not_flown(record)),
-                *controller_findings(record),
-                *oscillation_findings(swinging),
-                *(finding for loop in closed.values() for finding in loop.findings),
-                *(finding for margin in broken.values() for finding in margin.findings),
-                *noise_review.findings,
-                *worked.findings,
-            ]
-        ),
     )
-    return replace(reviewed, next_commands=next_commands(record, reviewed))
+    commands = part("next_commands", lambda: (next_commands(record, reviewed), ()), names)
+    return replace(
+        reviewed,
+        next_commands=commands,
+        cannot_tell=tuple(dict.fromkeys(unavailable)),
+        findings=worst_first([*_in_words_of_review(findings), *_faults(unavailable)]),
+    )
+
+
+def _in_words_of_review(findings: Sequence[Finding]) -> Iterator[Finding]:
+    """Findings of other commands with the names of those commands behind options that ``review`` does not have."""
+    for finding in findings:
+        message = with_verbs(finding.message, "review")
+        yield finding if message == finding.message else replace(finding, message=message)
+
+
+def _faults(unavailable: Sequence[Unavailable]) -> Iterator[Finding]:
+    """A warning for each part that rotorid itself failed to compute: no lack of data explains it."""
+    for gap in unavailable:
+        if gap.fault:
+            yield warn("internal_error", gap.what, f"{gap.why} {capital(gap.remedy)}.")
 
 
 def _oscillations(
@@ -315,12 +344,6 @@ def next_commands(record: FlightRecord, reviewed: Review) -> tuple[str, ...]:
             wanted_axes=tuple(axis for name, axis in RATE_AXIS.items() if name not in identified) if wanted else (),
         )
     return tuple(next_steps(known))
-
-
-def unavailable_by(error: InsufficientDataError, what: str) -> Unavailable:
-    """What an error leaves without an answer."""
-    why = str(error.findings[0].message) if error.findings else str(error)
-    return Unavailable(what=what, why=why, remedy=error.remedy)
 
 
 def _refusals(refused: dict[str, Refused], record: FlightRecord) -> Iterator[Unavailable]:

@@ -130,6 +130,8 @@ def cards(review: Review) -> tuple[Card, ...]:
 
 def no_flight(review: Review) -> str:
     """That a log contains no flight, or does not show whether it does, as a sentence."""
+    if failed := next((gap.why for gap in review.cannot_tell if gap.what == "flight" and gap.fault), ""):
+        return failed
     if _never_flew(review) or _gap(review, "flight") is None:
         return "This log contains no flight."
     return "This log does not show whether the vehicle flew."
@@ -517,7 +519,7 @@ def _motors(review: Review) -> Card:
     if imbalance is None and headroom is None and high is None and unseen:
         gap = _gap(review, "motors")
         why = f"motor outputs are not logged{' in the air' * logged}."
-        return _unanswered(key, title, replace(gap, why=why) if gap else None, why)
+        return _unanswered(key, title, replace(gap, why=why) if gap and not logged else gap, why)
     # What share of this flight a motor was at a limit was counted, and is no estimate.
     full = "" if high is None else f"{100.0 * high.value:.1f} %"
     judged = {number.name: number for number in _judged(key, numbers)}
@@ -593,7 +595,8 @@ def _power(review: Review) -> Card:
         gap = _gap(review, "flight.battery", "flight.hover_throttle")
         logged = _POWER & review.logging.rates_hz.keys()
         why = "neither battery nor throttle could be read." if logged else "neither battery nor throttle is logged."
-        unknown = _unanswered(key, title, replace(gap, why=why) if gap else None, why)
+        known = replace(gap, why=why) if gap and " not logged" in gap.why else gap
+        unknown = _unanswered(key, title, known, why)
         return replace(unknown, number=_thrust_words(review))
     hover = "" if throttle is None else f"hovers at {QUANTITIES['hover_throttle'].shown(throttle)} throttle"
     volts = _battery_words(battery)

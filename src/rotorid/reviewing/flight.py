@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.flights.hover import hover_of, thrust_curve
 from rotorid.flights.same_vehicle import frame_of
 from rotorid.models.autopilots.layouts import layout_of
-from rotorid.reviewing.values import FlightSummary, LoggingReview, Unavailable, VehicleReview
+from rotorid.reviewing.values import FlightSummary, LoggingReview, Unavailable, VehicleReview, section
 from rotorid.signal.airborne import airborne, in_air
 from rotorid.signal.battery import battery_voltages
 from rotorid.signal.clock import even_step_s
@@ -104,10 +105,14 @@ def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]
     """
     found = airborne(record)
     flights = found.intervals
-    battery, unavailable = _battery(record, flights)
-    hover, ratio, missing = _thrust(record, flights)
+    unavailable: list[Unavailable] = []
+    none: dict[str, Quantity] = {}
+    neither: tuple[Quantity | None, Quantity | None] = (None, None)
+    battery, missing = section("flight.battery", partial(_battery, record, flights), none)
     unavailable += missing
-    wind, missing = _wind(record, flights)
+    (hover, ratio), missing = section("flight.thrust_to_weight", partial(_thrust, record, flights), neither)
+    unavailable += missing
+    wind, missing = section("flight.wind", partial(_wind, record, flights), none)
     unavailable += missing
     modes = _modes(record, flights)
     if not modes:
@@ -196,16 +201,16 @@ def _averaged(clock: FloatArray, time_s: FloatArray, values: FloatArray) -> Floa
     return np.asarray(np.where(count > 0, means, np.interp(clock, time_s, values)))
 
 
-def _thrust(record: FlightRecord, flights: Intervals) -> tuple[Quantity | None, Quantity | None, list[Unavailable]]:
+def _thrust(
+    record: FlightRecord, flights: Intervals
+) -> tuple[tuple[Quantity | None, Quantity | None], list[Unavailable]]:
     """Throttle of hover in steady seconds, and thrust over weight."""
     found = hover_of(record, flights)
     if found is None:
         why = "Neither thrust nor motors are logged."
-        return (
-            None,
-            None,
-            [Unavailable(what=f"flight.{part}", why=why) for part in ("hover_throttle", "thrust_to_weight")],
-        )
+        return (None, None), [
+            Unavailable(what=f"flight.{part}", why=why) for part in ("hover_throttle", "thrust_to_weight")
+        ]
     unavailable: list[Unavailable] = []
     if found.hovering is None:
         why = f"The log contains {found.steady_s} s of quiet hover; 5 s are needed."
@@ -216,7 +221,7 @@ def _thrust(record: FlightRecord, flights: Intervals) -> tuple[Quantity | None, 
     if ratio is None:
         remedy = "raise the throttle to full for half a second in a safe climb"
         unavailable.append(Unavailable(what="flight.thrust_to_weight", why=why, remedy=remedy))
-    return found.hovering, ratio, unavailable
+    return (found.hovering, ratio), unavailable
 
 
 def _thrust_to_weight(

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from types import MappingProxyType
 
@@ -31,7 +32,7 @@ from rotorid.flights.whole_flights import (
     Instrument,
     loop_response,
 )
-from rotorid.reviewing.values import LoopReview, StepCurve, Unavailable
+from rotorid.reviewing.values import LoopReview, StepCurve, Unavailable, section
 from rotorid.signal.motors import motor_limits
 from rotorid.spectral.impulse import (
     ImpulseResponse,
@@ -164,9 +165,11 @@ def loops(flight: FlightData) -> tuple[dict[str, LoopReview], tuple[Unavailable,
     """
     found: dict[str, LoopReview] = {}
     unavailable: list[Unavailable] = []
-    saturated = _saturation(flight.record)
+    none: tuple[Finding, ...] = ()
+    saturated, missing = section("loops.saturation", lambda: (_saturation(flight.record), ()), none)
+    unavailable += missing
     for loop in LOOPS:
-        review, missing = loop_of(flight, loop)
+        review, missing = section(f"loops.{loop.name}", partial(loop_of, flight, loop), None)
         unavailable += missing
         if review is not None:
             found[loop.name] = replace(review, findings=(*review.findings, *saturated)) if loop.of_rates else review
@@ -179,10 +182,7 @@ def loop_of(flight: FlightData, loop: Loop) -> tuple[LoopReview | None, tuple[Un
     why = _missing(flight, loop, instrument, channel)
     if why is not None:
         return None, (why,) if why.why else ()
-    try:
-        return _measure_loop(flight, loop, instrument, channel)
-    except InsufficientDataError as error:
-        return None, (Unavailable(what=f"loops.{loop.name}", why=_sentence(error), remedy=error.remedy),)
+    return _measure_loop(flight, loop, instrument, channel)
 
 
 def _missing(flight: FlightData, loop: Loop, instrument: Instrument, channel: str) -> Unavailable | None:
@@ -572,9 +572,3 @@ def _incoherent(loop: Loop, channel: str, coherence: float) -> Unavailable:
 def _words(channel: str) -> str:
     axis, _, kind = channel.partition("_")
     return f"The {axis} stick" if kind == "stick" else channel
-
-
-def _sentence(error: InsufficientDataError) -> str:
-    message = str(error.findings[0].message) if error.findings else str(error).partition(";")[0]
-    message = message[:1].upper() + message[1:]
-    return message if message.endswith(".") else f"{message}."

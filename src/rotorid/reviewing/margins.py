@@ -5,9 +5,12 @@ Each loop is that of :mod:`rotorid.loops.rate_loops`; this module adds what a fl
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from rotorid.data.axes import RATE_OF
+from rotorid.data.display import capital
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.controllers import controllers_of
@@ -15,7 +18,7 @@ from rotorid.flights.whole_flights import FlightData
 from rotorid.loops.plants import MOVE, PlantUnavailableError
 from rotorid.loops.rate_loops import NUMBERS, RateLoop, rate_loop, remedy_of
 from rotorid.models.autopilots.betaflight import TOP
-from rotorid.reviewing.values import MarginReview, Unavailable
+from rotorid.reviewing.values import MarginReview, Unavailable, section
 from rotorid.typing import Axis
 
 
@@ -32,26 +35,26 @@ def margins(flight: FlightData) -> tuple[dict[Axis, MarginReview], tuple[Unavail
     found: dict[Axis, MarginReview] = {}
     unavailable: list[Unavailable] = []
     for axis in RATE_OF:
-        try:
-            loop = rate_loop(axis, flight.record)
-        except PlantUnavailableError as reason:
-            unavailable.append(Unavailable(what=f"margins.{axis}", why=reason.why, remedy=reason.remedy))
-            continue
-        except InsufficientDataError as error:
-            unavailable.append(Unavailable(what=f"margins.{axis}", why=_sentence(error), remedy=error.remedy or MOVE))
-            continue
-        found[axis] = _review(flight, loop)
-        unavailable += [
-            Unavailable(what=f"margins.{axis}.{name}", why=loop.missing[name], remedy=remedy_of(loop))
-            for name in NUMBERS
-            if name in loop.missing
-        ]
+        review, missing = section(f"margins.{axis}", partial(_margin, flight, axis), None)
+        unavailable += missing
+        if review is not None:
+            found[axis] = review
     return found, tuple(unavailable)
 
 
-def _sentence(error: InsufficientDataError) -> str:
-    text = str(error.came)
-    return f"{text[:1].upper()}{text[1:]}." if text else str(error)
+def _margin(flight: FlightData, axis: Axis) -> tuple[MarginReview | None, tuple[Unavailable, ...]]:
+    """The margins of an axis, and those that were not measured."""
+    try:
+        loop = rate_loop(axis, flight.record)
+    except PlantUnavailableError as reason:
+        return None, (Unavailable(what=f"margins.{axis}", why=reason.why, remedy=reason.remedy),)
+    except InsufficientDataError as error:
+        return None, (Unavailable(what=f"margins.{axis}", why=f"{capital(error.came)}.", remedy=error.remedy or MOVE),)
+    return _review(flight, loop), tuple(
+        Unavailable(what=f"margins.{axis}.{name}", why=loop.missing[name], remedy=remedy_of(loop))
+        for name in NUMBERS
+        if name in loop.missing
+    )
 
 
 def _review(flight: FlightData, loop: RateLoop) -> MarginReview:

@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -38,7 +39,7 @@ from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.weight_balance import weight_balance
 from rotorid.flights.whole_flights import FlightData, flown, loop_response
 from rotorid.models.autopilots.layouts import layout_of
-from rotorid.reviewing.values import MotorReview, Unavailable
+from rotorid.reviewing.values import MotorReview, Unavailable, section
 from rotorid.signal.airborne import within
 from rotorid.signal.limits import MotorLimits
 from rotorid.signal.motors import (
@@ -92,6 +93,42 @@ def motors(record: FlightRecord, *, mass_kg: float | None = None) -> tuple[Motor
     """
     flight = flown(record)
     unavailable: list[Unavailable] = []
+    none: dict[str, Quantity] = {}
+    times: tuple[float, ...] = ()
+    (numbers, means, pattern), missing = section("motors", partial(_outputs, record, flight), (none, none, ""))
+    unavailable += missing
+    events, unchecked = section("motors.events", partial(_events, record, flight.flights), times)
+    unavailable += unchecked
+    thrust, missing = section("motors.thrust", partial(_thrust, record, flight.flights, mass_kg), none)
+    numbers = {**numbers, **thrust}
+    unavailable += missing
+    delay, missing = section("motors.output_delay_s", partial(_delay, flight), none)
+    numbers = {**numbers, **delay}
+    unavailable += missing
+    found = MotorReview(means=means, numbers=numbers, pattern=pattern, events=events, steps_checked=not unchecked)
+    order, missing = section("motors.rotor_order", partial(_rotor_order, record), _NO_FINDINGS)
+    unavailable += missing
+    return replace(found, findings=(*_findings(found), *order)), tuple(unavailable)
+
+
+_NO_FINDINGS: tuple[Finding, ...] = ()
+
+
+def _rotor_order(record: FlightRecord) -> tuple[tuple[Finding, ...], list[Unavailable]]:
+    """What the order of the motors shows, where it was asked of this log."""
+    order = order_of_log(record)
+    if order is None:
+        return (), []
+    if order.verdict == "not enough data":
+        return (), [Unavailable(what="motors.rotor_order", why=order.why, remedy=order.remedy)]
+    return tuple(order.findings("motors")), []
+
+
+def _outputs(
+    record: FlightRecord, flight: FlightData
+) -> tuple[tuple[dict[str, Quantity], dict[str, Quantity], str], list[Unavailable]]:
+    """Limits, balance and headroom, the mean outputs in steady flight, and their pattern."""
+    unavailable: list[Unavailable] = []
     numbers: dict[str, Quantity] = {}
     means: dict[str, Quantity] = {}
     pattern = ""
@@ -116,22 +153,7 @@ def motors(record: FlightRecord, *, mass_kg: float | None = None) -> tuple[Motor
         else:
             means, balance, pattern = _balance(record, outputs, steady)
             numbers |= balance
-    events, missing = _events(record, flight.flights)
-    unavailable += missing
-    steps_checked = not missing
-    thrust, missing = _thrust(record, flight.flights, mass_kg)
-    numbers |= thrust
-    unavailable += missing
-    delay, missing = _delay(flight)
-    numbers |= delay
-    unavailable += missing
-    found = MotorReview(means=means, numbers=numbers, pattern=pattern, events=events, steps_checked=steps_checked)
-    order = order_of_log(record)
-    if order is not None and order.verdict == "not enough data":
-        unavailable.append(Unavailable(what="motors.rotor_order", why=order.why, remedy=order.remedy))
-        order = None
-    findings = (*_findings(found), *(() if order is None else order.findings("motors")))
-    return replace(found, findings=findings), tuple(unavailable)
+    return (numbers, means, pattern), unavailable
 
 
 def _limits(record: FlightRecord, limits: MotorLimits) -> dict[str, Quantity]:
@@ -282,10 +304,13 @@ def _explained(imbalance: FloatArray, columns: FloatArray) -> float:
 def _events(record: FlightRecord, flights: Intervals) -> tuple[tuple[float, ...], list[Unavailable]]:
     what = "motors.events"
     remedy = speed_advice(record)
-    speeds, outputs = or_none(logged_speeds, record), or_none(logged_outputs, record)
-    if speeds is None or outputs is None:
-        why = "Motor speeds are not logged."
-        return (), [Unavailable(what=what, why=why, remedy=remedy)]
+    outputs = or_none(logged_outputs, record)
+    try:
+        speeds = logged_speeds(record)
+    except InsufficientDataError as error:
+        return (), [Unavailable(what=what, why=error.reason, remedy=remedy)]
+    if outputs is None:
+        return (), [Unavailable(what=what, why="Motor outputs are not logged.", remedy=motor_advice(record))]
     if min(speeds.sample_rate_hz, outputs.sample_rate_hz) < LOWEST_RATE_HZ:
         why = (
             f"Motor speeds are logged at {speeds.sample_rate_hz:.0f} Hz and outputs at {outputs.sample_rate_hz:.0f} "

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -25,7 +26,7 @@ from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.flights.controllers import controllers_of
-from rotorid.reviewing.values import NoiseMap, NoisePeak, NoiseReview, Unavailable
+from rotorid.reviewing.values import NoiseMap, NoisePeak, NoiseReview, Unavailable, section
 from rotorid.signal.airborne import airborne, within
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_accelerometer, dead_gyro
@@ -127,10 +128,44 @@ def noise(
     """
     flights = airborne(record).intervals
     sensors = tuple(_sensors(record, flights))
+    pictures: tuple[list[NoiseMap], list[NoisePeak]] = ([], [])
+    (maps, found), missing = section("noise.maps", partial(_spectra, record, sensors), pictures)
+    unavailable = [*missing]
+    none: dict[str, Quantity] = {}
+    numbers: dict[str, Quantity] = {}
+    parts: dict[str, Callable[[FlightRecord, Sequence[_Sensor], Intervals], NumbersAndGaps]] = {
+        "vibration": _vibration,
+        "clipping": _clipping,
+        "filter_delay": _delays,
+        "terms": _terms(bandwidths_rad_s or {}),
+    }
+    for name, part in parts.items():
+        more, missing = section(f"noise.{name}", partial(part, record, sensors, flights), none)
+        numbers |= more
+        unavailable += missing
+    attenuation, missing = section("noise.filter_attenuation", partial(_filter_attenuation, record, maps), none)
+    numbers |= attenuation
+    unavailable += missing
+    return (
+        NoiseReview(maps=tuple(maps), peaks=tuple(found), numbers=numbers, findings=tuple(_findings(numbers))),
+        tuple(unavailable),
+    )
+
+
+def _filter_attenuation(record: FlightRecord, maps: Sequence[NoiseMap]) -> NumbersAndGaps:
+    """What the filters take out of the noise, or why it is not known."""
+    numbers, why = _attenuation(maps)
+    what = "noise.filter_attenuation"
+    return dict(numbers), [Unavailable(what=what, why=why, remedy=raw_gyro_advice(record))] if why else []
+
+
+def _spectra(
+    record: FlightRecord, sensors: Sequence[_Sensor]
+) -> tuple[tuple[list[NoiseMap], list[NoisePeak]], list[Unavailable]]:
+    """Maps and peaks of all sensors, and which of them the log lacks."""
     level = _level(record)
     maps: list[NoiseMap] = []
     found: list[NoisePeak] = []
-    unavailable: list[Unavailable] = []
     for sensor in sensors:
         spectra = short_spectra(sensor.time_s, sensor.values * _scale(sensor.channel))
         if spectra is None:
@@ -139,20 +174,7 @@ def noise(
         maps.append(made)
         if sensor.rate_hz >= LEAST_RATE_HZ and not any(peak.channel == sensor.channel for peak in found):
             found += _peaks(record, sensor, spectra, made)
-    unavailable += _unavailable(record, sensors, level)
-    numbers: dict[str, Quantity] = {}
-    for part in (_vibration, _clipping, _delays, _terms(bandwidths_rad_s or {})):
-        more, missing = part(record, sensors, flights)
-        numbers |= more
-        unavailable += missing
-    attenuation, why = _attenuation(maps)
-    numbers |= attenuation
-    if why:
-        unavailable.append(Unavailable(what="noise.filter_attenuation", why=why, remedy=raw_gyro_advice(record)))
-    return (
-        NoiseReview(maps=tuple(maps), peaks=tuple(found), numbers=numbers, findings=tuple(_findings(numbers))),
-        tuple(unavailable),
-    )
+    return (maps, found), list(_unavailable(record, sensors, level))
 
 
 def _sensors(record: FlightRecord, flights: Intervals) -> Iterator[_Sensor]:

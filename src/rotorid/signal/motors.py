@@ -220,8 +220,18 @@ def logged_speeds(record: FlightRecord) -> MotorHistory:
     Raises
     ------
     InsufficientDataError
-        There are none.
+        There are none, or only those of some motors.
     """
+    numbers, outputs = _motor_numbers(record, "motor_speed_"), _motor_numbers(record, "motor_")
+    if 0 < len(numbers) < len(outputs):
+        # As motors of the vehicle they would be those of one with fewer rotors.
+        one = len(numbers) == 1
+        message = (
+            f"The speed{'' if one else 's'} of {len(numbers)} motor{'' if one else 's'} of {len(outputs)} "
+            f"{'is' if one else 'are'} logged."
+        )
+        finding = refusal("missing_channel", "motor speeds", message)
+        raise InsufficientDataError(message, needed="the speeds of all motors", findings=[finding])
     time_s, values, source = on_common_stamps(record, motor_channels(record, "motor_speed_"))
     return with_remarks(record, MotorHistory(kind="speed", time_s=time_s, values=values, source=source))
 
@@ -242,14 +252,18 @@ def motor_channels(record: FlightRecord, prefix: str) -> tuple[str, ...]:
     InsufficientDataError
         There are none, or one is missing in between.
     """
-    pattern = re.compile(rf"{prefix}(\d+)")
-    numbers = sorted(int(match[1]) for name in record.channel_names if (match := pattern.fullmatch(name)))
+    numbers = _motor_numbers(record, prefix)
     if numbers != list(range(1, len(numbers) + 1)) or not numbers:
         available = ", ".join(f"{prefix}{number}" for number in numbers) or "none"
         message = f"{record.source.name} has only {available} of {prefix}1, {prefix}2 and so on."
         finding = refusal("missing_channel", f"{prefix}1", message)
         raise InsufficientDataError(message, needed="all motors", findings=[finding])
     return tuple(f"{prefix}{number}" for number in numbers[:MOTORS])
+
+
+def _motor_numbers(record: FlightRecord, prefix: str) -> list[int]:
+    pattern = re.compile(rf"{prefix}(\d+)")
+    return sorted(int(match[1]) for name in record.channel_names if (match := pattern.fullmatch(name)))
 
 
 def on_common_stamps(record: FlightRecord, names: Sequence[str]) -> tuple[FloatArray, FloatArray, str]:

@@ -187,7 +187,7 @@ def test_motors_that_were_logged_in_an_unknown_range_are_not_called_missing() ->
     flown = replace(seen, cannot_tell=(Unavailable(what="motors.saturated_high_share", why=why),))
     assert card(flown, "motors").headline == why
     still = replace(seen, cannot_tell=(Unavailable(what="motors", why="The motor outputs are not logged in the air."),))
-    assert card(still, "motors").headline == "Motor outputs are not logged in the air."
+    assert card(still, "motors").headline == "The motor outputs are not logged in the air."
 
 
 def test_motor_outputs_alone_answer_their_question_and_loss_of_step_is_named_where_speeds_are_logged() -> None:

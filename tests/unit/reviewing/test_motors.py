@@ -11,9 +11,11 @@ import pytest
 
 import rotorid
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
+from rotorid.errors import InsufficientDataError
 from rotorid.reviewing.cards import cards
 from rotorid.reviewing.flight import flight, logger_topics, logging, vehicle
 from rotorid.reviewing.motors import imbalance_pattern, motors
+from rotorid.signal.motors import logged_speeds, motor_history
 from rotorid.simulation.multirotor import Multirotor
 from rotorid.simulation.multirotor_flight import fly_multirotor
 from rotorid.typing import FloatArray
@@ -299,3 +301,24 @@ def test_a_plane_gets_no_advice_for_multirotors() -> None:
     (said,) = (untold for untold in seen.cannot_tell if untold.what == "models")
     assert "MAV_TYPE 1" in said.why
     assert not said.remedy
+
+
+def test_the_speed_of_one_motor_is_not_a_vehicle_of_one_rotor() -> None:
+    clock = np.arange(0.0, 10.0, 0.01)
+    outputs = Topic(
+        name="RCOU",
+        time_s=clock,
+        channels=tuple(Channel(name=f"motor_{number}", unit="1") for number in range(1, 5)),
+        values=np.full((4, clock.size), 0.4) + 0.01 * np.sin(clock),
+    )
+    speeds = (Channel(name="motor_speed_1", unit="rad/s"),)
+    speed = Topic(
+        name="ESC",
+        time_s=clock,
+        channels=speeds,
+        values=outputs.values[:1] * 1e3,
+    )
+    record = FlightRecord(source=Source(name="a.BIN", format="ArduPilot DataFlash", sha256=""), topics=(outputs, speed))
+    assert motor_history(record).kind == "output"
+    with pytest.raises(InsufficientDataError, match=r"The speed of 1 motor of 4 is logged; this needs"):
+        logged_speeds(record)
