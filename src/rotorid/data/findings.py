@@ -261,6 +261,11 @@ KINDS: Mapping[str, Kind] = {
         "Regressions disagree",
         "Regression of acceleration on torque and of torque on acceleration disagree even after correction for noise.",
     ),
+    "channels_disagree": Kind(
+        "warning",
+        "Channels disagree",
+        "Two channels of the same motion contradict each other; wrong samples were left out.",
+    ),
     "check_undecided": Kind(
         "warning",
         "Not enough data to check gains",

@@ -24,6 +24,7 @@ from rotorid.io.blank import blank_tail
 from rotorid.io.documents import require_file
 from rotorid.io.files import compression_of, sha256_of, unpacked
 from rotorid.io.formats import HEAD_BYTES, READ, READERS, WRITERS, Reader
+from rotorid.io.motor_speeds import checked_speeds
 from rotorid.io.screening import screened
 from rotorid.io.tables.contradictions import require_agreement
 from rotorid.io.tables.csv import table_rate_hz
@@ -96,14 +97,14 @@ def read(
         named_by = visible(Path(mapping).name)
         mapping = read_mapping(Path(mapping))
     if path.is_dir() and mapping is None:
-        return screened(_read_folder(path))
+        return checked_speeds(screened(_read_folder(path)))
     parts = {file: mapping.part(file) for file in mapping.files} if mapping else {}
     record = _read_file(path, parts.pop("", None), sandbox=sandbox)
     others = {file: _read_file(_below(path.parent, file), part, sandbox=sandbox) for file, part in parts.items()}
     record = joined(record, others)
     if mapping is not None:
         require_agreement(record, mapping)
-    record = screened(record)
+    record = checked_speeds(screened(record))
     return replace(record, source=replace(record.source, mapping=named_by)) if named_by else record
 
 
