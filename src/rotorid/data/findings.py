@@ -399,6 +399,9 @@ KINDS: Mapping[str, Kind] = {
         "Part not computed",
         "A part of the answer failed because of a fault in rotorid; all other parts are complete.",
     ),
+    "part_missing": Kind(
+        "info", "Part not available", "This log does not support one part of the answer; all other parts are complete."
+    ),
     "interpolated_channel": Kind(
         "warning", "Interpolated channel", "A channel was logged so slowly that its samples had to be interpolated."
     ),

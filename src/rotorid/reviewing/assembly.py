@@ -16,6 +16,7 @@ from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.data.trust import RICH_KINDS
+from rotorid.flights.agreement import channel_agreement
 from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.oscillations import (
     OscillationReview,
@@ -193,6 +194,7 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
         *remarks("sensors", lambda: sensors(record)),
         *remarks("controllers", lambda: controller_findings(record)),
         *remarks("oscillations", lambda: oscillation_findings(swinging)),
+        *remarks("channels", lambda: channel_agreement(record, summary.flights)),
         *(finding for loop in closed.values() for finding in loop.findings),
         *(finding for margin in broken.values() for finding in margin.findings),
         *noise_review.findings,

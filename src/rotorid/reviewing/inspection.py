@@ -6,17 +6,18 @@ rate model what it needs, what the log has, and what to change where it cannot b
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rotorid.data.base import Immutable
-from rotorid.data.display import html_table, lines_of
-from rotorid.data.findings import Finding, warn, worst_first
+from rotorid.data.display import capital, html_table, lines_of
+from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, Channel, FlightRecord, Maneuver, Topic
-from rotorid.errors import InsufficientDataError, RotoridError
-from rotorid.flights.consistency import ChannelSkew, check_consistency, stretches
+from rotorid.errors import FaultError, InsufficientDataError, reason_of
+from rotorid.flights.agreement import channel_agreement
+from rotorid.flights.consistency import ChannelSkew, Consistency, check_consistency, stretches
 from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.supports import Support, dwells_in, ordinary_flights, segment_of, supports
@@ -24,6 +25,7 @@ from rotorid.flying.next_steps import KnownOfLog, next_steps
 from rotorid.models.families import RATE_AXIS, family_of, rate_model_of
 from rotorid.results.provenance import LoggedManeuver, logged
 from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.verbs import with_verbs
 from rotorid.signal.airborne import Airborne, airborne, evidence_words, not_flown
 from rotorid.signal.battery import battery_voltages
 from rotorid.signal.dead_sensors import dead_sensor_findings
@@ -234,7 +236,10 @@ def inspect(record: FlightRecord) -> Inspection:
     found = {axis: find_excitations(record, axis) for axis in AXES}  # type: ignore[arg-type]
     candidates = {axis: _candidates(record, axis) for axis in AXES}  # type: ignore[arg-type]
     flight, remarks = _flight(record)
-    consistency = check_consistency(record, stretches(record, _in_time(*found.values()), flight))
+    try:
+        consistency = check_consistency(record, stretches(record, _in_time(*found.values()), flight))
+    except Exception as error:
+        consistency = Consistency(findings=(_failed(error, "consistency"),))
     inspection = Inspection(
         name=record.source.name,
         format=record.source.format,
@@ -250,12 +255,13 @@ def inspect(record: FlightRecord) -> Inspection:
             (
                 *(flight.control.findings if flight is not None and flight.control is not None else ()),
                 *record.findings,
-                *controller_findings(record),
-                *_still(record),
+                *_alone("controllers", lambda: controller_findings(record)),
+                *_alone("excitations", lambda: _still(record)),
                 *remarks,
-                *_oscillations(record, flight),
-                *motor_limits(record).remarks(),
-                *_order(record, flight),
+                *_alone("oscillations", lambda: _oscillations(record, flight)),
+                *_alone("motors", lambda: motor_limits(record).remarks()),
+                *_alone("motors.rotor_order", lambda: _order(record, flight)),
+                *_alone("channels", lambda: channel_agreement(record, flight.intervals if flight else ())),
                 *consistency.findings,
             )
         ),
@@ -333,12 +339,28 @@ def foreseen(record: FlightRecord, model: str, support: Support) -> Support:
             return support
     try:
         _prepare(record, model)
-    except RotoridError as error:
+    except Exception as failure:
+        error = reason_of(failure, model)
         findings = error.findings if isinstance(error, InsufficientDataError) else ()
         because, lacks = (findings[0].message, findings[0].kind) if findings else (error.came, "not_identifiable")
-        remedy = error.remedy or support.remedy
+        remedy = with_verbs(error.remedy, "inspect") or support.remedy
         return replace(support, possible=False, because=because.rstrip("."), remedy=remedy, by="", lacks=lacks)
     return support
+
+
+def _alone(what: str, make: Callable[[], Iterable[Finding]]) -> tuple[Finding, ...]:
+    """Findings of a part; one that fails leaves its reason, and all others as they are."""
+    try:
+        return tuple(make())
+    except Exception as error:
+        return (_failed(error, what),)
+
+
+def _failed(error: Exception, what: str) -> Finding:
+    reason = reason_of(error, what)
+    if isinstance(reason, FaultError):
+        return warn("internal_error", what, f"{reason.reason} {capital(reason.remedy)}.")
+    return remark("part_missing", what, f"{capital(what)} could not be checked: {with_verbs(reason.reason, 'inspect')}")
 
 
 def _prepare(record: FlightRecord, model: str) -> None:
