@@ -81,8 +81,8 @@ def _load_factor(record: FlightRecord, flights: Intervals) -> Iterator[Finding]:
             "channels_disagree",
             "az",
             f"Specific force averages {factor:.2f} g along the vertical over {length_s:.0f} s of flight; gravity is "
-            "1 g. The accelerometer has another scale, unit or mounting: check its calibration. Thrust computed from it "
-            "is wrong by this factor.",
+            "1 g. The accelerometer has another scale, unit or mounting: check its calibration. Thrust computed from "
+            "it is wrong by this factor.",
             load_factor=factor,
             start_s=float(clock[0]),
             stop_s=float(clock[-1]),
