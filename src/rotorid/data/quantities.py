@@ -27,7 +27,9 @@ from rotorid.data.quantity import (
 )
 from rotorid.errors import UsageError
 
-Part: TypeAlias = Literal["loops", "margins", "noise", "motors", "battery", "wind", "flight", "tuning", "response"]
+Part: TypeAlias = Literal[
+    "loops", "tracking", "margins", "noise", "motors", "battery", "wind", "flight", "tuning", "response"
+]
 """The part of a review that holds a figure, as its document and the table of a fleet name it, or another verb."""
 
 
@@ -210,6 +212,15 @@ _LOOPS = {
     "bandwidth_3db_rad_s": FigureOfMerit(words="bandwidth at −3 dB", unit="rad/s", remedy=_FASTER, keeps_sign=True),
     "bandwidth_90deg_rad_s": FigureOfMerit(words="bandwidth at −90°", unit="rad/s", remedy=_FASTER, keeps_sign=True),
     "peak_db": FigureOfMerit(words="resonance peak", unit="dB"),
+}
+
+# Counted of this flight: they depend on what was flown, and have no limit.
+_TRACKING = {
+    "error_rms_rad": FigureOfMerit(words="error of the angle, rms", unit="°", factor=_DEGREES),
+    "error_95_rad": FigureOfMerit(words="error of the angle for 95 % of the time", unit="°", factor=_DEGREES),
+    "error_rms_rad_s": FigureOfMerit(words="error of the rate, rms", unit="°/s", factor=_DEGREES),
+    "error_95_rad_s": FigureOfMerit(words="error of the rate for 95 % of the time", unit="°/s", factor=_DEGREES),
+    "tracking_delay_s": FigureOfMerit(words="delay behind the set-point", unit="ms", factor=1e3),
 }
 
 # Beyond its limit of phase margin or M_s a rate loop rings, and has little left for a heavier day or a weaker battery.
@@ -423,6 +434,7 @@ _RESPONSE = {
 BY_PART: Mapping[Part, Mapping[str, FigureOfMerit]] = MappingProxyType(
     {
         "loops": _LOOPS,
+        "tracking": _TRACKING,
         "margins": _MARGINS,
         "noise": _NOISE,
         "motors": _MOTORS,

@@ -47,6 +47,12 @@ class _Loop(_OmitsUnavailable):
     band_rad_s: tuple[float, float]
 
 
+class _Tracking(_OmitsUnavailable):
+    reference: str
+    answer: str
+    rate_hz: float
+
+
 class _Margin(_OmitsUnavailable):
     instrument: str
 
@@ -54,6 +60,9 @@ class _Margin(_OmitsUnavailable):
 if TYPE_CHECKING:
 
     class _LoopFigures(_Loop):
+        def __getattr__(self, name: str) -> QuantityDocument | None: ...
+
+    class _TrackingFigures(_Tracking):
         def __getattr__(self, name: str) -> QuantityDocument | None: ...
 
     class _MarginFigures(_Margin):
@@ -67,12 +76,17 @@ else:
         return create_model(f"{base.__name__}Figures", __base__=base, __module__=__name__, **fields)
 
     _LoopFigures, _MarginFigures = _with_figures(_Loop, "loops"), _with_figures(_Margin, "margins")
+    _TrackingFigures = _with_figures(_Tracking, "tracking")
 
 
 class LoopReviewDocument(_LoopFigures):
     """A closed loop as it was flown."""
 
     by_size: dict[str, dict[str, QuantityDocument]] = Field(default_factory=dict)
+
+
+class TrackingReviewDocument(_TrackingFigures):
+    """How a set-point was followed in this flight, whoever made it."""
 
 
 class MarginReviewDocument(_MarginFigures):
@@ -202,6 +216,7 @@ class ReviewDocument(Document):
     logging: LoggingReviewDocument
     oscillations: list[OscillationDocument] = Field(default_factory=list)
     loops: dict[str, LoopReviewDocument] = Field(default_factory=dict)
+    tracking: dict[str, TrackingReviewDocument] = Field(default_factory=dict)
     margins: dict[str, MarginReviewDocument] = Field(default_factory=dict)
     models: dict[str, ResultDocument] = Field(default_factory=dict)
     noise: NoiseReviewDocument
@@ -248,6 +263,12 @@ def review_document(review: Review) -> ReviewDocument:
         ),
         oscillations=[_oscillation(oscillation) for oscillation in review.oscillations],
         loops={name: _loop(loop) for name, loop in review.loops.items()},
+        tracking={
+            name: TrackingReviewDocument(
+                reference=found.reference, answer=found.answer, rate_hz=found.rate_hz, **_numbers(found.numbers)
+            )
+            for name, found in review.tracking.items()
+        },
         margins={axis: _margin(margin) for axis, margin in review.margins.items()},
         models={
             name: result_document(model) if isinstance(model, IdentifiedModel) else refused_document(model)
@@ -293,7 +314,7 @@ def _loop(loop: LoopReview) -> LoopReviewDocument:
     return LoopReviewDocument(
         reference=loop.reference,
         answer=loop.answer,
-        estimate="direct" if loop.instrument == "direct" else "joint",
+        estimate="direct" if loop.instrument in ("direct", "setpoint") else "joint",
         instrument=loop.instrument,
         band_rad_s=loop.band_rad_s,
         by_size={name: _numbers(item.numbers) for name, item in loop.by_size.items()},
@@ -328,6 +349,9 @@ def review_arrays(review: Review) -> dict[str, np.ndarray]:
         if loop.step is not None:
             for column in ("time_s", "value", "lower", "upper"):
                 arrays[f"step_{name}_{column}"] = getattr(loop.step, column)
+    for name, found in review.tracking.items():
+        for column in ("time_s", "reference", "answer"):
+            arrays[f"trace_{name}_{column}"] = getattr(found.trace, column)
     for axis, margin in review.margins.items():
         arrays |= _response(f"broken_{axis}", margin.loop.omega_rad_s, margin.loop)
     for number, noise_map in enumerate(review.noise.maps):

@@ -128,6 +128,36 @@ def step_answers(curves: Mapping[str, Curve], *, until_s: float | None = None) -
     return stacked([panel], x_axis=axis)
 
 
+def setpoint_traces(time_s: FloatArray, reference: FloatArray, answer: FloatArray, *, label: str) -> Figure:
+    """A set-point and its answer over a part of a flight, as they were logged.
+
+    Parameters
+    ----------
+    time_s, reference, answer
+        On the log's own clock, shapes ``(t,)``.
+    label
+        Of the vertical axis, with its unit.
+    """
+    traces: list[Trace] = [
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "x": numbers(time_s),
+            "y": numbers(values),
+            "line": line,
+            "name": name,
+            "showlegend": True,
+            "hovertemplate": "%{x:.2f} s<br>%{y:.3~g}",
+        }
+        for name, values, line in (
+            ("set-point", reference, {"color": SECONDARY, "width": 1.5, "dash": "dot"}),
+            ("answer", answer, {"color": SERIES[0], "width": 2}),
+        )
+    ]
+    axis = {"title": {"text": "time in the log [s]"}, "range": [float(time_s[0]), float(time_s[-1])]}
+    return stacked([Panel(label=text(label), traces=traces, height_px=_STEP_PX)], x_axis=axis)
+
+
 def _three(curve: Curve) -> tuple[FloatArray, FloatArray, FloatArray]:
     return curve.value, curve.lower, curve.upper
 

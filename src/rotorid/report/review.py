@@ -19,7 +19,7 @@ from rotorid.plot.curves import Frequency, Magnitude
 from rotorid.plot.figure import Figure
 from rotorid.plot.frequency import bode
 from rotorid.plot.loops import Crossing, broken_loop
-from rotorid.plot.review import motor_bars, noise_maps, spectra, step_answers
+from rotorid.plot.review import motor_bars, noise_maps, setpoint_traces, spectra, step_answers
 from rotorid.report.frame import Picture, in_all_units, render, with_files
 from rotorid.report.parts import FindingRow, finding_rows
 from rotorid.report.unavailable import gathered
@@ -94,6 +94,9 @@ class Section:
     steps: tuple[Picture, ...]
     loops: tuple[NumberRow, ...]
     loop_names: tuple[str, ...]
+    tracking: tuple[NumberRow, ...]
+    tracking_names: tuple[str, ...]
+    traces: tuple[Picture, ...]
     bodes: tuple[Picture, ...]
     margins: tuple[NumberRow, ...]
     margin_names: tuple[str, ...]
@@ -120,7 +123,7 @@ class Section:
     @property
     def pictures(self) -> tuple[Picture, ...]:
         """All that the page has to draw."""
-        return (*self.steps, *self.bodes, *self.broken, *self.noise, *self.motors)
+        return (*self.steps, *self.traces, *self.bodes, *self.broken, *self.noise, *self.motors)
 
 
 def render_reviews(reviews: Sequence[Review]) -> str:
@@ -194,6 +197,9 @@ def _section(review: Review, anchor: str) -> Section:
         steps=drawn("steps", lambda: _steps(review, anchor)),
         loops=_rows("loops", [loop.numbers for loop in review.loops.values()]),
         loop_names=names,
+        tracking=_rows("tracking", [found.numbers for found in review.tracking.values()]),
+        tracking_names=tuple(LOOP_WORDS[name] for name in review.tracking),
+        traces=drawn("traces", lambda: _traces(review, anchor)),
         bodes=drawn("loops", lambda: (_bode(loop, f"{anchor}-bode-{name}") for name, loop in review.loops.items())),
         margins=_margin_rows(list(review.margins.values())),
         margin_names=tuple(review.margins),
@@ -350,6 +356,27 @@ def _steps(review: Review, anchor: str) -> list[Picture]:
                 )
             )
     return pictures
+
+
+def _traces(review: Review, anchor: str) -> Iterable[Picture]:
+    """Set-point and answer as logged, where no step response says more."""
+    for name, found in review.tracking.items():
+        loop = review.loops.get(name)
+        if loop is not None and loop.step is not None:
+            continue
+        angle = name not in _FAST
+        words, degrees = LOOP_WORDS[name], 180.0 / np.pi
+        trace = found.trace
+        yield Picture(
+            key=f"{anchor}-trace-{name}",
+            description=f"The {words} and its set-point over {trace.time_s[-1] - trace.time_s[0]:.0f} s of the flight",
+            figure=setpoint_traces(
+                trace.time_s,
+                degrees * trace.reference,
+                degrees * trace.answer,
+                label=f"{capital(words)} [{'°' if angle else '°/s'}]",
+            ),
+        )
 
 
 def _interesting_s(review: Review, names: Sequence[str]) -> float:

@@ -40,6 +40,7 @@ from rotorid.reviewing.margins import margins
 from rotorid.reviewing.motors import motors
 from rotorid.reviewing.noise import noise
 from rotorid.reviewing.settings import ReviewSettings
+from rotorid.reviewing.tracking import tracking
 from rotorid.reviewing.values import (
     FlightSummary,
     LoggingReview,
@@ -48,6 +49,7 @@ from rotorid.reviewing.values import (
     MotorReview,
     NoiseReview,
     Review,
+    TrackingReview,
     Unavailable,
     VehicleReview,
     section,
@@ -123,6 +125,7 @@ def has_answers(reviewed: Review) -> bool:
         reviewed.oscillations,
         reviewed.calm,
         reviewed.loops,
+        reviewed.tracking,
         reviewed.margins,
         reviewed.noise.maps,
         reviewed.noise.numbers,
@@ -155,6 +158,7 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
         summary = FlightSummary(flights=air.flights, seen_in=air.airborne.seen_in)
     closed: dict[str, LoopReview] = {}
     broken: dict[Axis, MarginReview] = {}
+    followed: dict[str, TrackingReview] = {}
     noise_review, worked = NoiseReview(), MotorReview()
     found: dict[str, IdentifiedModel | Refused] = {}
     swinging: tuple[OscillationReview, ...] = ()
@@ -166,6 +170,7 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
     elif air is not None:
         swinging, calm = part("oscillations", lambda: _oscillations(record), (swinging, calm))
         closed = part("loops", lambda: _loops_of(air, swinging), closed)
+        followed = part("tracking", lambda: tracking(air), followed)
         broken = part("margins", lambda: _margins_of(air, swinging), broken)
         widths = {
             name: loop.numbers["bandwidth_90deg_rad_s"].value
@@ -207,6 +212,7 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
         flight=summary,
         logging=logged,
         loops=closed,
+        tracking=followed,
         margins=broken,
         models=found,
         models_sought=models,

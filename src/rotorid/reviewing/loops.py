@@ -27,6 +27,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.whole_flights import (
     LEAST_MOTION_S,
+    SHARED_OVER,
     USABLE_ERROR,
     FlightData,
     Instrument,
@@ -146,6 +147,18 @@ _FEEDFORWARDS: Mapping[Axis, tuple[str, ...]] = MappingProxyType(
     }
 )
 
+_LED = ("phi", "theta")
+"""Angles whose set-points an outer loop of velocity makes, in modes in which the autopilot flies."""
+
+_OUTER_GAINS = ("MPC_XY_VEL_P_ACC", "PSC_VELXY_P", "PSC_NE_VEL_P")
+"""Velocity error to acceleration, 1/s: the crossover of the outer loop, since an angle makes an acceleration of g."""
+
+_OUTER_RAD_S, _OUTER_FACTOR = 3.0, 1.5
+"""Crossover of an outer loop whose gain is not logged, and what position, integral and derivative add to it."""
+
+_LOW_OCTAVES, _AT_ONE = 2.0, 0.35
+"""At the lowest frequencies an angle loop is one; a set-point that its own feedback makes shows something else."""
+
 _MOVE = "move the {axis} stick for 30 s: tilt quickly 5 to 10° to one side, then to the other, once every second"
 
 
@@ -180,6 +193,8 @@ def loop_of(flight: FlightData, loop: Loop) -> tuple[LoopReview | None, tuple[Un
     """One loop of a flight, and what the flight does not show of it."""
     instrument, channel = flight.instrument(loop.axis, of_rates=loop.of_rates)
     why = _missing(flight, loop, instrument, channel)
+    if why is not None and why.why and _autopilot_leads(flight, loop):
+        instrument, channel, why = "setpoint", loop.reference, None
     if why is not None:
         return None, (why,) if why.why else ()
     return _measure_loop(flight, loop, instrument, channel)
@@ -217,6 +232,17 @@ def _missing(flight: FlightData, loop: Loop, instrument: Instrument, channel: st
     return None
 
 
+def _autopilot_leads(flight: FlightData, loop: Loop) -> bool:
+    """Whether an outer loop moved the set-point of an angle for long enough, while the stick was idle.
+
+    A rate set-point follows from the angle itself, so that it shows the controller; an angle set-point comes from an
+    outer loop that is several times slower, so that its feedback has a bound (:func:`_with_feedback`).
+    """
+    if loop.name not in _LED or not {loop.name, loop.reference} <= set(flight.record.channel_names):
+        return False
+    return flight.moving_s(loop.reference) >= LEAST_MOTION_S
+
+
 def _lacking_words(loop: Loop, lacking: Sequence[str]) -> str:
     if len(lacking) > 1:
         return f"{loop.words} and its set-point are"
@@ -230,6 +256,10 @@ def _measure_loop(
     intervals = flight.during(instrument)
     histories = flight.histories((loop.reference, loop.name), sampled=sampled, intervals=intervals)
     response = _response(flight, loop, channel, histories)
+    if instrument == "setpoint":
+        response = _with_feedback(response, outer_loop_rad_s(flight.record))
+        if not _begins_at_one(response):
+            return None, (_led_astray(loop),)
     usable = usable_points(response)
     omega = response.omega_rad_s
     if np.count_nonzero(usable) < 8:
@@ -256,7 +286,7 @@ def _measure_loop(
         numbers={},
         band_rad_s=(float(omega[usable][0]), float(omega[usable][-1])),
         by_size=_by_size(flight, loop, instrument, channel, histories) if loop.of_rates else {},
-        findings=response.findings,
+        findings=(*_of_estimate(response, instrument), *_led_remarks(loop, instrument)),
     )
     # Where the phase stays above −90°, half of the rate that the band comes from would show more.
     beyond = not math.isfinite(scale) and logged_hz < _FAST_ENOUGH_HZ
@@ -284,6 +314,75 @@ def _response(flight: FlightData, loop: Loop, channel: str, histories: Sequence[
         slow=not loop.of_rates or loop.axis == "yaw",
         histories=histories,
     )
+
+
+def outer_loop_rad_s(record: FlightRecord) -> float:
+    """Frequency up to which an outer loop may feed the angle back into its set-point."""
+    gains = [record.parameters[name] for name in _OUTER_GAINS if record.parameters.get(name, 0.0) > 0.0]
+    return _OUTER_FACTOR * max(gains, default=_OUTER_RAD_S)
+
+
+def _with_feedback(response: FrequencyResponse, outer_rad_s: float) -> FrequencyResponse:
+    r"""A direct response of an angle to its set-point, with the bias that an outer loop may give it in its errors.
+
+    With the disturbance :math:`d` of the angle, :math:`y = T r + S d` and :math:`r = r_0 - L_o y`, so that the direct
+    estimate is off by
+
+    .. math:: |\Delta T| = |S| \, |L_o S| \, rac{S_{dd}}{S_{rr}}
+        \le |L_o| \, |T|^2 \, rac{1 - \gamma^2}{\gamma^2}, \qquad |L_o| pprox \omega_o / \omega
+
+    with what the set-point does not explain of the angle, :math:`|S|^2 S_{dd} = (1 - \gamma^2) S_{yy}`, and the
+    crossover :math:`\omega_o` of the outer loop. The bound is shared by neighbors: it does not average out.
+    """
+    omega, values = response.omega_rad_s, np.nan_to_num(response.values[0, 0])
+    coherence = np.clip(np.nan_to_num(response.coherence[0, 0], nan=1e-3), 1e-3, 1.0)
+    bias = np.abs(values) * (outer_rad_s / omega) * (1.0 - coherence) / coherence
+    shared = bias * values
+    distance = np.abs(np.subtract.outer(np.log(omega), np.log(omega)))
+    covariance = response.covariance.copy()
+    covariance[0, 0] += np.outer(shared, shared.conj()) * np.exp(-distance / SHARED_OVER)
+    return replace(
+        response,
+        covariance=covariance,
+        # A variance of the complex response is twice that of its magnitude.
+        random_error=np.sqrt(response.random_error**2 + 0.5 * bias**2),
+        processing=(*response.processing, f"errors with the bias of an outer loop of up to {outer_rad_s:.2g} rad/s"),
+    )
+
+
+def _begins_at_one(response: FrequencyResponse) -> bool:
+    """Whether the response at the lowest frequencies is that of a loop that follows, and not of feedback alone."""
+    omega = response.omega_rad_s
+    low = usable_points(response) & (omega <= omega[0] * 2.0**_LOW_OCTAVES)
+    if np.count_nonzero(low) < 3:
+        return False
+    return abs(complex(np.mean(response.values[0, 0][low])) - 1.0) < _AT_ONE
+
+
+def _led_astray(loop: Loop) -> Unavailable:
+    return Unavailable(
+        what=f"loops.{loop.name}",
+        why=f"The {loop.axis} stick did not move, and the set-point of the {loop.words} answers gusts: it shows the "
+        "outer loop, not this one.",
+        remedy=_MOVE.format(axis=loop.axis),
+    )
+
+
+def _of_estimate(response: FrequencyResponse, instrument: Instrument) -> Iterator[Finding]:
+    """Remarks on the estimate; what they say of feedback is in the errors where an outer loop leads."""
+    for finding in response.findings:
+        if not (instrument == "setpoint" and finding.kind == "closed_loop_bias"):
+            yield finding
+
+
+def _led_remarks(loop: Loop, instrument: Instrument) -> Iterator[Finding]:
+    if instrument == "setpoint":
+        yield remark(
+            "closed_loop_bias",
+            f"{loop.name}/{loop.reference}",
+            f"The {loop.axis} stick did not move: the autopilot's set-point is the instrument of the {loop.words}. "
+            "The intervals contain the largest bias by its outer loop.",
+        )
 
 
 def _beyond_the_stick(

@@ -141,6 +141,49 @@ class LoopReview(Immutable):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Trace(Immutable):
+    """Set-point and answer over a part of a flight as they were logged, arrays of shape ``(t,)``."""
+
+    time_s: FloatArray
+    reference: FloatArray
+    answer: FloatArray
+
+    def __post_init__(self) -> None:
+        names = ("time_s", "reference", "answer")
+        self._set(**{name: read_only(getattr(self, name), np.float64, ndim=1) for name in names})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrackingReview(Immutable):
+    """How a set-point was followed in this flight, whoever made it.
+
+    Parameters
+    ----------
+    name
+        State that follows: ``p q r phi theta psi``.
+    reference, answer
+        Channels of the set-point and of the state.
+    rate_hz
+        Of the slower one in the log.
+    numbers
+        Figures of ``tracking`` in :data:`rotorid.data.quantities.QUANTITIES`; what was not measured is left out.
+    trace
+        The liveliest part of the flight.
+    """
+
+    name: str
+    reference: str
+    answer: str
+    rate_hz: float
+    numbers: Mapping[str, Quantity]
+    trace: Trace
+
+    def __post_init__(self) -> None:
+        require_figures("tracking", self.numbers)
+        self._set(numbers=self.numbers)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MarginReview(Immutable):
     """The broken rate loop of an axis as it was flown.
 
@@ -374,6 +417,7 @@ class Review(Immutable):
     oscillations: tuple[OscillationReview, ...] = ()
     calm: tuple[Axis, ...] = ()
     control: Control | None = None
+    tracking: Mapping[str, TrackingReview] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._set(loops=self.loops, margins=self.margins, models=self.models)
+        self._set(tracking=self.tracking, loops=self.loops, margins=self.margins, models=self.models)
