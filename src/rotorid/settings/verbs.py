@@ -17,7 +17,7 @@ _OPTIONS: Mapping[str, str] = MappingProxyType(
         "delay": "input output",
         "demo": "keep-log",
         "design": "entry for for-tune gains limit prior vehicle",
-        "design export simulate tune vehicles": "set",
+        "design export review simulate tune vehicles": "set",
         "design simulate": "duration turbulence wind",
         "design simulate vehicles": "like",
         "design tune": "axis",

@@ -16,6 +16,7 @@ from rotorid.flights.whole_flights import flown
 from rotorid.flying.simulation import everyday_plan
 from rotorid.report.review import render_reviews
 from rotorid.reviewing import assembly, flight, loops, margins, motors, noise
+from rotorid.reviewing import tracking as following
 from rotorid.reviewing.cards import cards
 from rotorid.reviewing.values import Review
 from rotorid.vehicles.catalog import aircraft
@@ -40,6 +41,10 @@ MAKERS = {
     ("noise.vibration", noise, "_vibration"): "noise",
     ("noise.maps", noise, "_spectra"): "noise",
     ("motors", assembly, "motors"): "motors",
+    ("tracking", assembly, "tracking"): "tracking",
+    ("tracking.phi", following, "_tracked"): "tracking",
+    ("channels", assembly, "channel_agreement"): "findings",
+    ("control", assembly, "control_of"): "control",
     ("motors.events", motors, "_events"): "motors",
     ("motors.output_delay_s", motors, "_delay"): "motors",
     ("flight.battery", flight, "_battery"): "flight",
