@@ -362,7 +362,7 @@ def _begins_at_one(response: FrequencyResponse) -> bool:
 def _led_astray(loop: Loop) -> Unavailable:
     return Unavailable(
         what=f"loops.{loop.name}",
-        why=f"The {loop.axis} stick did not move, and the set-point of the {loop.words} answers gusts: it shows the "
+        why=f"No {loop.axis} stick moved in the log, and the set-point of the {loop.words} answers gusts: it shows the "
         "outer loop, not this one.",
         remedy=_MOVE.format(axis=loop.axis),
     )
@@ -380,7 +380,7 @@ def _led_remarks(loop: Loop, instrument: Instrument) -> Iterator[Finding]:
         yield remark(
             "closed_loop_bias",
             f"{loop.name}/{loop.reference}",
-            f"The {loop.axis} stick did not move: the autopilot's set-point is the instrument of the {loop.words}. "
+            f"No {loop.axis} stick moved in the log: the set-point itself is the instrument of the {loop.words}. "
             "The intervals contain the largest bias by its outer loop.",
         )
 

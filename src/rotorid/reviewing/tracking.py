@@ -172,12 +172,16 @@ def _delay(
     std = math.sqrt((_PARTS - 1) * float(np.var(others))) / rate_hz
     half = TWO_SIDED_95 * std + 0.5 / logged_hz
     seconds = value / rate_hz
-    if flight.instrument(loop.axis, of_rates=loop.of_rates)[0] != "direct":
+    # Nothing feeds a heading back into its set-point, which the pilot or the mission turns.
+    if loop.name != "psi" and flight.instrument(loop.axis, of_rates=loop.of_rates)[0] != "direct":
         own_square = float(np.mean(np.diff(asked) ** 2) / np.mean(asked**2)) * rate_hz**2
         outer_rad_s = _OUTER_OF_RATES_RAD_S if loop.of_rates else outer_loop_rad_s(flight.record)
         half += outer_rad_s / own_square * (1.0 - likeness**2) / likeness**2
     if half > max(seconds, 0.0):
-        why = f"Gusts hide the delay of the {loop.words} (correlation with its set-point {likeness:.2f})."
+        why = (
+            f"The set-point of the {loop.words} turned too slowly, or gusts moved it (correlation with the answer "
+            f"{likeness:.2f}), so the delay is not known."
+        )
         return None, Unavailable(what=what, why=why, remedy="fly quicker turns in calm air")
     return (
         Quantity(
