@@ -37,6 +37,7 @@ from rotorid.reviewing.values import LoopReview, StepCurve, Unavailable, section
 from rotorid.signal.motors import motor_limits
 from rotorid.spectral.impulse import (
     ImpulseResponse,
+    bound_of_band,
     flat_near_3db,
     impulse_response,
     phase_crossing,
@@ -497,13 +498,23 @@ def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Un
 
 
 def _why_unavailable(name: str, loop: Loop, impulse: ImpulseResponse) -> str:
-    top = impulse.band_rad_s[1]
+    bound, top = bound_of_band(name, impulse.band_rad_s), impulse.band_rad_s[1]
     if name.startswith("bandwidth"):
-        return f"The bandwidth of the {loop.words} is above {top:.3g} rad/s, the end of the data."
+        return f"The bandwidth of the {loop.words} is above {bound:.3g} rad/s, the end of the data."
+    if bound is not None and _rise_s(impulse) < bound:
+        return f"The {loop.words} rises in less than {1e3 * bound:.2g} ms; the data end at {top:.3g} rad/s."
     end = float(impulse.step()[np.searchsorted(impulse.time_s, loop.within_s) - 1])
     if name == "settling_time_s":
         return f"The {loop.words} does not settle within 5 %: after {loop.within_s:g} s it is at {end:.2f}."
     return f"The {loop.words} may not reach 90 % of its set-point: after {loop.within_s:g} s it is at {end:.2f}."
+
+
+def _rise_s(impulse: ImpulseResponse) -> float:
+    """From 0.1 to 0.9 of the step, to a cell of the response; infinite where it does not rise so far."""
+    step = impulse.step()
+    if not step.max() >= 0.9:
+        return math.inf
+    return float(impulse.time_s[np.argmax(step >= 0.9)] - impulse.time_s[np.argmax(step >= 0.1)])
 
 
 def _coherent_peak(impulse: ImpulseResponse, response: FrequencyResponse) -> bool:

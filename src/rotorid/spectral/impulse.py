@@ -70,7 +70,10 @@ _LEAST_PEAK_DB = 0.3
 _FINE = 400
 
 _BEYOND = 2.0
-"""Factor beyond the measured band up to which a bandwidth may lie."""
+"""Factor beyond the measured band up to which the interval of a bandwidth may reach."""
+
+_FIRST_ORDER_RISE = math.log(9.0)
+"""Rise time of a first-order loop, 10 to 90 %, times its bandwidth: that of the fastest loop of a band."""
 
 _MOST_UNREACHED = 0.025
 """Share of the draws that may have no such number: what one end of a 95 % interval leaves out."""
@@ -268,7 +271,7 @@ def step_numbers(
     All are relative to the set-point one, not to the value at which the response ends: a loop that droops shows it.
 
     ``rise_time_s``
-        From 0.1 to 0.9; left out where more than 1 in 40 draws do not reach 0.9 in time.
+        From 0.1 to 0.9; left out where more than 1 in 40 draws do not reach 0.9 in time, or beyond the band.
     ``delay_s``
         Until 0.5, of a band-limited step.
     ``overshoot_percent``
@@ -276,9 +279,11 @@ def step_numbers(
     ``settling_time_s``
         Until the answer stays within 0.05 of one; left out where it leaves that band until the end.
     ``bandwidth_3db_rad_s``, ``bandwidth_90deg_rad_s``
-        Where the magnitude falls below −3 dB, and the phase below −90°; left out beyond twice the measured band.
+        Where the magnitude falls below −3 dB, and the phase below −90°; left out beyond the band.
     ``peak_db``
         Largest magnitude above a fifth of the −90° bandwidth, inside of the measured band, where it exceeds 0.3 dB.
+
+    What lies beyond the band is a bound alone (:func:`bound_of_band`): the prior would make up the number.
 
     Parameters
     ----------
@@ -311,7 +316,45 @@ def step_numbers(
         "peak_db": 20.0 * np.log10(_highest(magnitude, measured)) if measured.any() else np.full(len(impulses), np.nan),
     }
     quantities = {name: _quantity(name, numbers) for name, numbers in found.items()}
-    return {name: quantity for name, quantity in quantities.items() if quantity is not None}
+    return {
+        name: quantity
+        for name, quantity in quantities.items()
+        if quantity is not None and not _beyond_band(name, quantity.value, impulse.band_rad_s)
+    }
+
+
+def bound_of_band(name: str, band_rad_s: tuple[float, float]) -> float | None:
+    r"""What the end of a band says of a number beyond it: the least bandwidth, or the longest rise time.
+
+    A loop whose bandwidth is the end of the band rises in :math:`\ln 9 / \omega`, if it is of first order.
+
+    Parameters
+    ----------
+    name
+        Of :data:`NUMBERS`.
+    band_rad_s
+        Lowest and highest measured frequency.
+
+    Returns
+    -------
+    float or None
+        In the unit of the number; ``None`` for numbers without such a bound.
+
+    Examples
+    --------
+    >>> bound_of_band("bandwidth_90deg_rad_s", (1.0, 154.0)), round(bound_of_band("rise_time_s", (1.0, 154.0)), 4)
+    (154.0, 0.0143)
+    """
+    if name.startswith("bandwidth"):
+        return band_rad_s[1]
+    return _FIRST_ORDER_RISE / band_rad_s[1] if name == "rise_time_s" else None
+
+
+def _beyond_band(name: str, value: float, band_rad_s: tuple[float, float]) -> bool:
+    bound = bound_of_band(name, band_rad_s)
+    if bound is None:
+        return False
+    return value < bound if name == "rise_time_s" else value > bound
 
 
 def flat_near_3db(impulse: ImpulseResponse) -> bool:

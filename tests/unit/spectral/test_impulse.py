@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.quantity import Quantity
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.spectral.impulse import ImpulseResponse, impulse_response, phase_crossing, step_numbers
+from rotorid.spectral.impulse import ImpulseResponse, bound_of_band, impulse_response, phase_crossing, step_numbers
 from rotorid.typing import ComplexArray, FloatArray
 
 OMEGA = np.geomspace(0.7, 200.0, 55)
@@ -47,6 +47,22 @@ def truth_of(natural: float, damping: float, delay_s: float) -> dict[str, float]
 
 
 SYSTEMS = [(20.0, 0.7, 0.005), (60.0, 0.5, 0.003), (20.0, 0.3, 0.02), (120.0, 0.7, 0.003)]
+
+
+@pytest.mark.parametrize("end_rad_s", [20.0, 40.0, 100.0])
+def test_no_number_lies_outside_of_its_band(end_rad_s: float) -> None:
+    """−90° of 50 rad/s with a delay of 3 ms are at 43 rad/s, −3 dB at 53 rad/s; it rises within 37 ms."""
+    kept = end_rad_s >= OMEGA
+    values = second_order(OMEGA, 50.0, 0.7, 0.003)
+    found = impulse_response(OMEGA[kept], values[kept], errors_of(values)[np.ix_(kept, kept)])
+    numbers = step_numbers(found)
+    top = found.band_rad_s[1]
+    assert ("bandwidth_90deg_rad_s" in numbers) == (top > 43.0)
+    assert all(numbers[name].value <= top for name in numbers if name.startswith("bandwidth"))
+    least = bound_of_band("rise_time_s", found.band_rad_s)
+    assert least is not None
+    assert "rise_time_s" not in numbers or numbers["rise_time_s"].value >= least
+    assert bound_of_band("delay_s", found.band_rad_s) is None
 
 
 @pytest.mark.parametrize(("natural", "damping", "delay_s"), SYSTEMS)
