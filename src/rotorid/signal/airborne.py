@@ -147,6 +147,7 @@ def airborne(record: FlightRecord, *, margin_s: float = 0.0) -> Airborne:
         flights = _overruled(flights, first, others)
         flights = tuple(_from_take_off(flight, others) for flight in flights if _confirmed(record, flight, witnesses))
     if by_flags:
+        flights = tuple(_with_late_take_off(flight, others) for flight in flights)
         flights = tuple(_to_touch_down(record, flight, others) for flight in flights)
     flights = tuple((start_s, settled_s(record, stop_s)) for start_s, stop_s in flights)
     arming = next(one for one in witnesses if one.name == "arming")
@@ -241,6 +242,17 @@ def _from_take_off(flight: tuple[float, float], others: list[Witness]) -> tuple[
         begins = [start for start, stop in one.yes if start < stop_s and stop > start_s]
         if one.name in LEVELS and begins:
             return (min(begins), stop_s) if min(begins) - start_s > _EARLIEST_S else flight
+    return flight
+
+
+def _with_late_take_off(flight: tuple[float, float], others: list[Witness]) -> tuple[float, float]:
+    """A flight from where its thrust carries it, when its flag came after that: a message was lost."""
+    start_s, stop_s = flight
+    for one in others:
+        if one.name not in LEVELS or not one.yes:
+            continue
+        begin_s = next((start for start, stop in one.yes if start < start_s < stop), start_s)
+        return (begin_s, stop_s) if start_s - begin_s <= _LONGEST_WAIT_S else flight
     return flight
 
 

@@ -94,6 +94,8 @@ _CERTAIN_CLIMB_M = 1.0
 """Change of height across a take-off that no drift of a barometer makes within seconds."""
 _LONGEST_TAKING_BACK_S, _FEWEST_HEIGHTS = 1.5, 6
 """For so long the thrust of a vehicle on the ground still carries it; and samples of the height that show it."""
+_RESOLVED_M = 0.02
+"""Least height above the ground that a log resolves."""
 _SLOWEST_HEIGHT_HZ = 0.5
 
 
@@ -487,9 +489,10 @@ def climbed(record: FlightRecord, start_s: float, stop_s: float) -> Answer:
 
 
 def settled_s(record: FlightRecord, stop_s: float) -> float:
-    """When the height had reached the ground at the end of a flight; the end itself where the height does not show it.
+    """When a vehicle stays on the ground, by its height; the end of its thrust where the height does not show it.
 
-    It needs three seconds on the ground whose height is constant, and a height at 4 Hz and more.
+    It may bounce after it has reached the ground, and its thrust still carries it for a moment when it stays there:
+    the middle of the two is taken. It needs three seconds on the ground at a constant height, logged at 4 Hz and more.
     """
     found = _together(record, ("down",))
     if found is None:
@@ -500,8 +503,9 @@ def settled_s(record: FlightRecord, stop_s: float) -> float:
     enough = min(np.count_nonzero(after), np.count_nonzero(before)) >= _FEWEST_HEIGHTS
     if not enough or float(np.ptp(height[after])) > _STILL_M:
         return stop_s
-    above = np.flatnonzero(before & (np.abs(height - float(np.median(height[after]))) > _STILL_M))
-    return float(time_s[above[-1]]) if above.size else stop_s
+    least_m = max(1.5 * float(np.ptp(height[after])), _RESOLVED_M)
+    above = np.flatnonzero(before & (np.abs(height - float(np.median(height[after]))) > least_m))
+    return 0.5 * (float(time_s[above[-1]]) + stop_s) if above.size else stop_s
 
 
 def descended(record: FlightRecord, start_s: float, stop_s: float) -> bool:
