@@ -137,7 +137,7 @@ def _answer(task: Task, log: Path) -> LogAnswer:
     for number, flight in flights_of(record).items():
         for name, result in _model_results(flight, task):
             if isinstance(result, str):
-                reason = _NO_FLIGHT if _stayed_on_the_ground(record) else result[:500]
+                reason = (_stayed_on_the_ground(record) or result)[:500]
                 failed.append(Failed(**facts, flight=number, model=name, kind="refused", reason=reason))
                 continue
             common: dict[str, Any] = {
@@ -237,16 +237,19 @@ def _measures(record: FlightRecord) -> Iterator[dict[str, Any]]:
             }
 
 
-_NO_FLIGHT = "The log contains no flight."
+_NO_FLIGHT = "The log contains no flight"
 
 
-def _stayed_on_the_ground(record: FlightRecord) -> bool:
-    """Whether the log shows that the vehicle never flew; false where it does not show either."""
+def _stayed_on_the_ground(record: FlightRecord) -> str:
+    """Why the log shows that the vehicle never flew; empty where it flew, or the log does not show either."""
     try:
         airborne(record)
     except InsufficientDataError as error:
-        return any(finding.kind == "never_airborne" for finding in error.findings)
-    return False
+        never = next((finding.message for finding in error.findings if finding.kind == "never_airborne"), "")
+        # Behind the colon is what showed it, in the same words for all logs.
+        why = never.rpartition(": ")[2].rstrip(".") if ": " in never else ""
+        return f"{_NO_FLIGHT}{f': {why}' if why else ''}." if never else ""
+    return ""
 
 
 def flights_of(record: FlightRecord) -> dict[int, FlightRecord]:

@@ -24,6 +24,7 @@ from rotorid.results.summary import Color
 from rotorid.results.verdicts import verdict
 from rotorid.reviewing.motors import possible_causes
 from rotorid.reviewing.values import Review, Unavailable
+from rotorid.signal.witnesses import MOTION
 
 State: TypeAlias = Literal["good", "look", "part", "cannot"]
 """Good; look here; what was measured is good, and a part was not measured; not enough data."""
@@ -119,13 +120,21 @@ def cards(review: Review) -> tuple[Card, ...]:
         _models(review),
     )
     if review.flight.flights:
-        return tuple(_with_loss(card, review) for card in found)
+        return tuple(_as_flown(_with_loss(card, review), review) for card in found)
     first, *others = (
         Card(key=card.key, title=card.title, state="cannot", headline=no_flight(review)) for card in found
     )
     gap = _gap(review, "flight") or Unavailable(what="flight", why="")
     remedy = gap.remedy if gap.remedy and not _never_flew(review) else "fly, and log from take-off to landing"
     return replace(first, details=_sentence(gap.why), remedy=remedy), *others
+
+
+def _as_flown(card: Card, review: Review) -> Card:
+    """A card that is not green where motion alone shows a flight: a vehicle that is carried about moves too."""
+    if card.state != "good" or not review.flight.seen_in.startswith(MOTION):
+        return card
+    only = "Only motion shows that it flew: log thrust, motors, height or the landed flag."
+    return replace(card, state="part", details=_together(card.details, only))
 
 
 def no_flight(review: Review) -> str:

@@ -26,6 +26,9 @@ Name: TypeAlias = Literal[
     "arming", "landed flag", "mode", "throttle", "motor outputs", "motor speeds", "current", "height", "motion"
 ]
 
+MOTION = "the activity of"
+"""How the source of a witness of motion begins."""
+
 _MOSTLY = 0.95
 """Share of a stretch of which a witness speaks alike, to speak for the stretch."""
 
@@ -552,7 +555,7 @@ def _motion(record: FlightRecord) -> Witness:
     logged = _covered(record, time_s)
     return Witness(
         name="motion",
-        source=f"the activity of {source}",
+        source=f"{MOTION} {source}",
         yes=yes,
         no=without((logged,), yes),
         reason="nothing moved",

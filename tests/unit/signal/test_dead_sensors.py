@@ -96,3 +96,10 @@ def test_what_depends_on_a_dead_sensor_says_so() -> None:
         "accelerometer",
     ]
     assert "good" not in {card.state for card in cards(reviewed)}
+
+
+def test_no_card_is_green_where_motion_alone_shows_the_flight() -> None:
+    carried = record(**rates(), **forces(0.2))
+    reviewed = rotorid.review(carried, models=False)
+    assert reviewed.flight.seen_in.startswith("the activity of")
+    assert "good" not in {card.state for card in cards(reviewed)}
