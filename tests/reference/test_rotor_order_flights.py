@@ -47,6 +47,9 @@ BEM_LAYOUT = RotorLayout(
     spins=np.array([SPINS[spin] for spin in ("cw", "ccw", "ccw", "cw")]),
     arm_known=True,
 )
+TURNED = {"everyday/betaflight_431_freestyle.bbl.xz": "quad.x.betaflight.reversed"}
+"""Rotors that turn the other way than their autopilot's default, by the mixer in the log."""
+
 DECIDED = 0.6
 """Least share of the windows in which motors explain roll and pitch that has to be decided."""
 
@@ -56,7 +59,7 @@ MAPPINGS = Path(__file__).resolve().parents[2] / "docs" / "mappings"
 def flights(unpacked: Unpacked) -> Iterator[tuple[FlightRecord, RotorLayout]]:
     for name in AUTOPILOT_LOGS:
         record = rotorid.read(unpacked(name))
-        yield record, layout_of(record)
+        yield record, library_layout(TURNED[name]) if name in TURNED else layout_of(record)
     for name in CRAZYFLIES:
         mapping = MAPPINGS / ("nanobench.toml" if "nanobench" in name else "idsia_nanodrone.toml")
         yield rotorid.read(unpacked(name), mapping=mapping), library_layout("quad.x.crazyflie")
@@ -120,6 +123,19 @@ def kinds(found: RotorOrder, claimed: RotorLayout, truth: RotorLayout) -> Iterat
     if found.fitting is not None and found.directions != "not enough data":
         turns = np.array_equal(found.fitting.spins, truth.spins)
         yield f"directions {'right' if turns else 'wrong'}"
+
+
+def test_motors_that_turn_the_other_way_are_found_where_the_mixer_says_the_same(unpacked: Unpacked) -> None:
+    """No header says so; the yaw command, which the autopilot mixes by the directions, does."""
+    record = rotorid.read(unpacked("everyday/betaflight_431_freestyle.bbl.xz"))
+    layout = layout_of(record)
+    motors = np.stack([record[name].values for name in layout.motor_names])
+    free = (motors.min(axis=0) > 0.1) & (motors.max(axis=0) < 0.95)
+    mixed = np.corrcoef((layout.spins @ motors)[free], record["yaw_command"].values[free])[0, 1]
+    assert mixed < -0.99
+    windows = window_orders(record, layout, window_s=5.0)
+    decided = {(found.directions, found.to_type) for found in windows if found.directions != "not enough data"}
+    assert decided == {("wrong", "--layout quad.x.betaflight.reversed")}
 
 
 @pytest.mark.slow

@@ -58,8 +58,8 @@ BAND_HZ = (1.5, 15.0)
 LEAST_CORRELATION = 0.5
 """Of the regression with the accelerations of roll and pitch; where motors explain less, gusts and noise decide."""
 
-LEAST_GAP = 12.0
-"""Misfit by which the second best order must exceed the best, which is e^6 in likelihood."""
+LEAST_GAP = 10.0
+"""Misfit by which the second best order must exceed the best, which is e^5 in likelihood."""
 
 _LEAST_RATIO = 3.0
 """The same as a ratio: where nothing fits well, a gap says little."""

@@ -10,7 +10,7 @@ import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.flights.rotor_order import RotorOrder, require_order, rotor_order
+from rotorid.flights.rotor_order import LEAST_GAP, RotorOrder, require_order, rotor_order
 from rotorid.models.rotors import RotorLayout, ardupilot_mixer, library_layout
 from rotorid.typing import FloatArray
 
@@ -80,7 +80,7 @@ def test_another_order_is_named_wrong_with_the_one_that_fits(flight: FlightRecor
     found = asked(flight, claimed)
     assert found.verdict == "wrong"
     assert found.to_type == "--layout quad.x"
-    assert found.misfit > found.best + 12.0
+    assert found.misfit > found.best + LEAST_GAP
     with pytest.raises(InsufficientDataError, match="not numbered as in"):
         require_order(found, "flight")
 
