@@ -172,6 +172,7 @@ def _print(reviewed: Review, file: Path, map: Path | None = None, *, verbose: bo
     """What flew, six answers, warnings, and what to do next; with ``verbose`` also what was not measured."""
     from rotorid.report.review import headline
     from rotorid.report.unavailable import gathered
+    from rotorid.reviewing.baseline import left_out_words
     from rotorid.reviewing.cards import cards
 
     console = output_console()
@@ -196,6 +197,10 @@ def _print(reviewed: Review, file: Path, map: Path | None = None, *, verbose: bo
         )
         if more:
             plain(f"{'':<{_WIDTH}} {more}")
+    if reviewed.baseline is not None:
+        plain("\nsince earlier flights")
+        for sentence in (*reviewed.baseline.sentences, *left_out_words(reviewed.baseline, all_of_them=verbose)):
+            plain(f"  {sentence}")
     remarks = [finding for finding in reviewed.findings if finding not in lost]
     if any(verbose or finding.severity != "info" for finding in remarks):
         plain("")

@@ -461,6 +461,9 @@ KINDS: Mapping[str, Kind] = {
         "The value differs from that of the frequency domain by more than three standard deviations.",
     ),
     "missing_channel": Kind("warning", "Channel missing", "The log lacks a channel that is required or would help."),
+    "changed_since_earlier": Kind(
+        "warning", "Changed since earlier flights", "A figure of the vehicle's health differs from its earlier flights."
+    ),
     "motor_imbalance": Kind("warning", "Motors out of balance", "One motor works harder than the others in hover."),
     "motor_out_of_step": Kind(
         "warning",

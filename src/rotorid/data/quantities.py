@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import Literal, Protocol, TypeAlias
 
 from rotorid.data.base import Immutable
-from rotorid.data.display import listed
+from rotorid.data.display import CHANNEL_WORDS, listed
 from rotorid.data.quantity import (
     Quantity,
     in_decibels,
@@ -77,6 +77,9 @@ class FigureOfMerit(Immutable):
         Whether it cannot change its sign by what it is.
     ordinary
         Whether the limit is that of healthy vehicles, beyond which a number is unusual, but no trouble by itself.
+    health
+        Usual cause of a rise since earlier flights of the vehicle, empty where there is no usual one; ``None`` for what
+        depends on the flight more than on the vehicle, and is not compared.
     """
 
     words: str
@@ -94,6 +97,7 @@ class FigureOfMerit(Immutable):
     remedy: str = ""
     keeps_sign: bool = False
     ordinary: bool = False
+    health: str | None = None
 
     @property
     def label(self) -> str:
@@ -172,6 +176,12 @@ class FigureOfMerit(Immutable):
 COMPARE = "compare with an earlier flight: rotorid review LOG --baseline FOLDER"
 """What names a cause that one flight cannot."""
 
+UNBALANCED = "a damaged or unbalanced propeller, a bearing or a loose part"
+"""Usual cause of more vibration than in earlier flights."""
+
+VIBRATION_BANDS_HZ = ((10, 30), (30, 100), (100, 300))
+"""Bands in which vibration is compared between flights."""
+
 _DEGREES = 180.0 / math.pi
 _MOVE = "fly longer with the sticks moving"
 _FASTER = "move the sticks faster, or log faster"
@@ -181,6 +191,7 @@ _AXES = ("roll", "pitch", "yaw")
 
 _LOOPS = {
     "rise_time_s": FigureOfMerit(
+        health="",
         words="rise time",
         detail="10 to 90 %",
         unit="ms",
@@ -194,9 +205,16 @@ _LOOPS = {
         keeps_sign=True,
     ),
     "delay_s": FigureOfMerit(
-        words="delay", detail="until half of the step", unit="ms", factor=1e3, remedy=_MOVE, keeps_sign=True
+        health="motors, ESCs or filters",
+        words="delay",
+        detail="until half of the step",
+        unit="ms",
+        factor=1e3,
+        remedy=_MOVE,
+        keeps_sign=True,
     ),
     "overshoot_percent": FigureOfMerit(
+        health="",
         words="overshoot",
         unit="%",
         good_below=25.0,
@@ -226,6 +244,7 @@ _TRACKING = {
 # Beyond its limit of phase margin or M_s a rate loop rings, and has little left for a heavier day or a weaker battery.
 _MARGINS = {
     "phase_margin_deg": FigureOfMerit(
+        health="",
         words="phase margin",
         unit="°",
         good_above=40.0,
@@ -237,6 +256,7 @@ _MARGINS = {
     "gain_margin_db": FigureOfMerit(words="gain margin", unit="dB"),
     "delay_margin_s": FigureOfMerit(words="delay margin", unit="ms", factor=1e3, keeps_sign=True),
     "sensitivity_peak": FigureOfMerit(
+        health="a loose part, or more lag",
         words="peak sensitivity M_s",
         short="M_s",
         good_below=2.0,
@@ -254,6 +274,7 @@ _MARGINS = {
 # nothing and heats motors. What share of the samples clipped was counted, and is no estimate.
 _NOISE = {
     "vibration_m_s2": FigureOfMerit(
+        health=UNBALANCED,
         words="vibration",
         unit="m/s²",
         good_below=30.0,
@@ -262,6 +283,29 @@ _NOISE = {
         whether="vibration is low",
         surer="fly longer",
     ),
+    **{
+        f"vibration_{axis}_{low}_{high}hz": FigureOfMerit(
+            words=f"vibration {words} at {low} to {high} Hz",
+            unit="m/s²",
+            keeps_sign=True,
+            health=UNBALANCED,
+        )
+        for axis, words in (("ax", "forward"), ("ay", "sideways"), ("az", "vertically"))
+        for low, high in VIBRATION_BANDS_HZ
+    },
+    **{
+        f"rotor_line_{channel}_db": FigureOfMerit(
+            words=f"height of the rotors' line in {words}", unit="dB", health=UNBALANCED
+        )
+        for channel, words in (
+            ("p", "roll rate"),
+            ("q", "pitch rate"),
+            ("r", "yaw rate"),
+            ("ax", "forward acceleration"),
+            ("ay", "sideways acceleration"),
+            ("az", "vertical acceleration"),
+        )
+    },
     "clipping_share": FigureOfMerit(
         words="accelerometer at its limits",
         unit="%",
@@ -272,7 +316,9 @@ _NOISE = {
     ),
     "clipping_count": FigureOfMerit(words="accelerometer at its limits, times"),
     "filter_delay_configured_s": FigureOfMerit(words="delay of the gyro filters as configured", unit="ms", factor=1e3),
-    "filter_delay_measured_s": FigureOfMerit(words="delay of the gyro filters as measured", unit="ms", factor=1e3),
+    "filter_delay_measured_s": FigureOfMerit(
+        health="other filters", words="delay of the gyro filters as measured", unit="ms", factor=1e3
+    ),
     "filter_attenuation": FigureOfMerit(
         words="attenuation of the gyro filters", detail="noise above 30 Hz, before over behind them", factor=None
     ),
@@ -287,6 +333,7 @@ _NOISE = {
             trouble="D of {axis} passes noise to the motors ({value} of their range). The motors may run hot.",
             whether="D of {axis} passes little noise ({value} of the motor range)",
             surer="fly longer",
+            health="vibration, or other filters" if not band else None,
         )
         for axis in _AXES
         for term in "pd"
@@ -336,6 +383,10 @@ _MOTORS = {
     },
     "motor_#_high_share": FigureOfMerit(words="time of motor # at full output", unit="%", factor=100.0),
     "motor_#_low_share": FigureOfMerit(words="time of motor # at its lowest", unit="%", factor=100.0),
+    **{
+        f"balance_{axis}": FigureOfMerit(words=f"balance of the motors, {words}", unit="%", factor=100.0)
+        for axis, words in (("roll", "right to left"), ("pitch", "front to back"), ("yaw", "by direction"))
+    },
     "center_of_gravity_forward": FigureOfMerit(
         words="center of gravity ahead of the middle", detail="over the longest arm"
     ),
@@ -350,6 +401,7 @@ _MOTORS = {
         remedy=_HOVER,
     ),
     "thrust_coefficient_per_mass": FigureOfMerit(
+        health="",
         words="thrust of a rotor over mass and the square of its speed",
         short="thrust coefficient over mass",
         unit="m/rad²",
@@ -364,20 +416,31 @@ _MOTORS = {
         remedy=_HOVER,
     ),
     "thrust_by_output_per_mass": FigureOfMerit(
+        health="",
         words="thrust of a rotor over mass in hover",
         detail="over the square of its output, or over its demand of thrust",
         unit="m/s²",
         keeps_sign=True,
         remedy=_HOVER,
     ),
-    "output_delay_s": FigureOfMerit(words="delay from motor output to gyro", unit="ms", factor=1e3),
+    "output_delay_s": FigureOfMerit(
+        health="motors, ESCs or their settings", words="delay from motor output to gyro", unit="ms", factor=1e3
+    ),
 }
 
 _BATTERY = {
     "start_v": FigureOfMerit(words="battery at the start", unit="V"),
     "stop_v": FigureOfMerit(words="battery at the end", unit="V"),
     "lowest_v": FigureOfMerit(words="lowest voltage", unit="V"),
-    "resistance_ohm": FigureOfMerit(words="internal resistance", unit="mΩ", factor=1e3),
+    "hover_output_v": FigureOfMerit(
+        health="more weight, worn propellers or weak motors",
+        words="throttle in hover times voltage",
+        unit="V",
+        keeps_sign=True,
+    ),
+    "resistance_ohm": FigureOfMerit(
+        health="an old or cold battery", words="internal resistance", unit="mΩ", factor=1e3
+    ),
     "sag_v": FigureOfMerit(
         words="sag under load",
         unit="V",
@@ -391,7 +454,13 @@ _BATTERY = {
 }
 
 _FLIGHT = {
-    "hover_throttle": FigureOfMerit(words="throttle in hover", unit="%", factor=100.0, keeps_sign=True),
+    "hover_throttle": FigureOfMerit(
+        health="more weight, a weaker battery, worn propellers or weak motors",
+        words="throttle in hover",
+        unit="%",
+        factor=100.0,
+        keeps_sign=True,
+    ),
     "thrust_to_weight": FigureOfMerit(
         words="full thrust over weight",
         good_above=1.5,
@@ -478,6 +547,25 @@ def figures_of(part: Part) -> Mapping[str, FigureOfMerit]:
     ['speed_m_s', 'direction_deg']
     """
     return BY_PART[part]
+
+
+def words_of_path(path: str) -> str:
+    """What a figure is called by its place in a review; empty for what is none.
+
+    Examples
+    --------
+    >>> words_of_path("margins.roll.gain_margin_db"), words_of_path("loops.p.rise_time_s"), words_of_path("motors.x")
+    ('gain margin of roll', 'rise time of roll rate', '')
+    """
+    place, _, name = path.rpartition(".")
+    part, _, of = place.partition(".")
+    row = figure(name)
+    if row is None:
+        return ""
+    number = _MOTOR.search(name)
+    words = row.words.replace("#", number[1] if number else "#")
+    words += " above 100 Hz" if name.endswith("_above_100hz") else ""
+    return words + (f" of {CHANNEL_WORDS.get(of, of) if part == 'loops' else of}" if of else "")
 
 
 def require_figures(part: Part, numbers: Mapping[str, object]) -> None:

@@ -12,12 +12,15 @@ from rotorid.data.quantities import Part, figures_of
 from rotorid.documents.base import Document, FindingDocument
 from rotorid.documents.result import ResultDocument, refused_document, result_document
 from rotorid.results.model import IdentifiedModel
+from rotorid.results.summary import finite
 from rotorid.reviewing.cards import cards
 from rotorid.typing import Axis
+from rotorid.uncertainty.differences import Verdict
 
 if TYPE_CHECKING:
+    from rotorid.data.quantity import Quantity
     from rotorid.flights.oscillations import OscillationReview
-    from rotorid.reviewing.values import LoopReview, MarginReview, Review
+    from rotorid.reviewing.values import BaselineReview, LoopReview, MarginReview, Review
 
 
 class QuantityDocument(Document):
@@ -185,6 +188,57 @@ class ControlDocument(Document):
     ends_in_air: bool
 
 
+class LeftOutDocument(Document):
+    """A log of the folder of earlier flights that was not used, and why."""
+
+    log: str
+    why: str
+
+
+class BalanceChangeDocument(Document):
+    """The balance of the motors beside earlier flights.
+
+    ``outputs`` is the relative change of each motor's output against the mean of all, ``rise`` that of ``motor`` alone.
+    """
+
+    verdict: Verdict
+    probability: float
+    motor: int | None
+    patterns: list[str]
+    usual: str
+    outputs: dict[str, QuantityDocument]
+    rise: QuantityDocument | None
+    detectable_share: float | None
+    flights: int
+
+
+class FigureChangeDocument(Document):
+    """A figure beside earlier flights; ``expected`` is where it lies if nothing changed."""
+
+    verdict: Verdict
+    now: QuantityDocument
+    expected: QuantityDocument | None
+    flights: int
+    share: float | None
+    probability: float
+    detectable_share: float | None
+
+
+class BaselineDocument(Document):
+    """The health of a flight beside earlier flights of the vehicle.
+
+    ``figures`` are named by their place in this document. Of a hundred flights in which nothing changed, one at most is
+    ``changed``.
+    """
+
+    verdict: Verdict
+    flights: list[str]
+    left_out: list[LeftOutDocument] = Field(default_factory=list)
+    sentences: list[str] = Field(default_factory=list)
+    balance: BalanceChangeDocument | None = None
+    figures: dict[str, FigureChangeDocument] = Field(default_factory=dict)
+
+
 class CardDocument(Document):
     """An answer of the first screen."""
 
@@ -224,6 +278,7 @@ class ReviewDocument(Document):
     cannot_tell: list[UnavailableDocument] = Field(default_factory=list)
     next_commands: list[str] = Field(default_factory=list)
     findings: list[FindingDocument] = Field(default_factory=list)
+    baseline: BaselineDocument | None = None
 
     @model_serializer(mode="wrap")
     def _refusals_without_parameters(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -287,6 +342,53 @@ def review_document(review: Review) -> ReviewDocument:
         cannot_tell=[UnavailableDocument.model_validate(gap) for gap in review.cannot_tell],
         next_commands=list(review.next_commands),
         findings=[FindingDocument.model_validate(finding) for finding in review.findings],
+        baseline=None if review.baseline is None else _baseline(review.baseline),
+    )
+
+
+def _baseline(baseline: BaselineReview) -> BaselineDocument:
+    balance = baseline.balance
+    return BaselineDocument(
+        verdict=baseline.verdict,
+        flights=list(baseline.flights),
+        left_out=[LeftOutDocument.model_validate(log) for log in baseline.left_out],
+        sentences=list(baseline.sentences),
+        balance=None
+        if balance is None
+        else BalanceChangeDocument(
+            verdict=balance.verdict,
+            probability=balance.probability,
+            motor=balance.motor,
+            patterns=list(balance.patterns),
+            usual=balance.usual,
+            outputs={f"motor_{number}": _finite_number(change) for number, change in balance.outputs.items()},
+            rise=None if balance.rise is None else _finite_number(balance.rise),
+            detectable_share=finite(balance.detectable),
+            flights=balance.flights,
+        ),
+        figures={
+            path: FigureChangeDocument(
+                verdict=one.verdict,
+                now=_finite_number(one.now),
+                expected=None if one.expected is None else _finite_number(one.expected),
+                flights=one.flights,
+                share=finite(one.share),
+                probability=one.probability,
+                detectable_share=finite(one.detectable),
+            )
+            for path, one in baseline.figures.items()
+        },
+    )
+
+
+def _finite_number(quantity: Quantity) -> QuantityDocument:
+    """A number whose unknown ends are ``null``."""
+    return QuantityDocument(
+        value=quantity.value,
+        std=finite(quantity.std),
+        lower=finite(quantity.lower),
+        upper=finite(quantity.upper),
+        unit=quantity.unit,
     )
 
 

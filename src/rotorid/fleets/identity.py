@@ -28,11 +28,6 @@ _ARDUPILOT = re.compile(rb"[A-Za-z][\w.+-]{1,31} ([0-9A-F]{8} [0-9A-F]{8} [0-9A-
 _BETAFLIGHT = re.compile(rb"H DeviceUID:(?:0x)?([0-9A-Fa-f]{8,48})")
 _NO_BOARD = re.compile(rb"0*|F*|f*")
 
-_STAMP = re.compile(
-    r"(?<!\d)(20[0-4]\d)[-_.]?([01]?\d)[-_.]?([0-3]?\d)"
-    r"(?:[-_ T/]{1,3}([0-2]?\d)[-_.:h]?([0-5]\d)[-_.:m]?([0-5]\d))?(?!\d)"
-)
-
 
 def read_salt(path: Path) -> bytes:
     """The salt of a folder, made where there is none."""
@@ -66,40 +61,6 @@ def hidden(identity: bytes, salt: bytes) -> str:
     'v-d622c93626'
     """
     return f"v-{hashlib.blake2b(identity, key=salt, digest_size=5).hexdigest()}"
-
-
-def time_of(address: str) -> str:
-    """Date of a log from its name or folder: an ISO date, with the time where there is one.
-
-    Examples
-    --------
-    >>> time_of("logs/log_7_2025-3-9-14-05-59.ulg"), time_of("2024-05-01/12_33_10.ulg")
-    ('2025-03-09T14:05:59', '2024-05-01T12:33:10')
-    >>> time_of("20250309_140559.bin"), time_of("00000012.BIN")
-    ('2025-03-09T14:05:59', '')
-    """
-    last = None
-    for found in _STAMP.finditer("/".join(address.replace("\\", "/").split("/")[-2:])):
-        year, month, day, hour, minute, second = found.groups()
-        if not (1 <= int(month) <= 12 and 1 <= int(day) <= 31 and int(hour or 0) < 24):
-            continue
-        date = f"{year}-{int(month):02d}-{int(day):02d}"
-        stamp = f"{date}T{int(hour):02d}:{minute}:{second}" if hour else date
-        last = stamp if last is None or len(stamp) > len(last) else last
-    return last or ""
-
-
-def natural(name: str) -> tuple[tuple[int, int, str], ...]:
-    """A name as people sort it.
-
-    Examples
-    --------
-    >>> sorted(["log10", "log9"], key=natural)
-    ['log9', 'log10']
-    """
-    return tuple(
-        (0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d{1,18})", name) if part
-    )
 
 
 @dataclass(frozen=True, kw_only=True)

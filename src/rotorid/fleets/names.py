@@ -9,8 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from rotorid.data.display import CHANNEL_WORDS
-from rotorid.data.quantities import figure
+from rotorid.data.quantities import figure, words_of_path
 from rotorid.data.quantity import unit as unit_on_paper
 from rotorid.fleets.table import REVIEW
 
@@ -74,19 +73,14 @@ def shown(model: str, parameter: str, unit: str) -> Shown:
         symbol = f"{name}{rest}" if words else f"{name}{rest} of {model}"
         return Shown(words=words or "", symbol=symbol, unit=unit_on_paper(unit))
     path, _, rest = parameter.partition(" ")
-    place, _, name = path.rpartition(".")
-    part, _, of = place.partition(".")
+    name = path.rpartition(".")[2]
     more = f" {rest}" if rest else ""
     if (found := _MEAN_OUTPUT.fullmatch(name)) is not None:
         return Shown(words=f"mean output of motor {found[1]}{more}", symbol="", unit="%", factor=100.0)
     row = figure(name)
     if row is None:
         return Shown(words=f"{name.replace('_', ' ')}{more}", symbol="", unit=unit_on_paper(unit))
-    number = re.search(r"motor_(\d+)_", name)
-    words = row.words.replace("#", number[1] if number else "#")
-    words += " above 100 Hz" if name.endswith("_above_100hz") else ""
-    words += f" of {CHANNEL_WORDS.get(of, of) if part == 'loops' else of}" if of else ""
-    return Shown(words=f"{words}{more}", symbol="", unit=row.unit, factor=row.factor or 1.0)
+    return Shown(words=f"{words_of_path(path)}{more}", symbol="", unit=row.unit, factor=row.factor or 1.0)
 
 
 def words_of(model: str, parameter: str) -> str:

@@ -19,7 +19,7 @@ from rotorid import __version__
 from rotorid.data.display import visible
 from rotorid.errors import UsageError
 from rotorid.fleets.engines import Cluster, Engine, Limits, Processes
-from rotorid.fleets.identity import read_named, read_salt, time_of
+from rotorid.fleets.identity import read_named, read_salt
 from rotorid.fleets.places import Place, find_places
 from rotorid.fleets.settings import FleetSettings
 from rotorid.fleets.table import (
@@ -43,6 +43,7 @@ from rotorid.fleets.vehicles import separated
 from rotorid.fleets.work import Task
 from rotorid.io.files import sha256_of
 from rotorid.io.folders import scratch_folder
+from rotorid.io.log_order import time_of
 from rotorid.settings.option import as_settings
 
 _PROGRESS = logging.getLogger("rotorid.progress")

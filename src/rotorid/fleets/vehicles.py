@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rotorid.data.base import Immutable
-from rotorid.fleets.identity import natural
 from rotorid.fleets.table import Row
+from rotorid.io.log_order import natural
 
 _FACTS = ("autopilot", "kind", "frame")
 

@@ -11,7 +11,6 @@ from typing import Any
 
 from rotorid.data.base import Immutable
 from rotorid.data.display import visible
-from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, LogError, reason_of
 from rotorid.fleets.identity import board_of, hidden
@@ -211,30 +210,21 @@ def _or_nan(value: float | None) -> float:
 def _measures(record: FlightRecord) -> Iterator[dict[str, Any]]:
     """The numbers of a review with their errors, by the path that its document gives them."""
     from rotorid.reviewing.assembly import review
+    from rotorid.reviewing.baseline import measures
 
     reviewed = review(record, models=False)
-    groups: dict[str, Mapping[str, Quantity]] = {
-        **{f"loops.{name}": loop.numbers for name, loop in reviewed.loops.items()},
-        **{f"margins.{axis}": margin.numbers for axis, margin in reviewed.margins.items()},
-        "battery": reviewed.flight.battery,
-        "noise": reviewed.noise.numbers,
-        "motors": {**reviewed.motors.means, **reviewed.motors.numbers},
-    }
-    if reviewed.flight.hover_throttle is not None:
-        groups["flight"] = {"hover_throttle": reviewed.flight.hover_throttle}
     kinds = ",".join(sorted({finding.kind for finding in reviewed.findings if finding.severity == "warning"}))
-    for group, numbers in groups.items():
-        for name, quantity in numbers.items():
-            yield {
-                "parameter": f"{group}.{name}",
-                "value": quantity.value,
-                "std": quantity.std,
-                "std_random": quantity.std,
-                "lower": quantity.lower if math.isfinite(quantity.lower) else math.nan,
-                "upper": quantity.upper if math.isfinite(quantity.upper) else math.nan,
-                "unit": quantity.unit,
-                "findings": kinds,
-            }
+    for name, quantity in measures(reviewed).items():
+        yield {
+            "parameter": name,
+            "value": quantity.value,
+            "std": quantity.std,
+            "std_random": quantity.std,
+            "lower": quantity.lower if math.isfinite(quantity.lower) else math.nan,
+            "upper": quantity.upper if math.isfinite(quantity.upper) else math.nan,
+            "unit": quantity.unit,
+            "findings": kinds,
+        }
 
 
 _NO_FLIGHT = "The log contains no flight"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rotorid.data.display import capital, counted
-from rotorid.data.quantities import QUANTITIES, FigureOfMerit, Part, figures_of
+from rotorid.data.quantities import QUANTITIES, FigureOfMerit, Part, figure, figures_of, words_of_path
 from rotorid.data.quantity import MISSING, Quantity, significant, unit, with_error, with_interval
 from rotorid.data.trust import trusted
 from rotorid.errors import UsageError
@@ -27,10 +27,12 @@ from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.results.summary import ParameterEstimate
 from rotorid.results.verdicts import LEVEL_OF, Verdict, badge
 from rotorid.results.verdicts import verdict as fit_verdict_of
+from rotorid.reviewing.baseline import left_out_words
 from rotorid.reviewing.cards import Card, cards, no_flight, without_sweep
 from rotorid.reviewing.loops import LOOPS
 from rotorid.reviewing.motors import possible_causes
 from rotorid.reviewing.values import (
+    BaselineReview,
     LoopReview,
     MarginReview,
     NoiseMap,
@@ -41,11 +43,17 @@ from rotorid.reviewing.values import (
 )
 from rotorid.spectral.derived import read_points
 from rotorid.typing import BoolArray
+from rotorid.uncertainty.differences import Verdict as ChangeVerdict
 
 if TYPE_CHECKING:
     from markupsafe import Markup
 
 LOOP_WORDS: Mapping[str, str] = {loop.name: loop.words for loop in LOOPS}
+CHANGE_WORDS: Mapping[ChangeVerdict, str] = {
+    "changed": "changed",
+    "unchanged": "no change",
+    "undecided": "not enough data",
+}
 PLACES = {
     "one side": "Motors on one side work harder.",
     "diagonal": "Motors on one diagonal work harder.",
@@ -83,6 +91,26 @@ class CardRow:
     picture: Markup
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ComparedRow:
+    """A figure of this flight, what earlier flights let expect, and whether it changed."""
+
+    words: str
+    now: tuple[str, str]
+    expected: str
+    verdict: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BaselineRows:
+    """What the page shows of earlier flights."""
+
+    sentences: tuple[str, ...]
+    left_out: tuple[str, ...]
+    flights: tuple[str, ...]
+    rows: tuple[ComparedRow, ...]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Section:
     """What the page shows of one log."""
@@ -108,6 +136,7 @@ class Section:
     power: tuple[NumberRow, ...]
     models: tuple[ModelRow, ...]
     unavailable: tuple[Unavailable, ...]
+    baseline: BaselineRows | None = None
 
     @property
     def sweepless(self) -> bool:
@@ -218,7 +247,44 @@ def _section(review: Review, anchor: str) -> Section:
         power=_power(review),
         models=tuple(_model(name, model) for name, model in review.models.items()),
         unavailable=gathered((*review.cannot_tell, *missing)),
+        baseline=None if review.baseline is None else _baseline(review.baseline),
     )
+
+
+def _baseline(baseline: BaselineReview) -> BaselineRows:
+    order: tuple[ChangeVerdict, ...] = ("changed", "unchanged", "undecided")
+    figures = sorted(baseline.figures.items(), key=lambda entry: order.index(entry[1].verdict))
+    rows = [
+        ComparedRow(
+            words=f"{capital(words_of_path(path))}{f' [{row.unit}]' * bool(row.unit)}",
+            now=row.cells(one.now),
+            expected=MISSING if one.expected is None else _ends(row, one.expected),
+            verdict=CHANGE_WORDS[one.verdict],
+        )
+        for path, one in figures
+        if (row := figure(path.rpartition(".")[2])) is not None
+    ]
+    outputs = {} if baseline.balance is None else baseline.balance.outputs
+    motors = [
+        ComparedRow(
+            words=f"Output of motor {number} against the others [%]",
+            now=with_interval(100.0 * change.value, 100.0 * change.lower, 100.0 * change.upper),
+            expected="0",
+            verdict=CHANGE_WORDS[baseline.balance.verdict] if baseline.balance is not None else "",
+        )
+        for number, change in outputs.items()
+    ]
+    return BaselineRows(
+        sentences=baseline.sentences,
+        left_out=tuple(left_out_words(baseline)),
+        flights=baseline.flights,
+        rows=(*motors, *rows),
+    )
+
+
+def _ends(row: FigureOfMerit, expected: Quantity) -> str:
+    factor = row.factor or 1.0
+    return " to ".join(significant(factor * end) for end in (expected.lower, expected.upper))
 
 
 def _card(card: Card, review: Review) -> CardRow:

@@ -33,6 +33,7 @@ from rotorid.identifying.identify_many import identify_several
 from rotorid.io.records import as_records
 from rotorid.models.families import RATE_AXIS
 from rotorid.results.model import IdentifiedModel, Refused
+from rotorid.reviewing.baseline import baseline_of, with_baseline
 from rotorid.reviewing.flight import flight, logging, vehicle
 from rotorid.reviewing.inspection import foreseen
 from rotorid.reviewing.loops import loops
@@ -103,6 +104,8 @@ def review(
     ------
     LogError
         A file cannot be read.
+    UsageError
+        The folder of earlier flights holds no log.
 
     Examples
     --------
@@ -114,8 +117,21 @@ def review(
     chosen = as_settings(ReviewSettings, settings, options)
     if isinstance(records, FlightRecord | str | Path):
         (record,) = as_records(records)
-        return _review(record, models=chosen.models, known=chosen.known)
-    return tuple(_review(record, models=chosen.models, known=chosen.known) for record in as_records(records))
+        return _compared(record, chosen)
+    return tuple(_compared(record, chosen) for record in as_records(records))
+
+
+def _compared(record: FlightRecord, chosen: ReviewSettings) -> Review:
+    """The review of a log, beside its earlier flights where these were given."""
+    reviewed = _review(record, models=chosen.models, known=chosen.known)
+    if chosen.baseline is None:
+        return reviewed
+
+    def earlier(one: FlightRecord) -> Review:
+        _PROGRESS.info(f"reviewing {one.source.name}")
+        return _review(one, models=False, known=chosen.known)
+
+    return with_baseline(reviewed, baseline_of(record, reviewed, chosen.baseline, earlier))
 
 
 def has_answers(reviewed: Review) -> bool:

@@ -15,13 +15,14 @@ from typing import Literal, NamedTuple, TypeAlias
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.display import capital, counted, listed
-from rotorid.data.quantities import QUANTITIES, FigureOfMerit, Judgment
+from rotorid.data.quantities import QUANTITIES, FigureOfMerit, Judgment, words_of_path
 from rotorid.data.quantity import Quantity
 from rotorid.data.trust import RICH_KINDS
 from rotorid.flights.oscillations import describe, gain_words, motors_limited
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import Color
 from rotorid.results.verdicts import verdict
+from rotorid.reviewing.baseline import balance_words, shown_change
 from rotorid.reviewing.motors import possible_causes
 from rotorid.reviewing.values import Review, Unavailable
 from rotorid.signal.witnesses import MOTION
@@ -481,6 +482,8 @@ def _noise(review: Review) -> Card:
             details=details,
         )
     bad, unsure = _sorted([number for number in judged if number.name != "clipping_share"])
+    if risen := _risen_vibration(review):
+        return Card(key=key, title=title, state="look", headline=risen[0], number=number, scale=scale, details=risen[1])
     if bad:
         worst = shaken if shaken is not None and shaken in bad else bad[0]
         return replace(worst.bad(key, title, number), scale=scale)
@@ -519,6 +522,17 @@ def _noise(review: Review) -> Card:
     )
 
 
+def _risen_vibration(review: Review) -> tuple[str, str] | None:
+    """More vibration than in earlier flights, with its usual cause."""
+    figures = {} if review.baseline is None else review.baseline.figures
+    for path, one in figures.items():
+        rose = one.verdict == "changed" and one.expected is not None and one.now.value > one.expected.value
+        if rose and path.startswith(("noise.vibration", "noise.rotor_line")):
+            words = f"{capital(words_of_path(path))} is higher than in earlier flights: {shown_change(path, one)}."
+            return words, f"Usual cause: {QUANTITIES[path.partition('.')[2]].health}."
+    return None
+
+
 def _motors(review: Review) -> Card:
     key, title = "motors", "Are the motors healthy?"
     motors, numbers = review.motors, review.motors.numbers
@@ -548,7 +562,12 @@ def _motors(review: Review) -> Card:
         # The share of the oscillation itself: another count would be another number for the same thing.
         most = max(oscillation.at_limit_percent or 0.0 for oscillation in review.oscillations)
         return replace(even, headline=_stop_first(review), number=f"{most:.0f} % at a limit", scale="")
-    if uneven is not None and uneven.verdict == "look":
+    balance = None if review.baseline is None else review.baseline.balance
+    if balance is not None and balance.verdict == "changed":
+        return replace(even, headline=balance_words(balance), details=f"Usual cause: {balance.usual}.")
+    # What the vehicle always had is no fault, however uneven.
+    known = balance is not None and balance.verdict == "unchanged"
+    if uneven is not None and uneven.verdict == "look" and not known:
         headline = "The motors share the work less evenly than usual."
         return replace(even, headline=headline, details=possible_causes(motors.pattern))
     if high is not None and high.value > QUANTITIES["saturated_high_share"].limit:
@@ -560,7 +579,8 @@ def _motors(review: Review) -> Card:
             scale=QUANTITIES["saturated_high_share"].scale("look"),
         )
     # Shares at a limit were counted, and are no estimates.
-    estimated = [number for number in judged.values() if not number.name.startswith("saturated")]
+    own = ("imbalance",) if known else ()
+    estimated = [number for name, number in judged.items() if not name.startswith(("saturated", *own))]
     bad, unsure = _sorted(estimated)
     if bad:
         return replace(bad[0].bad(key, title, number), scale=scale)
@@ -574,16 +594,19 @@ def _motors(review: Review) -> Card:
         return replace(first.doubtful(key, title, number=number, details=limits), scale=scale)
     missing = [] if high is not None else ["share of the flight at full output"]
     desync = "No desync was found." if motors.steps_checked else "Desync was not checked."
+    words = _balance_words(uneven.quantity, known=known)
     return replace(
         even,
         state=_good(missing),
-        headline=f"{_balance_words(uneven.quantity)}, with {100.0 * left.quantity.value:.0f} % headroom in hover.",
+        headline=f"{words}, with {100.0 * left.quantity.value:.0f} % headroom in hover.",
         details=_together(desync, limits, _not_measured(missing)),
     )
 
 
-def _balance_words(imbalance: Quantity) -> str:
-    """How evenly motors work that do so within the spread of healthy vehicles."""
+def _balance_words(imbalance: Quantity, *, known: bool) -> str:
+    """How evenly motors work that do so as before, or within the spread of healthy vehicles."""
+    if known:
+        return "Balanced as in earlier flights"
     return "Balanced" if imbalance.upper <= EVEN else "As even as usual"
 
 

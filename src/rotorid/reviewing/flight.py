@@ -117,6 +117,9 @@ def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]
     modes = _modes(record, flights)
     if not modes:
         unavailable.append(Unavailable(what="flight.modes", why="Flight modes are not logged."))
+    if hover is not None and (volts := _mean_voltage(record, flights)):
+        # Without compensation, thrust follows output times voltage.
+        battery["hover_output_v"] = Quantity.normal(volts * hover.value, volts * hover.std, "V")
     summary = FlightSummary(
         flights=flights,
         seen_in=found.seen_in,
@@ -127,6 +130,15 @@ def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]
         modes=modes,
     )
     return summary, tuple(unavailable)
+
+
+def _mean_voltage(record: FlightRecord, flights: Intervals) -> float:
+    """In the air; zero where it is not logged, or where the autopilot takes it out of its outputs."""
+    known = linearization_of(record)
+    if known is not None and known.compensates_voltage:
+        return 0.0
+    time_s, volts = in_air(record, "battery_voltage", flights)
+    return float(np.mean(volts)) if time_s.size > 10 else 0.0
 
 
 def _battery(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity], list[Unavailable]]:

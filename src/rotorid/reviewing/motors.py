@@ -35,6 +35,7 @@ from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Intervals
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.flights.hover import WINDOW_S, steady_windows, thrust_curve
+from rotorid.flights.motor_balance import PATTERNS, amplitudes, patterns_of
 from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.weight_balance import weight_balance
 from rotorid.flights.whole_flights import FlightData, flown, loop_response
@@ -95,7 +96,8 @@ def motors(record: FlightRecord, *, mass_kg: float | None = None) -> tuple[Motor
     unavailable: list[Unavailable] = []
     none: dict[str, Quantity] = {}
     times: tuple[float, ...] = ()
-    (numbers, means, pattern), missing = section("motors", partial(_outputs, record, flight), (none, none, ""))
+    nothing: tuple[dict[str, Quantity], dict[str, Quantity], str, FloatArray | None] = (none, none, "", None)
+    (numbers, means, pattern, patterns), missing = section("motors", partial(_outputs, record, flight), nothing)
     unavailable += missing
     events, unchecked = section("motors.events", partial(_events, record, flight.flights), times)
     unavailable += unchecked
@@ -105,7 +107,14 @@ def motors(record: FlightRecord, *, mass_kg: float | None = None) -> tuple[Motor
     delay, missing = section("motors.output_delay_s", partial(_delay, flight), none)
     numbers = {**numbers, **delay}
     unavailable += missing
-    found = MotorReview(means=means, numbers=numbers, pattern=pattern, events=events, steps_checked=not unchecked)
+    found = MotorReview(
+        means=means,
+        numbers=numbers,
+        pattern=pattern,
+        events=events,
+        steps_checked=not unchecked,
+        patterns=patterns,
+    )
     order, missing = section("motors.rotor_order", partial(_rotor_order, record), _NO_FINDINGS)
     unavailable += missing
     return replace(found, findings=(*_findings(found), *order)), tuple(unavailable)
@@ -126,12 +135,15 @@ def _rotor_order(record: FlightRecord) -> tuple[tuple[Finding, ...], list[Unavai
 
 def _outputs(
     record: FlightRecord, flight: FlightData
-) -> tuple[tuple[dict[str, Quantity], dict[str, Quantity], str], list[Unavailable]]:
-    """Limits, balance and headroom, the mean outputs in steady flight, and their pattern."""
+) -> tuple[tuple[dict[str, Quantity], dict[str, Quantity], str, FloatArray | None], list[Unavailable]]:
+    """Limits, balance and headroom, the mean outputs in steady flight, their pattern, and all patterns over the rotors.
+
+    The last is ``None`` where the rotors are not known.
+    """
     unavailable: list[Unavailable] = []
     numbers: dict[str, Quantity] = {}
     means: dict[str, Quantity] = {}
-    pattern = ""
+    pattern, patterns = "", None
     limits = motor_limits(record)
     if not limits.counted.any():
         how = absence(record, "motor_1")
@@ -152,8 +164,9 @@ def _outputs(
             ]
         else:
             means, balance, pattern = _balance(record, outputs, steady)
-            numbers |= balance
-    return (numbers, means, pattern), unavailable
+            patterns, even = _amplitudes(record, outputs, steady)
+            numbers |= balance | even
+    return (numbers, means, pattern, patterns), unavailable
 
 
 def _limits(record: FlightRecord, limits: MotorLimits) -> dict[str, Quantity]:
@@ -241,6 +254,23 @@ def _balance(
         # What one weak motor asks for would look like a center of gravity off the middle.
         numbers = {name: value for name, value in numbers.items() if not name.startswith("center_of_gravity")}
     return means, numbers, pattern
+
+
+def _amplitudes(
+    record: FlightRecord, outputs: FloatArray, steady: list[slice]
+) -> tuple[FloatArray | None, dict[str, Quantity]]:
+    """Patterns over the rotors, and the amplitude of each in steady flight with its random error."""
+    positions, spins = _geometry(record, outputs.shape[0])
+    if positions is None or spins is None:
+        return None, {}
+    patterns = patterns_of(positions, spins)
+    each = amplitudes(np.stack([outputs[:, window].mean(axis=1) for window in steady]), patterns)
+    parts = np.stack([part.mean(axis=0) for part in np.array_split(each, min(10, max(len(steady) // 2, 2)))])
+    stds = parts.std(axis=0, ddof=1) / math.sqrt(len(parts))
+    found = zip(PATTERNS, each.mean(axis=0), stds, strict=True)
+    return patterns, {
+        name: Quantity.normal(float(value), float(std), "1") for name, value, std in found if math.isfinite(value)
+    }
 
 
 def _thrust_share(outputs: FloatArray, expo: float) -> FloatArray:

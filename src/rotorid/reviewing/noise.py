@@ -22,7 +22,7 @@ from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.axes import RATE_OF, RATES
 from rotorid.data.display import capital, counted
 from rotorid.data.findings import Finding, warn
-from rotorid.data.quantities import QUANTITIES
+from rotorid.data.quantities import QUANTITIES, VIBRATION_BANDS_HZ
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.flights.controllers import controllers_of
@@ -73,6 +73,9 @@ _DELAY_BAND_HZ = (5.0, 80.0)
 
 _DELAY_AT_HZ = 20.0
 """Where the phase delay of the configured filters is taken."""
+
+_LINE_STD_DB = 1.0
+"""Standard deviation of the height of a line, as that of a density over fifty windows."""
 
 _HOT_HZ = 100.0
 """Noise above it moves nothing and heats the motors."""
@@ -132,7 +135,7 @@ def noise(
     (maps, found), missing = section("noise.maps", partial(_spectra, record, sensors), pictures)
     unavailable = [*missing]
     none: dict[str, Quantity] = {}
-    numbers: dict[str, Quantity] = {}
+    numbers: dict[str, Quantity] = _rotor_lines(found)
     parts: dict[str, Callable[[FlightRecord, Sequence[_Sensor], Intervals], NumbersAndGaps]] = {
         "vibration": _vibration,
         "clipping": _clipping,
@@ -447,7 +450,7 @@ def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Interv
             variance = float(sum(_mean_variance(square) for square in squares))
             value = math.sqrt(total)
             std = 0.5 * math.sqrt(variance) / value if value > 0.0 else 0.0
-            return {"vibration_m_s2": _positive(value, std, "m/s²")}, []
+            return {"vibration_m_s2": _positive(value, std, "m/s²"), **_bands(chosen)}, []
     if all(f"{name}_vibration" in record for name in ("ax", "ay", "az")):
         own = []
         for name in ("ax", "ay", "az"):
@@ -458,6 +461,32 @@ def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Interv
             return {"vibration_m_s2": _positive(float(norm.mean()), math.sqrt(_mean_variance(norm)), "m/s²")}, []
     why = "The accelerometer is logged too slowly for vibration, or not at all."
     return {}, [Unavailable(what="noise.vibration_m_s2", why=why, remedy=_fast_sensors(record))]
+
+
+def _bands(accelerometers: Mapping[str, _Sensor]) -> dict[str, Quantity]:
+    """Vibration of each axis in each band that the log reaches."""
+    found = {}
+    for channel, sensor in accelerometers.items():
+        spectra = short_spectra(sensor.time_s, sensor.values)
+        for low, high in VIBRATION_BANDS_HZ if spectra is not None else ():
+            if spectra is None or spectra.frequency_hz[-1] < high:
+                continue
+            inside = (spectra.frequency_hz >= low) & (spectra.frequency_hz < high)
+            squares = spectra.density[:, inside].sum(axis=1) * spectra.bin_hz
+            value = math.sqrt(float(np.mean(squares)))
+            std = 0.5 * math.sqrt(_mean_variance(squares)) / value if value > 0.0 else 0.0
+            found[f"vibration_{channel}_{low}_{high}hz"] = _positive(value, std, "m/s²")
+    return found
+
+
+def _rotor_lines(peaks: Sequence[NoisePeak]) -> dict[str, Quantity]:
+    """Height of the highest line of a rotor in each channel."""
+    highest: dict[str, float] = {}
+    for peak in peaks:
+        if peak.source == "rotor":
+            highest[peak.channel] = max(highest.get(peak.channel, 0.0), peak.height_db)
+    named = {f"rotor_line_{channel.removesuffix('_raw')}_db": height for channel, height in highest.items()}
+    return {name: Quantity.normal(height, _LINE_STD_DB, "dB") for name, height in named.items() if name in QUANTITIES}
 
 
 def _mean_variance(values: FloatArray) -> float:

@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError, unknown_name
@@ -42,6 +43,8 @@ class ReviewSettings(Immutable):
         Whether models are identified too, which takes most of the time.
     known
         Numbers of the vehicle: ``m``, its mass in flight in kg.
+    baseline
+        Folder of earlier flights of the vehicle, to see what changed; in Python also a list of logs or records.
     """
 
     models: Annotated[bool, Option("--models/--no-models", "Identify models too; the longest part.")] = True
@@ -51,3 +54,7 @@ class ReviewSettings(Immutable):
             "--set", "Mass in flight, such as m=1.4: thrust in newtons.", text=Text("m=KG", parse_known, repeats=True)
         ),
     ] = field(default_factory=dict)
+    baseline: Annotated[
+        Any,
+        Option("--baseline", "Earlier flights of the vehicle: what changed since, and why.", text=Text("FOLDER", Path)),
+    ] = None

@@ -18,6 +18,7 @@ from rotorid.data.quantity import Quantity
 from rotorid.data.record import Intervals
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import FaultError, InsufficientDataError, RotoridError, reason_of
+from rotorid.flights.motor_balance import BalanceChange
 from rotorid.flights.oscillations import OscillationReview
 from rotorid.flights.whole_flights import Instrument
 from rotorid.models.autopilots.settings import AxisController
@@ -25,6 +26,8 @@ from rotorid.models.controller import RateController
 from rotorid.settings.verbs import with_verbs
 from rotorid.signal.control import Control
 from rotorid.typing import Axis, FloatArray
+from rotorid.uncertainty.differences import Verdict
+from rotorid.uncertainty.next_flight import NextFlight
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -375,6 +378,7 @@ class MotorReview(Immutable):
     ``numbers`` are figures of ``motors`` in :data:`rotorid.data.quantities.QUANTITIES`.
     ``means`` are the mean outputs in steady flight by motor; ``pattern`` is ``one side``, ``diagonal``, ``one motor``
     or empty, ``events`` start times of desync-like events, ``steps_checked`` whether these were sought.
+    ``patterns`` are those of :func:`rotorid.flights.motor_balance.patterns_of`, ``None`` where the layout is not known.
     """
 
     means: Mapping[str, Quantity] = field(default_factory=dict)
@@ -383,10 +387,51 @@ class MotorReview(Immutable):
     events: tuple[float, ...] = ()
     steps_checked: bool = False
     findings: tuple[Finding, ...] = ()
+    patterns: FloatArray | None = None
 
     def __post_init__(self) -> None:
         require_figures("motors", self.numbers)
         self._set(numbers=self.numbers, means=self.means)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOut(Immutable):
+    """A log of a folder of earlier flights that was not used, and why."""
+
+    log: str
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BaselineReview(Immutable):
+    """The health of a flight beside earlier flights of the vehicle.
+
+    Parameters
+    ----------
+    flights
+        Names of the earlier logs, in their order.
+    left_out
+        Other logs of the folder.
+    verdict
+        ``changed`` where any figure did; ``unchanged`` where none did and one at least would have shown a change of a
+        fifth; else ``undecided``.
+    balance
+        Of the motors; ``None`` where too few flights show it.
+    figures
+        Place in the review (``noise.vibration_m_s2``) to the comparison.
+    sentences
+        The answer, for terminal and page.
+    """
+
+    flights: tuple[str, ...]
+    left_out: tuple[LeftOut, ...] = ()
+    verdict: Verdict
+    balance: BalanceChange | None = None
+    figures: Mapping[str, NextFlight] = field(default_factory=dict)
+    sentences: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._set(figures=self.figures)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -396,7 +441,8 @@ class Review(Immutable):
     ``models`` maps names of models to an ``IdentifiedModel`` or to an error that says why there is none; none was
     looked for where ``models_sought`` is false; ``unsupported`` names those that the log does not support, as
     ``inspect`` answers. ``oscillations`` are axes that swing by themselves, ``calm`` those that were checked and do
-    not. ``control`` is a loss of control, a hard landing or an end in the air.
+    not. ``control`` is a loss of control, a hard landing or an end in the air. ``baseline`` compares with earlier
+    flights, where some were given.
     """
 
     name: str
@@ -418,6 +464,7 @@ class Review(Immutable):
     calm: tuple[Axis, ...] = ()
     control: Control | None = None
     tracking: Mapping[str, TrackingReview] = field(default_factory=dict)
+    baseline: BaselineReview | None = None
 
     def __post_init__(self) -> None:
         self._set(tracking=self.tracking, loops=self.loops, margins=self.margins, models=self.models)

@@ -212,8 +212,10 @@ def homogeneity(values: AnyArray, stds: AnyArray) -> tuple[float, float]:
     return Q, float(stats.chi2.sf(Q, y.size - 1))
 
 
-def discoveries(probabilities: AnyArray | Sequence[float]) -> BoolArray:
+def discoveries(probabilities: AnyArray | Sequence[float], *, share: float = FALSE_SHARE) -> BoolArray:
     """Which of many tests are discoveries, so that no more than 5 % of them are false (Benjamini and Hochberg).
+
+    Where nothing at all is to be found, ``share`` is the probability of any discovery.
 
     Examples
     --------
@@ -222,7 +224,7 @@ def discoveries(probabilities: AnyArray | Sequence[float]) -> BoolArray:
     """
     p = np.asarray(probabilities, dtype=np.float64)
     order = np.argsort(p)
-    allowed = FALSE_SHARE * np.arange(1, p.size + 1) / max(p.size, 1)
+    allowed = share * np.arange(1, p.size + 1) / max(p.size, 1)
     below = np.flatnonzero(p[order] <= allowed)
     found = np.zeros(p.size, dtype=np.bool_)
     if below.size:
@@ -230,7 +232,7 @@ def discoveries(probabilities: AnyArray | Sequence[float]) -> BoolArray:
     return found
 
 
-def detectable(std: float, *, tests: int, freedom: float = math.inf) -> float:
+def detectable(std: float, *, tests: int, freedom: float = math.inf, share: float = FALSE_SHARE) -> float:
     """The difference that would have been found four times out of five, on the scale of ``std``.
 
     Parameters
@@ -241,13 +243,15 @@ def detectable(std: float, *, tests: int, freedom: float = math.inf) -> float:
         How many were made: each has to be so much clearer.
     freedom
         With which ``std`` was estimated.
+    share
+        Of false ones among what is found.
 
     Examples
     --------
     >>> round(detectable(0.05, tests=1), 2), round(detectable(0.05, tests=30), 2)
     (0.14, 0.2)
     """
-    tail = FALSE_SHARE / (2.0 * max(tests, 1))
+    tail = share / (2.0 * max(tests, 1))
     quantile = stats.norm.isf(tail) if math.isinf(freedom) else stats.t.isf(tail, freedom)
     return float((float(quantile) + _POWER_QUANTILE) * std)
 

@@ -11,9 +11,10 @@ import pytest
 from tests.fleet_logs import write_logs
 
 from rotorid.errors import LogError, UsageError
-from rotorid.fleets.identity import board_of, hidden, read_named, read_salt, time_of
+from rotorid.fleets.identity import board_of, hidden, read_named, read_salt
 from rotorid.fleets.places import Place, fetched, find_places
 from rotorid.fleets.settings import FleetSettings, parse_memory
+from rotorid.io.log_order import time_of
 
 CARD = b"\xbc" + struct.pack("<HHH", 2, 1, 7) + b"fixedFrequency\0"
 """How a file of a Crazyflie's card begins."""
