@@ -63,6 +63,12 @@ def flight_of(name: str, vehicle: int, flight: int, loss: Loss | None = None, *,
 
     The same number with another loss has the same air, load and pilot.
     """
+    flown, voltage = fly(name, vehicle, flight, loss)
+    return logged(name, flown, f"flight-{flight:02d}", voltage, further=LOOPS if loops else ())
+
+
+def fly(name: str, vehicle: int, flight: int, loss: Loss | None = None) -> tuple[SimulatedFlight, float]:
+    """A flight, and the voltage of its battery over the usual one."""
     rng = np.random.default_rng([6, vehicle, flight])
     voltage = 1.0 + 0.05 * (rng.random() - 0.5)
     craft = as_flown(name, vehicle, rng, loss, voltage)
@@ -70,8 +76,7 @@ def flight_of(name: str, vehicle: int, flight: int, loss: Loss | None = None, *,
     wind = Wind(north_m_s=north, east_m_s=east, turbulence_m_s=float(rng.uniform(0.0, 0.5)))
     seed = 1000 * vehicle + flight
     plan = everyday_plan(craft, duration_s=DURATION_S, level=0.1, seed=seed)
-    flown = fly_multirotor(craft, plan, wind=wind, seed=seed)
-    return logged(name, flown, f"flight-{flight:02d}", voltage, further=LOOPS if loops else ())
+    return fly_multirotor(craft, plan, wind=wind, seed=seed), voltage
 
 
 def logged(name: str, flown: SimulatedFlight, log: str, voltage: float, *, further: Sequence[str] = ()) -> FlightRecord:

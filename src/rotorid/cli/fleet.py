@@ -53,7 +53,7 @@ def fleet_command(
     run = Fleet(paths, settings, folder)
     try:
         _read(run, quiet=output.quiet)
-        analysis = analyze(run.logged_rows(), groups=run.groups(), gains=run.gains())
+        analysis = analyze(run.logged_rows(), groups=run.groups(), gains=run.gains(), patterns=run.patterns())
         document = fleet_document(
             analysis,
             failed=run.failures(),

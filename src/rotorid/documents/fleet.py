@@ -170,6 +170,15 @@ class OtherGainsDocument(Document):
     gains: dict[str, tuple[float, float]]
 
 
+class OutOfBalanceDocument(Document):
+    """A vehicle whose motors share the work less evenly than those of healthy vehicles, in ``flights``."""
+
+    vehicle: str
+    flights: int
+    of_flights: int
+    imbalance: QuantityDocument
+
+
 class FleetDocument(Document):
     """``fleet.json``: what many logs show of their vehicles.
 
@@ -205,6 +214,7 @@ class FleetDocument(Document):
     drifts: list[DriftDocument] = Field(default_factory=list)
     outliers: OutliersDocument = OutliersDocument()
     groups: list[DifferenceDocument] = Field(default_factory=list)
+    out_of_balance: list[OutOfBalanceDocument] = Field(default_factory=list)
 
 
 def fleet_document(
@@ -293,6 +303,15 @@ def fleet_document(
         groups=[
             DifferenceDocument.model_validate({**difference.__dict__, "relative": finite(difference.relative)})
             for difference in analysis.differences
+        ],
+        out_of_balance=[
+            OutOfBalanceDocument(
+                vehicle=one.vehicle,
+                flights=one.flights,
+                of_flights=one.of_flights,
+                imbalance=QuantityDocument.model_validate(one.imbalance),
+            )
+            for one in analysis.unbalanced
         ],
     )
 

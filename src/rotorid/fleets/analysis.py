@@ -12,7 +12,7 @@ import itertools
 import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -20,6 +20,7 @@ from scipy import stats
 
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity, error_columns
+from rotorid.fleets.balance import BALANCE, MotorChange, OutOfBalance, motor_changes, out_of_balance
 from rotorid.fleets.changes import (
     Change,
     Drift,
@@ -163,6 +164,8 @@ class FleetAnalysis(Immutable):
         Names that stood for several vehicles, which are taken apart.
     other_gains
         Logs that were flown with other gains than those before them.
+    unbalanced
+        Vehicles whose motors share the work less evenly than those of healthy vehicles.
     """
 
     populations: Mapping[Name, Population]
@@ -171,6 +174,7 @@ class FleetAnalysis(Immutable):
     causes: tuple[Cause, ...] = ()
     several: tuple[SeveralVehicles, ...] = ()
     other_gains: tuple[OtherGains, ...] = ()
+    unbalanced: tuple[OutOfBalance, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(populations=self.populations)
@@ -212,6 +216,7 @@ def analyze(
     *,
     groups: Mapping[str, str] | None = None,
     gains: Mapping[str, Mapping[str, float]] | None = None,
+    patterns: Mapping[str, FloatArray] | None = None,
 ) -> FleetAnalysis:
     """Look at a table as a fleet.
 
@@ -223,6 +228,8 @@ def analyze(
         Hash of a log to the name of its group.
     gains
         Hash of a log to the gains that it was flown with.
+    patterns
+        Hash of a log to the patterns over its rotors, to name the motor that changed.
 
     Returns
     -------
@@ -267,6 +274,12 @@ def analyze(
                 scatter_known=of.scatter.known,
             )
         )
+    motors = motor_changes(known, patterns or {})
+    changed_motors = {one.vehicle for one in motors}
+    histories = [
+        replace(one, verdict="changed") if one.vehicle in changed_motors and one.parameter in BALANCE else one
+        for one in histories
+    ]
     return FleetAnalysis(
         populations={
             name: _population(
@@ -276,7 +289,8 @@ def analyze(
         },
         histories=tuple(histories),
         differences=_differences(found, groups or {}),
-        causes=_causes(histories),
+        causes=_causes(histories, motors),
+        unbalanced=out_of_balance(known),
         several=several,
         other_gains=tuple(_other_gains(known, gains or {})),
     )
@@ -616,21 +630,34 @@ _ALIKE = 0.05
 """Ratios of control derivatives that lie nearer changed alike, as thrust changes all of them."""
 
 
-def _causes(histories: Sequence[History]) -> tuple[Cause, ...]:
-    """Steps of one vehicle at one flight together, and the usual cause of such a pattern."""
+def _causes(histories: Sequence[History], motors: Sequence[MotorChange] = ()) -> tuple[Cause, ...]:
+    """Steps of one vehicle at one flight together, and the usual cause of such a pattern.
+
+    Where the balance of the motors names one, its words stand for the outputs of the motors.
+    """
+    known = {(one.vehicle, one.log): one for one in motors}
     events: dict[tuple[str, str], list[tuple[History, Change]]] = defaultdict(list)
     for history in histories:
         for change in history.changes:
             events[history.vehicle, history.rows[change.at_flight - 1].log].append((history, change))
     found = []
+    for one in motors:
+        events.setdefault((one.vehicle, one.log), [])
     for (vehicle, log), many in sorted(events.items()):
+        balance = known.get((vehicle, log))
+        if balance is not None:
+            many = [entry for entry in many if not entry[0].parameter.startswith("motors.")]
         named = [(words_of(history.model, quantity_of(history.parameter)), change) for history, change in many]
         words = ", ".join(
             f"{words} {_percents([change for name, change in named if name == words])}"
             for words in dict.fromkeys(name for name, _ in named)
         )
-        number = min(change.at_flight for _, change in many)
-        found.append(Cause(vehicle=vehicle, at_flight=number, log=log, words=words, usual=_usual(many)))
+        number = min([change.at_flight for _, change in many] + ([balance.at_flight] if balance else []))
+        usual = _usual(many)
+        if balance is not None:
+            words = ", ".join(part for part in (balance.change.words, words) if part)
+            usual = "; ".join(part for part in (balance.change.usual, usual) if part)
+        found.append(Cause(vehicle=vehicle, at_flight=number, log=log, words=words, usual=usual))
     return tuple(found)
 
 

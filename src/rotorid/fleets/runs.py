@@ -15,6 +15,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rotorid import __version__
 from rotorid.data.display import visible
 from rotorid.errors import UsageError
@@ -45,6 +47,7 @@ from rotorid.io.files import sha256_of
 from rotorid.io.folders import scratch_folder
 from rotorid.io.log_order import time_of
 from rotorid.settings.option import as_settings
+from rotorid.typing import FloatArray
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 _LOCK = "fleet.lock"
@@ -219,6 +222,14 @@ class Fleet:
     def gains(self) -> Mapping[str, Mapping[str, float]]:
         """Gains that each log was flown with, by its hash."""
         return {answer.log_sha256: answer.gains for answer in self.counted() if answer.log_sha256 and answer.gains}
+
+    def patterns(self) -> Mapping[str, FloatArray]:
+        """Patterns over the rotors of each log that was reviewed, by its hash."""
+        return {
+            answer.log_sha256: np.array(answer.patterns)
+            for answer in self.counted()
+            if answer.log_sha256 and answer.patterns
+        }
 
     def logged_rows(self) -> list[Row]:
         """Rows with vehicles as their logs name them, for :func:`rotorid.fleets.analyze`."""

@@ -136,6 +136,8 @@ class LogAnswer(Immutable):
         What it gave, and what it could not.
     gains
         Of the rate loops, by the firmware's names.
+    patterns
+        Over the rotors, as :func:`rotorid.flights.motor_balance.patterns_of` gives them; empty where they are unknown.
     seconds
         That the worker took.
     version
@@ -150,11 +152,13 @@ class LogAnswer(Immutable):
     rows: tuple[Row, ...] = ()
     failed: tuple[Failed, ...] = ()
     gains: Mapping[str, float] = field(default_factory=dict)
+    patterns: tuple[tuple[float, ...], ...] = ()
     seconds: float = 0.0
     version: str = __version__
 
     def __post_init__(self) -> None:
-        self._set(gains=self.gains)
+        # A journal has lists.
+        self._set(gains=self.gains, patterns=tuple(tuple(row) for row in self.patterns))
 
     @property
     def done(self) -> bool:

@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rotorid.data.base import Immutable
 from rotorid.data.display import visible
 from rotorid.data.record import FlightRecord
@@ -16,6 +18,7 @@ from rotorid.errors import InsufficientDataError, LogError, reason_of
 from rotorid.fleets.identity import board_of, hidden
 from rotorid.fleets.places import Place, fetched
 from rotorid.fleets.table import REVIEW, Failed, Failure, LogAnswer, Row
+from rotorid.flights.motor_balance import patterns_of, rotor_geometry
 from rotorid.flights.same_vehicle import aircraft_of, gains_of
 from rotorid.io.registry import read
 from rotorid.results.model import IdentifiedModel
@@ -150,7 +153,23 @@ def _answer(task: Task, log: Path) -> LogAnswer:
                 **{name: visible(words) for name, words in asdict(aircraft).items()},
             }
             rows += [Row(**common, **numbers) for numbers in result]
-    return _empty(task, log_sha256=record.source.sha256, rows=tuple(rows), failed=tuple(failed), gains=gains_of(record))
+    return _empty(
+        task,
+        log_sha256=record.source.sha256,
+        rows=tuple(rows),
+        failed=tuple(failed),
+        gains=gains_of(record),
+        patterns=_patterns(record) if task.asked["review"] else (),
+    )
+
+
+def _patterns(record: FlightRecord) -> tuple[tuple[float, ...], ...]:
+    """Patterns over the rotors; empty where not all are known."""
+    positions, spins = rotor_geometry(record)
+    if positions is None or spins is None:
+        return ()
+    found = patterns_of(positions, spins)
+    return tuple(map(tuple, found.tolist())) if bool(np.isfinite(found).all()) else ()
 
 
 def _model_results(record: FlightRecord, task: Task) -> Iterator[tuple[str, list[dict[str, Any]] | str]]:

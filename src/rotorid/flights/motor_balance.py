@@ -40,6 +40,9 @@ from scipy import stats
 
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity, with_half
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.models.autopilots.layouts import layout_of
 from rotorid.typing import AnyArray, FloatArray
 from rotorid.uncertainty.differences import Verdict, verdict
 
@@ -191,6 +194,24 @@ def patterns_of(positions: AnyArray, spins: AnyArray) -> FloatArray:
             found[:, pattern] = left / size
             known.append(found[:, pattern])
     return found
+
+
+def rotor_geometry(record: FlightRecord, count: int | None = None) -> tuple[FloatArray | None, FloatArray | None]:
+    """Forward and right in parts of the longest arm, shape ``(rotors, 2)``, and directions of rotation.
+
+    Parameters
+    ----------
+    count
+        Of the motors; another layout is none. Any by default.
+    """
+    try:
+        layout = layout_of(record)
+    except (InsufficientDataError, ModelError):
+        return None, None
+    positions = np.asarray(layout.positions[:, :2])
+    if count is not None and positions.shape[0] != count:
+        return None, None
+    return positions / float(np.abs(np.hypot(*positions.T)).max()), np.asarray(layout.spins, dtype=np.float64)
 
 
 def amplitudes(outputs: AnyArray, patterns: AnyArray) -> FloatArray:

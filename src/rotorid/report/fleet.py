@@ -12,12 +12,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rotorid.data.display import capital, counted, visible
+from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import MISSING, minus, significant, with_error, with_interval, with_unit
 from rotorid.documents.fleet import (
     DifferenceDocument,
     FailedLogDocument,
     FleetDocument,
     OddFlightDocument,
+    OutOfBalanceDocument,
     PopulationDocument,
     VehicleVerdictDocument,
 )
@@ -51,7 +53,7 @@ class Notable:
 
 
 def notable(document: FleetDocument) -> tuple[Notable, ...]:
-    """What to look at: changes first, then odd flights, odd vehicles, slow changes and other gains."""
+    """What to look at: changes first, then odd flights, odd vehicles, slow changes, other gains and imbalance."""
     return (
         *(
             Notable(
@@ -88,7 +90,20 @@ def notable(document: FleetDocument) -> tuple[Notable, ...]:
             )
             for gains in document.other_gains
         ),
+        *(
+            Notable(
+                vehicle=one.vehicle,
+                what=f"motors out of balance: {_imbalance(one)}",
+            )
+            for one in document.out_of_balance
+        ),
     )
+
+
+def _imbalance(one: OutOfBalanceDocument) -> str:
+    row = QUANTITIES["imbalance"]
+    size = with_unit(significant(100.0 * one.imbalance.value), "%")
+    return f"{size} in {one.flights} of {counted(one.of_flights, 'flight')}, {row.scale('good')}"
 
 
 def _joined(found: Iterable[Notable]) -> Iterable[Notable]:

@@ -14,6 +14,7 @@ from rotorid.data.quantities import QUANTITIES, FigureOfMerit, Part, figure, fig
 from rotorid.data.quantity import MISSING, Quantity, significant, unit, with_error, with_interval
 from rotorid.data.trust import trusted
 from rotorid.errors import UsageError
+from rotorid.flights.motor_balance import BalanceChange
 from rotorid.plot import miniatures
 from rotorid.plot.curves import Frequency, Magnitude
 from rotorid.plot.figure import Figure
@@ -270,7 +271,7 @@ def _baseline(baseline: BaselineReview) -> BaselineRows:
             words=f"Output of motor {number} against the others [%]",
             now=with_interval(100.0 * change.value, 100.0 * change.lower, 100.0 * change.upper),
             expected="0",
-            verdict=CHANGE_WORDS[baseline.balance.verdict] if baseline.balance is not None else "",
+            verdict=_motor_verdict(baseline.balance, number),
         )
         for number, change in outputs.items()
     ]
@@ -280,6 +281,13 @@ def _baseline(baseline: BaselineReview) -> BaselineRows:
         flights=baseline.flights,
         rows=(*motors, *rows),
     )
+
+
+def _motor_verdict(balance: BalanceChange | None, number: int) -> str:
+    """The answer about one motor: where one is named, the others follow from it."""
+    if balance is None or balance.motor in (None, number):
+        return "" if balance is None else CHANGE_WORDS[balance.verdict]
+    return f"follows from motor {balance.motor}"
 
 
 def _ends(row: FigureOfMerit, expected: Quantity) -> str:

@@ -33,13 +33,12 @@ from rotorid.data.quantities import COMPARE, QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Intervals
 from rotorid.data.response import FrequencyResponse
-from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.errors import InsufficientDataError
 from rotorid.flights.hover import WINDOW_S, steady_windows, thrust_curve
-from rotorid.flights.motor_balance import PATTERNS, amplitudes, patterns_of
+from rotorid.flights.motor_balance import PATTERNS, amplitudes, patterns_of, rotor_geometry
 from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.weight_balance import weight_balance
 from rotorid.flights.whole_flights import FlightData, flown, loop_response
-from rotorid.models.autopilots.layouts import layout_of
 from rotorid.reviewing.values import MotorReview, Unavailable, section
 from rotorid.signal.airborne import within
 from rotorid.signal.limits import MotorLimits
@@ -233,7 +232,7 @@ def _balance(
         ),
         "headroom": Quantity.normal(1.0 - float(usual.max()), float(std[int(np.argmax(usual))]), "1"),
     }
-    positions, spins = _geometry(record, usual.size)
+    positions, spins = rotor_geometry(record, usual.size)
     if positions is None or spins is None:
         return means, numbers, ""
     expo, least, most = thrust_curve(record)
@@ -260,7 +259,7 @@ def _amplitudes(
     record: FlightRecord, outputs: FloatArray, steady: list[slice]
 ) -> tuple[FloatArray | None, dict[str, Quantity]]:
     """Patterns over the rotors, and the amplitude of each in steady flight with its random error."""
-    positions, spins = _geometry(record, outputs.shape[0])
+    positions, spins = rotor_geometry(record, outputs.shape[0])
     if positions is None or spins is None:
         return None, {}
     patterns = patterns_of(positions, spins)
@@ -277,18 +276,6 @@ def _thrust_share(outputs: FloatArray, expo: float) -> FloatArray:
     """Part of each motor in the thrust."""
     thrust = np.maximum((1.0 - expo) * outputs + expo * outputs**2, 1e-6)
     return np.asarray(thrust / thrust.sum())
-
-
-def _geometry(record: FlightRecord, count: int) -> tuple[FloatArray | None, FloatArray | None]:
-    """Forward and right in parts of the longest arm, shape ``(motors, 2)``, and directions of rotation."""
-    try:
-        layout = layout_of(record)
-    except (InsufficientDataError, ModelError):
-        return None, None
-    positions = np.asarray(layout.positions[:, :2])
-    if positions.shape[0] != count:
-        return None, None
-    return positions / float(np.abs(np.hypot(*positions.T)).max()), np.asarray(layout.spins, dtype=np.float64)
 
 
 def imbalance_pattern(imbalance: FloatArray, positions: FloatArray, spins: FloatArray) -> str:
