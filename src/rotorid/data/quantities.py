@@ -387,6 +387,12 @@ _MOTORS = {
         f"balance_{axis}": FigureOfMerit(words=f"balance of the motors, {words}", unit="%", factor=100.0)
         for axis, words in (("roll", "right to left"), ("pitch", "front to back"), ("yaw", "by direction"))
     },
+    **{
+        f"balance_1{other}": FigureOfMerit(
+            words=f"balance of motors 1 and {other} against the others", unit="%", factor=100.0
+        )
+        for other in (2, 3, 4)
+    },
     "center_of_gravity_forward": FigureOfMerit(
         words="center of gravity ahead of the middle", detail="over the longest arm"
     ),

@@ -18,11 +18,12 @@ from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import Quantity
 from rotorid.fleets.table import REVIEW, Row
 from rotorid.fleets.vehicles import order_of
-from rotorid.flights.motor_balance import FEWEST_EARLIER, PATTERNS, BalanceChange, balance_change
+from rotorid.flights.motor_balance import FEWEST_EARLIER, PAIR_PATTERNS, PAIRS, PATTERNS, BalanceChange, balance_change
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.differences import discoveries
 
-BALANCE = tuple(f"motors.{name}" for name in PATTERNS)
+_PLACED, _PAIRS = (tuple(f"motors.{name}" for name in names) for names in (PATTERNS, PAIRS))
+BALANCE = (*_PLACED, *_PAIRS)
 """What the table calls the amplitudes of the balance."""
 
 _IMBALANCE = "motors.imbalance"
@@ -53,6 +54,7 @@ class _Flight(NamedTuple):
     row: Row
     values: FloatArray
     stds: FloatArray
+    placed: bool
 
 
 def motor_changes(rows: Sequence[Row], patterns: Mapping[str, FloatArray]) -> tuple[MotorChange, ...]:
@@ -90,31 +92,40 @@ def _flights(rows: Sequence[Row]) -> dict[str, list[_Flight]]:
     found: dict[str, list[_Flight]] = {}
     for vehicle, flights in numbers.items():
         for number, known in enumerate(flights.values(), start=1):
-            own = [known.get(place) for place in BALANCE]
+            placed = any(place in known for place in _PLACED)
+            own = [known.get(place) for place in (_PLACED if placed else _PAIRS)]
             if first := next((row for row in own if row is not None), None):
                 values = np.array([math.nan if row is None else row.value for row in own])
                 stds = np.array([math.nan if row is None else row.std for row in own])
-                found.setdefault(vehicle, []).append(_Flight(number, first, values, stds))
+                found.setdefault(vehicle, []).append(_Flight(number, first, values, stds, placed))
     return found
 
 
 def _tested(flights: Sequence[_Flight], patterns: Mapping[str, FloatArray]) -> Iterator[tuple[_Flight, BalanceChange]]:
     """Each flight beside those before it that know the same amplitudes of the same rotors."""
     for place, flight in enumerate(flights):
-        rotors = patterns.get(flight.row.log_sha256)
+        rotors = _rotors(flight, patterns)
         if rotors is None:
             continue
         same = [
             one
             for one in flights[:place]
             if np.array_equal(np.isfinite(one.values), np.isfinite(flight.values))
-            and _like(patterns.get(one.row.log_sha256), rotors)
+            and one.placed == flight.placed
+            and _like(_rotors(one, patterns), rotors)
         ]
         if len(same) < FEWEST_EARLIER:
             continue
         known = np.where(np.isfinite(flight.values), rotors, np.nan)
         earlier, errors = np.stack([one.values for one in same]), np.stack([one.stds for one in same])
-        yield flight, balance_change(earlier, errors, flight.values, flight.stds, patterns=known)
+        yield (
+            flight,
+            balance_change(earlier, errors, flight.values, flight.stds, patterns=known, placed=flight.placed),
+        )
+
+
+def _rotors(flight: _Flight, patterns: Mapping[str, FloatArray]) -> FloatArray | None:
+    return patterns.get(flight.row.log_sha256) if flight.placed else PAIR_PATTERNS
 
 
 def _like(other: FloatArray | None, rotors: FloatArray) -> bool:

@@ -38,7 +38,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from rotorid.data.base import Immutable
+from rotorid.data.base import Immutable, read_only
 from rotorid.data.quantity import Quantity, with_half
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, ModelError
@@ -48,6 +48,17 @@ from rotorid.uncertainty.differences import Verdict, verdict
 
 PATTERNS = ("balance_roll", "balance_pitch", "balance_yaw")
 """Figures of a review that hold the amplitudes, in the order of the patterns."""
+
+PAIRS = ("balance_12", "balance_13", "balance_14")
+"""The same of a quadrotor whose layout is not known: motors 1 and 2, 1 and 3, 1 and 4 against the others.
+
+Of a quadrotor in X these are roll, pitch and yaw in an unknown order, so that a motor is named as well.
+"""
+
+PAIR_PATTERNS = read_only(
+    [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]], np.float64, ndim=2
+)
+"""Patterns of :data:`PAIRS`, shape ``(4, 3)``."""
 
 USUAL_SCATTER = 0.004
 """Of an amplitude between flights of a vehicle that nothing happened to.
@@ -96,8 +107,8 @@ class BalanceChange(Immutable):
     motor
         Number of the motor that changed; ``None`` where none is named.
     patterns
-        What explains the change: ``motor_N``, ``side``, ``diagonal``; several where the data cannot decide, none where
-        no single one does.
+        What explains the change: ``motor_N``, ``side``, ``diagonal``, of an unknown layout ``pair``; several where the
+        data cannot decide, none where no single one does.
     outputs
         Relative change of each motor's output against the mean of all, by its number.
     rise
@@ -148,6 +159,7 @@ USUAL: Mapping[str, str] = MappingProxyType(
     {
         "side": "battery or load in another place",
         "diagonal": "twisted arm, other propellers or yaw trim",
+        "pair": "load in another place, twisted arm or yaw trim",
     }
 )
 """Usual cause of a change of a pattern."""
@@ -196,6 +208,14 @@ def patterns_of(positions: AnyArray, spins: AnyArray) -> FloatArray:
     return found
 
 
+def patterns_or_pairs(record: FlightRecord, count: int) -> tuple[FloatArray | None, tuple[str, ...]]:
+    """Patterns over the rotors of a log, and the figures of a review that hold their amplitudes."""
+    positions, spins = rotor_geometry(record, count)
+    if positions is not None and spins is not None:
+        return patterns_of(positions, spins), PATTERNS
+    return (PAIR_PATTERNS, PAIRS) if count == PAIR_PATTERNS.shape[0] else (None, ())
+
+
 def rotor_geometry(record: FlightRecord, count: int | None = None) -> tuple[FloatArray | None, FloatArray | None]:
     """Forward and right in parts of the longest arm, shape ``(rotors, 2)``, and directions of rotation.
 
@@ -230,7 +250,13 @@ def amplitudes(outputs: AnyArray, patterns: AnyArray) -> FloatArray:
 
 
 def balance_change(
-    earlier: AnyArray, earlier_stds: AnyArray, now: AnyArray, now_stds: AnyArray, *, patterns: AnyArray
+    earlier: AnyArray,
+    earlier_stds: AnyArray,
+    now: AnyArray,
+    now_stds: AnyArray,
+    *,
+    patterns: AnyArray,
+    placed: bool = True,
 ) -> BalanceChange:
     """Compare the balance of a flight with that of earlier ones.
 
@@ -242,6 +268,8 @@ def balance_change(
         Of the flight, shape ``(3,)``.
     patterns
         Of :func:`patterns_of`, shape ``(rotors, 3)``.
+    placed
+        Whether the patterns are roll, pitch and yaw, and not :data:`PAIRS`.
 
     Examples
     --------
@@ -277,7 +305,7 @@ def balance_change(
     common: dict[str, Any] = {"probability": probability, "outputs": outputs, "detectable": reach, "flights": flights}
     if not found:
         return BalanceChange(verdict=verdict(found=False, detectable_share=reach), **common)
-    explained = _explanations(b, known, change, variance)
+    explained = _explanations(b, known, change, variance, placed=placed)
     keys = tuple(key for key, score in explained.items() if score > max(explained.values()) - _CLEARER)
     keys = tuple(sorted(keys, key=lambda key: -explained[key]))
     left = float(np.sum(change**2 / variance)) - max(explained.values()) - _PER_PART - _SELDOM
@@ -310,7 +338,9 @@ def _alone(direction: FloatArray, change: FloatArray, variance: FloatArray, half
     return _interval(float(direction @ (change / variance)) / information, information**-0.5, half)
 
 
-def _explanations(b: FloatArray, known: AnyArray, change: FloatArray, variance: FloatArray) -> dict[str, float]:
+def _explanations(
+    b: FloatArray, known: AnyArray, change: FloatArray, variance: FloatArray, *, placed: bool
+) -> dict[str, float]:
     """What each hypothesis explains of the squares, less what its parts cost."""
     found = {}
     for motor, direction in enumerate(b, start=1):
@@ -318,6 +348,10 @@ def _explanations(b: FloatArray, known: AnyArray, change: FloatArray, variance: 
         along = float(direction @ (change / variance))
         found[f"motor_{motor}"] = along**2 / information - _PER_PART - (_SELDOM if along < 0.0 else 0.0)
     squares = change**2 / variance
+    if not placed:
+        largest = np.sort(squares)[::-1]
+        found["pair"] = float(max(largest[0] - _PER_PART, largest[:2].sum() - 2.0 * _PER_PART))
+        return found
     sides = np.flatnonzero(known) < 2
     if sides.any():
         found["side"] = float(squares[sides].sum()) - _PER_PART * int(sides.sum())

@@ -23,7 +23,15 @@ from rotorid.data.quantities import figure, words_of_path
 from rotorid.data.quantity import Quantity, with_unit
 from rotorid.data.record import FlightRecord
 from rotorid.errors import LogError, UsageError
-from rotorid.flights.motor_balance import FALSE_ALARM, FEWEST_EARLIER, PATTERNS, BalanceChange, balance_change, percent
+from rotorid.flights.motor_balance import (
+    FALSE_ALARM,
+    FEWEST_EARLIER,
+    PAIRS,
+    PATTERNS,
+    BalanceChange,
+    balance_change,
+    percent,
+)
 from rotorid.flights.same_vehicle import aircraft_of, different_gains, gains_of
 from rotorid.io.files import sha256_of
 from rotorid.io.log_order import natural, time_of
@@ -204,7 +212,9 @@ def _without_imbalance(reviewed: Review, baseline: BaselineReview) -> Iterator[F
 
 def _balance(reviewed: Review, earlier: Sequence[Review]) -> BalanceChange | None:
     patterns = reviewed.motors.patterns
-    known = [name for name in PATTERNS if name in reviewed.motors.numbers]
+    placed = any(name in reviewed.motors.numbers for name in PATTERNS)
+    names = PATTERNS if placed else PAIRS
+    known = [name for name in names if name in reviewed.motors.numbers]
     if patterns is None or not known:
         return None
     same = [
@@ -218,7 +228,7 @@ def _balance(reviewed: Review, earlier: Sequence[Review]) -> BalanceChange | Non
         return None
 
     def column(numbers: Mapping[str, Quantity], what: str) -> FloatArray:
-        return np.array([getattr(numbers[name], what) if name in known else math.nan for name in PATTERNS])
+        return np.array([getattr(numbers[name], what) if name in known else math.nan for name in names])
 
     return balance_change(
         np.stack([column(numbers, "value") for numbers in same]),
@@ -226,6 +236,7 @@ def _balance(reviewed: Review, earlier: Sequence[Review]) -> BalanceChange | Non
         column(reviewed.motors.numbers, "value"),
         column(reviewed.motors.numbers, "std"),
         patterns=patterns,
+        placed=placed,
     )
 
 

@@ -35,7 +35,7 @@ from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Intervals
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.hover import WINDOW_S, steady_windows, thrust_curve
-from rotorid.flights.motor_balance import PATTERNS, amplitudes, patterns_of, rotor_geometry
+from rotorid.flights.motor_balance import amplitudes, patterns_or_pairs, rotor_geometry
 from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.weight_balance import weight_balance
 from rotorid.flights.whole_flights import FlightData, flown, loop_response
@@ -259,14 +259,13 @@ def _amplitudes(
     record: FlightRecord, outputs: FloatArray, steady: list[slice]
 ) -> tuple[FloatArray | None, dict[str, Quantity]]:
     """Patterns over the rotors, and the amplitude of each in steady flight with its random error."""
-    positions, spins = rotor_geometry(record, outputs.shape[0])
-    if positions is None or spins is None:
+    patterns, names = patterns_or_pairs(record, outputs.shape[0])
+    if patterns is None:
         return None, {}
-    patterns = patterns_of(positions, spins)
     each = amplitudes(np.stack([outputs[:, window].mean(axis=1) for window in steady]), patterns)
     parts = np.stack([part.mean(axis=0) for part in np.array_split(each, min(10, max(len(steady) // 2, 2)))])
     stds = parts.std(axis=0, ddof=1) / math.sqrt(len(parts))
-    found = zip(PATTERNS, each.mean(axis=0), stds, strict=True)
+    found = zip(names, each.mean(axis=0), stds, strict=True)
     return patterns, {
         name: Quantity.normal(float(value), float(std), "1") for name, value, std in found if math.isfinite(value)
     }
@@ -338,18 +337,30 @@ def _events(record: FlightRecord, flights: Intervals) -> tuple[tuple[float, ...]
 
 
 def _lost_step(speeds: MotorHistory, outputs: MotorHistory, flights: Intervals) -> tuple[float, ...]:
-    """When an output rises by a fifth of its range while the speed falls by a fifth, within 50 ms."""
+    """When an output rises by a fifth of its range while the speed falls by a fifth, within 50 ms.
+
+    A motor with lag still slows down after its output fell, when that rises again already: that is no loss of step. So
+    the output must not have been higher just before.
+    """
     time_s = speeds.time_s[within(speeds.time_s, flights)]
     if time_s.size < 10:
         return ()
     lag = max(round(_WITHIN_S / float(np.median(np.diff(time_s)))), 1)
+    from scipy.ndimage import maximum_filter1d
+
+    span = max(round(_LONGEST_LAG_S * 2.0 * lag / _WITHIN_S), 1)
     found: list[float] = []
     for speed, output in zip(speeds.values, outputs.values, strict=False):
         turns = np.interp(time_s, speeds.time_s, speed)
         asked = np.interp(time_s, outputs.time_s, output)
         falls = (turns[lag:] < (1.0 - _STEP) * turns[:-lag]) & (turns[:-lag] > 0.3 * float(np.median(turns)))
-        rises = asked[lag:] - asked[:-lag] > _STEP * max(float(np.percentile(asked, 99)), 0.2)
-        found += time_s[:-lag][falls & rises].tolist()
+        size = max(float(np.percentile(asked, 99)), 0.2)
+        rises = asked[lag:] - asked[:-lag] > _STEP * size
+        before = maximum_filter1d(asked, span, origin=(span - 1) // 2, mode="nearest")
+        reason = before[:-lag] > asked[:-lag] + 0.25 * _STEP * size
+        # What went before the first samples is not known.
+        reason[:span] = True
+        found += time_s[:-lag][falls & rises & ~reason].tolist()
     times = np.sort(np.array(found))
     separate = np.concatenate([[True], np.diff(times) > 5.0 * _WITHIN_S]) if times.size else np.zeros(0, dtype=np.bool_)
     return tuple(times[separate].tolist())

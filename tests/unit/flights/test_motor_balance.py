@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rotorid.flights.motor_balance import BalanceChange, amplitudes, balance_change, patterns_of
+from rotorid.flights.motor_balance import PAIR_PATTERNS, BalanceChange, amplitudes, balance_change, patterns_of
 from rotorid.models.rotors import library_layout
 from rotorid.typing import FloatArray
 
@@ -50,6 +50,17 @@ def test_the_motor_that_rose_is_named(motor: int) -> None:
     rises = [one.rise for one in found if one.rise is not None]
     assert sum(rise.lower <= 0.08 <= rise.upper for rise in rises) >= 0.85 * len(rises)
     assert {one.usual for one in found if one.motor == motor} == {f"damaged propeller or weak motor {motor}"}
+
+
+def test_the_motor_of_an_unknown_layout_is_named_too() -> None:
+    rng, error = np.random.default_rng(8), np.full(3, ERROR)
+    before = 0.003 * rng.standard_normal((5, 3))
+    now = amplitudes([0.5, 0.5, 0.5, 0.56], PAIR_PATTERNS)
+    found = balance_change(before, np.tile(error, (5, 1)), now, error, patterns=PAIR_PATTERNS, placed=False)
+    assert (found.motor, found.patterns) == (4, ("motor_4",))
+    moved = amplitudes([0.56, 0.56, 0.5, 0.5], PAIR_PATTERNS)
+    found = balance_change(before, np.tile(error, (5, 1)), moved, error, patterns=PAIR_PATTERNS, placed=False)
+    assert (found.motor, found.patterns) == (None, ("pair",))
 
 
 def test_a_motor_of_a_hexarotor_is_named() -> None:

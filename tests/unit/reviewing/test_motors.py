@@ -139,6 +139,21 @@ def test_a_motor_that_loses_its_step_is_an_event() -> None:
     assert not [one for one in untold if one.what == "motors.events"]
 
 
+def test_a_motor_that_lags_behind_quick_commands_loses_no_step() -> None:
+    """Speeds follow the outputs with a lag of 70 ms and 30 ms late, as a nano quadrotor logs them."""
+    columns, rng = hovering(60.0, 100.0), np.random.default_rng(4)
+    for number in range(1, 5):
+        asked = np.repeat(rng.uniform(0.1, 0.9, size=600), 10)
+        speed, now = np.empty(asked.size), 0.5
+        for place, value in enumerate(asked):
+            now += (value - now) * 0.01 / 0.07
+            speed[place] = 2000.0 * now
+        columns[f"motor_{number}"] = asked
+        columns[f"motor_speed_{number}"] = np.r_[np.full(3, 1000.0), speed[:-3]]
+
+    assert motors(record(columns, 100.0))[0].events == ()
+
+
 def test_speeds_that_are_logged_too_slowly_tell_no_event() -> None:
     columns = hovering(30.0, 10.0)
     columns |= {f"motor_speed_{number}": np.full(300, 800.0) for number in range(1, 5)}
