@@ -36,6 +36,9 @@ _SHORTEST_FLIGHT_S = 2.0
 _SHORTEST_EARLY_S = 5.0
 """Who raises the throttle and tips over is said to fly for seconds."""
 
+_LATEST_S = 10.0
+"""A flag that comes later is not that of this take-off."""
+
 _EARLIEST_S = 1.5
 """An early flag that goes farther ahead of the thrust is not the take-off."""
 
@@ -147,7 +150,7 @@ def airborne(record: FlightRecord, *, margin_s: float = 0.0) -> Airborne:
         flights = _overruled(flights, first, others)
         flights = tuple(_from_take_off(flight, others) for flight in flights if _confirmed(record, flight, witnesses))
     if by_flags:
-        flights = tuple(_with_late_take_off(flight, others) for flight in flights)
+        flights = tuple(_with_late_take_off(record, flight, others) for flight in flights)
         flights = tuple(_to_touch_down(record, flight, others) for flight in flights)
     flights = tuple((start_s, settled_s(record, stop_s)) for start_s, stop_s in flights)
     arming = next(one for one in witnesses if one.name == "arming")
@@ -245,14 +248,20 @@ def _from_take_off(flight: tuple[float, float], others: list[Witness]) -> tuple[
     return flight
 
 
-def _with_late_take_off(flight: tuple[float, float], others: list[Witness]) -> tuple[float, float]:
-    """A flight from where its thrust carries it, when its flag came after that: a message was lost."""
+def _with_late_take_off(
+    record: FlightRecord, flight: tuple[float, float], others: list[Witness]
+) -> tuple[float, float]:
+    """A flight from where its thrust carries it, when its flag came after that: a message was lost.
+
+    A longer wait is one in the air only where the height changes.
+    """
     start_s, stop_s = flight
     for one in others:
-        if one.name not in LEVELS or not one.yes:
-            continue
-        begin_s = next((start for start, stop in one.yes if start < start_s < stop), start_s)
-        return (begin_s, stop_s) if start_s - begin_s <= _LONGEST_WAIT_S else flight
+        begins = [begin for begin, stop in one.yes if begin < start_s < stop]
+        if one.name in LEVELS and begins:
+            waited_s = start_s - begins[0]
+            in_air = waited_s < _LATEST_S and descended(record, begins[0], start_s)
+            return (begins[0], stop_s) if waited_s <= _LONGEST_WAIT_S or in_air else flight
     return flight
 
 
