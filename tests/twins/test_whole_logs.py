@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from functools import cache
 from pathlib import Path
 
 import pytest
 from tests.twins.whole_log_study import PAGE, Answer, examined, rows, study, wrong
-from tests.twins.whole_logs import Case, cases, fly
+from tests.twins.whole_logs import Case, cases, fly, write
+
+import rotorid
+from rotorid.documents.base import to_json
+from rotorid.documents.review import review_document
+from rotorid.report.review import render_reviews
+from rotorid.reviewing.cards import cards
 
 ROUTINE = {"flight": 4, "landed": 2, "bench": 2, "crash": 4}
 WINDOWS_RIGHT, LOSSES_FOUND, LOSSES_FALSE = 0.98, 0.95, 0.01
@@ -26,6 +33,27 @@ def test_control_is_lost_in_crashes_only(case: Case, tmp_path: Path) -> None:
     assert not answer.green, wrong(answer)
     if case.kind == "crash":
         assert abs(answer.late_s) < 0.5, wrong(answer)
+
+
+def test_the_review_of_a_crash_says_it_first(tmp_path: Path) -> None:
+    made = fly(some()[-4])
+    lost_s = made.truth.lost_s
+    assert lost_s is not None
+    reviewed = rotorid.review(rotorid.read(write(made, tmp_path)), models=False)
+    assert reviewed.findings[0].kind == "control_lost"
+    assert reviewed.flight.flights[-1][1] == pytest.approx(lost_s, abs=0.5)
+    motors = next(card for card in cards(reviewed) if card.key == "motors")
+    assert motors.state == "look"
+    assert "was at its limit when control was lost" in motors.headline
+    document = json.loads(to_json(review_document(reviewed)))
+    assert document["control"]["lost_at_s"] == pytest.approx(lost_s, abs=0.5)
+    assert (document["control"]["cause"], document["control"]["ends_in_air"]) == ("set-point missed", False)
+    assert render_reviews([reviewed]).index("Control was lost at") < render_reviews([reviewed]).index('class="tiles"')
+
+
+def test_the_review_of_a_landed_flight_has_a_null_control(tmp_path: Path) -> None:
+    reviewed = rotorid.review(rotorid.read(write(fly(some()[1]), tmp_path)), models=False)
+    assert json.loads(to_json(review_document(reviewed)))["control"] is None
 
 
 def test_a_log_is_the_same_each_time() -> None:
