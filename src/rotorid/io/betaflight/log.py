@@ -21,10 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.autopilots.advice import unread_words
 from rotorid.autopilots.betaflight.advice import field_advice
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.ranges import RANGES
-from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
+from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic, Unread
 from rotorid.errors import LogError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.betaflight.blackbox import MAGIC, Flight, Header, flights, parameters_of
@@ -111,7 +112,27 @@ def record_of(readable: Sequence[Flight], unread: Sequence[tuple[int, LogError]]
         instruments=_instruments(topics),
         findings=findings_of(readable, unread, topics, later_s),
         status=status_of(readable),
+        unread=tuple(_near(longest, topics[0])),
     )
+
+
+_NEAR: Mapping[str, tuple[tuple[str, ...], str]] = MappingProxyType(
+    {
+        "eRPM[0]": (("motor_speed_",), "the header does not state the poles of the motors (motor_poles)"),
+        "escRPM": (("motor_speed_",), "it is one number for all motors"),
+        "accSmooth[0]": (("ax", "ay", "az"), "the header does not state what 1 g is (acc_1G)"),
+        "vbatLatest": (("battery_voltage",), "its unit depends on the firmware, which is not known here"),
+    }
+)
+"""Fields near to channels that a flight may lack: these, and why they do not come from there."""
+
+
+def _near(flight: Flight, topic: Topic) -> Iterator[Unread]:
+    logged = [channel.name for channel in topic.channels]
+    for name, (channels, why) in _NEAR.items():
+        item = Unread(name=name, channels=channels, why=why)
+        if name in (*flight.fields, *flight.slow_fields) and not any(map(item.near, logged)):
+            yield item
 
 
 _GAP_BETWEEN_FLIGHTS_S = 10.0
@@ -553,7 +574,7 @@ def findings_of(
         *_turned_in_flight(flights),
         *(_unread(number, error) for number, error in unread),
         *(finding for flight in flights for finding in _damage(flight)),
-        *_missing(topics[0], flights[0].header.values.get("Firmware revision", "")),
+        *_missing(flights[0], topics[0]),
         *_geometry(flights[0]),
     )
 
@@ -650,11 +671,13 @@ def _damage(flight: Flight) -> Iterator[Finding]:
         )
 
 
-def _missing(topic: Topic, firmware: str) -> Iterator[Finding]:
+def _missing(flight: Flight, topic: Topic) -> Iterator[Finding]:
+    firmware, unread = flight.header.values.get("Firmware revision", ""), tuple(_near(flight, topic))
     for name, message, field in _NEEDED:
         if topic.row(name) is None:
+            near = unread_words(unread, (name,))
             advice = field_advice(firmware, (field,))
-            yield warn("missing_channel", topic.name, f"{message}; {advice}" if advice else message)
+            yield warn("missing_channel", topic.name, near or (f"{message}; {advice}" if advice else message))
 
 
 def _geometry(flight: Flight) -> Iterator[Finding]:

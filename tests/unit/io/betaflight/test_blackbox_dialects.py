@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.unit.io.blackbox_log import END, header, inter, intra, only, record_of, signed, unsigned
 
+from rotorid.autopilots.advice import speed_advice
 from rotorid.data.record import FlightRecord
 from rotorid.typing import FloatArray
 
@@ -223,6 +224,16 @@ def test_inav_counts_in_centimeters_and_upward(tmp_path: Path) -> None:
         },
         abs=1e-12,
     )
+
+
+def test_fields_without_their_settings_are_not_called_missing(tmp_path: Path) -> None:
+    names = ["gyroADC[0]", "accSmooth[0]", "accSmooth[2]", "eRPM[0]"]
+    start = header(names, inter_encoding=[0] * 4, inter_predictor=[0] * 4)
+    record = record_of(start + intra(0, 5000, 1, 2, 3, 4) + END, tmp_path)
+
+    assert speed_advice(record).startswith("eRPM[0] is in the log, but rotorid does not read it: the header does not")
+    (finding,) = (finding for finding in record.findings if finding.message.startswith("accSmooth[0] is in the log"))
+    assert "acc_1G" in finding.message
 
 
 def test_inav_logs_angles_in_tenths_of_a_degree_and_the_pitch_nose_down(tmp_path: Path) -> None:
