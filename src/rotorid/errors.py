@@ -73,7 +73,7 @@ class FaultError(RotoridError):
 STRICT = "ROTORID_STRICT"
 """Variable of the environment that makes :func:`reason_of` raise faults, so that tests see them."""
 
-_FAULTS = logging.getLogger("rotorid.faults")
+_FAULTS = logging.getLogger("rotorid.errors")
 
 
 def reason_of(error: Exception, part: str) -> RotoridError:
