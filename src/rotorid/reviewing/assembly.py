@@ -245,7 +245,7 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
     return replace(
         reviewed,
         next_commands=commands,
-        cannot_tell=tuple(dict.fromkeys(unavailable)),
+        cannot_tell=tuple(dict.fromkeys(replace(gap, remedy=with_verbs(gap.remedy, "review")) for gap in unavailable)),
         findings=worst_first([*_in_words_of_review(findings), *_faults(unavailable)]),
     )
 

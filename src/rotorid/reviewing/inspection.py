@@ -250,7 +250,9 @@ def inspect(record: FlightRecord) -> Inspection:
         parameters=len(record.parameters),
         channels=tuple(channel for topic in record.topics for channel in _channels(topic)),
         excitations=tuple(logged(record, maneuver) for maneuver in _in_time(*found.values())),
-        supports={name: foreseen(record, name, support) for name, support in supports(record).items()},
+        supports={
+            name: _in_words_of_inspect(foreseen(record, name, support)) for name, support in supports(record).items()
+        },
         findings=worst_first(
             (
                 *(flight.control.findings if flight is not None and flight.control is not None else ()),
@@ -343,9 +345,14 @@ def foreseen(record: FlightRecord, model: str, support: Support) -> Support:
         error = reason_of(failure, model)
         findings = error.findings if isinstance(error, InsufficientDataError) else ()
         because, lacks = (findings[0].message, findings[0].kind) if findings else (error.came, "not_identifiable")
-        remedy = with_verbs(error.remedy, "inspect") or support.remedy
+        remedy = error.remedy or support.remedy
         return replace(support, possible=False, because=because.rstrip("."), remedy=remedy, by="", lacks=lacks)
     return support
+
+
+def _in_words_of_inspect(support: Support) -> Support:
+    """A support whose remedy names the command behind an option that ``inspect`` does not have."""
+    return replace(support, remedy=with_verbs(support.remedy, "inspect"))
 
 
 def _alone(what: str, make: Callable[[], Iterable[Finding]]) -> tuple[Finding, ...]:

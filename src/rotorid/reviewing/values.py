@@ -23,7 +23,6 @@ from rotorid.flights.oscillations import OscillationReview
 from rotorid.flights.whole_flights import Instrument
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
-from rotorid.settings.verbs import with_verbs
 from rotorid.signal.control import Control
 from rotorid.typing import Axis, FloatArray
 from rotorid.uncertainty.differences import Verdict
@@ -85,8 +84,7 @@ def unavailable_by(error: RotoridError, what: str) -> Unavailable:
     """What an error leaves without an answer."""
     findings = error.findings if isinstance(error, InsufficientDataError) else ()
     why = str(findings[0].message) if findings else error.reason
-    remedy = with_verbs(error.remedy, "review")
-    return Unavailable(what=what, why=why, remedy=remedy, fault=isinstance(error, FaultError))
+    return Unavailable(what=what, why=why, remedy=error.remedy, fault=isinstance(error, FaultError))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
