@@ -202,6 +202,7 @@ def _physics(fitted: FittedMotors, known: Mapping[str, float]) -> MotorPhysics:
                 sample_rate_hz=flight.record.sample_rate_hz,
                 correlation={axis: excitation.correlation for axis, excitation in excited.items()},
                 counted=tuple(axes),
+                band_hz={axis: excitation.band_hz for axis, excitation in excited.items()},
             )
             for flight, excited, axes in zip(data.stretches, fitted.fit.excitations, counted, strict=True)
         ),

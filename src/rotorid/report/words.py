@@ -21,7 +21,7 @@ from rotorid.data.quantity import in_decibels, milliseconds, significant, unit, 
 from rotorid.data.record import LOWEST_RATE_HZ
 from rotorid.documents.result import ResultDocument
 from rotorid.fitting.frequency.problem import EXCELLENT_COST
-from rotorid.fitting.motors.excitation import SLOW_HZ
+from rotorid.fitting.motors.excitation import SLOW_BAND_HZ, SLOW_HZ
 from rotorid.loops.rate_loops import AxisLoop
 from rotorid.loops.responses import Pair, Responses
 from rotorid.plot.figure import quantity
@@ -560,6 +560,17 @@ def result_sentences(document: ResultDocument) -> tuple[str, ...]:
     return tuple(sentences)
 
 
+def _band_words(document: ResultDocument) -> str:
+    """Where the motors were to explain the motion; nothing for other models."""
+    if document.motors is None:
+        return ""
+    bands = {flight.band_hz.get(axis, SLOW_BAND_HZ) for flight in document.motors.excitation for axis in flight.counted}
+    fast = sorted(band for band in bands if band != SLOW_BAND_HZ)
+    words = [] if fast and SLOW_BAND_HZ not in bands else [f"up to {SLOW_HZ:g} Hz"]
+    words += [f"from {fast[0][0]:g} to {max(high for _, high in fast):g} Hz"] if fast else []
+    return f", {' or '.join(words)}"
+
+
 def summary(document: ResultDocument) -> tuple[str, ...]:
     """The main numbers, unstable modes, the cost or the fit, and each kind of check."""
     sentences = [*result_sentences(document), *mode_sentences(document)]
@@ -569,8 +580,7 @@ def summary(document: ResultDocument) -> tuple[str, ...]:
         parts = [
             f"{significant(percent)} % of {quantity(name).words}" for name, percent in document.fit_percent.items()
         ]
-        slow = f", up to {SLOW_HZ:g} Hz" if document.motors else ""
-        sentences.append(f"The model explains {', '.join(parts)}{slow}.")
+        sentences.append(f"The model explains {', '.join(parts)}{_band_words(document)}.")
     if document.cost is not None or document.fit_percent:
         sentences.append(_fit_sentence(document))
     return (*sentences, *_unseen_sentences(document))

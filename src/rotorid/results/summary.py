@@ -182,7 +182,10 @@ class Derived:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ExcitedFlight:
-    """How far the motors explain the slow motion of a stretch: a correlation up to 5 Hz, and the axes that counted."""
+    """How far the motors explain the motion of a stretch: a correlation, the axes that counted, and where they do.
+
+    ``band_hz`` is the band of each axis: up to 5 Hz, or the octaves in which the motors explain an agile flight.
+    """
 
     record: str
     start_s: float
@@ -190,6 +193,7 @@ class ExcitedFlight:
     sample_rate_hz: float
     correlation: Mapping[str, float]
     counted: tuple[str, ...]
+    band_hz: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

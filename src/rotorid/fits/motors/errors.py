@@ -34,7 +34,7 @@ import numpy as np
 from rotorid.data.axes import RATES
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
-from rotorid.fitting.motors.excitation import LEAST_CORRELATION, slow_taps
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, slow_taps
 from rotorid.fitting.motors.fit import MotorFit
 from rotorid.fitting.motors.problem import Axis, Filter, MotorProblem
 from rotorid.flights.motor_data import MotorData
@@ -211,9 +211,10 @@ def _blocks(fit: MotorFit) -> Iterator[_Block]:
             rows = rows - rows.mean(axis=1, keepdims=True)
             made, more = float(rows[0] @ rows[0]), rows[1:]
         # The problem has the errors of the motion; slopes are those of the motion too.
-        yield _Block(
-            place, name, record.sample_rate_hz, -slopes[kept], error, made, more, name == "az" and fit.white_force
-        )
+        # Of an axis that was fitted in octaves, slow motion is the air's.
+        banded = name in RATES and fit.excitations[place][name].band_hz != SLOW_BAND_HZ
+        gusty = banded or (name == "az" and fit.white_force)
+        yield _Block(place, name, record.sample_rate_hz, -slopes[kept], error, made, more, gusty)
 
 
 def _more(axis: Axis, problem: MotorProblem, values: Mapping[str, float], record: MotorRecord) -> Iterator[FloatArray]:

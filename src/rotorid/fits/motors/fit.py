@@ -27,7 +27,14 @@ from rotorid.fits.motors.weight import WEIGHT_ALONE, balance_finding, weighed, w
 from rotorid.fits.scatter import LogEstimate, disagreements, widened
 from rotorid.fits.searching import Searched, searched
 from rotorid.fitting.motors.accelerations import AccelerationErrors, acceleration_errors
-from rotorid.fitting.motors.excitation import LEAST_CORRELATION, Excitation, excitations, excited_axes
+from rotorid.fitting.motors.excitation import (
+    LEAST_CORRELATION,
+    SLOW_BAND_HZ,
+    Excitation,
+    band_words,
+    excitations,
+    excited_axes,
+)
 from rotorid.fitting.motors.fit import MotorFit, fit_motors, likely_step
 from rotorid.fitting.motors.inertia import inertia_regressions
 from rotorid.fitting.motors.problem import MotorProblem
@@ -149,12 +156,12 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
     found = excitations(data.records, levers)
     if "r" not in excited_axes(found) and (_may_spin_up(choices) or choices.known.get(SPIN_UP)):
         found = excitations(data.records, levers, spin_up=True)
-    axes = excited_axes(found)
+    axes = _chosen_axes(data, found)
     if not axes:
         if (by_weight := _by_weight(data, choices, levers)) is not None:
             return by_weight
         raise _nothing_excited(data, found)
-    left_out: list[Finding] = []
+    left_out = _octaves_left_out(found, axes)
     while True:
         fit, curve, search = _fitted(data, choices, levers, axes)
         fitted = replace(_bounded(data, choices, fit, curve), search=search)
@@ -181,6 +188,29 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
         random = replace(fitted.bounds, covariance=fitted.bounds.random)
         again = bootstrap(fixed, replace(fit.solution, theta=fitted.parameters.pack()), random, choices)
     return replace(fitted, bootstrap=again, left_out=tuple(left_out))
+
+
+def _chosen_axes(data: MotorData, found: Sequence[Mapping[str, Excitation]]) -> tuple[str, ...]:
+    """Axes to fit. Where motors lag, slow motion and octaves would share one lag, and slow motion is the surer one."""
+    axes = excited_axes(found)
+    slow = tuple(
+        axis for axis in axes if any(record[axis].counts and record[axis].band_hz == SLOW_BAND_HZ for record in found)
+    )
+    return slow if slow and data.kind != "speed" else axes
+
+
+def _octaves_left_out(found: Sequence[Mapping[str, Excitation]], axes: Sequence[str]) -> list[Finding]:
+    """Why axes that the motors explain in octaves alone are not fitted."""
+    return [
+        warn(
+            "no_excitation",
+            AXIS_WORDS[axis],
+            f"Motors explain {AXIS_WORDS[axis]} {band_words(found, axis)} only, which shares a motor lag with the "
+            f"slower axes, so no {AXIS_WORDS[axis]} parameters are given. Log motor speeds, or fly a sweep.",
+        )
+        for axis in excited_axes(found)
+        if axis not in axes
+    ]
 
 
 def _by_weight(data: MotorData, choices: MotorSettings, levers: FloatArray) -> FittedMotors | None:
@@ -315,7 +345,7 @@ def _useless(fitted: FittedMotors) -> dict[str, Finding]:
             found[channels[name]] = warn(
                 "poor_fit",
                 name,
-                f"The motors explain only {percent:.0f} % of {name} up to 5 Hz, so no "
+                f"The motors explain only {percent:.0f} % of {name} {fitted.band_words(name)}, so no "
                 f"{AXIS_WORDS[channels[name]]} parameters are given.",
                 fit_percent=percent,
             )
@@ -637,7 +667,7 @@ def _nothing_excited(data: MotorData, found: tuple[Mapping[str, Excitation], ...
     slow = [finding for finding in data.findings if finding.kind == "rate_too_low"]
     message = (
         f"The motors of {names} explain its motion on no axis: the correlation of torque and acceleration up to "
-        f"5 Hz is {correlation_words} ({LEAST_CORRELATION:g} needed)"
+        f"5 Hz is {correlation_words} ({LEAST_CORRELATION:g} needed), and no two octaves above show more"
     )
     return InsufficientDataError(
         message,

@@ -19,6 +19,7 @@ from rotorid.fits.motors.loads import thrust_of_logs, voltage_exponent
 from rotorid.fits.motors.motion import CHANNELS, Motion, motions
 from rotorid.fits.scatter import Disagreement
 from rotorid.fits.searching import Searched
+from rotorid.fitting.motors.excitation import band_words
 from rotorid.fitting.motors.fit import MotorFit
 from rotorid.fitting.motors.inertia import InertiaRegression
 from rotorid.fitting.motors.problem import MotorProblem
@@ -92,6 +93,11 @@ class FittedMotors(Immutable):
     def axes(self) -> tuple[str, ...]:
         """Axes that some stretch excites."""
         return tuple(axis for axis in self.fit.problem.axes if axis != "weight")
+
+    def band_words(self, channel: str) -> str:
+        """Where the motors explain a channel: ``up to 5 Hz``, or the octaves."""
+        axis = next(axis for axis, name in CHANNELS.items() if name == channel)
+        return band_words(self.fit.excitations, axis)
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Measured and modeled accelerations up to a few hertz, by which a fit is judged."""
+"""Measured and modeled accelerations in the band that the motors explain, by which a fit is judged."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.record import Maneuver
-from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_HZ, Excitation
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, SLOW_HZ, Excitation, in_band
 from rotorid.fitting.motors.problem import Axis, MotorProblem
 from rotorid.fitting.motors.speed import motor_speed
 from rotorid.flights.motor_data import MotorFlight
@@ -58,15 +58,15 @@ def motions(
             Motion(
                 flight,
                 tuple(CHANNELS[axis.name] for axis in axes if excited[axis.name].correlation >= LEAST_CORRELATION),
-                {CHANNELS[axis.name]: _pair(axis, rate_hz) for axis in axes},
+                {CHANNELS[axis.name]: _pair(axis, rate_hz, excited[axis.name].band_hz) for axis in axes},
             )
         )
     return tuple(moved)
 
 
-def _pair(axis: Axis, rate_hz: float) -> tuple[FloatArray, FloatArray]:
+def _pair(axis: Axis, rate_hz: float, band_hz: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
     factor = 1.0 if axis.name == "az" else rate_hz
-    measured, modeled = (_slow(factor * row, rate_hz) for row in (axis.measured, axis.predicted))
+    measured, modeled = (_slow(factor * row, rate_hz, band_hz) for row in (axis.measured, axis.predicted))
     if axis.name == "az":
         return measured, modeled
     return measured - measured.mean(), modeled - modeled.mean()
@@ -76,13 +76,8 @@ def _edge(rate_hz: float) -> int:
     return max(1, round(rate_hz / SLOW_HZ))
 
 
-def _slow(row: FloatArray, rate_hz: float) -> FloatArray:
-    from scipy.signal import butter, sosfiltfilt
-
-    inside = slice(_edge(rate_hz), -_edge(rate_hz))
-    if rate_hz <= 2.5 * SLOW_HZ:
-        return row[inside]
-    return np.asarray(sosfiltfilt(butter(2, SLOW_HZ, fs=rate_hz, output="sos"), row)[inside], dtype=np.float64)
+def _slow(row: FloatArray, rate_hz: float, band_hz: tuple[float, float] = SLOW_BAND_HZ) -> FloatArray:
+    return in_band(row, band_hz, rate_hz)[_edge(rate_hz) : -_edge(rate_hz)]
 
 
 def unexplained_by_curve(problem: MotorProblem, theta: FloatArray, found: Sequence[Mapping[str, Excitation]]) -> float:

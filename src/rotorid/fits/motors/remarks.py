@@ -59,7 +59,7 @@ def judge_motors(
         *compare_regressions(identified.both),
         *_ended(identified),
         *_parameter_remarks(identified),
-        *_poor(fit_percent),
+        *_poor(identified, fit_percent),
     )
 
 
@@ -262,9 +262,8 @@ def _ended(identified: FittedMotors) -> Iterator[Finding]:
         )
 
 
-def _poor(fit_percent: Mapping[str, float]) -> Iterator[Finding]:
+def _poor(identified: FittedMotors, fit_percent: Mapping[str, float]) -> Iterator[Finding]:
     for name, percent in fit_percent.items():
         if percent < _GOOD_PERCENT:
-            yield warn(
-                "poor_fit", name, f"The motors explain only {percent:.0f} % of {name} up to 5 Hz.", fit_percent=percent
-            )
+            message = f"The motors explain only {percent:.0f} % of {name} {identified.band_words(name)}."
+            yield warn("poor_fit", name, message, fit_percent=percent)

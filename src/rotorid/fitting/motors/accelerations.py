@@ -31,7 +31,7 @@ import numpy as np
 from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
-from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_HZ, excitations, slow_taps
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, SLOW_HZ, excitations, slow_taps
 from rotorid.fitting.motors.problem import FORCES, Filter, MotorProblem
 from rotorid.fitting.motors.start import coarser, reach, started
 from rotorid.typing import BoolArray, FloatArray
@@ -256,7 +256,9 @@ def acceleration_errors(problem: MotorProblem) -> AccelerationErrors:
     found = excitations(problem.records, problem.levers)
     filters = []
     for record, excited in zip(records, found, strict=True):
-        counted = [axis for axis in problem.axes if axis in excited and excited[axis].correlation >= LEAST_CORRELATION]
+        # The published cost is one of slow motion.
+        slow = {axis for axis, excitation in excited.items() if excitation.band_hz == SLOW_BAND_HZ}
+        counted = [axis for axis in problem.axes if axis in slow and excited[axis].correlation >= LEAST_CORRELATION]
         taps = slow_taps(record.sample_rate_hz)
         forces = [] if "az" in counted or "weight" not in problem.axes else ["weight"]
         filters.append({axis: Filter(taps if axis not in forces else np.ones(1), 1.0) for axis in (*forces, *counted)})

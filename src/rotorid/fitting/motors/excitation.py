@@ -1,18 +1,40 @@
-"""How far motors explain the slow motion of each axis of a record: what one may fit there at all."""
+"""How far motors explain the motion of each axis of a record, and in which band: what one may fit there at all.
+
+Most test inputs are slow, and motion up to 5 Hz shows them. In agile flight, moments of the air hide the motors there,
+and show them from 3 to 15 Hz: a rate that the motors do not explain up to 5 Hz counts where they explain it in two
+neighboring octaves or more, in those.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.axes import RATES
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.motors.speed import motor_speed
 from rotorid.typing import FloatArray
 
 SLOW_HZ = 5.0
-"""Motion up to here is what flying does; above it noise of the sensors prevails."""
+"""Motion up to here is what flying does; above it noise of the sensors prevails, unless the flight is agile."""
+
+SLOW_BAND_HZ = (0.0, SLOW_HZ)
+"""The usual band."""
+
+_OCTAVES_HZ = (0.75, 1.5, 3.0, 6.0, 12.0, 24.0)
+"""Edges of the octaves in which a rate is looked for that slow motion does not show."""
+
+_FEWEST_OCTAVES = 2
+"""One octave alone may look like the motors by chance."""
+
+_FEWEST_CYCLES = 10.0
+"""Cycles of the lowest frequency of an octave that a record lasts."""
+
+_OF_RATE = 0.4
+"""Share of the sample rate up to which an octave is read."""
 
 LEAST_CORRELATION = 0.8
 """Of torque and acceleration, or thrust and specific force. Where a controller alone answers to gusts and noise, motors
@@ -23,7 +45,7 @@ _AXES = ("az", "p", "q", "r")
 
 
 class Excitation(NamedTuple):
-    """How far the motors explain the slow motion of one axis.
+    """How far the motors explain the motion of one axis.
 
     Parameters
     ----------
@@ -34,11 +56,37 @@ class Excitation(NamedTuple):
     opposed
         The correlation of the opposite sign, at its best lag, zero or less: far below zero the motors are not where, or
         do not turn as, the levers say.
+    band_hz
+        Where they do: up to 5 Hz, or a run of octaves.
     """
 
     correlation: float
     lag_s: float
     opposed: float = 0.0
+    band_hz: tuple[float, float] = SLOW_BAND_HZ
+
+    @property
+    def counts(self) -> bool:
+        """Whether the axis may be fitted."""
+        return self.correlation >= LEAST_CORRELATION
+
+    def taps(self, sample_rate_hz: float) -> FloatArray:
+        """Taps of a causal filter of the band."""
+        return slow_taps(sample_rate_hz) if self.band_hz == SLOW_BAND_HZ else band_taps(self.band_hz, sample_rate_hz)
+
+
+def band_words(found: Iterable[Mapping[str, Excitation]], axis: str) -> str:
+    """Where the motors explain an axis, over all records that count: ``up to 5 Hz``, or ``from 3 to 12 Hz``.
+
+    Examples
+    --------
+    >>> agile = Excitation(0.9, 0.02, band_hz=(3.0, 12.0))
+    >>> band_words([{"p": agile}], "p"), band_words([{"p": Excitation(0.3, 0.02)}], "p")
+    ('from 3 to 12 Hz', 'up to 5 Hz')
+    """
+    bands = [record[axis].band_hz for record in found if record[axis].counts] or [SLOW_BAND_HZ]
+    low, high = min(low for low, _ in bands), max(high for _, high in bands)
+    return f"from {low:g} to {high:g} Hz" if low > 0.0 else f"up to {high:g} Hz"
 
 
 def excitations(
@@ -91,7 +139,41 @@ def _of(record: MotorRecord, levers: FloatArray, *, spin_up: bool) -> dict[str, 
                 best[axis] = Excitation(correlation, lag_s, opposed)
             else:
                 best[axis] = best[axis]._replace(opposed=opposed)
+    for axis, lever, motion in zip(RATES, levers, np.diff(record.rates, axis=1), strict=True):
+        if not best[axis].counts and (found := _in_octaves(record, lever, motion)) is not None:
+            best[axis] = found._replace(opposed=best[axis].opposed)
     return best
+
+
+def _in_octaves(record: MotorRecord, lever: FloatArray, motion: FloatArray) -> Excitation | None:
+    """The longest run of octaves in which the motors explain a rate, with the correlation in all of it."""
+    rate_hz = record.sample_rate_hz
+    if not np.any(motion):
+        return None
+    torques = {
+        lag_s: lever @ motor_speed(record.outputs, lag_s=lag_s, delay_s=0.0, step_s=1.0 / rate_hz).level[:, 1:].real
+        for lag_s in _LAGS_S
+    }
+
+    def best_in(band_hz: tuple[float, float]) -> Excitation:
+        if band_hz[1] > _OF_RATE * rate_hz or record.samples / rate_hz * band_hz[0] < _FEWEST_CYCLES:
+            return Excitation(0.0, _LAGS_S[0])
+        shown = _band_part(motion, band_hz, rate_hz)
+        found = {lag_s: _correlation(_band_part(row, band_hz, rate_hz), shown) for lag_s, row in torques.items()}
+        lag_s = max(found, key=lambda lag_s: found[lag_s])
+        return Excitation(found[lag_s], lag_s, band_hz=band_hz)
+
+    runs: list[list[tuple[float, float]]] = [[]]
+    for band_hz in pairwise(_OCTAVES_HZ):
+        if best_in(band_hz).counts:
+            runs[-1].append(band_hz)
+        else:
+            runs.append([])
+    longest = max(runs, key=len)
+    if len(longest) < _FEWEST_OCTAVES:
+        return None
+    together = best_in((longest[0][0], longest[-1][1]))
+    return together if together.counts else None
 
 
 def slow_taps(sample_rate_hz: float) -> FloatArray:
@@ -104,6 +186,35 @@ def slow_taps(sample_rate_hz: float) -> FloatArray:
     impulse = np.zeros(max(8, round(sample_rate_hz / SLOW_HZ)))
     impulse[0] = 1.0
     return np.asarray(lfilter(b, a, impulse), dtype=np.float64)
+
+
+def band_taps(band_hz: tuple[float, float], sample_rate_hz: float) -> FloatArray:
+    """Taps of a causal band-pass, as long as it rings."""
+    from scipy.signal import butter, lfilter
+
+    b, a = butter(2, band_hz, btype="bandpass", fs=sample_rate_hz)
+    impulse = np.zeros(max(8, round(1.5 * sample_rate_hz / band_hz[0])))
+    impulse[0] = 1.0
+    return np.asarray(lfilter(b, a, impulse), dtype=np.float64)
+
+
+def in_band(row: FloatArray, band_hz: tuple[float, float], sample_rate_hz: float) -> FloatArray:
+    """A row through a filter of its band without phase, along the last axis; all of it where the record is slower."""
+    from scipy.signal import butter, sosfiltfilt
+
+    if band_hz != SLOW_BAND_HZ:
+        sos = butter(2, band_hz, btype="bandpass", fs=sample_rate_hz, output="sos")
+    elif sample_rate_hz > 2.5 * SLOW_HZ:
+        sos = butter(2, SLOW_HZ, fs=sample_rate_hz, output="sos")
+    else:
+        return row
+    return np.asarray(sosfiltfilt(sos, row), dtype=np.float64)
+
+
+def _band_part(row: FloatArray, band_hz: tuple[float, float], sample_rate_hz: float) -> FloatArray:
+    found = in_band(row - row.mean(), band_hz, sample_rate_hz)
+    edge = max(1, round(sample_rate_hz / band_hz[0]))
+    return found[edge:-edge] if found.size > 4 * edge else found
 
 
 def _slow_part(row: FloatArray, sample_rate_hz: float) -> FloatArray:

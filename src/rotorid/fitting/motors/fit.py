@@ -5,14 +5,14 @@ The fit takes turns between the parameters and the filters that whiten the error
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
-from rotorid.fitting.motors.excitation import LEAST_CORRELATION, Excitation, excited_axes
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, Excitation, excited_axes
 from rotorid.fitting.motors.problem import Filter, MotorProblem
 from rotorid.fitting.motors.start import WEIGHING, sized, slow_problem, started
 from rotorid.fitting.problem import Fit, Part
@@ -171,7 +171,7 @@ def fit_motors(
     if missing := set(problem.axes) - {"weight", *excited_axes(found)}:
         raise InsufficientDataError(
             f"the motors explain the motion along {', '.join(sorted(missing))} in no record",
-            needed=f"a correlation of {LEAST_CORRELATION:g} up to 5 Hz",
+            needed=f"a correlation of {LEAST_CORRELATION:g} up to 5 Hz, or in two octaves above",
             remedy="fly sweeps or doublets on these axes, or leave them out",
         )
     parameters = started(problem, found)
@@ -181,7 +181,7 @@ def fit_motors(
     solution = solver.minimize(problem.residuals, problem.parameters.pack(), *problem.box)
     settled, count, last = False, 0, np.zeros(0)
     for count in range(1, rounds + 1):
-        problem = _with_whitening(problem, solution.theta, white_force=white_force)
+        problem = _with_whitening(problem, solution.theta, found, white_force=white_force)
         following = solver.minimize(problem.residuals, solution.theta, *problem.box)
         if count == 1:
             following = at_the_best_sample(problem, following, solver)
@@ -258,13 +258,23 @@ def _deviations(solution: Solution, before: FloatArray) -> FloatArray:
     return np.where(variances > 0.0, moved / np.sqrt(np.where(variances > 0.0, variances, 1.0)), 0.0)
 
 
-def _with_whitening(problem: MotorProblem, theta: FloatArray, *, white_force: bool) -> MotorProblem:
+def _with_whitening(
+    problem: MotorProblem, theta: FloatArray, found: Sequence[Mapping[str, Excitation]], *, white_force: bool
+) -> MotorProblem:
     filters = []
-    for record, errors, counted in zip(problem.records, problem.errors(theta), problem.filters, strict=True):
+    for record, errors, counted, excited in zip(
+        problem.records, problem.errors(theta), problem.filters, found, strict=True
+    ):
         order = int(np.clip(round(_MEMORY_S * record.sample_rate_hz), _LEAST_ORDER, _MOST_ORDER))
         order = min(order, record.samples // 10)
         order_of = {axis: 0 if axis == "az" and not white_force else order for axis in counted}
-        filters.append({axis: _whitening(axis, errors[axis], order_of[axis]) for axis in counted})
+        whitening = {axis: _whitening(axis, errors[axis], order_of[axis]) for axis in counted}
+        # Outside of its octaves an axis shows the air, which no color of errors takes out.
+        banded = {axis for axis in counted if axis in excited and excited[axis].band_hz != SLOW_BAND_HZ}
+        for axis in banded:
+            taps = np.convolve(whitening[axis].taps, excited[axis].taps(record.sample_rate_hz))
+            whitening[axis] = sized(taps, errors[axis])
+        filters.append(whitening)
     return problem.with_filters(filters)
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rotorid.data.record import MotorRecord
-from rotorid.fitting.motors.excitation import LEAST_CORRELATION, Excitation, slow_taps
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, Excitation
 from rotorid.fitting.motors.problem import Filter, MotorProblem
 from rotorid.fitting.problem import Scale, StartBox
 from rotorid.models.motors import SPIN_UP, YAW_DELAY, mean_force
@@ -109,9 +109,13 @@ def slow_problem(problem: MotorProblem, found: Sequence[Mapping[str, Excitation]
     """The problem of slow motion: each axis that counts in units of the errors of a first guess."""
     filters = []
     for record, errors, excited in zip(problem.records, problem.errors(problem.parameters.pack()), found, strict=True):
-        taps = slow_taps(record.sample_rate_hz)
         counted = _counted(excited, problem.axes)
-        filters.append({axis: WEIGHING if axis == "weight" else sized(taps, errors[axis]) for axis in counted})
+        filters.append(
+            {
+                axis: WEIGHING if axis == "weight" else sized(excited[axis].taps(record.sample_rate_hz), errors[axis])
+                for axis in counted
+            }
+        )
     return problem.with_filters(filters)
 
 
@@ -168,9 +172,10 @@ def _inertia(
     products = {axis: np.zeros(2) for axis in probe.axes}
     yaw: list[tuple[FloatArray, FloatArray]] = []
     for record, equations, excited in zip(probe.records, probe.equations(probe.parameters.pack()), found, strict=True):
-        shape = Filter(slow_taps(record.sample_rate_hz), 1.0)
         for axis in equations:
             if axis.name in _counted(excited, probe.axes):
+                own = excited["az" if axis.name == "weight" else axis.name]
+                shape = Filter(own.taps(record.sample_rate_hz), 1.0)
                 motion, torque = (shape(row - row.mean()) for row in (axis.measured, axis.predicted))
                 products[axis.name] += [float(motion @ torque), float(torque @ torque)]
                 if axis.name == "r" and SPIN_UP in probe.parameters.free:

@@ -6,12 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from rotorid.data.record import MotorRecord
-from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excitations, slow_taps
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, band_words, excitations, slow_taps
+from rotorid.fitting.motors.fit import fit_motors
+from rotorid.fitting.motors.problem import MotorProblem
+from rotorid.fitting.motors.speed import motor_speed
+from rotorid.models.motors import motor_parameters
 from rotorid.vehicles.motor_flight import TRUTH, flights, levers
 
 LEVERS = levers()
+THRUST_N, INERTIA_KG_M2 = 5.0, 0.015
 
 
 @pytest.fixture(scope="module")
@@ -60,3 +66,42 @@ def test_slow_motion_passes_and_fast_motion_does_not(sample_rate_hz: float) -> N
 
 def test_slow_records_pass_as_they_are() -> None:
     np.testing.assert_array_equal(slow_taps(10.0), [1.0])
+
+
+def agile(*, air: float, seed: int = 4, duration_s: float = 20.0, rate_hz: float = 200.0) -> MotorRecord:
+    """Torques of roll up to 20 Hz under moments of the air below 2 Hz, that many times as large; 0.015 kg m²."""
+    rng, samples = np.random.default_rng(seed), round(duration_s * rate_hz)
+    torque = np.asarray(sosfiltfilt(butter(2, 20.0, fs=rate_hz, output="sos"), rng.normal(size=samples)))
+    moments = np.asarray(sosfiltfilt(butter(2, 2.0, fs=rate_hz, output="sos"), rng.normal(size=samples)))
+    moments *= air * torque.std() / moments.std()
+    outputs = 0.5 + 0.02 * np.sign(LEVERS[0])[:, None] * torque / torque.std()
+    level = motor_speed(outputs, lag_s=0.03, delay_s=0.0, step_s=1.0 / rate_hz).level.real
+    made = LEVERS[0] @ (THRUST_N * level)
+    pushed = (made + moments * made.std() / torque.std()) / INERTIA_KG_M2
+    roll = np.concatenate([[0.0], np.cumsum(0.5 * (pushed[1:] + pushed[:-1]))]) / rate_hz
+    still = 1e-3 * rng.normal(size=(2, samples))
+    return MotorRecord(
+        name="agile",
+        sample_rate_hz=rate_hz,
+        outputs=outputs,
+        rates=np.stack([roll + 1e-3 * rng.normal(size=samples), *still]),
+        az=-9.80665 + 0.05 * rng.normal(size=samples),
+    )
+
+
+def test_octaves_show_the_motors_of_an_agile_flight() -> None:
+    (calm,), (rough,) = (excitations([agile(air=air)], LEVERS) for air in (0.0, 4.0))
+    assert (calm["p"].counts, calm["p"].band_hz) == (True, (0.0, 5.0))
+    assert rough["p"].counts
+    assert rough["p"].band_hz[0] >= 3.0
+    assert rough["p"].band_hz[1] >= 12.0
+    assert band_words([rough], "p") == f"from {rough['p'].band_hz[0]:g} to {rough['p'].band_hz[1]:g} Hz"
+    assert not any(rough[axis].counts for axis in ("az", "q", "r"))
+
+
+def test_inertia_comes_from_the_octaves_that_the_motors_explain() -> None:
+    parameters = motor_parameters(curve="linear", known={"m": 1.0, "c_1": THRUST_N}, axes=("p",), heave_damping=False)
+    problem = MotorProblem(records=(agile(air=4.0),), levers=LEVERS, parameters=parameters, axes=("p",))
+    found = fit_motors(problem).parameters
+    assert found["I_xx"].value == pytest.approx(INERTIA_KG_M2, rel=0.05)
+    assert found["T_motor"].value == pytest.approx(0.03, abs=0.004)
