@@ -97,7 +97,8 @@ def test_a_real_quadrotor_whose_diagonals_differ(logs: Callable[[str], FlightRec
     assert seen.pattern == "diagonal"
     assert seen.numbers["imbalance"].lower > 0.25
     assert {one.what for one in untold} >= {"motors.events", "motors.output_delay_s"}
-    assert summary.flights[0] == pytest.approx((1095.21, 1123.72), abs=0.01)
+    # It touches down at 1122.6 s, and is said to have landed a second later.
+    assert summary.flights[0] == pytest.approx((1095.21, 1122.62), abs=0.05)
     assert set(summary.modes) == {"takeoff", "hold", "land"}
     hover = record["hover_thrust"].values
     assert summary.hover_throttle is not None
