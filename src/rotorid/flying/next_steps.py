@@ -18,6 +18,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord
 from rotorid.errors import RotoridError
 from rotorid.io.formats import PACKED
+from rotorid.signal.airborne import control_of
 from rotorid.typing import Axis
 
 if TYPE_CHECKING:
@@ -95,7 +96,9 @@ def next_steps(known: KnownOfLog) -> Iterator[str]:
         yield _command("response", *log, "--inputs", known.loop.reference, "--outputs", known.loop.answer, *direct)
     if not known.reviewed:
         yield _command("review", *log)
-    if known.wanted_axes:
+    lost = control_of(record)
+    # A vehicle that lost control needs a repair before anyone sweeps it.
+    if known.wanted_axes and (lost is None or lost.lost_at_s is None):
         yield _command("design", "sweep", *_vehicle(known, folder), "--axis", ",".join(known.wanted_axes))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import Channel, FlightRecord, Source, Status, Topic
+from rotorid.flying.next_steps import KnownOfLog, next_steps
 from rotorid.io.registry import read
 from rotorid.signal.airborne import airborne
 from rotorid.signal.control import Control, before_loss, control
@@ -188,3 +189,11 @@ def test_a_real_crash_is_found_at_10_hz(shared_data: Path) -> None:
     assert flight.control.lost_at_s == pytest.approx(369.2, abs=0.5)
     assert "motor 1 at its limit" in flight.control.words
     assert flight.control.impact_at_s == pytest.approx(373.5, abs=0.2)
+
+
+@pytest.mark.parametrize("lost", [True, False])
+def test_a_vehicle_that_lost_control_is_not_sent_to_a_sweep(lost: bool) -> None:
+    record = record_of(*crash_rows(50.0, lost=lost))
+    commands = list(next_steps(KnownOfLog(record=record, wanted_axes=("roll",), reviewed=False)))
+    assert any(command.startswith("rotorid review") for command in commands)
+    assert any(command.startswith("rotorid design sweep") for command in commands) is not lost
