@@ -34,7 +34,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantity import with_error
 from rotorid.uncertainty.cramer_rao import Bounds
-from rotorid.uncertainty.differences import homogeneity
+from rotorid.uncertainty.differences import homogeneity, scatter_between
 from rotorid.uncertainty.model_error import SMALLEST_MODEL_ERROR
 
 _CHANCE = 0.01
@@ -140,13 +140,11 @@ def _compared(name: str, logs: Sequence[LogEstimate]) -> Disagreement | None:
     if len(logs) < 2:
         return None
     values, stds = (np.array([getattr(log, part)[name] for log in logs]) for part in ("values", "stds"))
-    Q, chance = homogeneity(values, stds)
+    _, chance = homogeneity(values, stds)
     if not chance < _CHANCE:
         return None
-    weights, free = stds**-2.0, len(logs) - 1
-    between = (Q - free) / float(np.sum(weights) - np.sum(weights**2) / np.sum(weights))
     estimates = {log.record: (log.values[name], log.stds[name]) for log in logs}
-    return Disagreement(parameter=name, estimates=estimates, chance=chance, scatter=float(np.sqrt(max(between, 0.0))))
+    return Disagreement(parameter=name, estimates=estimates, chance=chance, scatter=scatter_between(values, stds))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import Color
 from rotorid.results.verdicts import verdict
 from rotorid.reviewing.baseline import balance_words, shown_change
-from rotorid.reviewing.motors import possible_causes
+from rotorid.reviewing.motors import EVEN, possible_causes
 from rotorid.reviewing.values import Review, Unavailable
 from rotorid.signal.witnesses import MOTION
 
@@ -39,9 +39,6 @@ STATES: Mapping[State, tuple[str, Color]] = MappingProxyType(
     }
 )
 """Word and color of a state, on every page and line: what is unknown is gray."""
-
-EVEN = 0.08
-"""Imbalance up to which motors are called balanced."""
 
 _SELDOM = 5e-4
 """Share of the flight at a limit that is too small to mention."""

@@ -329,8 +329,8 @@ def _with_feedback(response: FrequencyResponse, outer_rad_s: float) -> Frequency
     With the disturbance :math:`d` of the angle, :math:`y = T r + S d` and :math:`r = r_0 - L_o y`, so that the direct
     estimate is off by
 
-    .. math:: |\Delta T| = |S| \, |L_o S| \, rac{S_{dd}}{S_{rr}}
-        \le |L_o| \, |T|^2 \, rac{1 - \gamma^2}{\gamma^2}, \qquad |L_o| pprox \omega_o / \omega
+    .. math:: |\Delta T| = |S| \, |L_o S| \, \frac{S_{dd}}{S_{rr}}
+        \le |L_o| \, |T|^2 \, \frac{1 - \gamma^2}{\gamma^2}, \qquad |L_o| \approx \omega_o / \omega
 
     with what the set-point does not explain of the angle, :math:`|S|^2 S_{dd} = (1 - \gamma^2) S_{yy}`, and the
     crossover :math:`\omega_o` of the outer loop. The bound is shared by neighbors: it does not average out.

@@ -54,8 +54,8 @@ from rotorid.typing import BoolArray, FloatArray
 EXPLAINED = 0.9
 """Part of the squares that a named pattern must explain."""
 
-_UNEVEN = 0.08
-"""Imbalance from which its pattern is given."""
+EVEN = 0.08
+"""Imbalance up to which motors are called balanced; beyond it, its pattern is given."""
 
 _FEWEST_WINDOWS = 5
 """Fewest steady seconds for balance and headroom."""
@@ -247,7 +247,7 @@ def _balance(
         spread = math.hypot(float(np.sqrt(np.sum((noise * arm) ** 2))), float(np.ptp(ends)) / (2.0 * TWO_SIDED_95))
         numbers[f"center_of_gravity_{name}"] = Quantity.normal(offset, spread, "1")
     pattern = ""
-    if float(abs(imbalance[worst])) > _UNEVEN and numbers["imbalance"].lower > 0.5 * _UNEVEN:
+    if float(abs(imbalance[worst])) > EVEN and numbers["imbalance"].lower > 0.5 * EVEN:
         pattern = imbalance_pattern(imbalance, positions, spins)
     if pattern == "one motor":
         # What one weak motor asks for would look like a center of gravity off the middle.

@@ -212,6 +212,22 @@ def homogeneity(values: AnyArray, stds: AnyArray) -> tuple[float, float]:
     return Q, float(stats.chi2.sf(Q, y.size - 1))
 
 
+def scatter_between(values: AnyArray, stds: AnyArray) -> float:
+    r"""Standard deviation between estimates beyond their own errors, by DerSimonian and Laird; zero where they agree.
+
+    .. math:: \tau^2 = \max\left(0, \frac{Q - (n - 1)}{\sum w_j - \sum w_j^2 / \sum w_j}\right), \qquad w_j = s_j^{-2}
+
+    Examples
+    --------
+    >>> round(scatter_between([1.0, 3.0], [0.1, 0.1]), 2)
+    1.41
+    """
+    weights = np.asarray(stds, dtype=np.float64) ** -2.0
+    Q, _ = homogeneity(values, stds)
+    spared = float(weights.sum() - (weights @ weights) / weights.sum())
+    return math.sqrt(max(Q - (weights.size - 1), 0.0) / spared) if spared > 0.0 else 0.0
+
+
 def discoveries(probabilities: AnyArray | Sequence[float], *, share: float = FALSE_SHARE) -> BoolArray:
     """Which of many tests are discoveries, so that no more than 5 % of them are false (Benjamini and Hochberg).
 

@@ -1,11 +1,7 @@
 r"""One more flight beside earlier flights of the vehicle: whether a number lies within what these show of it.
 
-Earlier flights :math:`y_j \pm s_j` scatter by more than they state; the variance between flights is that of
-DerSimonian and Laird,
-
-.. math:: \tau^2 = \max\left(0, \frac{Q - (n - 1)}{\sum w_j - \sum w_j^2 / \sum w_j}\right), \qquad w_j = s_j^{-2}
-
-and the next flight lies, where nothing changed, at
+Earlier flights :math:`y_j \pm s_j` scatter by more than they state, by :math:`\tau` between flights
+(:func:`rotorid.uncertainty.differences.scatter_between`), and the next flight lies, where nothing changed, at
 
 .. math:: \bar y \pm t_{n-1} \sqrt{\tau^2 + s^2 + s_{\bar y}^2}
 
@@ -31,7 +27,16 @@ from scipy import stats
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.differences import Scale, Verdict, chance, detectable, discoveries, scale_of, verdict
+from rotorid.uncertainty.differences import (
+    Scale,
+    Verdict,
+    chance,
+    detectable,
+    discoveries,
+    scale_of,
+    scatter_between,
+    verdict,
+)
 
 FEWEST = 3
 """Earlier flights without which the scatter between flights is not known."""
@@ -77,13 +82,10 @@ def random_effects_mean(values: FloatArray, stds: FloatArray) -> tuple[float, fl
     >>> mean, round(between, 2)
     (2.0, 1.41)
     """
-    weight = np.maximum(stds, 1e-12 * max(float(np.abs(values).max()), 1e-300)) ** -2.0
-    mean = float(weight @ values / weight.sum())
-    q = float(weight @ (values - mean) ** 2)
-    spared = float(weight.sum() - (weight @ weight) / weight.sum())
-    between2 = max(q - (values.size - 1), 0.0) / spared if spared > 0.0 else 0.0
-    weight = 1.0 / (between2 + 1.0 / weight)
-    return float(weight @ values / weight.sum()), float(weight.sum() ** -0.5), math.sqrt(between2)
+    known = np.maximum(stds, 1e-12 * max(float(np.abs(values).max()), 1e-300))
+    between = scatter_between(values, known)
+    weight = 1.0 / (between**2 + known**2)
+    return float(weight @ values / weight.sum()), float(weight.sum() ** -0.5), between
 
 
 def next_flights(
