@@ -21,6 +21,7 @@ import numpy as np
 from rotorid.data.axes import RATES
 from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord, Intervals, Topic
+from rotorid.signal.dead_sensors import dead_accelerometer
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -61,7 +62,7 @@ def channel_agreement(record: FlightRecord, flights: Intervals) -> tuple[Finding
 def _load_factor(record: FlightRecord, flights: Intervals) -> Iterator[Finding]:
     """Mean specific force along the vertical against gravity, over the longest flight."""
     names = record.channel_names
-    if not {"ax", "ay", "az", "phi", "theta"} <= set(names):
+    if not {"ax", "ay", "az", "phi", "theta"} <= set(names) or dead_accelerometer(record):
         return
     start_s, stop_s = max(flights, key=lambda flight: flight[1] - flight[0])
     clock = np.arange(start_s + _MARGIN_S, stop_s - _MARGIN_S, 1.0 / _GRID_HZ)

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.autopilots.registry import autopilot_of
+from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.signal.airborne import in_air, within
+from rotorid.signal.clock import even_step_s
 from rotorid.signal.motors import linearization_of, logged_outputs, motor_limits, or_none
 from rotorid.typing import BoolArray, FloatArray
 
@@ -34,8 +36,8 @@ _RUNNING = 0.05
 WINDOW_S = 1.0
 """Length of a steady second."""
 
-_FEWEST_SECONDS = 5
-"""Steady seconds from which a throttle of hover is stated."""
+FEWEST_SECONDS = 5
+"""Steady seconds from which throttle, balance and headroom of hover are stated."""
 
 USUAL_EXPO = 0.65
 """Curve of usual motors, as ArduPilot takes it by default: thrust :math:`(1 - e) u + e u^2` of an output :math:`u`."""
@@ -82,7 +84,7 @@ def hover_of(record: FlightRecord, flights: Intervals) -> Hover | None:
     windows = _steady(record, flights, time_s, rows)
     each = np.array([mean for window in windows if np.isfinite(mean := _between(time_s, throttle, window))])
     hovering = None
-    if each.size >= _FEWEST_SECONDS:
+    if each.size >= FEWEST_SECONDS:
         parts = [float(np.mean(part)) for part in np.array_split(each, min(10, each.size // 2))]
         std = math.hypot(float(np.std(parts, ddof=1)) / math.sqrt(len(parts)), 0.003)
         hovering = Quantity.normal(float(np.median(each)), std, "1")
@@ -130,15 +132,15 @@ def steady_windows(
         return []
     usual = float(np.median(running))
     calm: list[tuple[FloatArray, FloatArray, float]] = []
-    for name, most in (("p", _STEADY_RAD_S), ("q", _STEADY_RAD_S), ("r", _STEADY_RAD_S)):
+    limits = {**dict.fromkeys(RATES, _STEADY_RAD_S), **dict.fromkeys(("phi", "theta"), _LEVEL_RAD)}
+    for name, most in limits.items():
         if name in record:
             track = record[name]
-            smooth = _smooth(track.time_s, track.values, 0.1)
-            calm.append((track.time_s, np.abs(smooth), most))
-    for name in ("phi", "theta"):
-        if name in record:
-            track = record[name]
-            calm.append((track.time_s, np.abs(track.values), _LEVEL_RAD))
+            kept = np.isfinite(track.values)
+            stamps, size = track.time_s[kept], track.values[kept]
+            if stamps.size:
+                size = _smooth(stamps, size, 0.1) if name in RATES else size
+                calm.append((stamps, np.abs(size), most))
     if not calm:
         return []
     found = []
@@ -146,7 +148,7 @@ def steady_windows(
         # The first and last seconds hold take-off and landing.
         for begin_s in np.arange(start_s + 1.5, stop_s - 1.5 - WINDOW_S, WINDOW_S).tolist():
             first, last = np.searchsorted(time_s, [begin_s, begin_s + WINDOW_S]).tolist()
-            if last - first < 3 or abs(float(mean[first:last].mean()) / usual - 1.0) > _USUAL:
+            if last - first < 3 or not abs(float(mean[first:last].mean()) / usual - 1.0) <= _USUAL:
                 continue
             if not limited[first:last].any() and all(
                 _quiet(stamps, size, begin_s, most) for stamps, size, most in calm
@@ -165,8 +167,8 @@ def _quiet(time_s: FloatArray, size: FloatArray, begin_s: float, most: float) ->
 def _smooth(time_s: FloatArray, values: FloatArray, over_s: float) -> FloatArray:
     from scipy.ndimage import uniform_filter1d
 
-    steps = np.diff(time_s)
-    size = max(int(over_s / float(np.median(steps))), 1) if steps.size else 1
+    step_s = even_step_s(time_s) if time_s.size > 1 else 0.0
+    size = max(int(over_s / step_s), 1) if step_s > 0.0 else 1
     return np.asarray(uniform_filter1d(values, size, mode="nearest"))
 
 

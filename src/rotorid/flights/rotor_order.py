@@ -252,19 +252,17 @@ def rotor_order(record: FlightRecord, layout: RotorLayout, *, intervals: Interva
     return found if isinstance(found, RotorOrder) else _of_windows(layout, found, _judged(layout, found))
 
 
-def window_orders(
-    record: FlightRecord, layout: RotorLayout, *, window_s: float = WINDOW_S, intervals: Intervals = ()
-) -> tuple[RotorOrder, ...]:
+def window_orders(record: FlightRecord, layout: RotorLayout, *, window_s: float = WINDOW_S) -> tuple[RotorOrder, ...]:
     """The same for each window of the flights: empty where the log does not serve at all.
 
     Parameters
     ----------
-    record, layout, intervals
+    record, layout
         As for :func:`rotor_order`.
     window_s
         Length, five seconds or more; windows with gaps, or with motors at their limits, are left out.
     """
-    found = _prepared(record, layout, intervals)
+    found = _prepared(record, layout, ())
     if isinstance(found, RotorOrder):
         return ()
     return tuple(_judged(layout, [cut]) for part in found for cut in _cut(part, window_s))
@@ -280,7 +278,7 @@ def _prepared(record: FlightRecord, layout: RotorLayout, intervals: Intervals) -
             remedy="name it with --layout",
         )
     rates = {name: record.rate_hz(name) for name in RATES}
-    if missing := [name for name, rate_hz in rates.items() if rate_hz <= 0.0]:
+    if missing := [name for name in RATES if rates[name] <= 0.0 or not np.isfinite(record[name].values).any()]:
         return _unknown(layout, f"The log has no {listed(missing)}.", logging_advice(record, 0.0, tuple(missing)))
     slowest = min(history.sample_rate_hz, *rates.values())
     if slowest < LOWEST_RATE_HZ:

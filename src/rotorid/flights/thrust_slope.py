@@ -28,6 +28,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import is_command
 from rotorid.flights.while_moving import WeightedMean, input_weighted_mean
 from rotorid.signal.clock import resample
+from rotorid.signal.dead_sensors import shows_gravity
 from rotorid.signal.excitations import find_excitations, rich_excitations
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -173,6 +174,6 @@ def _of_history(history: TimeHistory) -> float | None:
 
 
 def _mean_force(heave: FloatArray) -> float:
-    """Mean specific force along the thrust; gravity, where the accelerometer shows less than half of it."""
+    """Mean specific force along the thrust; gravity, where the accelerometer does not show it."""
     measured = -float(heave.mean())
-    return measured if measured > 0.5 * STANDARD_GRAVITY_M_S2 else STANDARD_GRAVITY_M_S2
+    return measured if shows_gravity(measured) else STANDARD_GRAVITY_M_S2

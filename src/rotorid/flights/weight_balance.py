@@ -36,6 +36,7 @@ from rotorid.data.record import FlightRecord, Intervals
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.hover import WINDOW_S, steady_windows
 from rotorid.signal.airborne import within
+from rotorid.signal.dead_sensors import CHECK_SENSORS, shows_gravity
 from rotorid.signal.motors import (
     Kind,
     MotorHistory,
@@ -157,6 +158,12 @@ def weight_balance(record: FlightRecord, flights: Intervals, *, mass_kg: float |
             needed=f"{FEWEST_SECONDS} s, to weigh the vehicle",
             remedy="hover for 20 s without touching the sticks",
         )
+    if not shows_gravity(measured := float(seconds.force.mean())):
+        raise InsufficientDataError(
+            f"{record.source.name} shows a mean az of {-measured:.2g} m/s² in steady flight",
+            needed=f"about {-STANDARD_GRAVITY_M_S2:.1f} m/s², which carries the vehicle",
+            remedy=CHECK_SENSORS,
+        )
     force = _force(seconds)
     ratio = force.value * count / float(seconds.squares.sum())
     random = max(_scatter(seconds, min(parts, count // 2)) for parts in _PARTS)
@@ -224,11 +231,11 @@ class _Seconds:
     ) -> _Seconds:
         windows = steady_windows(record, flights, time_s, values, _limited(record, time_s))
         fast = _STANDING * np.median(values, axis=1, keepdims=True) if values.size else values
-        track = record["az"]
+        az_s, az = _known(record, "az")
         rows, falling = [], []
         for window in windows:
             begin_s = float(time_s[window.start])
-            force = _mean(track.time_s, -track.values, begin_s)
+            force = _mean(az_s, -az, begin_s)
             speeds = _vertical_speed(record, begin_s)
             still = speeds is not None and abs(speeds.mean()) > _FASTEST_CLIMB_M_S
             if not math.isfinite(force) or still or np.any(values[:, window] < fast):
@@ -262,6 +269,15 @@ def _limited(record: FlightRecord, time_s: FloatArray) -> BoolArray:
     return np.asarray(limits.limited[near], dtype=np.bool_)
 
 
+def _known(record: FlightRecord, name: str) -> tuple[FloatArray, FloatArray]:
+    """Stamps and finite samples of a channel; empty where it is not logged."""
+    if name not in record:
+        return np.zeros(0), np.zeros(0)
+    track = record[name]
+    kept = np.isfinite(track.values)
+    return track.time_s[kept], track.values[kept]
+
+
 def _mean(time_s: FloatArray, values: FloatArray, begin_s: float) -> float:
     first, last = np.searchsorted(time_s, [begin_s, begin_s + WINDOW_S]).tolist()
     return float(values[first:last].mean()) if last - first >= 3 else math.nan
@@ -269,23 +285,20 @@ def _mean(time_s: FloatArray, values: FloatArray, begin_s: float) -> float:
 
 def _vertical_speed(record: FlightRecord, begin_s: float) -> FloatArray | None:
     """Speed downward at both ends of a second; ``None`` where it is not logged."""
-    if "velocity_down" not in record:
+    time_s, values = _known(record, "velocity_down")
+    if not time_s.size or not time_s[0] <= begin_s <= time_s[-1] - WINDOW_S:
         return None
-    track = record["velocity_down"]
-    if not track.time_s.size or not track.time_s[0] <= begin_s <= track.time_s[-1] - WINDOW_S:
-        return None
-    return np.asarray(np.interp([begin_s, begin_s + WINDOW_S], track.time_s, track.values))
+    return np.asarray(np.interp([begin_s, begin_s + WINDOW_S], time_s, values))
 
 
 def _upright(record: FlightRecord, begins: FloatArray) -> float:
     """Mean cosine of tilt over some seconds."""
-    if not {"phi", "theta"} <= set(record.channel_names) or not begins.size:
+    known = [_known(record, name) for name in ("phi", "theta")]
+    if not begins.size or not all(stamps.size for stamps, _ in known):
         return math.nan
-    phi, theta = record["phi"], record["theta"]
     at_s = (begins[:, None] + np.linspace(0.0, WINDOW_S, 10)).ravel()
-    return float(
-        np.mean(np.cos(np.interp(at_s, phi.time_s, phi.values)) * np.cos(np.interp(at_s, theta.time_s, theta.values)))
-    )
+    phi, theta = (np.interp(at_s, stamps, angles) for stamps, angles in known)
+    return float(np.mean(np.cos(phi) * np.cos(theta)))
 
 
 def _force(seconds: _Seconds) -> Quantity:

@@ -4,6 +4,7 @@ A speed that an ESC or a tachometer reports enters thrust squared, so that a few
 wrong by percents. A rotor cannot do what these reports do: its speed follows the output with a lag of tens of
 milliseconds. Left out are
 
+- a channel that reads near zero throughout while its output runs as those of others do: no sensor, or none that works;
 - samples near zero or below while the output runs: lost reports. A rotor that really stops does not come back within
   0.1 s; a longer stop stays where the vehicle turned or the output rose, since that is a motor that failed;
 - a value that stands still for half a second while the output moves;
@@ -17,7 +18,7 @@ wrong: without outputs only what no rotor can do is left out.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,6 +45,12 @@ _MOVED = 0.05
 _LEAST_CHANGING = 0.2
 """Share of the samples that change in a channel of which a constant stretch says anything."""
 
+_RUNS = 0.2
+"""Output at which a rotor turns, where no other motor shows it."""
+
+_MOSTLY = 95.0
+"""Percentile that stands for the highest of a channel."""
+
 _DOUBLE, _NEAR_DOUBLE = 2.0, 0.12
 _ALIKE = 0.2
 """Outputs that differ by less ask for the same speed."""
@@ -66,17 +73,18 @@ class _Speed:
     name: str
     topic: Topic
     row: int
+    time_s: FloatArray
     values: FloatArray
     output: FloatArray | None
 
     @property
-    def time_s(self) -> FloatArray:
-        return self.topic.time_s
+    def step_s(self) -> float:
+        return 1.0 / self.topic.sample_rate_hz
 
     @property
     def usual(self) -> float:
         """Median of the samples that are not near zero."""
-        turning = self.values[self.values > _LOST * float(np.percentile(self.values, 95))]
+        turning = self.values[self.values > _LOST * float(np.percentile(self.values, _MOSTLY))]
         return float(np.median(turning)) if turning.size else 0.0
 
 
@@ -103,22 +111,26 @@ def checked_speeds(record: FlightRecord) -> FlightRecord:
         speeds.append(speed)
         findings += remarks
         turned |= {speed.name} if remarks else set()
-    wrong: dict[str, BoolArray] = {}
+    wrong = {speed.name: np.zeros(speed.values.size, dtype=np.bool_) for speed in speeds}
+
+    def leave_out(found: Iterator[tuple[str, str, dict[str, float]]]) -> None:
+        for name, message, numbers in found:
+            wrong[name] = np.ones_like(wrong[name])
+            findings.append(warn("channels_disagree", name, message, **numbers))
+
+    leave_out(_without_sensor(speeds))
     for speed in speeds:
-        bad = np.zeros(speed.values.size, dtype=np.bool_)
-        for words, mask in (
-            ("reads no more than a tenth of its usual speed while the motor runs", _lost(record, speed)),
-            ("stands still while its output moves", _still(speed)),
-            ("jumps to twice or half its speed and back", _doubled(speed)),
-        ):
-            new = mask & ~bad
+        bad = wrong[speed.name]
+        for words, find in _OF_SAMPLES:
+            if bad.all():
+                break
+            new = find(record, speed) & ~bad
             if new.any():
                 bad |= new
                 findings.append(_samples_finding(speed, new, words))
-        wrong[speed.name] = bad
-    for name, message, numbers in (*_of_other_poles(speeds, wrong), *_of_other_motors(speeds, wrong)):
-        wrong[name] = np.ones_like(wrong[name])
-        findings.append(warn("channels_disagree", name, message, **numbers))
+    # One after the other: what is left out is not compared again.
+    leave_out(_of_other_poles(speeds, wrong))
+    leave_out(_of_other_motors(speeds, wrong))
     changed = {speed.name: speed for speed in speeds if speed.name in turned or wrong[speed.name].any()}
     if not changed:
         return record
@@ -133,17 +145,18 @@ def _speeds(record: FlightRecord) -> list[_Speed]:
         if source is None:
             continue
         topic, row = source
-        values = topic.values[row]
-        if values.size < _FEWEST or not np.all(np.isfinite(values)):
+        finite = np.isfinite(topic.values[row])
+        time_s, values = topic.time_s[finite], topic.values[row][finite]
+        if values.size < _FEWEST or topic.sample_rate_hz <= 0.0:
             continue
         output = None
         for outputs, place in record.holding(f"motor_{number}"):
             kept = np.isfinite(outputs.values[place])
             if np.count_nonzero(kept) > 1:
-                late = np.searchsorted(outputs.time_s[kept], topic.time_s, side="right") - 1
+                late = np.searchsorted(outputs.time_s[kept], time_s, side="right") - 1
                 output = outputs.values[place][kept][np.maximum(late, 0)]
                 break
-        found.append(_Speed(f"motor_speed_{number}", topic, row, values, output))
+        found.append(_Speed(f"motor_speed_{number}", topic, row, time_s, values, output))
     return found
 
 
@@ -176,9 +189,8 @@ def _lost(record: FlightRecord, speed: _Speed) -> BoolArray:
         if begin == 0 or end == low.size or (running is not None and not np.all(running[begin:end])):
             continue
         around_s = float(speed.time_s[end] - speed.time_s[begin - 1])
-        step_s = float(np.median(np.diff(speed.time_s)))
         sudden = min(speed.values[begin - 1], speed.values[end]) > _TURNING * usual
-        short = around_s <= max(_STOP_S, 2.5 * step_s)
+        short = around_s <= max(_STOP_S, 2.5 * speed.step_s)
         if sudden and (short or (running is not None and not _failed(record, speed, begin, end))):
             found[begin:end] = True
     return found
@@ -207,7 +219,7 @@ def _failed(record: FlightRecord, speed: _Speed, begin: int, end: int) -> bool:
     return not checked
 
 
-def _still(speed: _Speed) -> BoolArray:
+def _still(_: FlightRecord, speed: _Speed) -> BoolArray:
     """Samples that repeat for long while the output moves."""
     found = np.zeros(speed.values.size, dtype=np.bool_)
     if speed.output is None or speed.usual <= 0.0:
@@ -215,8 +227,7 @@ def _still(speed: _Speed) -> BoolArray:
     same = np.diff(speed.values) == 0.0
     if np.mean(~same) < _LEAST_CHANGING:
         return found
-    step_s = float(np.median(np.diff(speed.time_s)))
-    longest = max(_STILL_S / step_s, _STILL_SAMPLES)
+    longest = max(_STILL_S / speed.step_s, _STILL_SAMPLES)
     # Of a channel that is logged faster than it is measured, each value is repeated.
     usual_run = float(np.median(np.diff(np.flatnonzero(~same)))) if np.count_nonzero(~same) > 1 else 1.0
     working = speed.output[speed.values > _TURNING * speed.usual]
@@ -232,7 +243,7 @@ def _still(speed: _Speed) -> BoolArray:
     return found
 
 
-def _doubled(speed: _Speed) -> BoolArray:
+def _doubled(_: FlightRecord, speed: _Speed) -> BoolArray:
     """Samples at twice or half the speed of those around them, for no longer than a rotor takes to change it."""
     found = np.zeros(speed.values.size, dtype=np.bool_)
     usual = speed.usual
@@ -240,14 +251,13 @@ def _doubled(speed: _Speed) -> BoolArray:
         return found
     steps = np.diff(speed.values)
     jumps = np.flatnonzero(np.abs(steps) > 0.4 * usual)
-    step_s = float(np.median(np.diff(speed.time_s)))
     # Reports that jump all the time are how this sensor is.
-    if step_s > 0.5 * _STOP_S or not jumps.size or jumps.size > 0.1 * steps.size:
+    if speed.step_s > 0.5 * _STOP_S or not jumps.size or jumps.size > 0.1 * steps.size:
         return found
     for first, last in zip(jumps[:-1].tolist(), jumps[1:].tolist(), strict=True):
         begin, end = first + 1, last + 1
         before, after = speed.values[first], speed.values[end]
-        if steps[first] * steps[last] > 0.0 or speed.time_s[end] - speed.time_s[first] > _STOP_S + step_s:
+        if steps[first] * steps[last] > 0.0 or speed.time_s[end] - speed.time_s[first] > _STOP_S + speed.step_s:
             continue
         level = 0.5 * (before + after)
         if min(before, after) < _TURNING * usual * 0.5 or abs(after - before) > _ALIKE * level:
@@ -258,11 +268,37 @@ def _doubled(speed: _Speed) -> BoolArray:
     return found
 
 
+_OF_SAMPLES: tuple[tuple[str, Callable[[FlightRecord, _Speed], BoolArray]], ...] = (
+    ("reads no more than a tenth of its usual speed while the motor runs", _lost),
+    ("stands still while its output moves", _still),
+    ("jumps to twice or half its speed and back", _doubled),
+)
+"""What samples do that no rotor does, and which ones."""
+
+
+def _without_sensor(speeds: list[_Speed]) -> Iterator[tuple[str, str, dict[str, float]]]:
+    """Channels near zero throughout, of motors that run as those do whose speeds are known; zeros, where none is."""
+    turning = {speed.name: _level(speed) for speed in speeds if speed.output is not None and speed.usual > 0.0}
+    for speed in speeds:
+        if speed.output is None:
+            continue
+        others = [level for name, level in turning.items() if name != speed.name]
+        usual, output = np.median(others, axis=0) if others else (0.0, _RUNS / _TURNING)
+        highest = float(np.percentile(np.abs(speed.values), _MOSTLY))
+        if highest <= _LOST * usual and float(np.percentile(speed.output, _MOSTLY)) > _TURNING * output > 0.0:
+            message = (
+                f"{speed.name} reads at most {highest:.3g} rad/s while its motor runs, so it was left out. Check the "
+                "telemetry of its ESC."
+            )
+            yield speed.name, message, {"highest_rad_s": highest}
+
+
 def _of_other_poles(
     speeds: list[_Speed], wrong: Mapping[str, BoolArray]
 ) -> Iterator[tuple[str, str, dict[str, float]]]:
     """Channels at about twice or half the speed of all others, where the outputs are alike."""
-    known = [speed for speed in speeds if speed.output is not None and speed.usual > 0.0]
+    left = [speed for speed in speeds if not wrong[speed.name].all()]
+    known = [speed for speed in left if speed.output is not None and speed.usual > 0.0]
     if len(known) < 3:
         return
     levels = {speed.name: _level(speed, wrong[speed.name]) for speed in known}
@@ -281,10 +317,10 @@ def _of_other_poles(
             yield speed.name, message, {"ratio": ratio}
 
 
-def _level(speed: _Speed, wrong: BoolArray) -> tuple[float, float]:
+def _level(speed: _Speed, wrong: BoolArray | None = None) -> tuple[float, float]:
     """Median speed and output while the motor turns as usual."""
     assert speed.output is not None
-    kept = ~wrong & (speed.values > _TURNING * speed.usual)
+    kept = (True if wrong is None else ~wrong) & (speed.values > _TURNING * speed.usual)
     return float(np.median(speed.values[kept])), float(np.median(speed.output[kept]))
 
 
@@ -369,5 +405,5 @@ def _parts(topic: Topic, changed: Mapping[str, _Speed], wrong: Mapping[str, Bool
         kept = ~wrong[speed.name]
         if np.count_nonzero(kept) > 1:
             yield replace(
-                topic, time_s=topic.time_s[kept], channels=(topic.channels[row],), values=speed.values[kept][None]
+                topic, time_s=speed.time_s[kept], channels=(topic.channels[row],), values=speed.values[kept][None]
             )

@@ -26,7 +26,7 @@ from rotorid.data.display import listed
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.errors import InsufficientDataError, ModelError
-from rotorid.flights.hover import hover_of, thrust_curve
+from rotorid.flights.hover import FEWEST_SECONDS, hover_of, thrust_curve
 from rotorid.flights.same_vehicle import frame_of
 from rotorid.models.autopilots.layouts import layout_of
 from rotorid.reviewing.values import FlightSummary, LoggingReview, Unavailable, VehicleReview, section
@@ -225,7 +225,7 @@ def _thrust(
         ]
     unavailable: list[Unavailable] = []
     if found.hovering is None:
-        why = f"The log contains {found.steady_s} s of quiet hover; 5 s are needed."
+        why = f"The log contains {found.steady_s} s of quiet hover; {FEWEST_SECONDS} s are needed."
         unavailable.append(
             Unavailable(what="flight.hover_throttle", why=why, remedy="hover for 20 s without touching the sticks")
         )

@@ -34,13 +34,14 @@ from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Intervals
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
-from rotorid.flights.hover import WINDOW_S, steady_windows, thrust_curve
+from rotorid.flights.hover import FEWEST_SECONDS, WINDOW_S, steady_windows, thrust_curve
 from rotorid.flights.motor_balance import amplitudes, patterns_or_pairs, rotor_geometry
 from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.weight_balance import weight_balance
 from rotorid.flights.whole_flights import FlightData, flown, loop_response
 from rotorid.reviewing.values import MotorReview, Unavailable, section
 from rotorid.signal.airborne import within
+from rotorid.signal.clock import even_step_s
 from rotorid.signal.limits import MotorLimits
 from rotorid.signal.motors import (
     MotorHistory,
@@ -56,9 +57,6 @@ EXPLAINED = 0.9
 
 EVEN = 0.08
 """Imbalance up to which motors are called balanced; beyond it, its pattern is given."""
-
-_FEWEST_WINDOWS = 5
-"""Fewest steady seconds for balance and headroom."""
 
 _BIAS = 0.003
 """What outputs of one motor differ by from flight to flight, as a part of the range."""
@@ -155,8 +153,8 @@ def _outputs(
             unavailable += [Unavailable(what=f"motors.saturated_{end}_share", why=why) for end in ("high", "low")]
         time_s, outputs = limits.time_s[limits.counted], limits.outputs[:, limits.counted]
         steady = steady_windows(record, flight.flights, time_s, outputs, limits.limited[limits.counted])
-        if len(steady) < _FEWEST_WINDOWS:
-            why = f"The log contains {len(steady) * WINDOW_S:.0f} s of quiet hover; {_FEWEST_WINDOWS} s are needed."
+        if len(steady) < FEWEST_SECONDS:
+            why = f"The log contains {len(steady) * WINDOW_S:.0f} s of quiet hover; {FEWEST_SECONDS} s are needed."
             remedy = "hover for 20 s without touching the sticks"
             unavailable += [
                 Unavailable(what=f"motors.{name}", why=why, remedy=remedy) for name in ("imbalance", "headroom")
@@ -343,9 +341,9 @@ def _lost_step(speeds: MotorHistory, outputs: MotorHistory, flights: Intervals) 
     the output must not have been higher just before.
     """
     time_s = speeds.time_s[within(speeds.time_s, flights)]
-    if time_s.size < 10:
+    if time_s.size < 10 or time_s[-1] <= time_s[0]:
         return ()
-    lag = max(round(_WITHIN_S / float(np.median(np.diff(time_s)))), 1)
+    lag = max(round(_WITHIN_S / even_step_s(time_s)), 1)
     from scipy.ndimage import maximum_filter1d
 
     span = max(round(_LONGEST_LAG_S * 2.0 * lag / _WITHIN_S), 1)

@@ -26,7 +26,7 @@ _FEWEST, _SHORTEST_S = 16, 2.0
 """Samples and duration from which on a sensor that does not move is dead."""
 
 _LEAST_G, _MOST_G = 0.5, 3.0
-"""Half of all seconds of a log lie between these specific forces."""
+"""The mean specific force of a log, and of a flight, lies between these."""
 
 _SECONDS = 200
 """So many of them are looked at."""
@@ -50,9 +50,20 @@ def dead_accelerometer(record: FlightRecord) -> str:
         for topic, _ in record.holding("az")
         if all(topic.row(name) is not None for name in _FORCES) and (size := _usual_force(topic)) is not None
     ]
-    if not sizes or any(_LEAST_G < size / STANDARD_GRAVITY_M_S2 < _MOST_G for size in sizes):
+    if not sizes or any(shows_gravity(size) for size in sizes):
         return ""
     return f"The mean specific force is {sizes[0]:.2g} m/s², and gravity is {STANDARD_GRAVITY_M_S2:.1f} m/s²"
+
+
+def shows_gravity(force_m_s2: float) -> bool:
+    """Whether a mean specific force is one that a vehicle has on the ground or in the air.
+
+    Examples
+    --------
+    >>> shows_gravity(11.0), shows_gravity(0.98), shows_gravity(-9.8)
+    (True, False, False)
+    """
+    return _LEAST_G < force_m_s2 / STANDARD_GRAVITY_M_S2 < _MOST_G
 
 
 def dead_sensor_findings(record: FlightRecord) -> tuple[Finding, ...]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from rotorid.data.axes import RATES
 from rotorid.data.record import MOTORS, FlightRecord, Intervals, Topic
+from rotorid.signal.clock import even_step_s
 from rotorid.signal.dead_sensors import dead_accelerometer, dead_gyro
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -330,7 +331,7 @@ def _without_dead_throttle(record: FlightRecord, levels: Sequence[Witness]) -> t
 def _covered(record: FlightRecord, time_s: FloatArray) -> tuple[float, float]:
     """What of a record a signal covers, to the ends of the record where it begins and ends with it."""
     start, stop = float(time_s[0]), float(time_s[-1])
-    step_s = max(2.0 * float(np.median(np.diff(time_s))), _LONGEST_DIP_S)
+    step_s = max(2.0 * even_step_s(time_s), _LONGEST_DIP_S)
     start = record.start_s if start - record.start_s <= step_s else start
     return start, record.stop_s if record.stop_s - stop <= step_s else stop
 
@@ -339,7 +340,7 @@ def _active(time_s: FloatArray, rows: FloatArray, high: float) -> BoolArray:
     """Where a controller moves one of its outputs."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-    size = min(max(int(_ACTIVE_S / max(float(np.median(np.diff(time_s))), 1e-9)), 3), time_s.size)
+    size = min(max(int(_ACTIVE_S / even_step_s(time_s)), 3), time_s.size)
     found = np.zeros(time_s.size, dtype=np.bool_)
     for row in rows:
         spread = maximum_filter1d(row, size, mode="nearest") - minimum_filter1d(row, size, mode="nearest")
@@ -451,7 +452,7 @@ def _height(record: FlightRecord) -> Witness:
 
 def _still(time_s: FloatArray, height: FloatArray) -> BoolArray:
     """Where the height is constant for two seconds."""
-    size = max(int(_SHORTEST_STILL_S / max(float(np.median(np.diff(time_s))), 1e-9)), 2)
+    size = max(int(_SHORTEST_STILL_S / even_step_s(time_s)), 2)
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     size = min(size, height.size)
@@ -533,7 +534,7 @@ def moves(record: FlightRecord, start_s: float, stop_s: float, *, least_s: float
             values = np.sqrt((values**2).sum(axis=0, keepdims=True)) - STANDARD_GRAVITY_M_S2
         inside = (time_s >= start_s) & (time_s <= stop_s)
         # A damaged or thin channel is no evidence.
-        if np.count_nonzero(inside) * float(np.median(np.diff(time_s))) < 0.5 * (stop_s - start_s):
+        if np.count_nonzero(inside) * even_step_s(time_s) < 0.5 * (stop_s - start_s):
             continue
         looked_at = True
         if float(np.mean(speed(time_s, values)[inside] > most)) * (stop_s - start_s) >= least_s:
@@ -573,7 +574,7 @@ def _turning(record: FlightRecord) -> tuple[FloatArray, FloatArray, str] | None:
 
 def speed(time_s: FloatArray, rates: FloatArray) -> FloatArray:
     """Rms over half a second of body rates, or of what else moves, without vibration, shape ``(samples,)``."""
-    step_s = float(np.median(np.diff(time_s)))
+    step_s = even_step_s(time_s)
     square = np.zeros(time_s.size)
     # One axis after the other: of a long log, all of them at once would take a good part of the memory.
     for axis in rates:
@@ -598,7 +599,7 @@ def _together(record: FlightRecord, names: tuple[str, ...]) -> tuple[FloatArray,
 
 
 def _finite_samples(topic: Topic, rows: list[int], names: str) -> tuple[FloatArray, FloatArray, str] | None:
-    """Samples that are finite at stamps that rise."""
+    """Samples that are finite, in order of their stamps; ``None`` of stamps that never rise."""
     values = topic.values[rows]
     kept = np.isfinite(values).all(axis=0) & np.isfinite(topic.time_s)
     # Of a long log, a copy of all samples is a good part of the memory.
@@ -606,12 +607,12 @@ def _finite_samples(topic: Topic, rows: list[int], names: str) -> tuple[FloatArr
     if not np.all(time_s[1:] >= time_s[:-1]):
         order = np.argsort(time_s, kind="stable")
         time_s, values = time_s[order], values[:, order]
-    return (time_s, values, names) if time_s.size >= 2 else None
+    return (time_s, values, names) if time_s.size >= 2 and time_s[-1] > time_s[0] else None
 
 
 def _lively(time_s: FloatArray, values: FloatArray) -> BoolArray:
     """Where sensors move as in flight; everywhere, when they never rest."""
-    window = max(int(_WINDOW_S / float(np.median(np.diff(time_s)))), 2)
+    window = max(int(_WINDOW_S / even_step_s(time_s)), 2)
     activity = np.zeros(values.shape[1])
     # One sensor after the other: of a long log, all of them at once are a good part of the memory.
     for row in values:

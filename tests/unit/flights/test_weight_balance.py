@@ -148,3 +148,24 @@ def test_without_steady_seconds_a_flight_that_excites_nothing_is_refused() -> No
 def test_measured_speeds_support_the_physics_of_motors(hover: FlightRecord) -> None:
     needs = supports(hover)["physical.motors"].needs
     assert needs[0].there
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, 0.1])
+def test_an_accelerometer_that_does_not_carry_the_vehicle_gives_no_coefficient(
+    hover: FlightRecord, factor: float
+) -> None:
+    record = changed(hover, lambda rows: {**rows, "az": factor * rows["az"]})
+    with pytest.raises(InsufficientDataError, match="mean az"):
+        weight_balance(record, WHOLE)
+
+
+def test_samples_that_are_no_numbers_change_nothing_else(hover: FlightRecord) -> None:
+    def holes(rows: dict[str, FloatArray]) -> dict[str, FloatArray]:
+        for name in ("p", "az", "phi", "velocity_down"):
+            rows[name][1000:1010] = np.nan
+        return rows
+
+    whole, found = weight_balance(hover, WHOLE), weight_balance(changed(hover, holes), WHOLE)
+    assert whole.seconds - 2 <= found.seconds <= whole.seconds
+    assert found.coefficient.value == pytest.approx(whole.coefficient.value, rel=2e-3)
+    assert np.isfinite(found.coefficient.std)

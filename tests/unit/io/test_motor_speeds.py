@@ -132,6 +132,40 @@ def test_a_channel_with_another_number_of_poles_is_left_out(factor: float) -> No
     assert finding.numbers["ratio"] == pytest.approx(factor, rel=0.02)
 
 
+@pytest.mark.parametrize("noise", [0.0, 5.0])
+def test_a_sensor_that_never_sees_its_motor_turn_is_left_out(noise: float) -> None:
+    def dead(speeds: FloatArray, _: FloatArray) -> None:
+        speeds[1] = noise * np.abs(np.sin(np.arange(speeds.shape[1])))
+
+    checked = checked_speeds(flight(dead))
+    assert "motor_speed_2" not in checked
+    (message,) = messages(checked)
+    assert "while its motor runs" in message
+
+
+def test_speeds_of_zero_throughout_are_left_out_where_outputs_show_that_motors_run() -> None:
+    def silent(speeds: FloatArray, _: FloatArray) -> None:
+        speeds[:] = 0.0
+
+    def at_rest(speeds: FloatArray, outputs: FloatArray) -> None:
+        speeds[:], outputs[:] = 0.0, 0.05
+
+    checked = checked_speeds(flight(silent))
+    assert not any(name.startswith("motor_speed") for name in checked.channel_names)
+    for record in (flight(at_rest), flight(silent, outputs_logged=False)):
+        assert checked_speeds(record) is record
+
+
+def test_holes_in_a_channel_hide_nothing() -> None:
+    def holes(speeds: FloatArray, _: FloatArray) -> None:
+        speeds[1, 100:200] = np.nan
+        speeds[1, 300:302] = 0.0
+
+    checked = checked_speeds(flight(holes))
+    assert checked["motor_speed_2"].values.size == 6000 - 100 - 2
+    assert len(messages(checked)) == 1
+
+
 def test_speeds_in_another_order_are_left_out() -> None:
     def swapped(speeds: FloatArray, _: FloatArray) -> None:
         speeds[[0, 1]] = speeds[[1, 0]]
