@@ -198,13 +198,19 @@ def _print(
         print_findings(findings, (file,), verbose=verbose, page="" if out is None else REPORT)
         print_findings(notes, (file,), verbose=True, page="")
     commands = [f"  {as_given(command, file, map)}" for command in inspection.next_commands]
-    say(commands or ["  fly: this log contains no flight"], "next")
+    say(commands or [f"  fly: {_no_flight(inspection)}"], "next")
     if not verbose:
         say(["\n-v shows topics, rates, test inputs and sensor checks"])
     if plot is not None:
         say([f"\npicture: {plot}"])
     if out is not None:
         say([f"\nreport: {out / REPORT}", f"file: {out / FILE}"])
+
+
+def _no_flight(inspection: Inspection) -> str:
+    if any(finding.kind == "never_airborne" for finding in inspection.findings):
+        return "this log contains no flight"
+    return "this log does not show whether the vehicle flew"
 
 
 def in_hertz(inspection: Inspection) -> bool:

@@ -164,7 +164,7 @@ def airborne(record: FlightRecord, *, margin_s: float = 0.0) -> Airborne:
         if stop_s - start_s >= shortest_s and not _at_rest(record, (start_s, stop_s), witnesses)
     )
     if not flights:
-        raise _never(record, first, witnesses, shortest_s)
+        raise _too_short(record, witnesses, shortest_s) or _never(record, first, witnesses, shortest_s)
     lost = control(record, flights)
     said = () if lost is None else lost.findings
     flights = tuple(
@@ -366,6 +366,18 @@ def _unknown(record: FlightRecord) -> InsufficientDataError:
         needed="sensors that measure, or thrust",
         remedy="check the sensors and their units, and log thrust_command or the motors",
         findings=[refusal("never_airborne", record.source.name, message), *dead],
+    )
+
+
+def _too_short(record: FlightRecord, witnesses: tuple[Witness, ...], shortest_s: float) -> InsufficientDataError | None:
+    """A record shorter than a flight, of which nothing denies that it is a part of one; ``None`` for others."""
+    length_s = record.stop_s - record.start_s
+    if length_s >= shortest_s or any(one.no for one in witnesses):
+        return None
+    return InsufficientDataError(
+        f"{record.source.name} lasts only {length_s:.1f} s",
+        needed=f"{shortest_s:g} s to show a flight",
+        remedy="use a longer log, or fit one part with rotorid identify --segment AXIS:START:STOP",
     )
 
 

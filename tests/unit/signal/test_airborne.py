@@ -7,7 +7,7 @@ import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError
-from rotorid.signal.airborne import airborne
+from rotorid.signal.airborne import airborne, not_flown
 from rotorid.typing import FloatArray
 
 TIME_S = 200.0 + np.arange(0.0, 100.0, 0.01)
@@ -108,6 +108,20 @@ def test_no_flight_is_said() -> None:
     for nothing in (record(), record(topic(phi=TIME_S)), record(topic(p=np.full(TIME_S.size, np.nan)))):
         with pytest.raises(InsufficientDataError, match="neither thrust"):
             airborne(nothing)
+
+
+def test_a_record_shorter_than_a_flight_may_be_a_part_of_one() -> None:
+    def cut(length_s: float, **others: FloatArray) -> FlightRecord:
+        time_s = TIME_S[TIME_S[0] + length_s > TIME_S]
+        angles = {"phi": 0.1 * np.sin(3.0 * time_s), "theta": 0.1 * np.cos(2.0 * time_s)}
+        return record(topic(time_s, **angles, **{name: values[: time_s.size] for name, values in others.items()}))
+
+    assert airborne(cut(2.5)).seen_in == "the activity of phi, theta"
+    with pytest.raises(InsufficientDataError, match="lasts only") as caught:
+        airborne(cut(1.8))
+    assert not caught.value.findings
+    stopped = cut(1.8, motor_1=np.zeros(TIME_S.size))
+    assert [finding.kind for finding in not_flown(stopped)] == ["never_airborne"]
 
 
 def test_a_thrust_around_hover_tells_nothing() -> None:

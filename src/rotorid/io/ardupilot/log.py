@@ -447,8 +447,10 @@ def _common_topics(tables: Mapping[str, Table], firmware: Firmware) -> Iterator[
         first = None if number is None else number == number.min()
         rows = _in_units_of(table, rows, firmware)
         if name in _NOTCH_MESSAGES:
-            # A message has room for more motors than there are.
-            rows = tuple(row for row in rows if table.holds_numbers(row.column) and np.any(table.column(row.column)))
+            # A message has room for more motors than there are, and is no number while its notch is at rest.
+            rows = tuple(
+                row for row in rows if table.holds_numbers(row.column) and np.nan_to_num(table.column(row.column)).any()
+            )
         topic = topic_of(table, rows, chosen=first)
         if topic is not None:
             yield topic

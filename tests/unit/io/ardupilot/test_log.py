@@ -448,6 +448,7 @@ def test_outputs_without_a_frame_are_not_called_missing(tmp_path: Path) -> None:
         ("FTN", {"NDn": 1, "DnF1": 70.0}, {1: 70.0}),
         ("FTNS", {"NF": 85.0}, {1: 85.0}),
         ("FCN", {"NF": 1, "CF1": 81.0, "CF2": 0.0, "HF1": 162.0}, {1: 81.0}),
+        ("FCN", {"NF": 1, "CF1": 81.0, "CF2": math.nan}, {1: 81.0}),
         ("FCNS", {"CF": 82.0, "HF": 164.0}, {1: 82.0}),
         ("FTN1", {"PkAvg": 99.0, "DnF": 83.0}, {1: 83.0}),
     ],
