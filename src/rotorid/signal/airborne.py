@@ -24,6 +24,7 @@ from rotorid.signal.witnesses import (
     Witness,
     climbed,
     descended,
+    height_logged,
     moves,
     seconds_within,
     settled_s,
@@ -36,8 +37,8 @@ _SHORTEST_FLIGHT_S = 2.0
 _SHORTEST_EARLY_S = 5.0
 """Who raises the throttle and tips over is said to fly for seconds."""
 
-_LATEST_S = 10.0
-"""A flag that comes later is not that of this take-off."""
+_TO_LIFT_S, _LATEST_S = 1.0, 10.0
+"""In a shorter wait a vehicle has hardly risen; a flag that comes later than the other is not that of this take-off."""
 
 _EARLIEST_S = 1.5
 """An early flag that goes farther ahead of the thrust is not the take-off."""
@@ -253,15 +254,18 @@ def _with_late_take_off(
 ) -> tuple[float, float]:
     """A flight from where its thrust carries it, when its flag came after that: a message was lost.
 
-    A longer wait is one in the air only where the height changes.
+    Longer than a second the wait was in the air only where the height changes; without a height, up to 5 s are.
     """
     start_s, stop_s = flight
     for one in others:
         begins = [begin for begin, stop in one.yes if begin < start_s < stop]
         if one.name in LEVELS and begins:
             waited_s = start_s - begins[0]
-            in_air = waited_s < _LATEST_S and descended(record, begins[0], start_s)
-            return (begins[0], stop_s) if waited_s <= _LONGEST_WAIT_S or in_air else flight
+            if waited_s <= _TO_LIFT_S or not height_logged(record, begins[0], start_s):
+                in_air = waited_s <= _LONGEST_WAIT_S
+            else:
+                in_air = waited_s < _LATEST_S and descended(record, begins[0], start_s)
+            return (begins[0], stop_s) if in_air else flight
     return flight
 
 

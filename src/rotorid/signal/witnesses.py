@@ -514,11 +514,18 @@ def settled_s(record: FlightRecord, stop_s: float) -> float:
 
 def descended(record: FlightRecord, start_s: float, stop_s: float) -> bool:
     """Whether the height changes within a stretch as it does not on the ground."""
-    found = _together(record, ("down",))
-    if found is None:
-        return False
-    inside = found[1][0][(found[0] >= start_s) & (found[0] <= stop_s)]
+    inside = _heights(record, start_s, stop_s)
     return inside.size >= 2 and float(np.ptp(inside)) > _LIFTED_M
+
+
+def height_logged(record: FlightRecord, start_s: float, stop_s: float) -> bool:
+    """Whether the log has a height within a stretch."""
+    return _heights(record, start_s, stop_s).size >= 2
+
+
+def _heights(record: FlightRecord, start_s: float, stop_s: float) -> FloatArray:
+    found = _together(record, ("down",))
+    return np.zeros(0) if found is None else found[1][0][(found[0] >= start_s) & (found[0] <= stop_s)]
 
 
 def moves(record: FlightRecord, start_s: float, stop_s: float, *, least_s: float) -> Answer:
