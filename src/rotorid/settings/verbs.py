@@ -64,6 +64,7 @@ VERBS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 OPTION = re.compile(r"(?<![\w-])--[a-z]+(?:-[a-z]+)*")
 """An option as texts write it."""
 
+_WITH_VALUE = re.compile(rf"({OPTION.pattern})(?: (?=[^\s;,)]*[:=\d]|[A-Z]{{2,}})[^\s;,)]*[^\s;,).])?")
 _NAMED = re.compile(r"\brotorid ([a-z]+)")
 
 
@@ -81,13 +82,15 @@ def with_verbs(text: str, verb: str) -> str:
     --------
     >>> with_verbs("name it with --layout", "review"), with_verbs("name it with --layout", "export")
     ('name it with --layout (rotorid identify)', 'name it with --layout')
+    >>> with_verbs("or try --segment roll:5.00:35.00.", "inspect")
+    'or try --segment roll:5.00:35.00 (rotorid identify).'
     >>> with_verbs("add --shift p:0.01 to rotorid identify", "review")
     'add --shift p:0.01 to rotorid identify'
     """
     named = set(_NAMED.findall(text))
 
     def qualified(found: re.Match[str]) -> str:
-        verbs = VERBS.get(found[0], ())
+        verbs = VERBS.get(found[1], ())
         return found[0] if not verbs or verb in verbs or named & set(verbs) else f"{found[0]} (rotorid {verbs[0]})"
 
-    return OPTION.sub(qualified, text) if "--" in text else text
+    return _WITH_VALUE.sub(qualified, text) if "--" in text else text
