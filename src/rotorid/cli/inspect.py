@@ -159,6 +159,7 @@ def _print(
 ) -> None:
     """What the log is good for and what not, warnings, and what to do next; with ``verbose`` everything else too."""
     from rotorid.cli.console import output_console, print_findings, print_lines
+    from rotorid.report.inspection import further_findings
 
     console = output_console()
 
@@ -190,7 +191,7 @@ def _print(
         say(lines or ["  none found"], "test inputs")
         if inspection.kinematics or inspection.skews:
             say([*_kinematics(inspection), *_skews(inspection.skews)], "do sensors and clocks agree?")
-    findings = [f for f in inspection.findings if f.severity != "info" or f.kind not in _SHOWN_ELSEWHERE]
+    findings = [f for f in further_findings(inspection) if f.severity != "info" or f.kind not in _SHOWN_ELSEWHERE]
     # Notes on a plan that was asked for are part of the answer.
     notes = [f for f in findings if not verbose and f.severity == "info" and f.kind.startswith("plan_")]
     if notes or any(verbose or finding.severity != "info" for finding in findings):

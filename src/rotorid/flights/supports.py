@@ -21,7 +21,7 @@ from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
-from rotorid.flights.flights import Flight
+from rotorid.flights.flights import Flight, never_flew
 from rotorid.flights.instruments import find_instrument, is_free, own_instrument
 from rotorid.flights.oscillations import limits_shown, motors_limited, reviewed_oscillations
 from rotorid.models.families import FAMILIES, RATE_AXIS, Needs, family_of, rate_model_of
@@ -451,7 +451,20 @@ def _unflown(record: FlightRecord, axis: Axis, tried: Maneuver | None) -> Suppor
         because = f"the log {dwells_alone(axis, [omega_rad_s for _, omega_rad_s in dwells])}"
     elif tried is not None:
         remedy += f", or try --segment {segment_of(axis, tried.start_s, tried.stop_s)}"
+    elif not found and (never := never_flown(record)):
+        return never
     return Support(possible=False, because=because, remedy=remedy, lacks="no_excitation")
+
+
+def never_flown(record: FlightRecord) -> Support | None:
+    """The refusal of a log whose vehicle never flew: what to fly on each axis would hide the one reason."""
+    try:
+        airborne(record)
+    except InsufficientDataError as error:
+        if never_flew(error):
+            because = f"the log {error.came.removeprefix(record.source.name).strip().rstrip('.')}"
+            return Support(possible=False, because=because, remedy=error.remedy, lacks="never_airborne")
+    return None
 
 
 def _no_ordinary(record: FlightRecord, axis: Axis) -> str:
@@ -459,8 +472,7 @@ def _no_ordinary(record: FlightRecord, axis: Axis) -> str:
     try:
         airborne(record)
     except InsufficientDataError as error:
-        never = any(finding.kind == "never_airborne" for finding in error.findings)
-        return "the vehicle never flew" if never else "the flight time is unknown"
+        return "the vehicle never flew" if never_flew(error) else "the flight time is unknown"
     if not _long_flights(record, axis):
         return f"no flight lasts {SHORTEST_ORDINARY_S:.0f} s"
     return f"the {axis} stick does not move in flight"
@@ -517,6 +529,9 @@ def _coupled_support(record: FlightRecord, model: str) -> Support:
     if refused := _no_vehicle(record) or _limited(record):
         return replace(refused, needs=refused.needs or needs)
     if still := [axis for axis, rich in found.items() if not rich]:
+        nothing = not any(find_excitations(record, axis) or candidate_excitations(record, axis) for axis in axes)
+        if nothing and (never := never_flown(record)):
+            return replace(never, needs=needs)
         because = f"the log contains no sweep of {listed(still)}"
         remedy = flying_advice(record, *still)
         return Support(possible=False, because=because, remedy=remedy, needs=needs, lacks="no_excitation")

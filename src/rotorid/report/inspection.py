@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rotorid.data.findings import Finding
 from rotorid.data.quantity import milliseconds, with_error
 from rotorid.data.record import AXES, FlightRecord
 from rotorid.errors import UsageError
@@ -94,7 +95,15 @@ def not_for(inspection: Inspection) -> tuple[Unavailable, ...]:
         for model, support in inspection.supports.items()
         if not support.possible
     )
+    if len(rows) == 1 and not good_for(inspection):
+        return (replace(rows[0], what="any model"),)
     return tuple(replace(row, what=row.what.replace("; ", ", ")) for row in rows)
+
+
+def further_findings(inspection: Inspection) -> tuple[Finding, ...]:
+    """Findings without the reason that every model was refused for, which :func:`not_for` gives."""
+    refused = {support.lacks for support in inspection.supports.values() if support.lacks == "never_airborne"}
+    return tuple(finding for finding in inspection.findings if finding.kind not in refused)
 
 
 def render_inspection(record: FlightRecord, inspection: Inspection) -> str:
@@ -114,7 +123,7 @@ def render_inspection(record: FlightRecord, inspection: Inspection) -> str:
         good_for=good_for(inspection),
         not_for=not_for(inspection),
         topics=[list(rows) for _, rows in groupby(inspection.channels, key=lambda channel: channel.topic)],
-        remarks=finding_rows(inspection.findings),
+        remarks=finding_rows(further_findings(inspection)),
         log_picture=picture,
         pictures=[picture],
         with_error=with_error,

@@ -20,7 +20,7 @@ from rotorid.flights.agreement import channel_agreement
 from rotorid.flights.consistency import ChannelSkew, Consistency, check_consistency, stretches
 from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.rotor_order import order_of_log
-from rotorid.flights.supports import Support, dwells_in, ordinary_flights, segment_of, supports
+from rotorid.flights.supports import Support, dwells_in, never_flown, ordinary_flights, segment_of, supports
 from rotorid.flying.next_steps import KnownOfLog, next_steps
 from rotorid.models.families import RATE_AXIS, family_of, rate_model_of
 from rotorid.results.provenance import LoggedManeuver, logged
@@ -339,6 +339,8 @@ def foreseen(record: FlightRecord, model: str, support: Support) -> Support:
         flown_s = sum(part.duration_s for part in ordinary_flights(record, RATE_AXIS[model]))
         if flown_s * record.rate_hz(f"{RATE_AXIS[model]}_command") > _MOST_SAMPLES:
             return support
+    if support.by == "motors" and (never := never_flown(record)):
+        return replace(never, needs=support.needs)
     try:
         _prepare(record, model)
     except Exception as failure:

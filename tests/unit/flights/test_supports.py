@@ -103,7 +103,7 @@ SAYS = {
     "no command": "the log lacks roll_command",
     "slow": "logged too slowly (roll_command at 25 Hz, p at 25 Hz)",
     "short flight": "no flight lasts 20 s",
-    "never flew": "the vehicle never flew",
+    "never flew": "has no flight of 2 s and more, as twin shows: the vehicle was never armed",
     "rover": "the vehicle is a rover, not a multirotor, according to FRAME_CLASS",
 }
 

@@ -13,9 +13,9 @@ import pytest
 from tests.unit.cli.commands import rotorid
 
 from rotorid.data.findings import Finding
-from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.errors import UsageError
-from rotorid.report.inspection import log_picture, render_inspection, write_inspection
+from rotorid.report.inspection import log_picture, not_for, render_inspection, write_inspection
 from rotorid.reviewing.inspection import inspect
 from rotorid.settings.parsing import parse_segment
 
@@ -180,9 +180,29 @@ def test_flights_and_checks_are_shown() -> None:
     flown = replace(record, topics=(*more, late))
     document = inspect(flown)
     (bar,) = (bar for bar in log_picture(flown, document).excitations if bar.group == "flight")
-    assert bar.spans == [(pytest.approx(5.01), pytest.approx(34.99))]
+    assert bar.spans == [(pytest.approx(4.01), pytest.approx(35.99))]
     shown = html.unescape(render_inspection(flown, document))
     assert "Do sensors and clocks agree" in shown
     (remedy,) = (row.remedy for row in document.skews if row.nature == "same_channel")
     assert float(remedy.removeprefix("--shift p:")) == pytest.approx(0.05, abs=0.5e-3)
     assert remedy in shown
+
+
+def test_a_log_that_never_flew_is_refused_in_one_line_that_no_finding_repeats() -> None:
+    record = flight()
+    time_s = record.topics[0].time_s
+    names = [f"{axis}_command" for axis in ("roll", "pitch", "yaw", "thrust")] + [f"motor_{n}" for n in range(1, 5)]
+    rows = {**dict.fromkeys(names, 0.0), "az": -9.81}
+    still = {name: np.full(time_s.size, value) for name, value in rows.items()}
+    noise = 1e-3 * np.random.default_rng(0).standard_normal((3, time_s.size))
+    bench = topic("bench", time_s, **still, **dict(zip("pqr", noise, strict=True)))
+    grounded = replace(record, topics=(bench,), status=Status(armed=(), in_air=(), flagged_in="arming"))
+    inspection = inspect(grounded)
+    (row,) = not_for(inspection)
+    assert row.what == "any model"
+    assert row.why.startswith("the log has no flight of 2 s and more")
+    assert "sweep" not in row.remedy
+    assert "never_airborne" in {finding.kind for finding in inspection.findings}
+    assert (
+        html.unescape(render_inspection(grounded, inspection)).count("no flight of 2 s and more") == 2
+    )  # answer, table
