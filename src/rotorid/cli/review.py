@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
     from rotorid.documents.base import Document
     from rotorid.plot.printed import PrintedAs
-    from rotorid.reviewing.cards import Card
+    from rotorid.reviewing.card import Card
     from rotorid.reviewing.values import Review
 
 FILE, ARRAYS, PAGE = "review.json", "review.npz", "review.html"

@@ -29,7 +29,8 @@ from rotorid.results.summary import ParameterEstimate
 from rotorid.results.verdicts import LEVEL_OF, Verdict, badge
 from rotorid.results.verdicts import verdict as fit_verdict_of
 from rotorid.reviewing.baseline import left_out_words
-from rotorid.reviewing.cards import Card, cards, no_flight, without_sweep
+from rotorid.reviewing.card import Card
+from rotorid.reviewing.cards import cards, no_flight, without_sweep
 from rotorid.reviewing.loops import LOOPS
 from rotorid.reviewing.motors import possible_causes
 from rotorid.reviewing.values import (

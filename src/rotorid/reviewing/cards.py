@@ -8,37 +8,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import Literal, NamedTuple, TypeAlias
+from dataclasses import replace
 
 from rotorid.data.axes import RATE_OF
-from rotorid.data.base import Immutable
 from rotorid.data.display import capital, counted, listed
-from rotorid.data.quantities import QUANTITIES, FigureOfMerit, Judgment, words_of_path
+from rotorid.data.quantities import QUANTITIES, words_of_path
 from rotorid.data.quantity import Quantity
 from rotorid.data.trust import RICH_KINDS
 from rotorid.flights.oscillations import describe, gain_words, motors_limited
 from rotorid.results.model import IdentifiedModel
-from rotorid.results.summary import Color
 from rotorid.results.verdicts import verdict
 from rotorid.reviewing.baseline import balance_words, shown_change
+from rotorid.reviewing.card import (
+    Card,
+    LimitedNumber,
+    State,
+    bad_and_unsure,
+    judged_numbers,
+    lacking_numbers,
+    lower_first,
+    together,
+)
 from rotorid.reviewing.motors import EVEN, possible_causes
 from rotorid.reviewing.values import Review, Unavailable
 from rotorid.signal.witnesses import MOTION
-
-State: TypeAlias = Literal["good", "look", "part", "cannot"]
-"""Good; look here; what was measured is good, and a part was not measured; not enough data."""
-
-STATES: Mapping[State, tuple[str, Color]] = MappingProxyType(
-    {
-        "good": ("good", "green"),
-        "look": ("look here", "yellow"),
-        "part": ("good in part", "gray"),
-        "cannot": ("not enough data", "gray"),
-    }
-)
-"""Word and color of a state, on every page and line: what is unknown is gray."""
 
 _SELDOM = 5e-4
 """Share of the flight at a limit that is too small to mention."""
@@ -47,64 +40,6 @@ _MOVE_MORE = "move the {axis} stick for 30 s: tilt quickly 5 to 10° to one side
 
 _POWER = {"battery_voltage", "thrust_command", "thrust_stick", "motor_1"}
 _RATES = {rate: axis for axis, rate in RATE_OF.items()}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Card(Immutable):
-    """One judgment.
-
-    Parameters
-    ----------
-    key, title
-        Name, and the question.
-    state
-        Whether it is good, needs a look, is good as far as it was measured, or was not measured.
-    headline
-        The answer in one sentence that a pilot could say to a friend.
-    number, scale
-        The one number behind it with its unit, and what is usual; empty where there is none.
-    quantity
-        Name of that number in :data:`rotorid.data.quantities.QUANTITIES`; empty where it is none of them.
-    details
-        What else to know.
-    remedy
-        What to fly, set or log for an answer, as a command; empty where the answer is known.
-    """
-
-    key: str
-    title: str
-    state: State
-    headline: str
-    number: str = ""
-    scale: str = ""
-    quantity: str = ""
-    details: str = ""
-    remedy: str = ""
-
-    @property
-    def word(self) -> str:
-        """The state in words."""
-        return STATES[self.state][0]
-
-    @property
-    def color(self) -> Color:
-        """The state for the eye."""
-        return STATES[self.state][1]
-
-    @property
-    def measured(self) -> str:
-        """The number with its scale."""
-        return f"{self.number} ({self.scale})" if self.scale else self.number
-
-    @property
-    def action(self) -> str:
-        """What to do for an answer, as a sentence."""
-        return f"To measure it: {_lower_first(self.remedy)}" if self.remedy else ""
-
-    @property
-    def sentence(self) -> str:
-        """All that the card says, without its number."""
-        return _together(self.headline, self.details, self.action)
 
 
 def cards(review: Review) -> tuple[Card, ...]:
@@ -132,7 +67,7 @@ def _as_flown(card: Card, review: Review) -> Card:
     if card.state != "good" or not review.flight.seen_in.startswith(MOTION):
         return card
     only = "Only motion shows that it flew: log thrust, motors, height or the landed flag."
-    return replace(card, state="part", details=_together(card.details, only))
+    return replace(card, state="part", details=together(card.details, only))
 
 
 def no_flight(review: Review) -> str:
@@ -170,12 +105,8 @@ def _with_loss(card: Card, review: Review) -> Card:
         title=card.title,
         state="look",
         headline=f"{headline}, at {lost.lost_at_s:.1f} s.",
-        details=f"Before the next flight, {check}. Before that moment: {_lower_first(card.headline)}",
+        details=f"Before the next flight, {check}. Before that moment: {lower_first(card.headline)}",
     )
-
-
-def _together(*sentences: str) -> str:
-    return " ".join(sentence for sentence in sentences if sentence)
 
 
 def _good(missing: Sequence[str]) -> State:
@@ -206,112 +137,9 @@ def _unanswered(key: str, title: str, gap: Unavailable | None, otherwise: str, d
         title=title,
         state="cannot",
         headline=f"{capital(why).rstrip('.')}.",
-        details=_together(details, more),
+        details=together(details, more),
         remedy="" if gap is None else gap.remedy,
     )
-
-
-class _LimitedNumber(NamedTuple):
-    """A number of an axis that a card judges by, with its row; ``per`` is what its limit is a share of."""
-
-    axis: str
-    name: str
-    figure: FigureOfMerit
-    quantity: Quantity
-    per: float = 1.0
-
-    @property
-    def verdict(self) -> Judgment:
-        """Good or not over the whole 95 % interval; else there is not enough data."""
-        return self.figure.judged(self.quantity, self.per)
-
-    @property
-    def sure_end(self) -> float:
-        """The better end of the interval over its limit: above one it is surely bad, and the worse the larger."""
-        return self._over_limit(self.quantity.upper, self.quantity.lower)
-
-    @property
-    def bad_end(self) -> float:
-        """The worse end of the interval over its limit: up to one it is surely good."""
-        return self._over_limit(self.quantity.lower, self.quantity.upper)
-
-    def _over_limit(self, of_high: float, of_low: float) -> float:
-        limit = self.per * self.figure.limit
-        if math.isnan(self.figure.good_above):
-            return of_low / limit
-        return limit / of_high if of_high > 0.0 else math.inf
-
-    @property
-    def shown(self) -> str:
-        """The number with its axis, in one line."""
-        return f"{self.axis} {self.figure.before} {self.figure.shown(self.quantity)}"
-
-    @property
-    def shown_alone(self) -> str:
-        """The number without an axis, in one line."""
-        return f"{self.figure.before} {self.figure.shown(self.quantity)}"
-
-    @property
-    def scale(self) -> str:
-        """What is usual, for a pilot who does not know the number."""
-        return self.figure.scale(self.verdict, self.per)
-
-    @property
-    def trouble(self) -> tuple[str, str]:
-        """What it means beyond its limit: the sentence for a headline, and the rest."""
-        first, _, rest = self._filled(self.figure.trouble).partition(". ")
-        return f"{first.rstrip('.')}.", rest
-
-    @property
-    def doubt(self) -> str:
-        """Why it gives no verdict."""
-        return f"Unclear whether {self._filled(self.figure.whether)}."
-
-    def bad(self, key: str, title: str, number: str = "") -> Card:
-        """The card of a number beyond its limit."""
-        headline, details = self.trouble
-        return Card(
-            key=key,
-            title=title,
-            state="look",
-            headline=headline,
-            number=number or self.shown,
-            scale=self.scale,
-            quantity=self.name,
-            details=details,
-        )
-
-    def doubtful(self, key: str, title: str, *, number: str = "", details: str = "", remedy: str = "") -> Card:
-        """The card of a number whose interval contains its limit."""
-        return Card(
-            key=key,
-            title=title,
-            state="cannot",
-            headline=self.doubt,
-            number=number or self.shown,
-            scale=self.scale,
-            quantity=self.name,
-            details=details,
-            remedy=remedy or self.figure.surer,
-        )
-
-    def _filled(self, words: str) -> str:
-        return words.format(axis=self.axis, Axis=self.axis.capitalize(), value=self.figure.shown(self.quantity))
-
-
-def _judged(card: str, numbers: Mapping[str, Quantity], axis: str = "") -> list[_LimitedNumber]:
-    """The numbers that a card judges by, in the order of their table; without an axis, their names begin with it."""
-    return [
-        _LimitedNumber(
-            axis=axis or name.partition("_")[0],
-            name=name,
-            figure=row,
-            quantity=numbers[name],
-            per=numbers[row.per].value if row.per else 1.0,
-        )
-        for name, row in QUANTITIES.items()
-        if row.card == card and {name, row.per or name} <= numbers.keys()
-    ]
 
 
 def _tracking(review: Review) -> Card:
@@ -319,7 +147,10 @@ def _tracking(review: Review) -> Card:
     if review.oscillations:
         return Card(key=key, title=title, state="cannot", headline=_stop_first(review))
     judged = [
-        number for name in ("p", "q") if name in loops for number in _judged(key, loops[name].numbers, _RATES[name])
+        number
+        for name in ("p", "q")
+        if name in loops
+        for number in judged_numbers(key, loops[name].numbers, _RATES[name])
     ]
     rises = [number for number in judged if number.name == "rise_time_s"]
     overshoots = [number for number in judged if number.name == "overshoot_percent"]
@@ -329,7 +160,7 @@ def _tracking(review: Review) -> Card:
             # What the margins ask of a slow log names the settings of its autopilot.
             gap = replace(gap, remedy=_remedy(review, "margins") or gap.remedy)
         return _unanswered(key, title, gap, "this log does not show how roll and pitch follow.")
-    bad, unsure = _sorted(judged)
+    bad, unsure = bad_and_unsure(judged)
     if bad:
         # What bounces is mentioned before what is slow.
         return next((number for number in bad if number not in rises), bad[0]).bad(key, title)
@@ -339,7 +170,7 @@ def _tracking(review: Review) -> Card:
     by = f", with at most {most.quantity.upper:.0f} % overshoot" if most is not None else ""
     axes = [number.axis for number in rises]
     missing = [axis for axis in ("roll", "pitch") if axis not in axes]
-    missing += _lacking(key, axes, judged)
+    missing += lacking_numbers(key, axes, judged)
     slowest = max(rises, key=lambda number: number.quantity.value)
     return Card(
         key=key,
@@ -358,21 +189,7 @@ def _stop_first(review: Review) -> str:
     return f"{capital(listed(axes))} {'oscillates' if len(axes) == 1 else 'oscillate'}: stop that first."
 
 
-def _lacking(card: str, axes: Sequence[str], judged: Sequence[_LimitedNumber]) -> list[str]:
-    """Numbers of a card that some axes lack, in words."""
-    known = {(number.axis, number.name) for number in judged}
-    rows = {name: row for name, row in QUANTITIES.items() if row.card == card}
-    return [f"{row.words} of {axis}" for axis in axes for name, row in rows.items() if (axis, name) not in known]
-
-
-def _sorted(judged: Sequence[_LimitedNumber]) -> tuple[list[_LimitedNumber], list[_LimitedNumber]]:
-    """What is surely bad and what may be, each the worst first."""
-    bad = sorted((number for number in judged if number.verdict == "look"), key=lambda number: -number.sure_end)
-    unsure = sorted((number for number in judged if number.verdict == "cannot"), key=lambda number: -number.bad_end)
-    return bad, unsure
-
-
-def _margin_number(review: Review, number: _LimitedNumber) -> str:
+def _margin_number(review: Review, number: LimitedNumber) -> str:
     """A margin, with the end of a D that moves in flight for which it was computed."""
     margin = review.margins[number.axis]  # type: ignore[index]
     known = margin.numbers.get("crossover_rad_s")
@@ -385,10 +202,10 @@ def _margins(review: Review) -> Card:
     key, title = "margins", "How close is it to shaking?"
     if review.oscillations:
         return _shaking(review, key, title)
-    judged = [item for axis, margin in review.margins.items() for item in _judged(key, margin.numbers, axis)]
+    judged = [item for axis, margin in review.margins.items() for item in judged_numbers(key, margin.numbers, axis)]
     phases = [margin for margin in judged if margin.name == "phase_margin_deg"]
     # Number and sentence are of one loop: of those that are surely bad the worst, then of those that may be.
-    bad, unsure = _sorted(judged)
+    bad, unsure = bad_and_unsure(judged)
     if bad:
         return bad[0].bad(key, title, _margin_number(review, bad[0]))
     # Gusts show numbers of an axis whose stick is idle, and are no test of its loop.
@@ -411,7 +228,7 @@ def _margins(review: Review) -> Card:
     others = [axis for axis in RATE_OF if axis not in names]
     idle = {axis for axis, margin in review.margins.items() if margin.stick_idle}
     missing = [f"{axis} (its stick barely moved)" if axis in idle else axis for axis in others]
-    missing += (unknown := _lacking(key, names, judged))
+    missing += (unknown := lacking_numbers(key, names, judged))
     missing += [f"oscillation of {axis}" for axis in names if axis not in review.calm]
     headline = (
         f"{loops} {'are' if len(names) > 1 else 'is'} far from oscillation."
@@ -427,7 +244,7 @@ def _margins(review: Review) -> Card:
         number=_margin_number(review, least),
         scale=least.scale,
         quantity=least.name,
-        details=_together(_calm(review, others), _not_measured(missing)),
+        details=together(_calm(review, others), _not_measured(missing)),
     )
 
 
@@ -456,7 +273,7 @@ def _calm(review: Review, among: Sequence[str] = ("roll", "pitch")) -> str:
 
 def _noise(review: Review) -> Card:
     key, title, noise = "noise", "Does it vibrate?", review.noise
-    judged = _judged(key, noise.numbers)
+    judged = judged_numbers(key, noise.numbers)
     shaken = next((number for number in judged if number.name == "vibration_m_s2"), None)
     shares = [number for number in judged if number.name.endswith("_d_noise_share")]
     loud = max(shares, key=lambda number: number.quantity.value, default=None)
@@ -478,7 +295,7 @@ def _noise(review: Review) -> Card:
             scale=scale,
             details=details,
         )
-    bad, unsure = _sorted([number for number in judged if number.name != "clipping_share"])
+    bad, unsure = bad_and_unsure([number for number in judged if number.name != "clipping_share"])
     if risen := _risen_vibration(review):
         return Card(key=key, title=title, state="look", headline=risen[0], number=number, scale=scale, details=risen[1])
     if bad:
@@ -505,9 +322,9 @@ def _noise(review: Review) -> Card:
         # The question is not answered by what the motors get.
         gap = _gap(review, "noise.vibration")
         why = "" if gap is None else gap.why.partition(". ")[0].rstrip(".")
-        headline = _together(f"Vibration was not measured{f': {why[0].lower()}{why[1:]}' if why else ''}.", headline)
+        headline = together(f"Vibration was not measured{f': {why[0].lower()}{why[1:]}' if why else ''}.", headline)
         missing.remove("vibration")
-        headline, where = _together(headline, where), ""
+        headline, where = together(headline, where), ""
     return Card(
         key=key,
         title=title,
@@ -515,7 +332,7 @@ def _noise(review: Review) -> Card:
         headline=headline,
         number=number,
         scale=scale,
-        details=_together(_not_measured(missing), where),
+        details=together(_not_measured(missing), where),
     )
 
 
@@ -542,7 +359,7 @@ def _motors(review: Review) -> Card:
         return _unanswered(key, title, replace(gap, why=why) if gap and not logged else gap, why)
     # What share of this flight a motor was at a limit was counted, and is no estimate.
     full = "" if high is None else f"{100.0 * high.value:.1f} %"
-    judged = {number.name: number for number in _judged(key, numbers)}
+    judged = {number.name: number for number in judged_numbers(key, numbers)}
     uneven, left = judged.get("imbalance"), judged.get("headroom")
     number = f"{full} at full output" if high is not None and high.value > _SELDOM else ""
     scale = judged["saturated_high_share"].figure.scale("good") if number else ""
@@ -578,7 +395,7 @@ def _motors(review: Review) -> Card:
     # Shares at a limit were counted, and are no estimates.
     own = ("imbalance",) if known else ()
     estimated = [number for name, number in judged.items() if not name.startswith(("saturated", *own))]
-    bad, unsure = _sorted(estimated)
+    bad, unsure = bad_and_unsure(estimated)
     if bad:
         return replace(bad[0].bad(key, title, number), scale=scale)
     limits = _at_limits(numbers)
@@ -596,7 +413,7 @@ def _motors(review: Review) -> Card:
         even,
         state=_good(missing),
         headline=f"{words}, with {100.0 * left.quantity.value:.0f} % headroom in hover.",
-        details=_together(desync, limits, _not_measured(missing)),
+        details=together(desync, limits, _not_measured(missing)),
     )
 
 
@@ -629,15 +446,15 @@ def _power(review: Review) -> Card:
         return replace(unknown, number=_thrust_words(review))
     hover = "" if throttle is None else f"hovers at {QUANTITIES['hover_throttle'].shown(throttle)} throttle"
     volts = _battery_words(battery)
-    judged = [] if ratio is None else _judged(key, {"thrust_to_weight": ratio})
+    judged = [] if ratio is None else judged_numbers(key, {"thrust_to_weight": ratio})
     if volts and battery["start_v"].value > 0.0:
-        judged += _judged(key, battery)
+        judged += judged_numbers(key, battery)
     names = {number.name for number in judged}
     missing = [*([] if ratio is not None else ["full thrust"]), *([] if "sag_v" in names else ["sag under load"])]
     thrust = "" if ratio is None else f"full thrust {QUANTITIES['thrust_to_weight'].shown(ratio)} times the weight"
     number, scale = (thrust, judged[0].scale) if thrust else (hover, "")
     weighed = _thrust_words(review)
-    also = _together(
+    also = together(
         f"It {hover}." if thrust and hover else "",
         capital(f"{weighed}.") if weighed else "",
         volts,
@@ -646,14 +463,14 @@ def _power(review: Review) -> Card:
     for row in judged:
         if row.verdict == "look":
             shown, measure = (number, scale) if row.name == "thrust_to_weight" else (row.shown_alone, row.scale)
-            return replace(row.bad(key, title, shown), scale=measure, details=_together(row.trouble[1], also))
+            return replace(row.bad(key, title, shown), scale=measure, details=together(row.trouble[1], also))
     for row in judged:
         if row.verdict == "cannot":
             shown, measure = (number, scale) if row.name == "thrust_to_weight" else (row.shown_alone, row.scale)
             return replace(row.doubtful(key, title, number=shown, details=also), scale=measure)
     if not judged:
         gap = _gap(review, "flight.thrust_to_weight", "flight.battery")
-        unknown = _unanswered(key, title, gap, "this log does not show the full thrust.", _together(volts))
+        unknown = _unanswered(key, title, gap, "this log does not show the full thrust.", together(volts))
         return replace(unknown, number="; ".join(text for text in (number, weighed) if text))
     return Card(
         key=key,
@@ -715,7 +532,7 @@ def _models(review: Review) -> Card:
         if any(finding.kind == "poor_verification" for finding in model.findings):
             doubted.setdefault("misses unseen flight", []).append(name)
     lacking = [name for name in sought if name not in identified]
-    details = _together(
+    details = together(
         *(f"{capital(word)}: {', '.join(names)}." for word, names in doubted.items()),
         f"Not identified: {', '.join(lacking)}." if lacking else "",
         f"Not enough data: {', '.join(review.unsupported)}." if review.unsupported else "",
@@ -749,9 +566,3 @@ def _gap(review: Review, *parts: str) -> Unavailable | None:
 def _remedy(review: Review, what: str) -> str:
     """The first thing to do about what was not measured of something; empty where nothing is known."""
     return next((gap.remedy for gap in review.cannot_tell if gap.what.startswith(what) and gap.remedy), "")
-
-
-def _lower_first(sentence: str) -> str:
-    """A sentence as it goes on behind a colon."""
-    ended = sentence if sentence.endswith(".") else f"{sentence}."
-    return ended if ended[1:2].isupper() else f"{ended[:1].lower()}{ended[1:]}"

@@ -1,18 +1,14 @@
-"""Noise of a flight: spectra against throttle before and after the filters, causes of peaks, noise at the motors.
+"""Noise of a flight: vibration, clipping, filters and what reaches the motors, beside the spectra of its sensors.
 
-Where the log holds motor speeds, a peak belongs to the rotor whose first, second or third harmonic it lies on within
-two bins (speeds are often logged ten times a second only, and rotors move in between). Elsewhere its movement with the
-throttle decides. A channel logged more slowly than twice a peak's frequency shows it folded, at a frequency where
-nothing vibrates: below 200 Hz of rate, and above 0.4 of any rate, no peak is named.
+Spectra and the causes of their peaks are those of :mod:`rotorid.reviewing.spectra`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -26,47 +22,36 @@ from rotorid.data.quantities import QUANTITIES, VIBRATION_BANDS_HZ
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.flights.controllers import controllers_of
+from rotorid.reviewing.spectra import (
+    BINS,
+    LEAST_RATE_HZ,
+    LINES_ABOVE_HZ,
+    OF_RATE,
+    Level,
+    Sensor,
+    level_of,
+    map_of,
+    peaks_of,
+    plotted_factor,
+    samples_of,
+    sensors_of,
+)
 from rotorid.reviewing.values import NoiseMap, NoisePeak, NoiseReview, Unavailable, section
 from rotorid.signal.airborne import airborne, within
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_accelerometer, dead_gyro
 from rotorid.spectral.noise import (
-    HARMONICS,
     OVERLAP,
-    ShortSpectra,
-    by_level,
-    floor_db,
-    lines,
     measured_delay,
-    nearest_harmonic,
-    peaks,
     short_spectra,
     unexplained,
     unexplained_frequencies,
 )
 from rotorid.typing import Axis, FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
 
-LEAST_RATE_HZ = 200.0
-"""In slower channels the rotors' lines alias."""
-
-LINES_ABOVE_HZ = 30.0
-"""Below it is the motion of the vehicle."""
-
-TOLERANCE_BINS = 2.0
-"""Largest distance of a peak from the harmonic of its rotor."""
-
-MOST_PEAKS = 6
-"""Most peaks that are listed of a sensor."""
-
-_OF_RATE = 0.4
-"""Share of the rate of a log above which no line is listed: faster vibration aliases."""
-
-_UNKNOWN_MAKER = "Rotors or frame: too few throttles, or an uneven line"
 _VIBRATION_HZ = 10.0
 """Specific force that changes faster is vibration."""
-
-_BINS = 25
-"""Of the throttle, each of 4 % of its range."""
 
 _DELAY_BAND_HZ = (5.0, 80.0)
 """Where the delay of the filters is measured, as the slope of their phase."""
@@ -83,30 +68,11 @@ _HOT_HZ = 100.0
 _GYRO_END_RAD_S = tuple(math.radians(end) for end in (2000.0, 4000.0))
 """Ends of the ranges that gyros have."""
 
-_ACCEL_END_M_S2 = tuple(9.80665 * end for end in (8.0, 16.0, 32.0))
+_ACCEL_END_M_S2 = tuple(STANDARD_GRAVITY_M_S2 * end for end in (8.0, 16.0, 32.0))
 """Ends of the ranges that accelerometers have."""
 
 _SAME_RATE = 1.1
 """Ratio of two rates within which neither sensor folds more noise than the other."""
-
-_DEGREES = 180.0 / math.pi
-
-Stage = Literal["before", "after"]
-
-
-class _Sensor(NamedTuple):
-    """Samples of a channel in the air."""
-
-    channel: str
-    stage: Stage
-    topic: str
-    source: str
-    time_s: FloatArray
-    values: FloatArray
-
-    @property
-    def rate_hz(self) -> float:
-        return float(1.0 / np.median(np.diff(self.time_s))) if self.time_s.size > 1 else 0.0
 
 
 def noise(
@@ -130,13 +96,13 @@ def noise(
         The vehicle never flew, or the log does not show whether it did.
     """
     flights = airborne(record).intervals
-    sensors = tuple(_sensors(record, flights))
+    sensors = tuple(sensors_of(record, flights))
     pictures: tuple[list[NoiseMap], list[NoisePeak]] = ([], [])
     (maps, found), missing = section("noise.maps", partial(_spectra, record, sensors), pictures)
     unavailable = [*missing]
     none: dict[str, Quantity] = {}
     numbers: dict[str, Quantity] = _rotor_lines(found)
-    parts: dict[str, Callable[[FlightRecord, Sequence[_Sensor], Intervals], NumbersAndGaps]] = {
+    parts: dict[str, Callable[[FlightRecord, Sequence[Sensor], Intervals], NumbersAndGaps]] = {
         "vibration": _vibration,
         "clipping": _clipping,
         "filter_delay": _delays,
@@ -163,269 +129,27 @@ def _filter_attenuation(record: FlightRecord, maps: Sequence[NoiseMap]) -> Numbe
 
 
 def _spectra(
-    record: FlightRecord, sensors: Sequence[_Sensor]
+    record: FlightRecord, sensors: Sequence[Sensor]
 ) -> tuple[tuple[list[NoiseMap], list[NoisePeak]], list[Unavailable]]:
     """Maps and peaks of all sensors, and which of them the log lacks."""
-    level = _level(record)
+    level = level_of(record)
     maps: list[NoiseMap] = []
     found: list[NoisePeak] = []
     for sensor in sensors:
-        spectra = short_spectra(sensor.time_s, sensor.values * _scale(sensor.channel))
+        spectra = short_spectra(sensor.time_s, sensor.values * plotted_factor(sensor.channel))
         if spectra is None:
             continue
-        made = _map(sensor, spectra, level)
+        made = map_of(sensor, spectra, level)
         maps.append(made)
         if sensor.rate_hz >= LEAST_RATE_HZ and not any(peak.channel == sensor.channel for peak in found):
-            found += _peaks(record, sensor, spectra, made)
+            found += peaks_of(record, sensor, spectra, made)
     return (maps, found), list(_unavailable(record, sensors, level))
-
-
-def _sensors(record: FlightRecord, flights: Intervals) -> Iterator[_Sensor]:
-    """Gyro and accelerometer before and after the filters, each at the highest logged rate."""
-    unfiltered = autopilot_of(record).log.unfiltered_topic
-    rates = () if dead_gyro(record) else ("p", "q", "r")
-    forces = () if dead_accelerometer(record) else ("ax", "ay", "az")
-    for channel in (*rates, *forces):
-        before = _samples(record, (f"{channel}_raw",), channel, "before", flights)
-        after = _samples(record, (f"{channel}_filtered", channel), channel, "after", flights)
-        if before is None and unfiltered:
-            before = _samples(record, (channel,), channel, "before", flights, topic=unfiltered)
-        if after is not None and before is not None and after.topic == before.topic == unfiltered:
-            after = None
-        yield from (sensor for sensor in (before, after) if sensor is not None)
-
-
-def _samples(
-    record: FlightRecord,
-    names: Sequence[str],
-    channel: str,
-    stage: Stage,
-    flights: Intervals,
-    topic: str = "",
-) -> _Sensor | None:
-    for name in names:
-        for found, row in record.holding(name):
-            if topic and found.name != topic:
-                continue
-            kept = within(found.time_s, flights) & np.isfinite(found.values[row])
-            time_s, values = found.time_s[kept], found.values[row][kept]
-            rising = np.concatenate([[True], np.diff(time_s) > 0.0]) if time_s.size else np.zeros(0, dtype=np.bool_)
-            if np.count_nonzero(rising) > 100:
-                source = found.channels[row].source
-                return _Sensor(channel, stage, found.name, source, time_s[rising], values[rising])
-    return None
-
-
-def _scale(channel: str) -> float:
-    return _DEGREES if channel in RATES else 1.0
-
-
-@dataclass(frozen=True)
-class _Level:
-    """The vertical axis of a map: mean motor output, thrust command or throttle stick."""
-
-    name: str
-    time_s: FloatArray
-    values: FloatArray
-
-    def at(self, time_s: FloatArray) -> FloatArray:
-        return np.interp(time_s, self.time_s, self.values, left=np.nan, right=np.nan)
-
-
-def _level(record: FlightRecord) -> _Level | None:
-    motors = [name for name in record.channel_names if name.startswith("motor_") and name[6:].isdigit()]
-    for names in (motors, ["thrust_command"], ["thrust_stick"]):
-        if not names or names[0] not in record:
-            continue
-        topic, _ = next(iter(record.holding(names[0])))
-        rows = [topic.row(name) for name in names]
-        values = topic.values[[place for place in rows if place is not None]].mean(axis=0)
-        kept = np.isfinite(values) & np.isfinite(topic.time_s)
-        if np.count_nonzero(kept) > 2:
-            return _Level("throttle", topic.time_s[kept], values[kept])
-    return None
-
-
-def _map(sensor: _Sensor, spectra: ShortSpectra, level: _Level | None) -> NoiseMap:
-    against = np.full(spectra.time_s.size, 0.5) if level is None else level.at(spectra.time_s)
-    edges = np.array([0.0, 1.0]) if level is None else np.linspace(0.0, 1.0, _BINS + 1)
-    # Outputs slightly beyond their calibrated range belong to the outermost bins.
-    against = np.where(np.isfinite(against), np.clip(against, 1e-6, 1.0 - 1e-6), np.nan)
-    found = by_level(spectra, against, edges=edges)
-    unit = "(deg/s)²/Hz" if sensor.channel in RATES else "(m/s²)²/Hz"
-    return NoiseMap(
-        channel=sensor.channel,
-        stage=sensor.stage,
-        against="throttle" if level is not None else "",
-        level=found.level,
-        frequency_hz=spectra.frequency_hz,
-        density=found.density,
-        windows=found.windows.astype(np.float64),
-        average=spectra.density.mean(axis=0),
-        unit=unit,
-    )
-
-
-def _peaks(record: FlightRecord, sensor: _Sensor, spectra: ShortSpectra, made: NoiseMap) -> list[NoisePeak]:
-    speeds = rotor_speeds_hz(record, spectra.time_s)
-    named = _by_movement(sensor, made, spectra) if speeds is None else _by_speed(sensor, spectra, speeds)
-    return sorted(named, key=lambda peak: -peak.height_db)[:MOST_PEAKS]
-
-
-def rotor_speeds_hz(record: FlightRecord, time_s: FloatArray) -> FloatArray | None:
-    """Turns per second of all rotors at the middles of windows, shape ``(rotors, n)``; ``None`` where none is logged.
-
-    Parameters
-    ----------
-    time_s
-        Middles, shape ``(n,)``; what lies outside of the speeds' own stamps becomes NaN.
-    """
-    names = [name for name in record.channel_names if name.startswith("motor_speed_")]
-    rows = []
-    for name in names:
-        track = record[name]
-        kept = np.isfinite(track.values) & np.isfinite(track.time_s)
-        if np.count_nonzero(kept) > 2 and float(np.ptp(track.values[kept])) > 0.0:
-            values = np.interp(time_s, track.time_s[kept], track.values[kept], left=np.nan, right=np.nan)
-            rows.append(values / (2.0 * math.pi))
-    return np.stack(rows) if rows else None
-
-
-class OnHarmonics(NamedTuple):
-    """Strongest peak of each window that has one: frequency, height, harmonic, distance, all of shape ``(n,)``."""
-
-    window: FloatArray
-    frequency_hz: FloatArray
-    height_db: FloatArray
-    order: FloatArray
-    distance_bins: FloatArray
-
-    @property
-    def share(self) -> float:
-        """Part of the windows whose strongest peak lies on a rotor's harmonic."""
-        return float(np.mean(self.distance_bins <= TOLERANCE_BINS)) if self.window.size else 0.0
-
-
-def on_harmonics(spectra: ShortSpectra, speeds_hz: FloatArray) -> OnHarmonics:
-    """Strongest peak of each window, and the rotor's harmonic nearest to it.
-
-    Parameters
-    ----------
-    spectra
-        Of ``n`` windows.
-    speeds_hz
-        Turns per second, shape ``(rotors, n)``.
-    """
-    # Slower, the motors idle, and their harmonics lie where the vehicle flies.
-    turning = np.all(np.isfinite(speeds_hz), axis=0) & (speeds_hz.min(axis=0) > LINES_ABOVE_HZ)
-    rows = np.flatnonzero(turning)
-    density = spectra.density[rows]
-    usable = spectra.frequency_hz >= LINES_ABOVE_HZ
-    inner = usable[1:-1] & (density[:, 1:-1] > density[:, :-2]) & (density[:, 1:-1] >= density[:, 2:])
-    strongest = np.argmax(np.where(inner, density[:, 1:-1], 0.0), axis=1) + 1
-    height = 10.0 * np.log10(np.maximum(density, 1e-300)) - floor_db(spectra.frequency_hz, density)
-    top = height[np.arange(rows.size), strongest]
-    kept = top >= 6.0
-    rows, strongest, top = rows[kept], strongest[kept], top[kept]
-    frequency = spectra.frequency_hz[strongest]
-    found = nearest_harmonic(frequency, speeds_hz[:, rows], most=HARMONICS)
-    return OnHarmonics(
-        rows.astype(np.float64), frequency, top, found.order.astype(np.float64), found.distance_hz / spectra.bin_hz
-    )
-
-
-def _by_speed(sensor: _Sensor, spectra: ShortSpectra, speeds_hz: FloatArray) -> Iterator[NoisePeak]:
-    found = on_harmonics(spectra, speeds_hz)
-    of_rotors = found.distance_bins <= TOLERANCE_BINS
-    for order in range(1, HARMONICS + 1):
-        own = of_rotors & (found.order == order)
-        if np.count_nonzero(own) >= max(4, 0.05 * found.window.size):
-            share = float(np.mean(own))
-            times = {1: "the rotors' speed", 2: "twice the rotors' speed"}.get(
-                order, f"{order} times the rotors' speed"
-            )
-            yield _peak(
-                sensor,
-                found.frequency_hz[own],
-                float(np.median(found.height_db[own])),
-                "rotor",
-                order,
-                f"In {100.0 * share:.0f} % of the flight the strongest vibration is at {times}",
-            )
-    left = np.sort(found.frequency_hz[~of_rotors])
-    if left.size >= max(4, 0.1 * found.window.size):
-        # Peaks off the rotors' harmonics that share a frequency while the rotors change theirs.
-        width = 2.0 * TOLERANCE_BINS * spectra.bin_hz
-        counts = np.searchsorted(left, left + width) - np.arange(left.size)
-        first = int(np.argmax(counts))
-        together = left[first : first + int(counts[first])]
-        moved = float(np.std(np.nanmean(speeds_hz, axis=0))) > TOLERANCE_BINS * spectra.bin_hz
-        if together.size >= max(4, 0.1 * found.window.size):
-            inside = (found.frequency_hz >= together[0]) & (found.frequency_hz <= together[-1]) & ~of_rotors
-            height = float(np.median(found.height_db[inside]))
-            yield _peak(
-                sensor,
-                together,
-                height,
-                "frame" if moved else "unknown",
-                None,
-                "Its frequency does not follow the rotors" if moved else "It is no harmonic of a rotor",
-            )
-
-
-def _by_movement(sensor: _Sensor, made: NoiseMap, spectra: ShortSpectra) -> Iterator[NoisePeak]:
-    from rotorid.spectral.noise import LevelMap
-
-    level_map = LevelMap(made.level, made.density, made.windows.astype(np.int64))
-    known = []
-    for line in lines(level_map, made.frequency_hz, above_hz=LINES_ABOVE_HZ) if made.level.size > 1 else ():
-        low, high = (float(line.frequency_hz[place]) for place in (0, -1))
-        if max(low, high) > _OF_RATE * sensor.rate_hz:
-            continue
-        known.append((min(low, high), max(low, high)))
-        moves = f"It rises from {low:.0f} to {high:.0f} Hz with the throttle, from {line.level[0]:.2f} to "
-        sentence = {
-            "rotor": moves + f"{line.level[-1]:.2f}, like a rotor",
-            "frame": f"It stays at {np.median(line.frequency_hz):.0f} Hz at any throttle, like a frame resonance",
-            "unknown": _UNKNOWN_MAKER,
-        }[line.maker]
-        yield _peak(sensor, line.frequency_hz, float(np.median(line.height_db)), line.maker, None, sentence)
-    for peak in peaks(made.frequency_hz, made.average, above_hz=LINES_ABOVE_HZ):
-        margin = 3.0 * spectra.bin_hz
-        if peak.frequency_hz > _OF_RATE * sensor.rate_hz:
-            continue
-        if not any(low - margin <= peak.frequency_hz <= high + margin for low, high in known):
-            spot = np.array([peak.frequency_hz - 0.5 * spectra.bin_hz, peak.frequency_hz + 0.5 * spectra.bin_hz])
-            yield _peak(sensor, spot, peak.height_db, "unknown", None, _UNKNOWN_MAKER)
-
-
-def _peak(
-    sensor: _Sensor,
-    frequency_hz: FloatArray,
-    height_db: float,
-    source: Literal["rotor", "frame", "unknown"],
-    harmonic: int | None,
-    sentence: str,
-) -> NoisePeak:
-    """A peak with the range in which it was seen: rotors change their speed, which is no error of the frequency."""
-    value = float(np.median(frequency_hz))
-    low, high = (float(end) for end in np.percentile(frequency_hz, [2.5, 97.5]))
-    return NoisePeak(
-        channel=sensor.channel,
-        frequency_hz=Quantity(
-            value=value, std=float(np.std(frequency_hz)), lower=min(low, value), upper=max(high, value), unit="Hz"
-        ),
-        height_db=height_db,
-        source=source,
-        harmonic=harmonic,
-        sentence=f"{sentence}: {height_db:.0f} dB above its surroundings.",
-    )
 
 
 NumbersAndGaps = tuple[dict[str, Quantity], list[Unavailable]]
 
 
-def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> NumbersAndGaps:
+def _vibration(record: FlightRecord, sensors: Sequence[Sensor], flights: Intervals) -> NumbersAndGaps:
     """Root mean square of the specific force above 10 Hz, or the autopilot's own measure of it."""
     if weightless := dead_accelerometer(record):
         return {}, [Unavailable(what="noise.vibration_m_s2", why=f"{weightless}.", remedy=CHECK_SENSORS)]
@@ -463,7 +187,7 @@ def _vibration(record: FlightRecord, sensors: Sequence[_Sensor], flights: Interv
     return {}, [Unavailable(what="noise.vibration_m_s2", why=why, remedy=_fast_sensors(record))]
 
 
-def _bands(accelerometers: Mapping[str, _Sensor]) -> dict[str, Quantity]:
+def _bands(accelerometers: Mapping[str, Sensor]) -> dict[str, Quantity]:
     """Vibration of each axis in each band that the log reaches."""
     found = {}
     for channel, sensor in accelerometers.items():
@@ -500,7 +224,7 @@ def _positive(value: float, std: float, unit: str) -> Quantity:
     return replace(found, lower=max(found.lower, 0.0))
 
 
-def _clipping(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> NumbersAndGaps:
+def _clipping(record: FlightRecord, sensors: Sequence[Sensor], flights: Intervals) -> NumbersAndGaps:
     """Share of samples at the end of a sensor's range; the autopilot's own count where it keeps one."""
     numbers: dict[str, Quantity] = {}
     if "accel_clips" in record:
@@ -537,7 +261,7 @@ def _clipping(record: FlightRecord, sensors: Sequence[_Sensor], flights: Interva
     return {}, [Unavailable(what="noise.clipping_share", why=why, remedy=_fast_sensors(record))]
 
 
-def _delays(record: FlightRecord, sensors: Sequence[_Sensor], _: Intervals) -> NumbersAndGaps:
+def _delays(record: FlightRecord, sensors: Sequence[Sensor], _: Intervals) -> NumbersAndGaps:
     """Delay of the gyro's filters, by the settings and by what passed them."""
     numbers: dict[str, Quantity] = {}
     unavailable: list[Unavailable] = []
@@ -604,7 +328,7 @@ def _attenuation(maps: Sequence[NoiseMap]) -> tuple[dict[str, Quantity], str]:
         if not 1.0 / _SAME_RATE < tops_hz[0] / tops_hz[1] < _SAME_RATE:
             slow, rate_hz = ("unfiltered", tops_hz[0]) if tops_hz[0] < tops_hz[1] else ("filtered", tops_hz[1])
             return {}, f"The {slow} gyro is logged at only {2.0 * rate_hz:.0f} Hz, where faster noise folds."
-        unfiltered, filtered = (_powers(made, _OF_RATE * 2.0 * min(tops_hz)) for made in (before, after))
+        unfiltered, filtered = (_powers(made, OF_RATE * 2.0 * min(tops_hz)) for made in (before, after))
         for place in unfiltered.keys() & filtered.keys():
             weight = min(unfiltered[place][1], filtered[place][1])
             powers.setdefault(place, []).append(
@@ -632,7 +356,7 @@ def _powers(made: NoiseMap, top_hz: float) -> dict[int, tuple[float, float]]:
     step_hz = float(made.frequency_hz[1] - made.frequency_hz[0])
     sums = step_hz * made.density[:, band].sum(axis=1)
     return {
-        round(level * _BINS - 0.5): (float(power), float(windows))
+        round(level * BINS - 0.5): (float(power), float(windows))
         for level, power, windows in zip(made.level, sums, made.windows, strict=True)
         if np.isfinite(power) and windows > 0.0
     }
@@ -640,8 +364,8 @@ def _powers(made: NoiseMap, top_hz: float) -> dict[int, tuple[float, float]]:
 
 def _terms(
     bandwidths_rad_s: Mapping[str, float],
-) -> Callable[[FlightRecord, Sequence[_Sensor], Intervals], NumbersAndGaps]:
-    def terms_noise(record: FlightRecord, sensors: Sequence[_Sensor], flights: Intervals) -> NumbersAndGaps:
+) -> Callable[[FlightRecord, Sequence[Sensor], Intervals], NumbersAndGaps]:
+    def terms_noise(record: FlightRecord, sensors: Sequence[Sensor], flights: Intervals) -> NumbersAndGaps:
         """Noise of P and D in the motors, by the terms as logged or by the rate times the controller."""
         numbers: dict[str, Quantity] = {}
         unavailable: list[Unavailable] = []
@@ -662,7 +386,7 @@ def _terms(
 def _logged_terms(record: FlightRecord, axis: str, rate: str, flights: Intervals, low_hz: float) -> dict[str, Quantity]:
     numbers: dict[str, Quantity] = {}
     for term in ("p", "d"):
-        terms = _samples(record, (f"{axis}_{term}_term",), rate, "after", flights)
+        terms = samples_of(record, (f"{axis}_{term}_term",), rate, "after", flights)
         if terms is None or terms.rate_hz < 3.0 * low_hz or float(np.ptp(terms.values)) == 0.0:
             continue
         reference = None
@@ -673,7 +397,7 @@ def _logged_terms(record: FlightRecord, axis: str, rate: str, flights: Intervals
     return numbers
 
 
-def _computed_terms(record: FlightRecord, axis: Axis, sensors: Sequence[_Sensor], low_hz: float) -> dict[str, Quantity]:
+def _computed_terms(record: FlightRecord, axis: Axis, sensors: Sequence[Sensor], low_hz: float) -> dict[str, Quantity]:
     rate = next((s for s in sensors if s.channel == RATE_OF[axis] and s.stage == "after"), None)
     if rate is None or rate.rate_hz < max(3.0 * low_hz, 100.0):
         return {}
@@ -725,7 +449,7 @@ def _shares(
     }
 
 
-def _unavailable(record: FlightRecord, sensors: Sequence[_Sensor], level: _Level | None) -> Iterator[Unavailable]:
+def _unavailable(record: FlightRecord, sensors: Sequence[Sensor], level: Level | None) -> Iterator[Unavailable]:
     gyro = [sensor for sensor in sensors if sensor.channel == "p"]
     if not gyro:
         how = "not logged in the air" if "p" in record else absence(record, "p")

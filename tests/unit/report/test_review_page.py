@@ -24,7 +24,8 @@ from rotorid.report.review import pictures_of, render_reviews
 from rotorid.results.provenance import LoggedManeuver
 from rotorid.results.summary import Derived, MotorPhysics
 from rotorid.reviewing.assembly import _with_thrust_of, has_answers, next_commands
-from rotorid.reviewing.cards import Card, cards
+from rotorid.reviewing.card import Card
+from rotorid.reviewing.cards import cards
 from rotorid.reviewing.motors import _findings
 from rotorid.reviewing.values import MotorReview, Review, Unavailable
 

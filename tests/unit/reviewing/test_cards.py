@@ -13,7 +13,8 @@ from rotorid.data.findings import warn
 from rotorid.data.quantity import Quantity
 from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.results.summary import Cost
-from rotorid.reviewing.cards import STATES, Card, cards
+from rotorid.reviewing.card import STATES, Card
+from rotorid.reviewing.cards import cards
 from rotorid.reviewing.values import Review, Unavailable
 
 MODELS = ("rate.roll", "rate.pitch")
