@@ -157,14 +157,15 @@ def listed(words: Sequence[str]) -> str:
 
 
 def capital(text: str) -> str:
-    """A text with a capital first letter.
+    """A text with a capital first letter; names of files and channels stay as they are.
 
     Examples
     --------
-    >>> capital("gain A of the angle loop")
-    'Gain A of the angle loop'
+    >>> capital("gain A of the angle loop"), capital("flight.csv lacks az"), capital("p_setpoint rests")
+    ('Gain A of the angle loop', 'flight.csv lacks az', 'p_setpoint rests')
     """
-    return text[:1].upper() + text[1:]
+    word = text.partition(" ")[0].rstrip(".,:;")
+    return text if set(word) & set("._/") else text[:1].upper() + text[1:]
 
 
 def cut(text: str, width: int = _WIDTH) -> str:

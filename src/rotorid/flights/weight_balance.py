@@ -160,7 +160,7 @@ def weight_balance(record: FlightRecord, flights: Intervals, *, mass_kg: float |
         )
     if not shows_gravity(measured := float(seconds.force.mean())):
         raise InsufficientDataError(
-            f"{record.source.name} shows a mean az of {-measured:.2g} m/s² in steady flight",
+            f"{record.source.name} shows a mean az of {0.0 - measured:.2g} m/s² in steady flight",
             needed=f"about {-STANDARD_GRAVITY_M_S2:.1f} m/s², which carries the vehicle",
             remedy=CHECK_SENSORS,
         )

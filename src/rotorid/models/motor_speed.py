@@ -16,11 +16,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from rotorid.models.nonlinear import NonlinearStructure, nonlinear_structure
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.typing import FloatArray
 
 NAME = "motor.speed"
 
@@ -115,17 +112,3 @@ def _parameters(motors: int, at: Operation) -> ParameterSet:
     if at.volts is not None:
         found.append(Parameter(name=EXPONENT, value=0.5, unit="1", lower=-1.0, upper=3.0))
     return ParameterSet(found)
-
-
-def steady_speed(values: dict[str, float], output: FloatArray | float, reference: float) -> FloatArray:
-    r"""Mean steady speed of the motors at an output and the reference voltage, rad/s.
-
-    Parameters
-    ----------
-    values
-        Parameters of the model by their names.
-    reference
-        :math:`u_0`.
-    """
-    about = np.asarray(output, dtype=np.float64) - reference
-    return np.asarray(values["Omega_0"] + values["Omega_1"] * about + values["Omega_2"] * about**2)

@@ -63,7 +63,7 @@ from rotorid.signal.oscillations import check_oscillations
 from rotorid.typing import Axis
 
 _PROGRESS = logs.getLogger("rotorid.progress")
-_OF_GYRO = ("oscillations", "loops", "margins")
+_OF_GYRO = ("oscillations", "loops", "tracking", "margins")
 _STEPS = ("flight", "logging", "oscillations", "loops", "margins", "noise", "motors", "models")
 
 

@@ -33,7 +33,7 @@ from rotorid.reviewing.values import FlightSummary, LoggingReview, Unavailable, 
 from rotorid.signal.airborne import airborne, in_air
 from rotorid.signal.battery import battery_voltages
 from rotorid.signal.clock import even_step_s
-from rotorid.signal.dead_sensors import dead_accelerometer
+from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_accelerometer
 from rotorid.signal.motors import linearization_of, logged_outputs, or_none
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -231,7 +231,9 @@ def _thrust(
         )
     ratio, why = _thrust_to_weight(record, flights, found.hovering, found.time_s, found.throttle)
     if ratio is None:
+        dead = dead_accelerometer(record)
         remedy = "raise the throttle to full for half a second in a safe climb"
+        remedy = CHECK_SENSORS if dead and why.startswith(dead) else remedy
         unavailable.append(Unavailable(what="flight.thrust_to_weight", why=why, remedy=remedy))
     return (found.hovering, ratio), unavailable
 

@@ -27,7 +27,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rotorid.autopilots.advice import absence, motor_advice, speed_advice
-from rotorid.data.display import capital, counted
+from rotorid.data.display import counted, listed
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantities import COMPARE, QUANTITIES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
@@ -98,7 +98,7 @@ def motors(record: FlightRecord, *, mass_kg: float | None = None) -> tuple[Motor
     unavailable += missing
     events, unchecked = section("motors.events", partial(_events, record, flight.flights), times)
     unavailable += unchecked
-    thrust, missing = section("motors.thrust", partial(_thrust, record, flight.flights, mass_kg), none)
+    thrust, missing = section("motors.thrust_coefficient", partial(_thrust, record, flight.flights, mass_kg), none)
     numbers = {**numbers, **thrust}
     unavailable += missing
     delay, missing = section("motors.output_delay_s", partial(_delay, flight), none)
@@ -153,9 +153,11 @@ def _outputs(
             unavailable += [Unavailable(what=f"motors.saturated_{end}_share", why=why) for end in ("high", "low")]
         time_s, outputs = limits.time_s[limits.counted], limits.outputs[:, limits.counted]
         steady = steady_windows(record, flight.flights, time_s, outputs, limits.limited[limits.counted])
-        if len(steady) < FEWEST_SECONDS:
+        why, remedy = _not_compared(outputs), motor_advice(record)
+        if not why and len(steady) < FEWEST_SECONDS:
             why = f"The log contains {len(steady) * WINDOW_S:.0f} s of quiet hover; {FEWEST_SECONDS} s are needed."
             remedy = "hover for 20 s without touching the sticks"
+        if why:
             unavailable += [
                 Unavailable(what=f"motors.{name}", why=why, remedy=remedy) for name in ("imbalance", "headroom")
             ]
@@ -164,6 +166,18 @@ def _outputs(
             patterns, even = _amplitudes(record, outputs, steady)
             numbers |= balance | even
     return (numbers, means, pattern, patterns), unavailable
+
+
+def _not_compared(outputs: FloatArray) -> str:
+    """Why outputs in the air, shape ``(motors, n)``, say nothing of the balance; empty where they do."""
+    if len(outputs) < 2:
+        return "The output of only one motor is logged."
+    still = [str(number) for number, row in enumerate(outputs, start=1) if np.ptp(row) == 0.0]
+    if not still:
+        return ""
+    if len(still) == 1:
+        return f"The output of motor {still[0]} never moves in flight."
+    return f"The outputs of motors {listed(still)} never move in flight."
 
 
 def _limits(record: FlightRecord, limits: MotorLimits) -> dict[str, Quantity]:
@@ -368,11 +382,7 @@ def _thrust(
     record: FlightRecord, flights: Intervals, mass_kg: float | None
 ) -> tuple[dict[str, Quantity], list[Unavailable]]:
     """The thrust coefficient of a rotor, from the weight that it carries in steady flight."""
-    try:
-        balance = weight_balance(record, flights, mass_kg=mass_kg)
-    except InsufficientDataError as error:
-        why = f"{capital(error.came)}; needed: {error.needed}." if error.needed else f"{capital(error.came)}."
-        return {}, [Unavailable(what="motors.thrust_coefficient", why=why, remedy=error.remedy)]
+    balance = weight_balance(record, flights, mass_kg=mass_kg)
     name = "thrust_coefficient" if balance.kind == "speed" else "thrust_by_output"
     return {name if mass_kg is not None else f"{name}_per_mass": balance.coefficient}, []
 

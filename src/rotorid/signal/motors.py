@@ -254,8 +254,9 @@ def motor_channels(record: FlightRecord, prefix: str) -> tuple[str, ...]:
     """
     numbers = _motor_numbers(record, prefix)
     if numbers != list(range(1, len(numbers) + 1)) or not numbers:
-        available = ", ".join(f"{prefix}{number}" for number in numbers) or "none"
-        message = f"{record.source.name} has only {available} of {prefix}1, {prefix}2 and so on."
+        available = ", ".join(f"{prefix}{number}" for number in numbers)
+        found = f"only {available}" if numbers else "none"
+        message = f"{record.source.name} has {found} of {prefix}1, {prefix}2 and so on."
         finding = refusal("missing_channel", f"{prefix}1", message)
         raise InsufficientDataError(message, needed="all motors", findings=[finding])
     return tuple(f"{prefix}{number}" for number in numbers[:MOTORS])

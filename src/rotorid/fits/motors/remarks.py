@@ -81,10 +81,12 @@ def _unexcited(identified: FittedMotors) -> Iterator[Finding]:
 
 
 def _turned_around(identified: FittedMotors) -> Iterator[Finding]:
-    """Axes along which the motors act against their levers."""
+    """Axes along which the motors act against their levers, where the order of the rotors did not answer that."""
+    known = [finding for finding in identified.data.findings if finding.kind == "rotor_order"]
+    answered = {*(("p", "q") if known else ()), *(("r",) if any(f.severity == "warning" for f in known) else ())}
     for axis, word in AXIS_WORDS.items():
         lowest = min(excitations[axis].opposed for excitations in identified.fit.excitations)
-        if axis not in identified.axes and lowest <= -_OPPOSED:
+        if axis not in (*identified.axes, *answered) and lowest <= -_OPPOSED:
             yield warn(
                 "rotor_layout",
                 word,

@@ -118,9 +118,7 @@ def excitations(
 
 def excited_axes(found: Sequence[Mapping[str, Excitation]]) -> tuple[str, ...]:
     """Axes that some record excites, in the order ``az p q r``."""
-    return tuple(
-        axis for axis in ("az", "p", "q", "r") if any(record[axis].correlation >= LEAST_CORRELATION for record in found)
-    )
+    return tuple(axis for axis in _AXES if any(record[axis].counts for record in found))
 
 
 def _of(record: MotorRecord, levers: FloatArray, *, spin_up: bool) -> dict[str, Excitation]:
