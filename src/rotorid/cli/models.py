@@ -99,8 +99,8 @@ def _text(
     family = family_of(name)
     if family.make is None:
         raise UsageError(
-            f"{name} is not linear and cannot be printed",
-            remedy=f"use rotorid identify LOG --model {name}, which writes its linear model about hover",
+            f"{name} depends on the motors of a log and cannot be printed",
+            remedy=f"use rotorid identify LOG --model {name}, which writes {family.written}",
         )
     if (inputs or outputs) and family.channels == "own" and name in family.names:
         raise UsageError(

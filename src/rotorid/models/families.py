@@ -108,6 +108,8 @@ class Family:
         Whether its forces along speed are those of a hovering vehicle, which air can only slow.
     needs_result
         Whether a ``model.toml`` alone does not say how its inputs are had from a log.
+    written
+        What ``identify`` writes of a model that has no structure before the log is read.
     """
 
     name: str
@@ -129,6 +131,7 @@ class Family:
     opaque: bool = False
     slowed_by_air: bool = False
     needs_result: bool = False
+    written: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -267,6 +270,7 @@ MOTORS = Family(
     axes={"physical.motors": ()},
     in_all=True,
     needs_result=True,
+    written="its linear model about hover",
 )
 """Accelerations by motor outputs, which is no linear structure."""
 
@@ -279,6 +283,7 @@ MOTOR_SPEED = Family(
     needs="motor speeds",
     axes={MOTOR_SPEED_NAME: ()},
     in_all=True,
+    written="its equations for the motors of the log",
 )
 """Speeds by outputs, a nonlinear structure of as many motors as a log has."""
 
@@ -441,7 +446,7 @@ def named_model(
         raise ModelError(
             f"{name} is not a linear structure",
             needed="a linear structure",
-            remedy=f"rotorid identify LOG --model {name}, in Python rotorid.identifying.identify_motors",
+            remedy=f'rotorid identify LOG --model {name}, in Python rotorid.identify(log, "{name}")',
         )
     own = family.channels == "own"
     if own and name not in family.names:

@@ -121,3 +121,19 @@ def test_wrong_names_are_refused_in_one_sentence(arguments: tuple[str, ...], say
     assert (ran.code, ran.out) == (2, "")
     assert says in ran.err
     assert ran.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "written"),
+    [
+        ("physical.motors", "its linear model about hover"),
+        ("motor.speed", "its equations for the motors of the log"),
+    ],
+)
+def test_a_model_of_motors_needs_a_log(name: str, written: str) -> None:
+    ran = rotorid("models", name)
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err == (
+        f"rotorid: {name} depends on the motors of a log and cannot be printed; "
+        f"use rotorid identify LOG --model {name}, which writes {written}.\n"
+    )
