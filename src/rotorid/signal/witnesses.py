@@ -260,7 +260,11 @@ def _level(record: FlightRecord, kind: _Level) -> Witness:
     if high < kind.least and (high < 0.5 * kind.least or float(np.mean(active)) < _MOSTLY_ACTIVE):
         never = kind.name in ("throttle", "motor outputs") and _counts_from_zero(record, level, source)
         return Witness(name=kind.name, source=source, no=(logged,), reason=kind.idle) if never else nothing
-    if usual <= 0.0 or not any(float(np.ptp(row)) > _LEAST_ALIKE * high for row in rows):
+    if not any(float(np.ptp(row)) > _LEAST_ALIKE * high for row in rows):
+        # A throttle that is held carries a vehicle that moves; without motion it may be any channel.
+        held = kind.name == "throttle" and high >= kind.least and bool(_motion(record).yes)
+        return Witness(name=kind.name, source=source, yes=(logged,)) if held else nothing
+    if usual <= 0.0:
         return nothing
     low = float(np.percentile(level, _QUIET_PERCENT))
     if low < -_MOST_BELOW_ZERO * usual or (kind.name in ("motor speeds", "current") and low > kind.carrying * usual):

@@ -77,9 +77,7 @@ def test_all_is_what_the_log_may_support(flight: Path) -> None:
 def test_ordinary_flying_serves_rate_models_from_forty_hertz_on(rate_hz: float, serves: bool) -> None:
     time_s = np.arange(0.0, 60.0, 1.0 / rate_hz)
     stick = 0.2 * np.sign(np.sin(0.9 * time_s) + np.sin(2.3 * time_s))
-    # A throttle that is the same throughout may be any channel: it shows no flight.
-    thrust = 0.5 + 0.01 * np.sin(0.7 * time_s)
-    rows = {"roll_stick": stick, "roll_command": 0.05 * stick, "p": stick, "thrust_command": thrust}
+    rows = {"roll_stick": stick, "roll_command": 0.05 * stick, "p": stick, "thrust_command": np.full_like(stick, 0.5)}
     channels = tuple(Channel(name=name, unit=STANDARD_UNITS[name], source=name) for name in rows)
     topic = Topic(name="log", time_s=time_s, channels=channels, values=np.stack(list(rows.values())))
     record = FlightRecord(topics=(topic,), source=Source(name="ordinary.csv", format="CSV", sha256="0" * 64))
