@@ -463,7 +463,7 @@ def never_flown(record: FlightRecord) -> Support | None:
     except InsufficientDataError as error:
         if never_flew(error):
             because = f"the log {error.came.removeprefix(record.source.name).strip().rstrip('.')}"
-            return Support(possible=False, because=because, remedy=error.remedy, lacks="never_airborne")
+            return Support(possible=False, because=because, remedy=error.remedy, lacks="no_excitation")
     return None
 
 

@@ -102,8 +102,12 @@ def not_for(inspection: Inspection) -> tuple[Unavailable, ...]:
 
 def further_findings(inspection: Inspection) -> tuple[Finding, ...]:
     """Findings without the reason that every model was refused for, which :func:`not_for` gives."""
-    refused = {support.lacks for support in inspection.supports.values() if support.lacks == "never_airborne"}
-    return tuple(finding for finding in inspection.findings if finding.kind not in refused)
+    reasons = {support.because.removeprefix("the log ") for support in inspection.supports.values() if support.because}
+    return tuple(
+        finding
+        for finding in inspection.findings
+        if finding.kind != "never_airborne" or not any(reason in finding.message for reason in reasons)
+    )
 
 
 def render_inspection(record: FlightRecord, inspection: Inspection) -> str:
