@@ -110,6 +110,18 @@ def wind_advice(record: FlightRecord) -> str:
     return autopilot_of(record).advice.wind(record)
 
 
+def move_stick(axis: Axis) -> str:
+    """How to move a stick so that an ordinary flight shows the loop of its axis.
+
+    Examples
+    --------
+    >>> move_stick("yaw")
+    'move the yaw stick for 30 s: turn quickly by 20° to one side, then to the other, once every second'
+    """
+    turn = "turn quickly by 20°" if axis == "yaw" else "tilt quickly 5 to 10°"
+    return f"move the {axis} stick for 30 s: {turn} to one side, then to the other, once every second"
+
+
 def flying_advice(record: FlightRecord, *axes: Axis) -> str:
     """How this vehicle flies an excitation of the axes that its log lacks."""
     return autopilot_of(record).advice.flying(record, axes)

@@ -320,7 +320,7 @@ _NOISE = {
         health="other filters", words="delay of the gyro filters as measured", unit="ms", factor=1e3
     ),
     "filter_attenuation": FigureOfMerit(
-        words="attenuation of the gyro filters", detail="noise above 30 Hz, before over behind them", factor=None
+        words="attenuation of the gyro filters", detail="noise above 30 Hz, before over after", factor=None
     ),
     **{
         f"{axis}_{term}_noise_share{band}": FigureOfMerit(
@@ -400,7 +400,8 @@ _MOTORS = {
         words="center of gravity right of the middle", detail="over the longest arm"
     ),
     "thrust_coefficient": FigureOfMerit(
-        words="thrust of a rotor over the square of its speed",
+        words="thrust coefficient of a rotor",
+        detail="thrust over speed squared",
         short="thrust coefficient",
         unit="N s²/rad²",
         keeps_sign=True,
@@ -408,23 +409,24 @@ _MOTORS = {
     ),
     "thrust_coefficient_per_mass": FigureOfMerit(
         health="",
-        words="thrust of a rotor over mass and the square of its speed",
+        words="thrust coefficient of a rotor over mass",
+        detail="thrust over mass and speed squared",
         short="thrust coefficient over mass",
         unit="m/rad²",
         keeps_sign=True,
         remedy=_HOVER,
     ),
     "thrust_by_output": FigureOfMerit(
-        words="thrust of a rotor in hover",
-        detail="over the square of its output, or over its demand of thrust",
+        words="thrust coefficient of a rotor by its output",
+        detail="thrust over output squared, or over the demanded share of thrust",
         unit="N",
         keeps_sign=True,
         remedy=_HOVER,
     ),
     "thrust_by_output_per_mass": FigureOfMerit(
         health="",
-        words="thrust of a rotor over mass in hover",
-        detail="over the square of its output, or over its demand of thrust",
+        words="thrust coefficient of a rotor by its output, over mass",
+        detail="thrust over mass and output squared, or over mass and the demanded share of thrust",
         unit="m/s²",
         keeps_sign=True,
         remedy=_HOVER,

@@ -127,14 +127,20 @@ def with_interval(value: float | None, lower: float | None, upper: float | None)
     --------
     >>> with_interval(27.04, 26.7, 27.4), with_interval(2.0, 2.0, 2.0), with_interval(None, None, None)
     (('27.0', '26.7 to 27.4'), ('2', ''), ('–', ''))
+    >>> with_interval(1.008e-6, 0.976e-6, 1.04e-6)
+    ('1.01·10⁻⁶', '0.98·10⁻⁶ to 1.04·10⁻⁶')
     """
     if value is None or lower is None or upper is None:
         return significant(value), ""
     half = _larger_half(value, lower, upper)
     if not half > _ROUNDING * abs(value):
         return significant(value), ""
-    decimals = min(_decimals(half), _MOST_DECIMALS)
-    return _fixed(value, decimals), " to ".join(_end(end, decimals) for end in (lower, upper))
+    # A number that is known to be small, and not just nearly zero, keeps its digits.
+    power = math.floor(math.log10(abs(value))) if half < abs(value) < _PLAIN_FROM else 0
+    scale, times = 10.0**power, f"·10{superscript(str(power))}" if power else ""
+    decimals = min(_decimals(half / scale), _MOST_DECIMALS)
+    ends = " to ".join(f"{_end(end / scale, decimals)}{times}" for end in (lower, upper))
+    return f"{_fixed(value / scale, decimals)}{times}", ends
 
 
 def with_ends(value: float | None, lower: float | None, upper: float | None, unit: str = "") -> str:

@@ -549,7 +549,7 @@ def _judged_by(layout: RotorLayout, fit: _Regression, duration_s: float) -> Roto
     # More than four motors never move in all ways: many orders act nearly alike, and most must be ruled out.
     enough = clear if layout.rotors <= _FOUR else bool(behind[own]) or float(behind.mean()) >= _MOST_RULED_OUT
     if not enough:
-        why = f"Two orders fit alike (misfits {known['best']:.0f} and {second:.0f})."
+        why = f"Two orders of the motors fit (misfits {known['best']:.0f} and {second:.0f}), too alike to choose."
         return _unknown(layout, why, "fly quicker roll and pitch movements", **known)
     fits = not behind[own]
     order = orders[own] if fits else orders[best]

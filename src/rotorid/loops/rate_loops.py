@@ -40,13 +40,13 @@ from rotorid.flights.measure import Measured
 from rotorid.flights.segments import cut, histories, with_surroundings
 from rotorid.flights.whole_flights import flown
 from rotorid.loops.plants import (
-    MOVE,
     MeasuredPlant,
     PlantUnavailableError,
     WholeFlight,
     drawn_plant,
     enters_the_mixer,
     identified_plant,
+    moved_stick,
     ordinary_plant,
     swept_plant,
     whole_flight,
@@ -324,7 +324,9 @@ def _read(
     loop = with_model_error(loop, MODEL_ERROR)
     missing = _reasons(loop, numbers, plant, withheld)
     if not set(numbers) & set(NUMBERS):
-        raise PlantUnavailableError(missing["crossover_rad_s"], MOVE if measured.idle else _FASTER)
+        raise PlantUnavailableError(
+            missing["crossover_rad_s"], moved_stick(measured.axis) if measured.idle else _FASTER
+        )
     return RateLoop(
         measured=measured,
         plant=plant,
@@ -482,7 +484,7 @@ def _reasons(
 
 def remedy_of(loop: RateLoop) -> str:
     """Remedy for the missing numbers."""
-    return MOVE if loop.measured.idle else _FASTER
+    return moved_stick(loop.measured.axis) if loop.measured.idle else _FASTER
 
 
 # The loops of ``response``: the same numbers under its names, with the whole loop and the attitude.

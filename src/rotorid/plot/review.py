@@ -151,7 +151,7 @@ def setpoint_traces(time_s: FloatArray, reference: FloatArray, answer: FloatArra
         }
         for name, values, line in (
             ("set-point", reference, {"color": SECONDARY, "width": 1.5, "dash": "dot"}),
-            ("answer", answer, {"color": SERIES[0], "width": 2}),
+            ("measured", answer, {"color": SERIES[0], "width": 2}),
         )
     ]
     axis = {"title": {"text": "time in the log [s]"}, "range": [float(time_s[0]), float(time_s[-1])]}

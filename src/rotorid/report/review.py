@@ -195,8 +195,9 @@ def render_reviews(reviews: Sequence[Review]) -> str:
 
 
 def _remarks(review: Review) -> tuple[FindingRow, ...]:
-    """Findings without their numbers, which are in their sentences, and by name in the file."""
-    return finding_rows([replace(finding, numbers={}) for finding in review.findings])
+    """Findings without their numbers, which are in their sentences; a loss of control heads the page instead."""
+    others = (finding for finding in review.findings if finding.kind != "control_lost")
+    return finding_rows([replace(finding, numbers={}) for finding in others])
 
 
 def pictures_of(reviews: Sequence[Review]) -> dict[str, Figure]:

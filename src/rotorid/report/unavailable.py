@@ -61,6 +61,8 @@ def unavailable_words(name: str) -> tuple[str, str]:
     which, _, number = rest.partition(".")
     if part == "loops" and which in _LOOPS:
         return _LOOPS[which], _number_words(number)
+    if part == "tracking" and which in _LOOPS:
+        return _LOOPS[which], _number_words(number)
     if part == "oscillations":
         return f"oscillation of {which}", ""
     if part == "margins":
@@ -86,7 +88,7 @@ def of_numbers(thing: str, numbers: list[str]) -> str:
     return f"{thing}: {listed(named)}" if named else thing
 
 
-_AXIS_WORDS = re.compile(r"\b(roll|pitch|yaw|thrust|p|q|r|phi|theta|psi)(_setpoint|_stick|_command)?\b")
+_AXIS_WORDS = re.compile(r"\b(?:cmd_)?(roll|pitch|yaw|thrust|p|q|r|phi|theta|psi)(_setpoint|_stick|_command|Rate)?\b")
 """Words of an axis. Rows that differ in these alone become one row that lists them."""
 
 _AXES = {"p": "roll", "phi": "roll", "q": "pitch", "theta": "pitch", "r": "yaw", "psi": "yaw"}

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from rotorid.autopilots.advice import move_stick
 from rotorid.data.axes import RATE_OF
 from rotorid.data.display import capital, counted, listed
 from rotorid.data.quantities import QUANTITIES, words_of_path
@@ -36,7 +37,6 @@ from rotorid.signal.witnesses import MOTION
 _SELDOM = 5e-4
 """Share of the flight at a limit that is too small to mention."""
 
-_MOVE_MORE = "move the {axis} stick for 30 s: tilt quickly 5 to 10° to one side, then to the other, once every second"
 
 _POWER = {"battery_voltage", "thrust_command", "thrust_stick", "motor_1"}
 _RATES = {rate: axis for axis, rate in RATE_OF.items()}
@@ -215,13 +215,13 @@ def _margins(review: Review) -> Card:
         gap = _gap(review, "margins")
         if axes:
             why = f"the {listed(axes)} stick{'s' * (len(axes) > 1)} barely moved."
-            gap = Unavailable(what=key, why=why, remedy=_remedy(review, "margins") or _MOVE_MORE.format(axis=axes[0]))
+            gap = Unavailable(what=key, why=why, remedy=_remedy(review, "margins") or move_stick(axes[0]))
         return _unanswered(
             key, title, gap, "this log does not show how much more gain the loops can take.", _calm(review)
         )
     if unsure := [number for number in unsure if number.axis in {known.axis for known in excited}]:
         worst = unsure[0]
-        remedy = _remedy(review, f"margins.{worst.axis}.") or _MOVE_MORE.format(axis=worst.axis)
+        remedy = _remedy(review, f"margins.{worst.axis}.") or move_stick(worst.axis)
         return worst.doubtful(key, title, number=_margin_number(review, worst), remedy=remedy)
     names = [number.axis for number in excited]
     loops = f"The {listed(names)} loop{'s' * (len(names) > 1)}"

@@ -383,7 +383,8 @@ def logging(record: FlightRecord) -> tuple[LoggingReview, tuple[Unavailable, ...
     loops = [name for name in ("p", "p_setpoint", "roll_command") if not rates.get(name, 0.0)]
     if loops:
         why = f"{listed(loops)} {'is' if len(loops) == 1 else 'are'} not logged."
-        unavailable.append(Unavailable(what="logging.rates", why=why, remedy=change[0] if change else ""))
+        remedy = logging_advice(record, rates.get("p", 0.0), tuple(loops))
+        unavailable.append(Unavailable(what="logging.rates", why=why, remedy=remedy))
     return LoggingReview(rates_hz=rates, longest_gap_s=gap_s, change=change, topics=topics), tuple(unavailable)
 
 

@@ -17,7 +17,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rotorid.autopilots.advice import absence, logging_advice
+from rotorid.autopilots.advice import absence, logging_advice, move_stick
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantities import QUANTITIES, figures_of
@@ -160,8 +160,6 @@ _OUTER_RAD_S, _OUTER_FACTOR = 3.0, 1.5
 _LOW_OCTAVES, _AT_ONE = 2.0, 0.35
 """At the lowest frequencies an angle loop is one; a set-point that its own feedback makes shows something else."""
 
-_MOVE = "move the {axis} stick for 30 s: tilt quickly 5 to 10° to one side, then to the other, once every second"
-
 
 def loops(flight: FlightData) -> tuple[dict[str, LoopReview], tuple[Unavailable, ...]]:
     """Every loop that a flight shows, and what it does not show of them.
@@ -228,7 +226,7 @@ def _missing(flight: FlightData, loop: Loop, instrument: Instrument, channel: st
         return Unavailable(
             what=what,
             why=f"{_words(channel)} {moved}.",
-            remedy=_MOVE.format(axis=loop.axis),
+            remedy=move_stick(loop.axis),
         )
     return None
 
@@ -365,7 +363,7 @@ def _led_astray(loop: Loop) -> Unavailable:
         what=f"loops.{loop.name}",
         why=f"No {loop.axis} stick moved in the log, and the set-point of the {loop.words} answers gusts: it shows the "
         "outer loop, not this one.",
-        remedy=_MOVE.format(axis=loop.axis),
+        remedy=move_stick(loop.axis),
     )
 
 
@@ -484,7 +482,7 @@ def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Un
     """What a log at too low a rate does not show: everything, or all but the phase."""
     step_hz, phase_hz = RATE_FOR_STEP * scale_rad_s, RATE_FOR_BANDWIDTH * scale_rad_s
     if not math.isfinite(scale_rad_s):
-        needs = "The loop is faster than that shows."
+        needs = "That is too slow for this loop."
     elif part:
         needs = f"Step, −3 dB bandwidth and resonance of this loop need {step_hz:.0f} Hz."
     else:
@@ -493,7 +491,7 @@ def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Un
     return Unavailable(
         what=f"loops.{loop.name}.{part}".rstrip("."),
         why=f"The {loop.words} or its set-point is logged at only {logged_hz:.0f} Hz. {needs}",
-        remedy=f"log {loop.reference} and {loop.name}{faster}",
+        remedy=f"log the {loop.words} and set-point{faster}",
     )
 
 
@@ -675,7 +673,7 @@ def _incoherent(loop: Loop, channel: str, coherence: float) -> Unavailable:
         what=f"loops.{loop.name}",
         why=f"{_words(channel)} explains too little of the {loop.words} (coherence {coherence:.2f}, needs "
         f"{_LEAST_COHERENCE}).",
-        remedy=_MOVE.format(axis=loop.axis),
+        remedy=move_stick(loop.axis),
     )
 
 

@@ -9,13 +9,14 @@ from functools import partial
 
 import numpy as np
 
+from rotorid.autopilots.advice import move_stick
 from rotorid.data.axes import RATE_OF
 from rotorid.data.display import capital
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.controllers import controllers_of
 from rotorid.flights.whole_flights import FlightData
-from rotorid.loops.plants import MOVE, PlantUnavailableError
+from rotorid.loops.plants import PlantUnavailableError
 from rotorid.loops.rate_loops import NUMBERS, RateLoop, rate_loop, remedy_of
 from rotorid.models.autopilots.betaflight import TOP
 from rotorid.reviewing.values import MarginReview, Unavailable, section
@@ -49,7 +50,8 @@ def _margin(flight: FlightData, axis: Axis) -> tuple[MarginReview | None, tuple[
     except PlantUnavailableError as reason:
         return None, (Unavailable(what=f"margins.{axis}", why=reason.why, remedy=reason.remedy),)
     except InsufficientDataError as error:
-        return None, (Unavailable(what=f"margins.{axis}", why=f"{capital(error.came)}.", remedy=error.remedy or MOVE),)
+        remedy = error.remedy or move_stick(axis)
+        return None, (Unavailable(what=f"margins.{axis}", why=f"{capital(error.came)}.", remedy=remedy),)
     return _review(flight, loop), tuple(
         Unavailable(what=f"margins.{axis}.{name}", why=loop.missing[name], remedy=remedy_of(loop))
         for name in NUMBERS

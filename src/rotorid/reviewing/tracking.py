@@ -179,8 +179,8 @@ def _delay(
         half += outer_rad_s / own_square * (1.0 - likeness**2) / likeness**2
     if half > max(seconds, 0.0):
         why = (
-            f"The set-point of the {loop.words} turned too slowly, or gusts moved it (correlation with the answer "
-            f"{likeness:.2f}), so the delay is not known."
+            f"The delay of the {loop.words} is smaller than its error: the set-point changed too slowly, or the wind "
+            "disturbed the flight."
         )
         return None, Unavailable(what=what, why=why, remedy="fly quicker turns in calm air")
     return (
