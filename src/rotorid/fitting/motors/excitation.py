@@ -1,13 +1,13 @@
 """How far motors explain the motion of each axis of a record, and in which band: what one may fit there at all.
 
 Most test inputs are slow, and motion up to 5 Hz shows them. In agile flight, moments of the air hide the motors there,
-and show them from 3 to 15 Hz: a rate that the motors do not explain up to 5 Hz counts where they explain it in two
-neighboring octaves or more, in those.
+and show them from 3 to 15 Hz: a rate that the motors explain up to 5 Hz in no record counts where they explain it in
+two neighboring octaves or more, in those.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -94,6 +94,9 @@ def excitations(
 ) -> tuple[dict[str, Excitation], ...]:
     """For every record, axis to its excitation.
 
+    An axis that a record shows up to 5 Hz is looked for there in all records: in octaves, others show the answers of a
+    controller to noise too, with a lag that slow motion does not have.
+
     Parameters
     ----------
     levers
@@ -113,7 +116,9 @@ def excitations(
     >>> {axis: round(one.correlation, 1) for axis, one in excitations([record], levers)[0].items()}
     {'az': 0.0, 'p': 1.0, 'q': 0.0, 'r': 0.0}
     """
-    return tuple(_of(record, levers, spin_up=spin_up) for record in records)
+    slow = [_of(record, levers, spin_up=spin_up) for record in records]
+    hidden = set(RATES).difference(excited_axes(slow))
+    return tuple(_with_octaves(record, levers, found, hidden) for record, found in zip(records, slow, strict=True))
 
 
 def excited_axes(found: Sequence[Mapping[str, Excitation]]) -> tuple[str, ...]:
@@ -137,8 +142,16 @@ def _of(record: MotorRecord, levers: FloatArray, *, spin_up: bool) -> dict[str, 
                 best[axis] = Excitation(correlation, lag_s, opposed)
             else:
                 best[axis] = best[axis]._replace(opposed=opposed)
+    return best
+
+
+def _with_octaves(
+    record: MotorRecord, levers: FloatArray, slow: Mapping[str, Excitation], hidden: Collection[str]
+) -> dict[str, Excitation]:
+    """Excitations of a record, of the axes that slow motion hides in the octaves that show them."""
+    best = dict(slow)
     for axis, lever, motion in zip(RATES, levers, np.diff(record.rates, axis=1), strict=True):
-        if not best[axis].counts and (found := _in_octaves(record, lever, motion)) is not None:
+        if axis in hidden and (found := _in_octaves(record, lever, motion)) is not None:
             best[axis] = found._replace(opposed=best[axis].opposed)
     return best
 

@@ -105,3 +105,9 @@ def test_inertia_comes_from_the_octaves_that_the_motors_explain() -> None:
     found = fit_motors(problem).parameters
     assert found["I_xx"].value == pytest.approx(INERTIA_KG_M2, rel=0.05)
     assert found["T_motor"].value == pytest.approx(0.03, abs=0.004)
+
+
+def test_an_axis_that_slow_motion_shows_is_not_read_in_octaves_of_other_records() -> None:
+    calm, rough = excitations([agile(air=0.0), agile(air=4.0)], LEVERS)
+    assert (calm["p"].counts, calm["p"].band_hz) == (True, (0.0, 5.0))
+    assert (rough["p"].counts, rough["p"].band_hz) == (False, (0.0, 5.0))
