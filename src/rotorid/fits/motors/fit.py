@@ -29,9 +29,7 @@ from rotorid.fits.searching import Searched, searched
 from rotorid.fitting.motors.accelerations import AccelerationErrors, acceleration_errors
 from rotorid.fitting.motors.excitation import (
     LEAST_CORRELATION,
-    SLOW_BAND_HZ,
     Excitation,
-    band_words,
     excitations,
     excited_axes,
 )
@@ -156,12 +154,12 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
     found = excitations(data.records, levers)
     if "r" not in excited_axes(found) and (_may_spin_up(choices) or choices.known.get(SPIN_UP)):
         found = excitations(data.records, levers, spin_up=True)
-    axes = _chosen_axes(data, found)
+    axes = excited_axes(found)
     if not axes:
         if (by_weight := _by_weight(data, choices, levers)) is not None:
             return by_weight
         raise _nothing_excited(data, found)
-    left_out = _octaves_left_out(found, axes)
+    left_out: list[Finding] = []
     while True:
         fit, curve, search = _fitted(data, choices, levers, axes)
         fitted = replace(_bounded(data, choices, fit, curve), search=search)
@@ -188,29 +186,6 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
         random = replace(fitted.bounds, covariance=fitted.bounds.random)
         again = bootstrap(fixed, replace(fit.solution, theta=fitted.parameters.pack()), random, choices)
     return replace(fitted, bootstrap=again, left_out=tuple(left_out))
-
-
-def _chosen_axes(data: MotorData, found: Sequence[Mapping[str, Excitation]]) -> tuple[str, ...]:
-    """Axes to fit. Where motors lag, slow motion and octaves would share one lag, and slow motion is the surer one."""
-    axes = excited_axes(found)
-    slow = tuple(
-        axis for axis in axes if any(record[axis].counts and record[axis].band_hz == SLOW_BAND_HZ for record in found)
-    )
-    return slow if slow and data.kind != "speed" else axes
-
-
-def _octaves_left_out(found: Sequence[Mapping[str, Excitation]], axes: Sequence[str]) -> list[Finding]:
-    """Why axes that the motors explain in octaves alone are not fitted."""
-    return [
-        warn(
-            "no_excitation",
-            AXIS_WORDS[axis],
-            f"Motors explain {AXIS_WORDS[axis]} {band_words(found, axis)} only, which shares a motor lag with the "
-            f"slower axes, so no {AXIS_WORDS[axis]} parameters are given. Log motor speeds, or fly a sweep.",
-        )
-        for axis in excited_axes(found)
-        if axis not in axes
-    ]
 
 
 def _by_weight(data: MotorData, choices: MotorSettings, levers: FloatArray) -> FittedMotors | None:

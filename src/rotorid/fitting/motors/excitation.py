@@ -94,8 +94,9 @@ def excitations(
 ) -> tuple[dict[str, Excitation], ...]:
     """For every record, axis to its excitation.
 
-    An axis that a record shows up to 5 Hz is looked for there in all records: in octaves, others show the answers of a
-    controller to noise too, with a lag that slow motion does not have.
+    An axis that a record shows up to 5 Hz is looked for there in all records. Where outputs and not speeds were logged,
+    octaves count only if no axis is shown up to 5 Hz: all axes share the lag of the motors, which is surer in slow
+    motion, and in octaves takes up the answers of a controller to noise.
 
     Parameters
     ----------
@@ -117,7 +118,9 @@ def excitations(
     {'az': 0.0, 'p': 1.0, 'q': 0.0, 'r': 0.0}
     """
     slow = [_of(record, levers, spin_up=spin_up) for record in records]
-    hidden = set(RATES).difference(excited_axes(slow))
+    shown = excited_axes(slow)
+    lagging = any(record.between == "held" for record in records)
+    hidden = set() if shown and lagging else set(RATES).difference(shown)
     return tuple(_with_octaves(record, levers, found, hidden) for record, found in zip(records, slow, strict=True))
 
 
