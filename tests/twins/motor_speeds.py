@@ -14,7 +14,10 @@ _WANDER_S = 0.08
 
 @dataclass(frozen=True, kw_only=True)
 class Motors:
-    """Motors of a twin: speed at an output of 0.5, its slope and curve there, lags, voltage, noise and gusts."""
+    """Motors of a twin: speed at an output of 0.5, its slope and curve there, lags, voltage, noise and gusts.
+
+    Sensors have a scale of their own for each motor.
+    """
 
     lag_up_s: float = 0.03
     lag_down_s: float = 0.045
@@ -26,6 +29,7 @@ class Motors:
     sag: float = 0.0
     noise: float = 5.0
     gusts: float = 0.0
+    scales: tuple[float, ...] = (1.0,)
 
     def steady(self, output: np.ndarray) -> np.ndarray:
         """Speed of a mean motor at an output and the mean voltage, rad/s."""
@@ -50,7 +54,7 @@ def record_of(
         error = speed - steady[:, sample]
         speed = steady[:, sample] + error * np.where(error < 0.0, keep_up, keep_down)
     speeds = speeds[:, ::thin]
-    speeds = speeds + motors.noise * rng.normal(size=speeds.shape)
+    speeds = speeds * np.array(motors.scales)[:, None] + motors.noise * rng.normal(size=speeds.shape)
     names = [*(f"motor_{k + 1}" for k in range(size)), *(f"motor_speed_{k + 1}" for k in range(size))]
     names.append("battery_voltage")
     channels = tuple(Channel(name=name, unit=STANDARD_UNITS[name]) for name in names)

@@ -20,10 +20,12 @@ from rotorid.checking.predictions import Predictions
 from rotorid.data.findings import Finding, remark
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import UsageError
-from rotorid.fits.scatter import widened
+from rotorid.fits.motors.speeds import Leftover, with_model_errors
+from rotorid.fitting.least_squares import LevenbergMarquardt
+from rotorid.fitting.motors.following import MotorSpeedProblem
 from rotorid.flights.selection import Selection
 from rotorid.identifying.nonlinear import FittedNonlinear, Nonlinear, NonlinearData
-from rotorid.models.motor_speed import DELAY, LAG_DOWN, LAG_UP, LEAD, VOLTAGE, Operation, motor_speed_model
+from rotorid.models.motor_speed import DELAY, LEAD, VOLTAGE, Operation, motor_speed_model
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.results.model import Verifications
 from rotorid.settings.identifying import IdentifySettings
@@ -37,6 +39,9 @@ _SAGGING = 0.05
 
 _CURVED = 0.15
 """Range of outputs from which a curve can be told from a line."""
+
+_SOLVER = LevenbergMarquardt(tolerance=1e-8)
+"""Of a cost of some ten thousand samples, a step that gains less moves no parameter by a hundredth of its deviation."""
 
 _AT_ZERO = 0.05
 """Delay in samples below which it counts as none."""
@@ -68,15 +73,18 @@ class MotorSpeeds:
     def fit(self, data: NonlinearData) -> FittedNonlinear:
         """Fit with a delay; where the speeds are ahead of the outputs, with a lead."""
         method = self._nonlinear(data.whole, ())
+        if DELAY in data.parameters.free:
+            step_s = 1.0 / data.records.data[0].sample_rate_hz
+            found = method.first_fit(data)
+            if found[DELAY].value <= _AT_ZERO * step_s:
+                found = found.fix(DELAY, 0.0).free_again(LEAD).with_values({LEAD: 0.5 * step_s})
+            data = data._replace(parameters=found)
         fitted = method.fit(data)
-        step_s = 1.0 / data.records.data[0].sample_rate_hz
-        if fitted.listed[DELAY].status == "free" and fitted.listed[DELAY].value <= _AT_ZERO * step_s:
-            leading = fitted.listed.fix(DELAY, 0.0).free_again(LEAD).with_values({LEAD: 0.5 * step_s})
-            fitted = method.fit(data._replace(parameters=leading))
-        return replace(fitted, bounds=widened(fitted.bounds, _of_gusts(fitted)))
+        return _with_model_errors(data, fitted)
 
     def _nonlinear(self, model: NonlinearStructure, segments: Sequence[Maneuver]) -> Nonlinear:
-        return Nonlinear(model=model, settings=replace(self.settings, segments=tuple(segments)))
+        settings = replace(self.settings, segments=tuple(segments))
+        return Nonlinear(model=model, settings=settings, problem=MotorSpeedProblem, solver=_SOLVER)
 
     def verify(self, data: NonlinearData, fitted: FittedNonlinear, records: Sequence[FlightRecord]) -> Verifications:
         """Predict the stretches that were kept, and further logs."""
@@ -115,27 +123,18 @@ class MotorSpeeds:
         return found
 
 
-def _of_gusts(fitted: FittedNonlinear) -> dict[str, float]:
-    r"""What gusts may have hidden of the difference of the lags, as a standard deviation of each.
-
-    Speeds that something else pushes are at times above the curve where the simulation is below it, and the wrong lag
-    acts. With residuals :math:`\sigma_r` and distances from the curve :math:`\sigma_e` that is so for a share
-    :math:`p = \arctan(\sigma_r / \sigma_e) / \pi` of the time, and the difference shrinks by :math:`1 - 2 p`. Noise of
-    a sensor does not do that, and cannot be told from gusts: the shrinkage is stated as an error, not corrected.
-    """
-    values = fitted.listed.values
-    difference, mean = values[LAG_DOWN] - values[LAG_UP], 0.5 * (values[LAG_DOWN] + values[LAG_UP])
-    residual, distance = 0.0, 0.0
-    for record in fitted.simulated:
-        residual += float(np.sum((record.measured - record.simulated) ** 2))
-        distance += float(np.sum((mean * np.gradient(record.simulated, record.time_s, axis=1)) ** 2))
-    wrong = 2.0 / np.pi * float(np.arctan2(np.sqrt(residual), np.sqrt(distance)))
-    extra = 0.5 * abs(difference) * wrong / max(1.0 - wrong, 0.1)
-    samples = sum(record.measured.size for record in fitted.simulated)
-    # The mean speed lies off the curve by the difference of the lags: what is wrong with it moves the curve.
-    moved = float(np.sqrt(2.0 / np.pi * distance / samples)) * extra / mean
-    added = {LAG_UP: extra, LAG_DOWN: extra, "Omega_0": moved}
-    return {name: value for name, value in added.items() if name in fitted.bounds.names}
+def _with_model_errors(data: NonlinearData, fitted: FittedNonlinear) -> FittedNonlinear:
+    """The fit with the model error of its bounds."""
+    logs = {id(flight.record): flight.record for flight in data.flights}.values()
+    rates = [data.records.data[0].sample_rate_hz]
+    rates += [history.sample_rate_hz for log in logs for history in (logged_outputs(log), logged_speeds(log))]
+    left = Leftover(
+        parts=fitted.fit.problem.parts(fitted.fit.solution.theta),
+        alone=fitted.alone,
+        simulated=fitted.simulated,
+        step_s=1.0 / min(rates),
+    )
+    return replace(fitted, bounds=with_model_errors(fitted.bounds, fitted.listed.values, left))
 
 
 def _operation(logs: Sequence[FlightRecord], segments: Sequence[Maneuver]) -> Operation:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -34,6 +34,7 @@ from rotorid.fits.time.fit import explained_percents, simulated_records
 from rotorid.fits.time.refusals import does_not_describe, out_of_iterations, require_bounds, unexplained
 from rotorid.fits.time.remarks import judge_colors, judge_explained, judge_solver, nothing_unseen
 from rotorid.fits.time.summary import information_of, record_fits, residual_colors
+from rotorid.fitting.least_squares import LevenbergMarquardt
 from rotorid.fitting.time.nonlinear import NonlinearFit, NonlinearProblem, fit_nonlinear
 from rotorid.fitting.time.output_error import TimeData, log_likelihood
 from rotorid.flights.coverage import covered_by
@@ -161,6 +162,8 @@ class Nonlinear:
 
     model: NonlinearStructure
     settings: IdentifySettings
+    problem: type[NonlinearProblem] = NonlinearProblem
+    solver: LevenbergMarquardt = field(default_factory=LevenbergMarquardt)
 
     def prepare(self, records: Sequence[FlightRecord]) -> NonlinearData:
         """Prepare the flights as logged, and fix parameters that nothing in them moves."""
@@ -189,10 +192,10 @@ class Nonlinear:
         """Fit all records together, bound the parameters, and fit each record alone."""
         structure, records = data.structure, data.records
         _PROGRESS.info(f"fitting {structure.name} by output error")
-        problem = _posed(structure, data.parameters, records, records.data, self.settings.pieces_s)
+        problem = self._posed(structure, data.parameters, records, records.data)
         search = searched(problem, self.settings)
         starts = [problem.start, *(basin.theta for basin in (search.minima if search else ()))]
-        fits = [fit_nonlinear(problem, start=start) for start in starts]
+        fits = [fit_nonlinear(problem, solver=self.solver, start=start) for start in starts]
         fit = min(fits, key=_likelihood)
         if not np.isfinite(fit.solution.cost):
             raise InsufficientDataError(
@@ -217,6 +220,19 @@ class Nonlinear:
         _require_explained(fitted)
         return fitted
 
+    def first_fit(self, data: NonlinearData) -> ParameterSet:
+        """The parameters that fit all records best, without their bounds."""
+        problem = self._posed(data.structure, data.parameters, data.records, data.records.data)
+        return fit_nonlinear(problem, solver=self.solver).estimate.parameters
+
+    def _posed(
+        self, structure: NonlinearStructure, parameters: ParameterSet, records: TimeRecords, data: Sequence[TimeData]
+    ) -> NonlinearProblem:
+        pieces_s = self.settings.pieces_s
+        parts = data if pieces_s is None else [piece for record in data for piece in record.pieces(pieces_s)]
+        scheme = Scheme(hold=records.hold)
+        return self.problem(structure=structure, parameters=parameters, records=tuple(parts), scheme=scheme)
+
     def _fit_each_record(self, data: NonlinearData, fit: NonlinearFit) -> tuple[LogEstimate, ...]:
         """The fit of each record alone, started from that of all; records without enough data are left out."""
         if len(data.records.data) < 2:
@@ -228,7 +244,9 @@ class Nonlinear:
             if not parameters.free:
                 continue
             try:
-                item = fit_nonlinear(_posed(data.structure, parameters, data.records, [record], self.settings.pieces_s))
+                item = fit_nonlinear(
+                    self._posed(data.structure, parameters, data.records, [record]), solver=self.solver
+                )
                 bounds = bounds_of_parts(item.problem.parts(item.solution.theta), parameters.free)
             except RotoridError:  # a record may be too short for what all show together
                 continue
@@ -411,19 +429,6 @@ def _fixed_at_rest(
     words = f"{' and '.join(still)} did not move"
     return parameters, tuple(
         remark("no_excitation", name, f"{words}, so {name} was fixed at {parameters[name].value:g}.") for name in fixed
-    )
-
-
-def _posed(
-    structure: NonlinearStructure,
-    parameters: ParameterSet,
-    records: TimeRecords,
-    data: Sequence[TimeData],
-    pieces_s: float | None,
-) -> NonlinearProblem:
-    parts = data if pieces_s is None else [piece for record in data for piece in record.pieces(pieces_s)]
-    return NonlinearProblem(
-        structure=structure, parameters=parameters, records=tuple(parts), scheme=Scheme(hold=records.hold)
     )
 
 

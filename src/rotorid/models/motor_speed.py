@@ -25,9 +25,10 @@ VOLTAGE = "battery_voltage"
 
 LAG_UP, LAG_DOWN, DELAY, LEAD, EXPONENT = "T_motor_up", "T_motor_down", "tau", "tau_y", "n_V"
 
-UNITS = {LAG_UP: "s", LAG_DOWN: "s", DELAY: "s", LEAD: "s", EXPONENT: "1"} | dict.fromkeys(
-    ("Omega_0", "Omega_1", "Omega_2"), "rad/s"
-)
+CURVE = ("Omega_0", "Omega_1", "Omega_2")
+"""Coefficients of the steady speed over the output."""
+
+UNITS = {LAG_UP: "s", LAG_DOWN: "s", DELAY: "s", LEAD: "s", EXPONENT: "1"} | dict.fromkeys(CURVE, "rad/s")
 """Units of the parameters; the factors of the motors have none."""
 
 _LAG_S = (0.04, 0.0005, 2.0)

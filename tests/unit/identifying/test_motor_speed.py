@@ -94,3 +94,17 @@ def test_the_equations_slow_down_with_the_lag_of_their_direction() -> None:
     falling = rate.evaluate({**values, "motor_1": 0.4, "Omega_of_1": 1000.0})
     assert rising == pytest.approx(100.0 / 0.02)
     assert falling == pytest.approx(-100.0 / 0.05)
+
+
+def test_a_log_without_noise_leaves_the_model_error_of_clocks_and_sensors() -> None:
+    exact = Motors(noise=0.0, factors=(1.0,), lag_down_s=0.03)
+    found = rotorid.identify([record_of(exact, rate_hz=100.0, duration_s=10.0, seed=5)], "motor.speed", hold="zero")
+    for name in ("T_motor_up", "T_motor_down"):
+        estimate = found[name]
+        assert estimate.std is not None
+        assert estimate.std_model is not None
+        assert estimate.std_model >= 0.15 * 0.01
+        assert estimate.std < 0.1 * 0.03
+        assert abs(estimate.value - 0.03) < 2.0 * estimate.std
+    assert all(estimate.std_model for estimate in found.parameters.values() if estimate.status == "free")
+    assert found["Omega_0"].std == pytest.approx(0.005 * found["Omega_0"].value, rel=0.2)
