@@ -181,7 +181,10 @@ class UnavailableDocument(Document):
 
 
 class ControlDocument(Document):
-    """When and why control was lost, both null where it was kept, and whether the log ends before a landing."""
+    """When and why control was lost, both null where it was kept, and whether the log ends before a landing.
+
+    Null as a whole where neither was seen; ``cannot_tell`` names ``control`` where the log could not have shown it.
+    """
 
     lost_at_s: float | None
     cause: str | None

@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -18,7 +19,7 @@ from rotorid.data.display import visible
 from rotorid.errors import LogError, UsageError
 from rotorid.io.folders import scratch_folder
 from rotorid.io.formats import HEAD_BYTES
-from rotorid.io.named import find_logs, is_log, starts_like_log
+from rotorid.io.named import find_logs, holds_log
 
 MEMBER = "!"
 """Between an archive and the name of a log in it."""
@@ -163,7 +164,7 @@ def _members(archive: Path) -> list[tuple[str, int, bool]]:
             if len(inside) < 2:
                 return []
             found = [
-                (member.filename, member.CRC, is_log(Path(member.filename)) or _member_is_log(opened, member))
+                (member.filename, member.CRC, holds_log(Path(member.filename), partial(_member_head, opened, member)))
                 for member in inside
             ]
     # What zipfile says of damage, of names and offsets that are none, of methods that it does not know. Its one place
@@ -177,13 +178,13 @@ def _hidden(name: str) -> bool:
     return any(part.startswith(".") or part == "__MACOSX" for part in PurePosixPath(name).parts)
 
 
-def _member_is_log(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bool:
+def _member_head(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
     try:
         with archive.open(member) as packed:
-            return starts_like_log(packed.read(HEAD_BYTES))
+            return packed.read(HEAD_BYTES)
     # RuntimeError: it is encrypted.
     except (OSError, zipfile.BadZipFile, RuntimeError, NotImplementedError, ValueError, EOFError, zlib.error):
-        return False
+        return b""
 
 
 def _in_store(address: str) -> Iterator[Place | str]:
@@ -196,7 +197,7 @@ def _in_store(address: str) -> Iterator[Place | str]:
     except (OSError, ValueError) as error:
         raise UsageError(f"{address} cannot be listed: {error}") from error
     for name, facts in sorted(files.items()):
-        if not is_log(Path(name)) and not _stored_log(system, name):
+        if not holds_log(Path(name), partial(_stored_head, system, name)):
             yield str(system.unstrip_protocol(name))
         else:
             fields = [str(facts.get(key, "")) for key in ("size", "ETag", "etag", "md5Hash", "mtime", "LastModified")]
@@ -206,11 +207,11 @@ def _in_store(address: str) -> Iterator[Place | str]:
             )
 
 
-def _stored_log(system: Any, name: str) -> bool:
+def _stored_head(system: Any, name: str) -> bytes:
     try:
-        return starts_like_log(system.cat_file(name, start=0, end=HEAD_BYTES))
+        return bytes(system.cat_file(name, start=0, end=HEAD_BYTES))
     except (OSError, ValueError):
-        return False
+        return b""
 
 
 def _store(address: str) -> tuple[Any, str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -13,7 +14,8 @@ from rotorid.io.formats import ENDINGS, HEAD_BYTES, PACKED, READERS
 
 _MOST_NAMES = 5
 _ARCHIVE = ".zip"
-_SHARED = (".txt", ".log", ".data")
+_SHARED = tuple(f"{ending}{packed}" for ending in (".txt", ".log", ".data") for packed in ("", *PACKED))
+"""Endings that logs and notes share."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,9 +66,8 @@ def _behind(path: Path, archives: bool) -> tuple[list[Path], list[Path]]:
     logs: list[Path] = []
     others: list[Path] = []
     for file in sorted(_visible(path)):
-        named = is_log(file) or (archives and file.suffix.lower() == _ARCHIVE)
-        wanted = not _is_prose(file) if named else is_log_by_content(file)
-        (logs if wanted else others).append(file)
+        archive = archives and file.suffix.lower() == _ARCHIVE
+        (logs if archive or holds_log(file, partial(_head, file)) else others).append(file)
     if not logs:
         raise UsageError(
             f"{path} contains no flight log" + (f", only {skipped_words(others)}" if others else ""),
@@ -89,27 +90,34 @@ def is_log(file: Path) -> bool:
     return bool(suffixes) and suffixes[-1] in ENDINGS
 
 
-def _is_prose(file: Path) -> bool:
-    """Whether a text has an ending that logs and notes share, and nothing of a log or a table in it."""
-    from rotorid.io.files import beginning
+def holds_log(file: Path, head: Callable[[], bytes]) -> bool:
+    """Whether a file of a folder, an archive or a store is a log: by its ending, or by its first bytes.
 
-    if not any(file.name.lower().endswith((ending, *map(ending.__add__, PACKED))) for ending in _SHARED):
-        return False
-    try:
-        head = beginning(file, HEAD_BYTES)
-    except (LogError, OSError):
-        return False
+    Parameters
+    ----------
+    file
+        Its name.
+    head
+        Gives its first bytes, none where they cannot be had; asked where the name does not answer.
+    """
+    if not is_log(file):
+        return starts_like_log(head())
+    return not (file.name.lower().endswith(_SHARED) and _is_prose(head()))
+
+
+def _is_prose(head: bytes) -> bool:
+    """Whether a text has nothing of a log or a table in it."""
     return bool(head) and b"\0" not in head and not any(import_module(row.module).sniff(head) for row in READERS)
 
 
-def is_log_by_content(file: Path) -> bool:
-    """Whether a file starts like a log, unpacked where it is compressed."""
+def _head(file: Path) -> bytes:
+    """First bytes of a file, unpacked where it is compressed."""
     from rotorid.io.files import beginning
 
     try:
-        return starts_like_log(beginning(file, HEAD_BYTES))
+        return beginning(file, HEAD_BYTES)
     except (LogError, OSError):
-        return False
+        return b""
 
 
 def starts_like_log(head: bytes) -> bool:

@@ -13,8 +13,12 @@ from rotorid.reviewing.values import Unavailable
 
 _LOOPS: Mapping[str, str] = MappingProxyType({loop.name: f"{loop.words} loop" for loop in LOOPS})
 
+_TRACKED: Mapping[str, str] = MappingProxyType({loop.name: f"{loop.words} against its set-point" for loop in LOOPS})
+
 _PARTS: Mapping[str, str] = MappingProxyType(
     {
+        "channels": "agreement of channels",
+        "control": "control",
         "flight": "flight",
         "flight.battery": "battery",
         "flight.wind": "wind",
@@ -34,6 +38,7 @@ _PARTS: Mapping[str, str] = MappingProxyType(
         "noise.maps.throttle": "noise over throttle",
         "noise.peaks": "lines in the noise",
         "step": "step response",
+        "tracking": "tracking of set-points",
         "vehicle.kind": "kind of vehicle",
         "vehicle.frame": "frame",
     }
@@ -48,6 +53,8 @@ def unavailable_words(name: str) -> tuple[str, str]:
     --------
     >>> unavailable_words("loops.p.rise_time_s"), unavailable_words("loops.p")
     (('roll rate loop', 'rise time'), ('roll rate loop', ''))
+    >>> unavailable_words("tracking.phi"), unavailable_words("page.noise")
+    (('roll angle against its set-point', ''), ('pictures of noise', ''))
     >>> unavailable_words("margins.yaw.gain_margin_db"), unavailable_words("models.physical.motors")
     (('margins of yaw', 'gain margin'), ('model physical.motors', ''))
     >>> unavailable_words("noise.roll_p_noise_share")
@@ -61,8 +68,10 @@ def unavailable_words(name: str) -> tuple[str, str]:
     which, _, number = rest.partition(".")
     if part == "loops" and which in _LOOPS:
         return _LOOPS[which], _number_words(number)
-    if part == "tracking" and which in _LOOPS:
-        return _LOOPS[which], _number_words(number)
+    if part == "tracking" and which in _TRACKED:
+        return _TRACKED[which], _number_words(number)
+    if part == "page":
+        return f"pictures of {rest}", ""
     if part == "oscillations":
         return f"oscillation of {which}", ""
     if part == "margins":

@@ -58,6 +58,7 @@ from rotorid.reviewing.values import (
 from rotorid.settings.option import as_settings
 from rotorid.settings.verbs import with_verbs
 from rotorid.signal.airborne import control_of, not_flown
+from rotorid.signal.control import Control, shows_control
 from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_gyro, dead_sensor_findings
 from rotorid.signal.oscillations import check_oscillations
 from rotorid.typing import Axis
@@ -199,7 +200,7 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
     unknown = VehicleReview(autopilot=record.source.format, firmware=record.source.firmware, kind="", frame="")
     # What the log does not say of the vehicle is a note of ``inspect``.
     kind = part("vehicle", lambda: (vehicle(record)[0], ()), unknown)
-    control = part("control", lambda: (control_of(record), ()), None)
+    control = part("control", lambda: _control(record, flown=air is not None), None)
     if air is not None and models:
         if motors_limited(swinging):
             unavailable.append(_hidden_by_limits("models", swinging))
@@ -248,6 +249,15 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
         cannot_tell=tuple(dict.fromkeys(replace(gap, remedy=with_verbs(gap.remedy, "review")) for gap in unavailable)),
         findings=worst_first([*_in_words_of_review(findings), *_faults(unavailable)]),
     )
+
+
+def _control(record: FlightRecord, *, flown: bool) -> tuple[Control | None, list[Unavailable]]:
+    """Loss of control or an end in the air, and whether the log could have shown one."""
+    if not flown or shows_control(record):
+        return control_of(record), []
+    why = "Neither rates, attitude with set-points nor specific force are logged, so a loss of control does not show."
+    missing = tuple(name for name in ("p", "q", "az") if name not in record)
+    return control_of(record), [Unavailable(what="control", why=why, remedy=logging_advice(record, 0.0, missing))]
 
 
 def _in_words_of_review(findings: Sequence[Finding]) -> Iterator[Finding]:

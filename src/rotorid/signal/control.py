@@ -173,6 +173,15 @@ def control(record: FlightRecord, intervals: Intervals) -> Control | None:
     return _kept(record, intervals)
 
 
+_SHOWN_BY = (("p",), ("q",), ("phi", "phi_setpoint"), ("theta", "theta_setpoint"), ("ax", "ay", "az"))
+"""Channels of which any group shows a loss of control of some kind."""
+
+
+def shows_control(record: FlightRecord) -> bool:
+    """Whether a log holds what a loss of control would show in; without it, nothing is known of control."""
+    return any(set(names) <= set(record.channel_names) for names in _SHOWN_BY)
+
+
 def before_loss(intervals: Intervals, lost: Control | None) -> Intervals:
     """Flights without what follows a loss; later flights of their own stay."""
     if lost is None or lost.lost_at_s is None:

@@ -75,9 +75,10 @@ def test_cards_without_endings_are_logs_and_the_rest_is_named(tmp_path: Path) ->
     with zipfile.ZipFile(tmp_path / "deck.zip", "w") as archive:
         archive.writestr("card/log00", CARD)
         archive.writestr("card/photo.jpg", b"\xff\xd8\xff\xe0")
+        archive.writestr("card/readme.txt", b"It was windy.\n")
     found = find_places([tmp_path])
     assert [place.name for place in found.places] == ["log00", "log-0001.ulg", "log00", "log01.gz"]
-    assert found.skipped == ("config", "photo.jpg", "notes.txt")
+    assert found.skipped == ("config", "photo.jpg", "readme.txt", "notes.txt")
 
 
 def test_cards_in_a_store(tmp_path: Path) -> None:
@@ -85,8 +86,9 @@ def test_cards_in_a_store(tmp_path: Path) -> None:
     store = fsspec.filesystem("memory")
     store.pipe_file("/deck/cf1/log00", CARD)
     store.pipe_file("/deck/cf1/config", b"250\n")
+    store.pipe_file("/deck/cf1/notes.txt", b"It was windy.\n")
     found = find_places(["memory://deck"])
-    assert ([place.name for place in found.places], found.skipped) == (["log00"], ("config",))
+    assert ([place.name for place in found.places], found.skipped) == (["log00"], ("config", "notes.txt"))
 
 
 def test_an_empty_folder_is_one_sentence(tmp_path: Path) -> None:

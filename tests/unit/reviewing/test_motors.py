@@ -337,3 +337,22 @@ def test_the_speed_of_one_motor_is_not_a_vehicle_of_one_rotor() -> None:
     assert motor_history(record).kind == "output"
     with pytest.raises(InsufficientDataError, match=r"The speed of 1 motor of 4 is logged; this needs"):
         logged_speeds(record)
+
+
+@pytest.mark.parametrize("still", [(), (2,), (2, 3)])
+def test_outputs_that_never_move_are_not_balanced(still: tuple[int, ...]) -> None:
+    columns = hovering(30.0, 100.0)
+    columns |= {f"motor_{number}": np.full_like(columns["motor_1"], 0.4) for number in still}
+    found, missing = motors(record(columns, 100.0))
+    assert ("imbalance" in found.numbers) is not bool(still)
+    whys = [gap.why for gap in missing if gap.what == "motors.imbalance"]
+    words = {0: [], 1: ["The output of motor 2 never moves in flight."]}
+    assert whys == words.get(len(still), ["The outputs of motors 2 and 3 never move in flight."])
+
+
+def test_one_motor_is_not_balanced_against_itself() -> None:
+    missing_ones = ("motor_2", "motor_3", "motor_4")
+    columns = {name: row for name, row in hovering(30.0, 100.0).items() if name not in missing_ones}
+    found, missing = motors(record(columns, 100.0))
+    assert not {"imbalance", "headroom"} & found.numbers.keys()
+    assert any(gap.why == "The output of only one motor is logged." for gap in missing)

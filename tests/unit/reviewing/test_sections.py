@@ -47,6 +47,7 @@ MAKERS = {
     ("control", assembly, "control_of"): "control",
     ("motors.events", motors, "_events"): "motors",
     ("motors.output_delay_s", motors, "_delay"): "motors",
+    ("motors.thrust_coefficient", motors, "weight_balance"): "motors",
     ("flight.battery", flight, "_battery"): "flight",
     ("flight.thrust_to_weight", flight, "_thrust"): "flight",
     ("vehicle", assembly, "vehicle"): "vehicle",

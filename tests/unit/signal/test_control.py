@@ -12,7 +12,7 @@ from rotorid.data.record import Channel, FlightRecord, Source, Status, Topic
 from rotorid.flying.next_steps import KnownOfLog, next_steps
 from rotorid.io.registry import read
 from rotorid.signal.airborne import airborne
-from rotorid.signal.control import Control, before_loss, control
+from rotorid.signal.control import Control, before_loss, control, shows_control
 from rotorid.typing import FloatArray
 
 LOST_S, STOP_S = 30.0, 33.0
@@ -197,3 +197,14 @@ def test_a_vehicle_that_lost_control_is_not_sent_to_a_sweep(lost: bool) -> None:
     commands = list(next_steps(KnownOfLog(record=record, wanted_axes=("roll",), reviewed=False)))
     assert any(command.startswith("rotorid review") for command in commands)
     assert any(command.startswith("rotorid design sweep") for command in commands) is not lost
+
+
+@pytest.mark.parametrize(
+    ("names", "shown"),
+    [(("motor_1", "down"), False), (("phi", "motor_1"), False), (("phi", "phi_setpoint"), True), (("q",), True)],
+)
+def test_a_log_without_rates_attitude_and_force_shows_nothing_of_control(names: tuple[str, ...], shown: bool) -> None:
+    channels = tuple(Channel(name=name, unit="1") for name in names)
+    topic = Topic(name="log", time_s=np.arange(50) * 0.1, channels=channels, values=np.zeros((len(names), 50)))
+    record = FlightRecord(source=Source(name="a.csv", format="CSV", sha256=""), topics=(topic,))
+    assert shows_control(record) is shown
