@@ -305,6 +305,8 @@ def _sentences(
     known = sum(one.verdict != "undecided" for one in figures.values())
     if verdict == "unchanged":
         yield f"No change found since {flights}."
+        if balance is None or balance.verdict == "undecided":
+            yield "Not compared: the balance of the motors."
     if verdict == "undecided":
         reason = f"{max(FEWEST, FEWEST_EARLIER)} are needed" if count < FEWEST else "they scatter too much"
         yield f"Not enough data to compare with {flights}: {reason}."

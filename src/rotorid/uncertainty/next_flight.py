@@ -82,7 +82,7 @@ def random_effects_mean(values: FloatArray, stds: FloatArray) -> tuple[float, fl
     >>> mean, round(between, 2)
     (2.0, 1.41)
     """
-    known = np.maximum(stds, 1e-12 * max(float(np.abs(values).max()), 1e-300))
+    known = np.maximum(stds, 1e-12 * max(float(np.abs(values).max()), 1e-60))
     between = scatter_between(values, known)
     weight = 1.0 / (between**2 + known**2)
     return float(weight @ values / weight.sum()), float(weight.sum() ** -0.5), between

@@ -22,7 +22,7 @@ from rotorid.autopilots.ardupilot.system_id import SID_AXIS
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
 from rotorid.errors import UsageError
 from rotorid.io.ardupilot.dataflash import decode
-from rotorid.io.ardupilot.log import ENTRIES
+from rotorid.io.ardupilot.system_id import ENTRIES
 from rotorid.plans.ardupilot import SYSTEM_ID_DELAY_S, SystemId, ardupilot_files, log_bitmask, system_id
 from rotorid.typing import Axis
 from rotorid.units import parse_unit

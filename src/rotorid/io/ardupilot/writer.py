@@ -25,7 +25,8 @@ from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import MOTORS, Maneuver
 from rotorid.errors import UsageError, nearest_name
 from rotorid.io.ardupilot.dataflash_writer import Layout, Messages, write_dataflash
-from rotorid.io.ardupilot.log import DSHOT_TYPES, ENTRIES, MOTOR_FUNCTIONS, STICKS, motor_channels
+from rotorid.io.ardupilot.log import DSHOT_TYPES, MOTOR_FUNCTIONS, STICKS, motor_channels
+from rotorid.io.ardupilot.system_id import ENTRIES
 from rotorid.typing import AnyArray, FloatArray, IntArray
 from rotorid.units import STANDARD_GRAVITY_M_S2, parse_unit
 

@@ -20,7 +20,7 @@ from rotorid.autopilots.ardupilot.system_id import (
     throttle_of,
 )
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape
-from rotorid.io.ardupilot.log import ENTRIES
+from rotorid.io.ardupilot.system_id import ENTRIES
 from rotorid.typing import Axis
 
 ALT_HOLD = FlightMode(2, "ALT_HOLD", "AltHold")
