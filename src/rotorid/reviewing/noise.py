@@ -375,9 +375,9 @@ def _terms(
             numbers |= made
             if not made:
                 why = f"The log needs the terms of the {axis} controller, or its gains and the rate at 100 Hz."
-                unavailable.append(
-                    Unavailable(what=f"noise.{axis}_p_noise_share", why=why, remedy=_fast_sensors(record))
-                )
+                fast = record.rate_hz(rate) >= _needed_hz(low_hz)
+                remedy = f"log the terms of the {axis} controller" if fast else _fast_sensors(record)
+                unavailable.append(Unavailable(what=f"noise.{axis}_p_noise_share", why=why, remedy=remedy))
         return numbers, unavailable
 
     return terms_noise
@@ -397,9 +397,14 @@ def _logged_terms(record: FlightRecord, axis: str, rate: str, flights: Intervals
     return numbers
 
 
+def _needed_hz(low_hz: float) -> float:
+    """Least rate of a log whose noise above a frequency makes the terms of a controller."""
+    return max(3.0 * low_hz, 100.0)
+
+
 def _computed_terms(record: FlightRecord, axis: Axis, sensors: Sequence[Sensor], low_hz: float) -> dict[str, Quantity]:
     rate = next((s for s in sensors if s.channel == RATE_OF[axis] and s.stage == "after"), None)
-    if rate is None or rate.rate_hz < max(3.0 * low_hz, 100.0):
+    if rate is None or rate.rate_hz < _needed_hz(low_hz):
         return {}
     logged = controllers_of(record).axis(axis)
     if logged is None:
