@@ -211,7 +211,7 @@ def _margins(review: Review) -> Card:
     # Gusts show numbers of an axis whose stick is idle, and are no test of its loop.
     excited = [number for number in phases if not review.margins[number.axis].stick_idle]  # type: ignore[index]
     if not excited:
-        axes = [number.axis for number in phases]
+        axes = [axis for axis in review.margins if any(number.axis == axis for number in phases)]
         gap = _gap(review, "margins")
         if axes:
             why = f"the {listed(axes)} stick{'s' * (len(axes) > 1)} barely moved."
@@ -221,7 +221,7 @@ def _margins(review: Review) -> Card:
         )
     if unsure := [number for number in unsure if number.axis in {known.axis for known in excited}]:
         worst = unsure[0]
-        remedy = _remedy(review, f"margins.{worst.axis}.") or move_stick(worst.axis)
+        remedy = _remedy(review, f"margins.{worst.axis}.") or move_stick(worst.axis)  # type: ignore[arg-type]
         return worst.doubtful(key, title, number=_margin_number(review, worst), remedy=remedy)
     names = [number.axis for number in excited]
     loops = f"The {listed(names)} loop{'s' * (len(names) > 1)}"
