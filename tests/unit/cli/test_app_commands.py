@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -170,3 +171,13 @@ def test_a_refused_call_is_json_too(words: tuple[str, ...]) -> None:
     assert ran.err == f"rotorid: {told['message']}\n"
     assert told["came"]
     assert told["came"] in told["message"]
+
+
+@pytest.mark.parametrize(
+    ("motors", "words"), [("", "does not show whether the vehicle flew"), ("motor_1 [1]", "contains no flight")]
+)
+def test_a_log_too_short_to_show_a_flight_is_not_said_to_contain_none(tmp_path: Path, motors: str, words: str) -> None:
+    rows = [f"{0.02 * i},{0.1 * math.sin(0.06 * i)},{0.1 * math.cos(0.04 * i)}{',0' * bool(motors)}" for i in range(90)]
+    log = tmp_path / "cut.csv"
+    log.write_text("\n".join([",".join(filter(None, ["t [s]", "phi [rad]", "theta [rad]", motors])), *rows]))
+    assert f"fly: this log {words}" in rotorid("inspect", log).out

@@ -105,7 +105,7 @@ def test_the_docs_of_the_cards_name_each_limit(name: str) -> None:
 def jerky(monkeypatch: pytest.MonkeyPatch) -> Review:
     """A review with a figure that was made up, which has a row and no other place."""
     table = {**QUANTITIES, "jerkiness": MADE}
-    for module in ("data.quantities", "reviewing.cards", "report.review"):
+    for module in ("data.quantities", "reviewing.card", "reviewing.cards", "report.review"):
         monkeypatch.setattr(f"rotorid.{module}.QUANTITIES", table)
     loops = {**figures_of("loops"), "jerkiness": MADE}
     monkeypatch.setattr("rotorid.data.quantities.BY_PART", {**BY_PART, "loops": loops})

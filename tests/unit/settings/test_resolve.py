@@ -38,7 +38,7 @@ def test_the_physics_of_motors_is_suggested(name: str) -> None:
 
 
 def test_the_physics_of_motors_is_no_linear_structure() -> None:
-    with pytest.raises(ModelError, match=r"not a linear structure.*identifying\.identify_motors"):
+    with pytest.raises(ModelError, match=r"not a linear structure.*rotorid\.identify\(log,"):
         resolve_model("physical.motors")
 
 
