@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from weakref import WeakSet
 
 import numpy as np
 
@@ -66,6 +67,10 @@ _LEAST_S, _GRID_HZ = 20.0, 20.0
 _LAGS_S = (0.0, 0.05, 0.1)
 
 
+_CHECKED: WeakSet[FlightRecord] = WeakSet()
+"""Records that were checked: nothing of them is left out twice."""
+
+
 @dataclass(frozen=True)
 class _Speed:
     """A channel of speeds, with the output of its motor at its stamps where that is logged."""
@@ -91,6 +96,8 @@ class _Speed:
 def checked_speeds(record: FlightRecord) -> FlightRecord:
     """The record without motor speeds that cannot be; each channel that lost some is named, with its share and time.
 
+    A record that came out of here passes as it is.
+
     Examples
     --------
     >>> from rotorid.data.record import Channel, Source
@@ -103,6 +110,14 @@ def checked_speeds(record: FlightRecord) -> FlightRecord:
     >>> checked["motor_speed_1"].values.size, [finding.kind for finding in checked.findings]
     (197, ['channels_disagree'])
     """
+    if record in _CHECKED:
+        return record
+    checked = _checked(record)
+    _CHECKED.add(checked)
+    return checked
+
+
+def _checked(record: FlightRecord) -> FlightRecord:
     findings: list[Finding] = []
     speeds: list[_Speed] = []
     turned: set[str] = set()

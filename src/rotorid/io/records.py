@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from rotorid.data.record import FlightRecord
+from rotorid.io.motor_speeds import checked_speeds
 from rotorid.io.registry import read
 
 
@@ -18,7 +19,8 @@ def as_records(
     Parameters
     ----------
     records
-        Records as :func:`rotorid.read` gives them, files that it reads, or both.
+        Records as :func:`rotorid.read` gives them, files that it reads, or both. Of records that were made otherwise,
+        motor speeds are checked as of a log.
 
     Raises
     ------
@@ -26,7 +28,10 @@ def as_records(
         A file cannot be read.
     """
     several = (records,) if isinstance(records, str | Path | FlightRecord) else records
-    return _distinct_names([record if isinstance(record, FlightRecord) else read(record) for record in several])
+    # Records that were made by hand have passed no reader.
+    return _distinct_names(
+        [checked_speeds(record) if isinstance(record, FlightRecord) else read(record) for record in several]
+    )
 
 
 def _distinct_names(records: Sequence[FlightRecord]) -> tuple[FlightRecord, ...]:

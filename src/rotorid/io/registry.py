@@ -104,8 +104,9 @@ def read(
     record = joined(record, others)
     if mapping is not None:
         require_agreement(record, mapping)
-    record = checked_speeds(screened(record))
-    return replace(record, source=replace(record.source, mapping=named_by)) if named_by else record
+    if named_by:
+        record = replace(record, source=replace(record.source, mapping=named_by))
+    return checked_speeds(screened(record))
 
 
 def _read_file(path: Path, mapping: ChannelMapping | None, *, sandbox: bool) -> FlightRecord:

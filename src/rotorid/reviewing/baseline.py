@@ -35,6 +35,7 @@ from rotorid.flights.motor_balance import (
 from rotorid.flights.same_vehicle import aircraft_of, different_gains, gains_of
 from rotorid.io.files import sha256_of
 from rotorid.io.log_order import natural, time_of
+from rotorid.io.motor_speeds import checked_speeds
 from rotorid.io.named import FoundLogs, find_logs
 from rotorid.io.registry import read
 from rotorid.reviewing.values import BaselineReview, LeftOut, Review
@@ -119,7 +120,7 @@ def earlier_logs(record: FlightRecord, logs: Path | str | Sequence[FlightRecord 
 def _log(log: FlightRecord | Path) -> _Log:
     if isinstance(log, FlightRecord):
         name = log.source.name
-        return _Log((time_of(name), natural(name)), name, log.source.sha256, log)
+        return _Log((time_of(name), natural(name)), name, log.source.sha256, checked_speeds(log))
     return _Log((time_of(str(log)), natural(log.name)), log.name, sha256_of(log) if log.is_file() else "", log)
 
 

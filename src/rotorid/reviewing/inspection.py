@@ -22,6 +22,7 @@ from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.supports import Support, dwells_in, never_flown, ordinary_flights, segment_of, supports
 from rotorid.flying.next_steps import KnownOfLog, next_steps
+from rotorid.io.motor_speeds import checked_speeds
 from rotorid.models.families import RATE_AXIS, family_of, rate_model_of
 from rotorid.results.provenance import LoggedManeuver, logged
 from rotorid.settings.identifying import IdentifySettings
@@ -233,6 +234,7 @@ def inspect(record: FlightRecord) -> Inspection:
     >>> inspect(record).supports["rate.roll"].because
     'the log lacks roll_command'
     """
+    record = checked_speeds(record)
     found = {axis: find_excitations(record, axis) for axis in AXES}  # type: ignore[arg-type]
     candidates = {axis: _candidates(record, axis) for axis in AXES}  # type: ignore[arg-type]
     flight, remarks = _flight(record)

@@ -14,6 +14,8 @@ from rotorid import FlightRecord, read
 from rotorid.data.record import Channel, Source, Topic
 from rotorid.identifying.identification import identify_motors
 from rotorid.io.motor_speeds import checked_speeds
+from rotorid.io.records import as_records
+from rotorid.reviewing.inspection import inspect
 from rotorid.settings.motors import MotorSettings
 from rotorid.typing import FloatArray
 from rotorid.vehicles.motor_flight import TRUTH
@@ -194,3 +196,11 @@ def test_a_thrust_coefficient_does_not_suffer_from_lost_speeds(burst: int, tmp_p
     assert found.parameters["c_2"].value == pytest.approx(THRUST_BY_SPEED, rel=0.01)
     (message,) = messages(record)
     assert message.startswith("motor_speed_2 ")
+
+
+def test_a_record_made_by_hand_is_checked_once() -> None:
+    (checked,) = as_records(flight(drops))
+    assert len(messages(checked)) == 1
+    (again,) = as_records(checked)
+    assert again is checked
+    assert "channels_disagree" in {finding.kind for finding in inspect(flight(drops)).findings}
