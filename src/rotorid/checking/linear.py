@@ -29,10 +29,11 @@ from rotorid.checking.predictions import (
 )
 from rotorid.checking.scores import score_flights
 from rotorid.checking.sweeps import check_sweeps
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.data.trust import RICH_KINDS
-from rotorid.errors import InsufficientDataError
+from rotorid.errors import InsufficientDataError, ModelError, UsageError, reason_of
 from rotorid.fits.frequency.fit import FrequencyFit
 from rotorid.fits.time.fit import growth, piece_s, posed_in_pieces
 from rotorid.fitting.time.output_error import TimeProblem
@@ -254,7 +255,11 @@ def _judged(candidate: Candidate, logs: Sequence[UnseenLog], settings: VerifySet
         try:
             parts.append(attempt())
             judged += members
-        except InsufficientDataError as error:
+        except (UsageError, ModelError):
+            # The model or what was asked is wrong: no other log changes that.
+            raise
+        except Exception as failure:
+            error = reason_of(failure, f"the prediction of {listed([log.record.source.name for log in members])}")
             causes += [(log, error.came.rstrip(".")) for log in members]
     frequency: dict[str, float] = {}
     for part in parts:

@@ -16,7 +16,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord, Maneuver
-from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.errors import InsufficientDataError, UsageError, reason_of
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.flights.flights import Flight, longest_flight
 from rotorid.flights.selection import Selection, given_flights, require_reached
@@ -192,7 +192,9 @@ def predict_each(
         try:
             require_reached(record, settings.segments)
             judged.append(predict(record))
-        except (InsufficientDataError, UsageError) as error:
+        except Exception as failure:
+            # One log that fails, by a fault too, ends no other.
+            error = reason_of(failure, f"the prediction of {name}")
             refusals = error.findings if isinstance(error, InsufficientDataError) else ()
             judged.append(_remarked(warn("not_verified", name, f"{name} was not judged: {error}"), refusals))
     return Predictions(

@@ -15,7 +15,7 @@ from rotorid.checking.maneuvers import remarks_on
 from rotorid.checking.predictions import fitted_before, not_verified, output_scores
 from rotorid.data.findings import Finding
 from rotorid.data.record import STANDARD_UNITS, FlightRecord
-from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.errors import reason_of
 from rotorid.fits.time.fit import TimeFit, growth
 from rotorid.fitting.time.output_error import Fitted as Simulated
 from rotorid.fitting.time.output_error import TimeProblem
@@ -76,7 +76,8 @@ class FittedResponses:
             new = [flight for flight in flights if not fitted.fits(flight)]
             fitted_too += [fitted_before(flight) for flight in flights if fitted.fits(flight)]
             checks = self._simulated(structure, new) if new else []
-        except (InsufficientDataError, ModelError) as error:
+        except Exception as failure:
+            error = reason_of(failure, f"the prediction of {record.source.name}")
             return Verifications(findings=(*fitted_too, not_verified(record, error.came)))
         return _remarked(checks, fitted_too)
 
@@ -93,7 +94,8 @@ class FittedResponses:
         try:
             wider = with_surroundings([flight], _REST_S, (*structure.inputs, *structure.outputs))
             return _remarked(self._simulated(structure, wider))
-        except (InsufficientDataError, ModelError) as error:
+        except Exception as failure:
+            error = reason_of(failure, f"the prediction of {flight.record.source.name}")
             return Verifications(findings=(not_verified(flight.record, error.came),))
 
     def _simulated(self, structure: LinearStructure, flights: Sequence[Flight]) -> list[Verification]:

@@ -22,7 +22,7 @@ from rotorid.data.display import listed
 from rotorid.data.findings import Finding, warn
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, input_unit
 from rotorid.data.record import AXES
-from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.errors import ModelError, UsageError, reason_of
 from rotorid.excitation.plan import planned, sequence, together, uncorrelated_binaries
 from rotorid.flying.settings import DOUBLET_S, DesignSettings, PlanSettings
 from rotorid.flying.simulation import truth_of
@@ -690,7 +690,11 @@ def _predict_plan(
             prediction = predict(
                 model, expected_values(model, craft, choices.prior), loop, plan, choices=_fit(choices, model)
             )
-    except InsufficientDataError as error:
+    except (UsageError, ModelError):
+        raise
+    except Exception as failure:
+        # What one model foretells, all others and the plan itself stand without.
+        error = reason_of(failure, f"the prediction for {model.name}")
         return PlanPrediction(model=model.name, prediction=None, refused=str(error))
     return PlanPrediction(model=model.name, prediction=prediction)
 

@@ -276,28 +276,32 @@ def tune(
             # A model or an option that was given for this axis is wrong: the user decides.
             raise
         except Exception as failure:
-            error = reason_of(failure, f"gains of {axis}")
-            lack = error if isinstance(error, InsufficientDataError) else None
-            refused[axis] = lack or InsufficientDataError(error.came, needed=error.needed, remedy=error.remedy)
-            # tune does not have the options of identify.
-            todo = error.expectation if "--" in error.remedy or not error.remedy else error.remedy
-            why = "; ".join(part.rstrip(".") for part in (error.came, todo) if part)
-            head = "Not enough data to tune" if error.needed else "No new gains for"
-            findings += [finding for finding in (lack.findings if lack else ()) if finding not in findings]
-            findings.append(warn("not_tuned", axis, f"{head} {axis}: {why}."))
-            _PROGRESS.info(f"{axis}: {error}")
-    if not known:
+            refused[axis], remarks = _refused(axis, failure)
+            findings += [finding for finding in remarks if finding not in findings]
+    while known:
+        try:
+            axes, shared = _axes(known, chosen, thrust)
+            break
+        except _AxisError as failed:
+            # What another axis was tuned to, or shares with it, is found anew without it.
+            del known[failed.axis]
+            refused[failed.axis], remarks = _refused(failed.axis, failed.cause)
+            findings += [finding for finding in remarks if finding not in findings]
+    else:
         raise InsufficientDataError(
             "no axis can be tuned from this data",
             remedy="see below what each axis needs",
             findings=worst_first(findings)
             or [refusal("not_tuned", "all axes", "No axis can be tuned from this data.")],
         )
-    axes, shared = _axes(known, chosen, thrust)
-    axes = {
-        axis: replace(tuning, path=_path(axis, known[axis], tuning.proposal, chosen, thrust))
-        for axis, tuning in axes.items()
-    }
+    for axis, tuning in axes.items():
+        try:
+            path = _path(axis, known[axis], tuning.proposal, chosen, thrust)
+        except Exception as failure:
+            error = reason_of(failure, f"flights to the goal of {axis}")
+            findings.append(warn("internal_error", axis, f"{capital(str(error)).rstrip('.')}."))
+        else:
+            axes[axis] = replace(tuning, path=path)
     findings += shared
     findings += _remarks(axes, settings_from)
     if chosen.filters:
@@ -313,6 +317,44 @@ def tune(
     return _together(axes, findings, logs, given, chosen, thrust)
 
 
+class _AxisError(Exception):
+    """An axis fails where gains are searched; all others stand."""
+
+    def __init__(self, axis: Axis, cause: Exception) -> None:
+        super().__init__(axis)
+        self.axis, self.cause = axis, cause
+
+
+def _refused(axis: Axis, failure: Exception) -> tuple[InsufficientDataError, list[Finding]]:
+    """Why an axis has no gains, and what to say of it."""
+    error = reason_of(failure, f"gains of {axis}")
+    lack = error if isinstance(error, InsufficientDataError) else None
+    # tune does not have the options of identify.
+    todo = error.expectation if "--" in error.remedy or not error.remedy else error.remedy
+    why = "; ".join(part.rstrip(".") for part in (error.came, todo) if part)
+    head = "Not enough data to tune" if error.needed else "No new gains for"
+    _PROGRESS.info(f"{axis}: {error}")
+    refused = lack or InsufficientDataError(error.came, needed=error.needed, remedy=error.remedy)
+    return refused, [*(lack.findings if lack else ()), warn("not_tuned", axis, f"{head} {axis}: {why}.")]
+
+
+def _tuned(
+    axis: Axis,
+    known: KnownAxis,
+    settings: TuneSettings,
+    thrust: ThrustLinearization | None,
+    *,
+    angle_1_s: float | None = None,
+) -> AxisTuning:
+    """One axis, see :func:`_axis`; a failure names it, but for what was asked wrongly."""
+    try:
+        return _axis(axis, known, settings, thrust, angle_1_s=angle_1_s)
+    except UsageError:
+        raise
+    except Exception as failure:
+        raise _AxisError(axis, failure) from failure
+
+
 def _axes(
     known: Mapping[Axis, KnownAxis], settings: TuneSettings, thrust: ThrustLinearization | None
 ) -> tuple[dict[Axis, AxisTuning], list[Finding]]:
@@ -325,14 +367,14 @@ def _axes(
     flown = known[sharing[0]].gains.A if sharing else 0.0
     alone = flown if len(sharing) == 1 else None
     axes = {
-        axis: _axis(axis, known_axis, settings, thrust, angle_1_s=alone if axis in sharing else None)
+        axis: _tuned(axis, known_axis, settings, thrust, angle_1_s=alone if axis in sharing else None)
         for axis, known_axis in known.items()
     }
     proposed = {axis: axes[axis].proposal.proposed.gains.A for axis in sharing}
     for value in (min(proposed.values(), default=flown), flown):
         for axis in sharing:
             if value != axes[axis].proposal.proposed.gains.A:
-                axes[axis] = _axis(axis, known[axis], settings, thrust, angle_1_s=value)
+                axes[axis] = _tuned(axis, known[axis], settings, thrust, angle_1_s=value)
         if all(value == axes[axis].proposal.proposed.gains.A for axis in sharing):
             break
     if not sharing or (alone is None and len(set(proposed.values())) == 1) or "A" in settings.keep:

@@ -2,13 +2,17 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from rotorid.errors import UsageError
+from rotorid.flying import designs
 from rotorid.flying.designs import default_entry, equal_axes, plan_for, plan_with, sweep_of
 from rotorid.flying.settings import PlanSettings
+from rotorid.models.library import rate_model
 from rotorid.planning.amplitude import Limits, reached, usual_reached
 from rotorid.plans.ardupilot import system_id
 from rotorid.simulation.multirotor_flight import changed, fly_multirotor, piloted
@@ -130,3 +134,16 @@ def test_ardupilots_chirp_makes_the_samples_of_every_plan(band_rad_s: tuple[floa
     time_s = np.arange(sweep.values.size) / sweep.sample_rate_hz
     # Phases of thousands of radians in double precision.
     assert settings.waveform(time_s) == pytest.approx(sweep.values, abs=1e-9)
+
+
+def test_a_model_whose_prediction_fails_leaves_the_plan_and_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise KeyError("noise")
+
+    monkeypatch.delenv("ROTORID_STRICT", raising=False)
+    monkeypatch.setattr(designs, "expected_values", broken)
+    choices: Any = SimpleNamespace(prior=None)
+    unused: Any = None
+    foretold = designs._predict_plan(choices, unused, unused, rate_model("rate.roll"), unused)
+    assert foretold.prediction is None
+    assert "KeyError" in foretold.refused

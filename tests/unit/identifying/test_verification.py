@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from rotorid.checking import linear
 from rotorid.checking.candidate import Candidate, read_candidate
 from rotorid.checking.maneuvers import with_known_delays
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
@@ -271,3 +273,25 @@ class TestReading:
     def test_nothing_there(self, tmp_path: Path) -> None:
         with pytest.raises(UsageError, match="cannot be read"):
             read_candidate(tmp_path / "nowhere")
+
+
+def test_a_log_that_fails_leaves_the_other(doublets: FlightRecord, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = linear._attempts
+
+    def attempts(*given: Any) -> Any:
+        def broken() -> Any:
+            raise KeyError("channel")
+
+        return [
+            (logs, broken if any(log.record.source.name == "other.csv" for log in logs) else attempt)
+            for logs, attempt in whole(*given)
+        ]
+
+    monkeypatch.delenv("ROTORID_STRICT", raising=False)
+    monkeypatch.setattr(linear, "_attempts", attempts)
+    other = replace(doublets, source=replace(doublets.source, name="other.csv", sha256="other"))
+    verified = verify(candidate(), [doublets, other])
+    assert {check.record for check in verify_document(verified).maneuvers} == {doublets.source.name}
+    (said,) = [finding for finding in verified.findings if finding.kind == "not_verified"]
+    assert said.where == "other.csv"
+    assert "KeyError" in said.message
