@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from rotorid.fleets.identity import board_of, hidden
 from rotorid.fleets.places import Place, fetched
 from rotorid.fleets.table import REVIEW, Failed, Failure, LogAnswer, Row
 from rotorid.flights.motor_balance import patterns_of, rotor_geometry
-from rotorid.flights.same_vehicle import aircraft_of, gains_of
+from rotorid.flights.same_vehicle import Aircraft, aircraft_of, gains_of
 from rotorid.io.registry import read
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import ParameterEstimate
@@ -36,6 +36,9 @@ _ON_THE_GROUND_S = 10.0
 
 _MARGIN_S = 3.0
 """What a flight is cut out with, before and after."""
+
+
+Part = TypeVar("Part")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,13 +130,26 @@ def _empty(task: Task, **more: Any) -> LogAnswer:
 
 def _answer(task: Task, log: Path) -> LogAnswer:
     record = read(log)
-    board = board_of(log)
+    lost: dict[str, str] = {}
+
+    def part(what: str, make: Callable[[], Part], otherwise: Part) -> Part:
+        """What a log has beside its models; where it fails, its reason joins the table of failures."""
+        try:
+            return make()
+        except Exception as error:
+            lost[what] = with_verbs(str(reason_of(error, what)), "fleet")
+            return otherwise
+
+    board = part("board", lambda: board_of(log), b"")
     facts = {
         "log": visible(task.place.name),
         "log_sha256": record.source.sha256,
         "vehicle": hidden(board, task.salt.encode()) if board else visible(task.place.folder),
     }
-    aircraft = aircraft_of(record)
+    aircraft = part("vehicle", lambda: aircraft_of(record), Aircraft())
+    gains = part("gains", lambda: gains_of(record), dict[str, float]())
+    none: tuple[tuple[float, ...], ...] = ()
+    patterns = part("rotors", lambda: _patterns(record) if task.asked["review"] else none, none)
     rows: list[Row] = []
     failed: list[Failed] = []
     for number, flight in flights_of(record).items():
@@ -153,13 +169,14 @@ def _answer(task: Task, log: Path) -> LogAnswer:
                 **{name: visible(words) for name, words in asdict(aircraft).items()},
             }
             rows += [Row(**common, **numbers) for numbers in result]
+    failed += [Failed(**facts, flight=0, model=what, kind="error", reason=why[:500]) for what, why in lost.items()]
     return _empty(
         task,
         log_sha256=record.source.sha256,
         rows=tuple(rows),
         failed=tuple(failed),
-        gains=gains_of(record),
-        patterns=_patterns(record) if task.asked["review"] else (),
+        gains=gains,
+        patterns=patterns,
     )
 
 
@@ -186,7 +203,7 @@ def _model_results(record: FlightRecord, task: Task) -> Iterator[tuple[str, list
         else:
             for name, model in several.items():
                 if isinstance(model, IdentifiedModel):
-                    yield name, list(_numbers(model))
+                    yield name, _numbers_or_reason(name, model)
                 else:
                     reasons = [finding.message for finding in model.findings if finding.severity == "error"]
                     yield name, reasons[0] if reasons else "The data do not support it."
@@ -195,6 +212,14 @@ def _model_results(record: FlightRecord, task: Task) -> Iterator[tuple[str, list
             yield REVIEW, list(_measures(record))
         except Exception as error:
             yield REVIEW, with_verbs(str(reason_of(error, "the review")), "fleet")
+
+
+def _numbers_or_reason(name: str, model: IdentifiedModel) -> list[dict[str, Any]] | str:
+    """The rows of a model; where they cannot be made, the reason, and all other models stand."""
+    try:
+        return list(_numbers(model))
+    except Exception as error:
+        return with_verbs(str(reason_of(error, name)), "fleet")
 
 
 def _numbers(model: IdentifiedModel) -> Iterator[dict[str, Any]]:
