@@ -24,7 +24,7 @@ from rotorid.documents.compare import (
 from rotorid.identifying.comparison import ComparedManeuver, Comparison
 from rotorid.plot.time import Curve, Score, predictions, score_dots
 from rotorid.report.files import write_together
-from rotorid.report.frame import Picture, render
+from rotorid.report.frame import Picture, drawn, render
 from rotorid.report.parts import FAR_SIGMAS, Cell, finding_rows
 from rotorid.results.summary import METHODS, PoleEstimate
 from rotorid.results.verdicts import Verdict, badge
@@ -334,7 +334,7 @@ def _dots(document: CompareDocument) -> Picture | None:
     there = {kind: scores for kind, scores in kinds.items() if any(math.isfinite(score.mean) for score in scores)}
     if not there:
         return None
-    figure = score_dots([model.label for model in models], kinds)
+    figure = drawn(score_dots, [model.label for model in models], kinds)
     return Picture(key="scores", description=f"Fit percent of each model: {', '.join(there)}", figure=figure)
 
 
@@ -353,7 +353,7 @@ def _overlay(each: ComparedManeuver, key: str) -> Picture:
     for found in curves.values():
         measured = {name: curves[0] for name, curves in found.items()} | measured
     models = {label: {name: curves[1] for name, curves in found.items()} for label, found in curves.items()}
-    figure = predictions(list(measured), measured, models)
+    figure = drawn(predictions, list(measured), measured, models)
     maneuver = each.maneuver
     when = f"{maneuver_words(maneuver.axis, maneuver.kind)}{maneuver.start_s:.1f} to {maneuver.stop_s:.1f} s"
     return Picture(key=key, description=f"{each.record}, {when}: measured and predicted", figure=figure)

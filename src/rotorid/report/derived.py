@@ -8,7 +8,7 @@ import numpy as np
 
 from rotorid.data.quantity import significant, unit, with_error, with_interval
 from rotorid.plot.motors import thrust_over_inflow
-from rotorid.report.frame import Picture
+from rotorid.report.frame import Picture, drawn
 from rotorid.results.summary import DerivedSummary, ThrustPoint
 
 
@@ -94,5 +94,5 @@ def _picture(thrust: tuple[ThrustPoint, ...], key: str) -> Picture:
     return Picture(
         key=key,
         description="Thrust coefficient over the advance ratio, with one standard deviation",
-        figure=thrust_over_inflow(ratio, value, std, flown=(min(flown), max(flown)) if flown else None),
+        figure=drawn(thrust_over_inflow, ratio, value, std, flown=(min(flown), max(flown)) if flown else None),
     )

@@ -44,7 +44,7 @@ from rotorid.plot.design import (
 from rotorid.plot.figure import quantity
 from rotorid.report.flight_card import FILE as CARD
 from rotorid.report.flight_card import RANDOM_ONLY, amplitude_words
-from rotorid.report.frame import Picture, in_all_units, render
+from rotorid.report.frame import Picture, drawn, in_all_units, render
 from rotorid.report.parts import (
     FAR_SIGMAS,
     Cell,
@@ -513,7 +513,7 @@ def flight_picture(plan: FlightPlan, flight: SimulatedFlight, limits: Limits, *,
         description=(
             f"Test inputs of {plan.name} over time, and rates, tilt, motors and position of the simulated flight"
         ),
-        figure=planned_flight(strips),
+        figure=drawn(planned_flight, strips),
     )
 
 
@@ -629,7 +629,8 @@ def comparison_picture(compared: Compared, *, key: str) -> Picture:
     return Picture(
         key=key,
         description=f"Predicted standard deviations of every parameter: {', '.join(compared.plans)}",
-        figure=percent_dots(
+        figure=drawn(
+            percent_dots,
             [row.label for row in compared.rows],
             {plan: [row.percent[number] for row in compared.rows] for number, plan in enumerate(compared.plans)},
         ),
@@ -645,7 +646,8 @@ def duration_picture(found: Shortest, wanted: Mapping[str, float], *, key: str) 
     return Picture(
         key=key,
         description=f"Predicted standard deviation of {', '.join(wanted)} over the duration of the test input",
-        figure=percent_over_duration(
+        figure=drawn(
+            percent_over_duration,
             np.array([attempt.duration_s for attempt in tried]),
             {name: np.array([each.get(name, np.inf) for each in known]) for name in wanted},
             wanted=wanted,

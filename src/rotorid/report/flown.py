@@ -10,8 +10,8 @@ from rotorid.data.quantity import significant
 from rotorid.documents.flown import FlownDocument, flown_document
 from rotorid.flying.flown_models import FlownModel, FlownStretch
 from rotorid.plot.figure import quantity
-from rotorid.plot.time import flown as drawn
-from rotorid.report.frame import Picture, render
+from rotorid.plot.time import flown as flown_figure
+from rotorid.report.frame import Picture, drawn, render
 from rotorid.report.parts import finding_rows
 from rotorid.report.tables import Column, Table
 from rotorid.report.words import prediction_verdict
@@ -151,6 +151,7 @@ def _pictures(stretch: FlownStretch, number: int) -> Sequence[Picture]:
                     f"{kind.capitalize()} over time in {stretch.record}, measured and of the model with its band"
                 ),
                 figure=drawn(
+                    flown_figure,
                     stretch.time_s,
                     stretch.inputs,
                     stretch.measured[rows],

@@ -12,13 +12,13 @@ import html
 import json
 import re
 import shlex
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import product
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, get_args
 from urllib.parse import quote
 
 from rotorid import __version__
@@ -26,6 +26,7 @@ from rotorid.autopilots.registry import by_file, named
 from rotorid.data.display import capital, counted
 from rotorid.data.findings import severity_count
 from rotorid.data.quantity import superscript
+from rotorid.errors import reason_of
 from rotorid.plot.curves import Frequency, Magnitude
 from rotorid.plot.figure import Figure, plotly_script, template
 
@@ -77,6 +78,35 @@ class Picture:
         return {"data": self.figure["data"], "views": views}
 
 
+Given = ParamSpec("Given")
+
+_SENTENCE_PX, _MARGIN = 90, dict.fromkeys("lrtb", 16)
+"""Height and margins of a sentence in place of a picture."""
+
+
+def drawn(draw: Callable[Given, Figure], *given: Given.args, **named: Given.kwargs) -> Figure:
+    """A figure; where it cannot be drawn, one that says why, and all else on the page stands.
+
+    Parameters
+    ----------
+    draw
+        Draws it, of what follows.
+
+    Raises
+    ------
+    Exception
+        See :func:`rotorid.errors.reason_of`.
+    """
+    try:
+        return draw(*given, **named)
+    except Exception as failure:
+        words = html.escape(f"{capital(str(reason_of(failure, 'this picture'))).rstrip('.')}.")
+        said = {"text": words, "xref": "paper", "yref": "paper", "x": 0.5, "y": 0.5, "showarrow": False}
+        hidden = {"visible": False}
+        layout = {"template": template(), "height": _SENTENCE_PX, "margin": _MARGIN, "annotations": [said]}
+        return Figure(data=[], layout=layout | {"xaxis": hidden, "yaxis": hidden})
+
+
 class Drawn(Protocol):
     """A picture that can be drawn in all units of frequency and magnitude."""
 
@@ -101,14 +131,15 @@ def in_all_units(draw: Drawn, *, key: str, description: str, converted: bool = F
     """
     units: list[tuple[Frequency, Magnitude]] = list(product(get_args(Frequency), get_args(Magnitude)))
     views = {
-        f"{frequency} {magnitude}": draw(frequency=frequency, magnitude=magnitude) for frequency, magnitude in units
+        f"{frequency} {magnitude}": drawn(draw, frequency=frequency, magnitude=magnitude)
+        for frequency, magnitude in units
     }
     return Picture(key=key, description=description, figure=views["rad/s dB"], views=views, converted=converted)
 
 
 def over_frequency(draw: Spread, *, key: str, description: str, converted: bool = False) -> Picture:
     """A picture with a view for each unit of frequency; the other parameters are those of :class:`Picture`."""
-    views = {frequency: draw(frequency=frequency) for frequency in get_args(Frequency)}
+    views = {frequency: drawn(draw, frequency=frequency) for frequency in get_args(Frequency)}
     return Picture(key=key, description=description, figure=views["rad/s"], views=views, converted=converted)
 
 

@@ -24,7 +24,7 @@ from rotorid.plot.figure import Figure, quantity
 from rotorid.plot.loops import correlation_map
 from rotorid.plot.search import clusters, convergence, run_histogram
 from rotorid.report.derived import DerivedShown, derived_shown
-from rotorid.report.frame import Picture, over_frequency, render
+from rotorid.report.frame import Picture, drawn, over_frequency, render
 from rotorid.report.motors import MotorsShown, motors_shown
 from rotorid.report.parts import (
     Cell,
@@ -253,7 +253,7 @@ def correlation_picture(correlation: Correlation | None, *, key: str) -> Picture
     return Picture(
         key=key,
         description="Correlation of every two parameters as a map",
-        figure=correlation_map(correlation.names, np.array(correlation.matrix, dtype=np.float64)),
+        figure=drawn(correlation_map, correlation.names, np.array(correlation.matrix, dtype=np.float64)),
     )
 
 
@@ -457,7 +457,7 @@ def _run_picture(document: SearchSummary, runs: SearchRuns, key: str) -> Picture
     return Picture(
         key=key,
         description=f"Results of {runs.runs} runs of {document.name}, a histogram for each parameter",
-        figure=run_histogram(alone, polished, centers=centers),
+        figure=drawn(run_histogram, alone, polished, centers=centers),
     )
 
 
@@ -515,7 +515,7 @@ def _picture(document: SearchSummary, key: str) -> Picture | None:
     return Picture(
         key=key,
         description=f"Lowest cost so far over the evaluations of {document.name}, and the lowest minimum",
-        figure=convergence({document.name: trace}, levels={"lowest minimum": document.minima[0].cost}),
+        figure=drawn(convergence, {document.name: trace}, levels={"lowest minimum": document.minima[0].cost}),
     )
 
 

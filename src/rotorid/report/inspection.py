@@ -17,7 +17,7 @@ from rotorid.io.files import write_atomically
 from rotorid.models.library import RATE_AXES
 from rotorid.plot.figure import MOST_POINTS, envelope
 from rotorid.plot.inspection import Bar, LogPicture, Trend, log_figure
-from rotorid.report.frame import Picture, render
+from rotorid.report.frame import Picture, drawn, render
 from rotorid.report.parts import finding_rows
 from rotorid.report.unavailable import merged_axes
 from rotorid.reviewing.inspection import Inspection, coverage
@@ -118,7 +118,7 @@ def render_inspection(record: FlightRecord, inspection: Inspection) -> str:
     picture = Picture(
         key="log",
         description="Bars of excitations, traces of inputs and outputs, and bars of logged topics over time",
-        figure=log_figure(log_picture(record, inspection)),
+        figure=drawn(log_figure, log_picture(record, inspection)),
     )
     return render(
         "inspection.html",

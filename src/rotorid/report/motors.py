@@ -13,7 +13,7 @@ from rotorid.documents.result import ResultDocument
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION
 from rotorid.plot.figure import quantity
 from rotorid.plot.motors import made_by_motors, rotor_layout, thrust_curve
-from rotorid.report.frame import Picture
+from rotorid.report.frame import Picture, drawn
 from rotorid.report.parts import Shown, points_of
 from rotorid.report.words import (
     FULL_OUTPUT,
@@ -250,7 +250,9 @@ def motors_shown(shown: Shown, *, key: str) -> MotorsShown | None:
         layout=Picture(
             key=f"{key}-layout",
             description=f"{len(motors.spins)} rotors from above with motor numbers",
-            figure=rotor_layout(np.array(motors.rotors), np.array(motors.spins), in_meters=motors.arm_m is not None),
+            figure=drawn(
+                rotor_layout, np.array(motors.rotors), np.array(motors.spins), in_meters=motors.arm_m is not None
+            ),
         ),
         curve=_curve(document, motors, key=f"{key}-curve"),
         axes=tuple(AXIS_WORDS.values()),
@@ -279,7 +281,8 @@ def _curve(document: ResultDocument, motors: MotorPhysics, *, key: str) -> Pictu
     return Picture(
         key=key,
         description="Thrust of a rotor over its output, with one standard deviation and the outputs that were flown",
-        figure=thrust_curve(
+        figure=drawn(
+            thrust_curve,
             outputs,
             thrust_n,
             std_n,
@@ -325,19 +328,20 @@ def _correlation(known: Correlation | None, names: Sequence[str]) -> FloatArray:
 def _flights(shown: Shown, motors: MotorPhysics, key: str) -> tuple[Stretch, ...]:
     """Stretches with the channels that count; one that excites nothing shows only noise and is left out."""
     document = shown.document
-    drawn = []
+    kept = []
     for number, (simulated, record) in enumerate(zip(shown.data.simulated, document.records, strict=True)):
         rows = [row for row, name in enumerate(document.outputs) if name in record.fit_percent]
         if rows:
-            drawn.append((number, simulated, rows))
-    numbers = sum(simulated.inputs.shape[0] + 2 * len(rows) for _, simulated, rows in drawn)
+            kept.append((number, simulated, rows))
+    numbers = sum(simulated.inputs.shape[0] + 2 * len(rows) for _, simulated, rows in kept)
     return tuple(
         Stretch(
             title=f"{simulated.record}, {simulated.time_s[0]:.1f} to {simulated.time_s[-1]:.1f} s",
             picture=Picture(
                 key=f"{key}-flight-{number}",
                 description=f"Measured and predicted accelerations, and the motors, in {simulated.record}",
-                figure=made_by_motors(
+                figure=drawn(
+                    made_by_motors,
                     simulated.time_s,
                     simulated.inputs,
                     simulated.measured[rows],
@@ -349,20 +353,21 @@ def _flights(shown: Shown, motors: MotorPhysics, key: str) -> tuple[Stretch, ...
                 ),
             ),
         )
-        for number, simulated, rows in drawn
+        for number, simulated, rows in kept
     )
 
 
 def _unseen(shown: Shown, motors: MotorPhysics, key: str) -> tuple[Stretch, ...]:
     stretches = [verification for verification in shown.verifications.maneuvers if verification.moved]
     numbers = sum(verification.inputs.shape[0] + 2 * len(verification.moved) for verification in stretches)
-    drawn = []
+    found = []
     for number, verification in enumerate(stretches):
         rows = [verification.output_names.index(name) for name in verification.moved]
         picture = Picture(
             key=f"{key}-unseen-{number}",
             description=(f"Measured and predicted accelerations, and the motors, in {verification.record}, unseen"),
-            figure=made_by_motors(
+            figure=drawn(
+                made_by_motors,
                 verification.time_s,
                 verification.inputs,
                 verification.measured[rows],
@@ -374,5 +379,5 @@ def _unseen(shown: Shown, motors: MotorPhysics, key: str) -> tuple[Stretch, ...]
             ),
         )
         title = f"{verification.record}, {verification.time_s[0]:.1f} to {verification.time_s[-1]:.1f} s"
-        drawn.append(Stretch(title=title, picture=picture))
-    return tuple(drawn)
+        found.append(Stretch(title=title, picture=picture))
+    return tuple(found)

@@ -20,7 +20,7 @@ from rotorid.documents.result import ResultDocument, result_document
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode
 from rotorid.plot.time import timeline
-from rotorid.report.frame import Picture, in_all_units, typeset
+from rotorid.report.frame import Picture, drawn, in_all_units, typeset
 from rotorid.report.words import finding_heading, parameter_group, parameter_words
 from rotorid.results.model import FittedData, IdentifiedModel, Segment, Verifications
 from rotorid.results.provenance import LoggedManeuver
@@ -314,7 +314,8 @@ def timelines(
         Picture(
             key=f"{key}-{number}",
             description=f"Inputs and outputs over time in {record}, maneuvers shaded",
-            figure=timeline(
+            figure=drawn(
+                timeline,
                 within,
                 inputs=inputs,
                 outputs=outputs,

@@ -12,7 +12,7 @@ from rotorid.flying.stitching import SpeedCurve, Stitched, ThroughSpeeds
 from rotorid.plot.stitched import OverSpeed, over_speed, speed_grid
 from rotorid.plot.time import Curve, predictions
 from rotorid.report.files import write_together
-from rotorid.report.frame import Picture, render
+from rotorid.report.frame import Picture, drawn, render
 from rotorid.report.parts import finding_rows
 from rotorid.verification.scores import GOOD_TIC
 
@@ -129,7 +129,7 @@ def render_stitched(found: Stitched, document: StitchedDocument, *, title: str) 
         Picture(
             key=f"speeds-{number}",
             description=f"Parameters of {model} over forward speed, with bands of 95 %",
-            figure=over_speed({name: _drawn(curve) for name, curve in parameters.items()}),
+            figure=drawn(over_speed, {name: _drawn(curve) for name, curve in parameters.items()}),
         )
         for number, (model, parameters) in enumerate(found.curves.items())
     ]
@@ -137,7 +137,7 @@ def render_stitched(found: Stitched, document: StitchedDocument, *, title: str) 
         Picture(
             key=f"flight-{number}",
             description=f"{flown.record}, measured and predicted by the stitched model",
-            figure=predictions(*_signals(flown)),
+            figure=drawn(predictions, *_signals(flown)),
         )
         for number, flown in enumerate(found.flights)
     ]

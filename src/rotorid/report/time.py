@@ -15,7 +15,7 @@ from rotorid.data.quantity import MISSING, significant, unit, with_error
 from rotorid.documents.result import ResultDocument
 from rotorid.plot.figure import quantity
 from rotorid.plot.time import residual_memory, simulated
-from rotorid.report.frame import Picture
+from rotorid.report.frame import Picture, drawn
 from rotorid.report.parts import Shown, points_of
 from rotorid.report.words import percent_verdict
 from rotorid.results.summary import CrossValidationSummary, FoldSummary, OrderChoice
@@ -168,7 +168,8 @@ def _pictures(shown: Shown, key: str) -> tuple[Picture, ...]:
         Picture(
             key=f"{key}-{number}",
             description=f"Outputs measured and simulated, and inputs, over time in {item.record}",
-            figure=simulated(
+            figure=drawn(
+                simulated,
                 item.time_s,
                 item.inputs,
                 item.measured,
@@ -193,7 +194,8 @@ def _memory(document: ResultDocument, key: str) -> Picture | None:
     return Picture(
         key=key,
         description="Autocorrelation of the residuals of every output",
-        figure=residual_memory(
+        figure=drawn(
+            residual_memory,
             np.arange(count, dtype=np.float64) * shown.step_s,
             {name: np.array(values) for name, values in shown.autocorrelation.items()},
             chance=shown.chance,

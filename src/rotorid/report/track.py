@@ -9,7 +9,7 @@ from rotorid.fleets.names import shown, words_of
 from rotorid.identifying.tracking import FlightTracking
 from rotorid.models.families import RATE_AXIS
 from rotorid.plot.tracking import followed_gain
-from rotorid.report.frame import Picture, render
+from rotorid.report.frame import Picture, drawn, render
 from rotorid.report.parts import finding_rows
 
 WHY = {"stick": "too little stick movement", "air": "rougher air than in the reference"}
@@ -23,7 +23,8 @@ def render_track(found: FlightTracking) -> str:
     picture = Picture(
         key="gain",
         description=f"Gain of {found.model} relative to the reference, with a band of two standard deviations",
-        figure=followed_gain(
+        figure=drawn(
+            followed_gain,
             tracking.time_s,
             tracking.ratio,
             tracking.std,

@@ -22,7 +22,7 @@ from rotorid.models.autopilots.gains import parameters_of
 from rotorid.plot.tuning import by_hand, rejection, responses, steps
 from rotorid.proposing.check import CheckedAxis, CheckedTuning
 from rotorid.proposing.proposal import AxisTuning, TuningProposal
-from rotorid.report.frame import Picture, in_all_units, over_frequency, render
+from rotorid.report.frame import Picture, drawn, in_all_units, over_frequency, render
 from rotorid.report.parts import finding_rows
 from rotorid.report.tune_words import (
     LOOP_WORDS,
@@ -268,14 +268,14 @@ def loops_for_page(tuning: AxisTuning, *, limit: float) -> dict[str, Any]:
     parts, omega = tuning.parts, tuning.omega_rad_s
     controller = parts.controller
     known = parameters_of(tuning.controller)
-    drawn = tuning.plant.drawn(omega)
+    draws = tuning.plant.drawn(omega)
     noise = np.ones(omega.size) if parts.rate_noise is None else parts.rate_noise
     first_order = controller.derivative_cutoff_hz
     return {
         "omega": _short(omega),
         "from_rad_s": tuning.plant.known_from_rad_s,
         "plant": _complex(tuning.plant.response(omega)),
-        "draws": [_complex(row) for row in drawn[:_DRAWS_ON_PAGE]],
+        "draws": [_complex(row) for row in draws[:_DRAWS_ON_PAGE]],
         "rate": {name: _complex(row) for name, row in parts.by_rate.items()},
         "angle": {name: _complex(row) for name, row in parts.by_angle.items()},
         "noise": _short(noise / noise.max()),
@@ -378,7 +378,7 @@ def _axis(axis: str, document: AxisTuneDocument, tuning: AxisTuning, scale: floa
         by_hand=Picture(
             key=f"{axis}-by-hand",
             description=f"Step response of {axis} with the gains of today and those chosen here",
-            figure=by_hand(axis),
+            figure=drawn(by_hand, axis),
         ),
     )
 
@@ -412,16 +412,16 @@ def _pictures(axis: str, tuning: AxisTuning, scale: float | None) -> Sequence[Pi
     }
     guided = "" if scale is None else f", with the guideline for a helicopter {scale:.0f} times larger"
     sensitivities = {name: _band(np.abs(1.0 / (1.0 + tuning.loops[f"{name}_whole"]))) for name in both}
-    drawn = partial(responses, tuning.omega_rad_s, seen_rad_s=tuning.plant.band_rad_s)
+    spectrum = partial(responses, tuning.omega_rad_s, seen_rad_s=tuning.plant.band_rad_s)
     further = [
         in_all_units(
-            partial(drawn, bands["attitude"], label=f"{capital(axis)} over its set-point"),
+            partial(spectrum, bands["attitude"], label=f"{capital(axis)} over its set-point"),
             key=f"{axis}-attitude",
             description=f"Magnitude of {axis} over its set-point, flown and proposed gains",
             converted=True,
         ),
         in_all_units(
-            partial(drawn, bands["disturbance"], label=f"{capital(axis)} over moment"),
+            partial(spectrum, bands["disturbance"], label=f"{capital(axis)} over moment"),
             key=f"{axis}-disturbance",
             description=f"Magnitude of {axis} under a disturbance moment, flown and proposed gains",
             converted=True,
@@ -441,10 +441,10 @@ def _pictures(axis: str, tuning: AxisTuning, scale: float | None) -> Sequence[Pi
         Picture(
             key=f"{axis}-step",
             description=f"Step response of {axis} with flown and proposed gains, with 95 % bands",
-            figure=steps(tuning.step_s, {name: _band(tuning.steps[name]) for name in both}, axis=axis),
+            figure=drawn(steps, tuning.step_s, {name: _band(tuning.steps[name]) for name in both}, axis=axis),
         ),
         in_all_units(
-            partial(drawn, sensitivities, label=_SENSITIVITY),
+            partial(spectrum, sensitivities, label=_SENSITIVITY),
             key=f"{axis}-sensitivity",
             description=(
                 f"Sensitivity of {axis} to disturbances over frequency, flown and proposed gains, with 95 % bands"

@@ -17,7 +17,7 @@ from rotorid.identifying.verification import Verified
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode
 from rotorid.plot.time import ahead, closed_loop, verification
-from rotorid.report.frame import Picture, in_all_units, render
+from rotorid.report.frame import Picture, drawn, in_all_units, render
 from rotorid.report.parts import ManeuverRow, by_axis, finding_rows, maneuver_row, on_axis, range_rows
 from rotorid.report.words import maneuver_verdict, prediction_verdict, unseen_sentences
 from rotorid.results.model import FrequencyCheck, Verifications
@@ -138,18 +138,20 @@ def check_section(check: Verification, *, key: str) -> Check:
         scores=score_rows(check),
         horizons=horizons(check),
         j_rms=significant(check.j_rms, digits=2),
-        picture=Picture(key=key, description=f"Measured and predicted outputs {what}", figure=verification(check)),
+        picture=Picture(
+            key=key, description=f"Measured and predicted outputs {what}", figure=drawn(verification, check)
+        ),
         ahead=Picture(
             key=f"{key}-ahead",
             description=f"Outputs {what}, measured and predicted a little ahead",
-            figure=ahead(check.ahead, moved, of=check.output_names),
+            figure=drawn(ahead, check.ahead, moved, of=check.output_names),
         )
         if check.ahead
         else None,
         loop=Picture(
             key=f"{key}-loop",
             description=f"Outputs and commands {what}, in flight and of the model under the same controller",
-            figure=closed_loop(check.closed_loop, moved),
+            figure=drawn(closed_loop, check.closed_loop, moved),
         )
         if check.closed_loop
         else None,

@@ -26,7 +26,7 @@ from rotorid.loops.rate_loops import AxisLoop
 from rotorid.loops.responses import Pair, Responses
 from rotorid.plot.figure import quantity
 from rotorid.plot.loops import s_plane
-from rotorid.report.frame import Picture
+from rotorid.report.frame import Picture, drawn
 from rotorid.results.summary import (
     METHODS,
     FitEnd,
@@ -336,7 +336,7 @@ def poles_picture(poles: Sequence[PoleEstimate], *, key: str) -> Picture | None:
         words=[f"{_value(pole)}<br>{pole_words(pole)}".replace("<br>", ": ") for pole in finite],
     )
     return Picture(
-        key=key, description="Poles of the model in the complex plane, with their uncertainty", figure=draw()
+        key=key, description="Poles of the model in the complex plane, with their uncertainty", figure=drawn(draw)
     )
 
 

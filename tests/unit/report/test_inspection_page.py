@@ -15,6 +15,7 @@ from tests.unit.cli.commands import rotorid
 from rotorid.data.findings import Finding
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.errors import UsageError
+from rotorid.report import inspection as page_of_log
 from rotorid.report.inspection import log_picture, not_for, render_inspection, write_inspection
 from rotorid.reviewing.inspection import inspect
 from rotorid.settings.parsing import parse_segment
@@ -206,3 +207,16 @@ def test_a_log_that_never_flew_is_refused_in_one_line_that_no_finding_repeats() 
     assert (
         html.unescape(render_inspection(grounded, inspection)).count("no flight of 2 s and more") == 2
     )  # answer, table
+
+
+def test_a_picture_that_fails_leaves_a_sentence_on_its_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise KeyError("<panel>")
+
+    monkeypatch.delenv("ROTORID_STRICT", raising=False)
+    monkeypatch.setattr(page_of_log, "log_figure", broken)
+    record = flight()
+    shown = page_of_log.render_inspection(record, inspect(record))
+    assert "This picture could not be computed because of a fault in rotorid" in shown
+    assert "<panel>" not in shown
+    assert "rate.roll" in shown
