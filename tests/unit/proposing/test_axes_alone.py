@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from tests.unit.proposing.test_shared_filters import LOG, known
 
-from rotorid.data.record import Axis
 from rotorid.errors import InsufficientDataError
 from rotorid.proposing import proposal
+from rotorid.typing import Axis
 
 
 @pytest.fixture(autouse=True)
