@@ -88,9 +88,10 @@ def test_its_review_is_green_nowhere_that_shakes(read: Read, name: str) -> None:
     assert shown["margins"].state == "look"
     assert "Roll and pitch oscillate" in shown["margins"].sentence
     assert shown["noise"].state == shown["motors"].state == "look"
-    # The cards give one number for the time at a limit.
-    assert shown["motors"].number == "98 % at a limit"
-    assert "at a limit for 98 %" in shown["margins"].sentence
+    # The cards give one number for the time at a limit: 98.8 % are known of the flight at 10 Hz.
+    percent = 99 if "hard" in name else 98
+    assert shown["motors"].number == f"{percent} % at a limit"
+    assert f"at a limit for {percent} %" in shown["margins"].sentence
     # Motors at their limits hide the loops of calm axes too, and one line says so of all.
     assert (seen.loops, seen.margins, seen.models) == ({}, {}, {})
     hidden = [one.what for one in gathered(seen.cannot_tell) if "shows the motor limits" in one.why]
