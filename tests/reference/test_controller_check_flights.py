@@ -27,7 +27,8 @@ FLIGHTS: Mapping[str, tuple[ControllerVerdict, ControllerVerdict, ControllerVerd
     "ardupilot_sitl/x_wind_yawthrust.BIN.xz": ("made", "made", "made"),
     "ardupilot/erle_brain3.BIN": ("made", "made", "made"),
     "ardupilot/beast_0036.BIN": ("not checked", "not checked", "not checked"),
-    "real_stacks/ap_x_wind_limit_cycle.BIN.xz": ("made", "made", "made"),
+    # Without the bumps of the touch-down, P of pitch is 1.12 ± 0.09 times its value: too rough to be checked.
+    "real_stacks/ap_x_wind_limit_cycle.BIN.xz": ("made", "not checked", "made"),
     "real_stacks/ap_x_wind_ordinary_hard.BIN.xz": ("not checked", "not checked", "not checked"),
     "real_stacks/ap_x_wind_soft_tuned_card_flight.BIN.xz": ("made", "made", "made"),
     "everyday/betaflight_431_freestyle.bbl.xz": ("made", "made", "made"),
