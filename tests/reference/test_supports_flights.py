@@ -68,7 +68,7 @@ def test_every_model_does_what_inspect_said(log: str, looked: Callable[[str], tu
             )
         elif answer is not None:
             assert not isinstance(answer, IdentifiedModel), name
-            assert support.because in " ".join(finding.message for finding in answer.findings)
+            assert support.because.removeprefix("the log ") in " ".join(finding.message for finding in answer.findings)
         elif name in RATE_AXES:
             with pytest.raises(InsufficientDataError) as refused:
                 rotorid.identify(record, name)

@@ -355,6 +355,10 @@ def motor_data(
         made = [from_angles(record, choices.outputs) for record in records]
         records = [record for record, _ in made]
         differentiated += [finding for _, findings in made for finding in findings]
+    for record in records:
+        # A vehicle that never flew is refused for that, before its rotors are asked for.
+        if "motor_1" in record.channel_names:
+            _stretches(record, choices)
     layout = layout or rotors_of(records, choices)
     findings: list[Finding] = [*layout.findings, *differentiated]
     flown: list[FlownMotors] = []

@@ -267,7 +267,8 @@ def _member_name(archive: ZipFile, name: str) -> str:
 
     members = [item for item in archive.namelist() if not item.endswith("/") and not item.startswith("__MACOSX/")]
     if len(members) != 1:
-        shown = ", ".join(members[:3]) + (", ..." if len(members) > 3 else "")
+        printable = ("".join(filter(str.isprintable, member)) for member in members[:3])
+        shown = ", ".join(printable) + (", ..." if len(members) > 3 else "")
         raise LogError(
             f"{name} is a zip of {len(members)} files" + (f" ({shown})" if members else ""),
             needed="a zip of exactly one flight log",

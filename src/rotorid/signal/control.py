@@ -337,10 +337,23 @@ class _Cells:
         spells = [(a, b) for a, b in self._runs(bad, _GAP_S, _SHORTEST_S) if b > after]
         # Motors that are stopped in the air end a flight: the fall that follows is no loss of control.
         spells = [(a, b) for a, b in spells if self.flying[min(a + round(_STOPPED_S / _CELL_S), self.flying.size - 1)]]
+        fell = np.zeros_like(bad)
+        for cause in ("falling at full thrust", "power lost"):
+            fell |= witnesses.get(cause, fell)
+        spells = [(a, b) for a, b in spells if fell[a:b].any() or not self._stays_level(a, b)]
         lasts_s = _CELL_S * sum(stop - first for first, stop in spells)
         if not spells or (lasts_s < _SHORTEST_LOSS_S and spells[-1][1] < self.time_s.size - round(_HOLD_S / _CELL_S)):
             return None
         return self._describe(spells[0][0], spells[-1][1], witnesses)
+
+    def _stays_level(self, first: int, stop: int) -> bool:
+        """Whether the vehicle keeps its attitude while rates miss theirs: a loop that swings, or a yaw too weak."""
+        tilt = _tilt(self.attitude[0], self.attitude[1])[first:stop]
+        off = _angle_between(self.attitude)[first:stop]
+        known = np.isfinite(tilt)
+        if not known.any() or float(np.mean(known)) < 0.5:
+            return False
+        return bool(np.nanmax(tilt) < _LEVEL_RAD and not np.any(off > _OFF_RAD))
 
     def _begin(self, first: int) -> int:
         """The first cell of a loss: where the motor that is then at full output got there, up to three seconds ago."""

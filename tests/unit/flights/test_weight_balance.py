@@ -126,7 +126,7 @@ def test_a_flight_too_short_or_without_an_accelerometer_is_refused(hover: Flight
     with pytest.raises(InsufficientDataError, match="lacks az"):
         weight_balance(deaf, WHOLE)
     (why,) = (gap.why for gap in motors(deaf)[1] if gap.what == "motors.thrust_coefficient")
-    assert why == "0.csv lacks az; needed: the accelerometer."
+    assert why == "0.csv lacks az; this needs the accelerometer."
 
 
 def test_a_hover_that_excites_nothing_still_gives_the_coefficient(hover: FlightRecord) -> None:
