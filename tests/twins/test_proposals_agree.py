@@ -24,7 +24,13 @@ GUSTY = Wind(north_m_s=3.0, turbulence_m_s=0.5)
 VEHICLES = [("ardupilot_quad", "bin", "command"), ("px4_quad", "ulg", "command")]
 
 
-@pytest.fixture(scope="module", params=VEHICLES, ids=[name for name, *_ in VEHICLES])
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(VEHICLES[0], id=VEHICLES[0][0]),
+        pytest.param(VEHICLES[1], id=VEHICLES[1][0], marks=pytest.mark.slow),
+    ],
+)
 def flight(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[DesignSettings, FlightRecord, IdentifiedModel]:
