@@ -55,8 +55,11 @@ Verdict: TypeAlias = Literal["fits", "wrong", "not enough data"]
 BAND_HZ = (1.5, 15.0)
 """Where torques of the motors prevail: below it speed turns the vehicle too, above it noise does."""
 
-LEAST_CORRELATION = 0.5
-"""Of the regression with the accelerations of roll and pitch; where motors explain less, gusts and noise decide."""
+LEAST_CORRELATION = 0.6
+"""Of the regression with the accelerations of roll and pitch; where motors explain less, gusts and noise decide.
+
+At 0.5, windows of a soft controller in noise named a wrong order when all windows moved by a second.
+"""
 
 LEAST_GAP = 10.0
 """Misfit by which the second best order must exceed the best, which is e^5 in likelihood."""
@@ -83,6 +86,9 @@ _EARLY_S = -0.02
 """Motors that explain the motion this long before they act follow it: a controller that answers to noise or gusts."""
 
 _CLOCK_HZ, _BLOCK_S, _LEAST_S, _MOST_S = 100.0, 1.0, 5.0, 300.0
+_GROUND_S = 1.0
+"""At the ends of a flight the ground may still act."""
+
 _MOST_LIMITED = 0.5
 _STILL = 1e-4
 """Smallest variance of a combination of motors over the largest, below which it counts as still."""
@@ -334,10 +340,12 @@ def _cut(part: _Part, window_s: float) -> Iterator[_Part]:
 
 
 def _flights(record: FlightRecord) -> Intervals:
+    """Flights without their first and last second: legs on the ground turn the vehicle as no motor does."""
     try:
-        return airborne(record).intervals
+        flights = airborne(record).intervals
     except InsufficientDataError:
         return (longest_flight(record),)
+    return tuple((start + _GROUND_S, stop - _GROUND_S) for start, stop in flights if stop - start > 2.0 * _GROUND_S)
 
 
 def _history(record: FlightRecord, layout: RotorLayout) -> MotorHistory:
