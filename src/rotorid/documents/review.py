@@ -199,7 +199,7 @@ class LeftOutDocument(Document):
 
 
 class BalanceChangeDocument(Document):
-    """The balance of the motors beside earlier flights.
+    """The balance of the motors compared with earlier flights.
 
     ``outputs`` is the relative change of each motor's output against the mean of all, ``rise`` that of ``motor`` alone.
     """
@@ -216,7 +216,7 @@ class BalanceChangeDocument(Document):
 
 
 class FigureChangeDocument(Document):
-    """A figure beside earlier flights; ``expected`` is where it lies if nothing changed."""
+    """A figure compared with earlier flights; ``expected`` is where it lies if nothing changed."""
 
     verdict: Verdict
     now: QuantityDocument
@@ -228,7 +228,7 @@ class FigureChangeDocument(Document):
 
 
 class BaselineDocument(Document):
-    """The health of a flight beside earlier flights of the vehicle.
+    """The health of a flight compared with earlier flights of the vehicle.
 
     ``figures`` are named by their place in this document. Of a hundred flights in which nothing changed, one at most is
     ``changed``.

@@ -102,7 +102,7 @@ def _flights(rows: Sequence[Row]) -> dict[str, list[_Flight]]:
 
 
 def _tested(flights: Sequence[_Flight], patterns: Mapping[str, FloatArray]) -> Iterator[tuple[_Flight, BalanceChange]]:
-    """Each flight beside those before it that know the same amplitudes of the same rotors."""
+    """Each flight compared with those before it that know the same amplitudes of the same rotors."""
     for place, flight in enumerate(flights):
         rotors = _rotors(flight, patterns)
         if rotors is None:

@@ -96,7 +96,7 @@ _POWER_QUANTILE = float(stats.norm.ppf(0.8))
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BalanceChange(Immutable):
-    """The balance of one flight beside that of earlier ones.
+    """The balance of one flight compared with that of earlier ones.
 
     Parameters
     ----------

@@ -355,14 +355,15 @@ def motor_data(
         made = [from_angles(record, choices.outputs) for record in records]
         records = [record for record, _ in made]
         differentiated += [finding for _, findings in made for finding in findings]
-    for record in records:
-        # A vehicle that never flew is refused for that, before its rotors are asked for.
-        if "motor_1" in record.channel_names:
-            _stretches(record, choices)
+    # A vehicle that never flew is refused for that, before its rotors are asked for.
+    has_motors = [not {"motor_1", "motor_speed_1"}.isdisjoint(record.channel_names) for record in records]
+    flown_in = [
+        _stretches(record, choices) if there else None for record, there in zip(records, has_motors, strict=True)
+    ]
     layout = layout or rotors_of(records, choices)
     findings: list[Finding] = [*layout.findings, *differentiated]
     flown: list[FlownMotors] = []
-    for record in records:
+    for record, known in zip(records, flown_in, strict=True):
         _PROGRESS.info(f"{record.source.name}: motors")
         motors = true_motors(_motor_history(record, layout))
         if motors.history.motors != layout.rotors:
@@ -372,7 +373,7 @@ def motor_data(
                 needed="the layout of the vehicle that flew",
                 remedy="name it with --layout",
             )
-        stretches, remarks = _stretches(record, choices)
+        stretches, remarks = known or _stretches(record, choices)
         ordered = require_order(rotor_order(record, layout), record.source.name)
         findings += [*motors.history.findings, *ordered, *remarks]
         flown += [FlownMotors(record, motors, stretch) for stretch in stretches]

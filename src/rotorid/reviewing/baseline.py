@@ -1,4 +1,4 @@
-"""A flight beside earlier flights of the same vehicle: what changed, which motor, and the usual cause.
+"""A flight compared with earlier flights of the same vehicle: what changed, which motor, and the usual cause.
 
 Each figure of health (:attr:`rotorid.data.quantities.FigureOfMerit.health`) is compared with its scatter over the
 earlier flights (:mod:`rotorid.uncertainty.next_flight`), the balance of the motors as a whole
@@ -163,7 +163,7 @@ def compared(
     gains: Mapping[str, float] | None = None,
     earlier_gains: Sequence[Mapping[str, float]] = (),
 ) -> BaselineReview:
-    """A review beside those of earlier flights.
+    """A review compared with those of earlier flights.
 
     Parameters
     ----------

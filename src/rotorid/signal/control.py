@@ -347,13 +347,14 @@ class _Cells:
         return self._describe(spells[0][0], spells[-1][1], witnesses)
 
     def _stays_level(self, first: int, stop: int) -> bool:
-        """Whether the vehicle keeps its attitude while rates miss theirs: a loop that swings, or a yaw too weak."""
+        """Whether the vehicle keeps its attitude while rates miss theirs: a loop that swings, or a yaw too weak.
+
+        Where attitude or set-point is not logged through most of it, nothing acquits.
+        """
         tilt = _tilt(self.attitude[0], self.attitude[1])[first:stop]
         off = _angle_between(self.attitude)[first:stop]
-        known = np.isfinite(tilt)
-        if not known.any() or float(np.mean(known)) < 0.5:
-            return False
-        return bool(np.nanmax(tilt) < _LEVEL_RAD and not np.any(off > _OFF_RAD))
+        known = np.isfinite(tilt) & np.isfinite(off)
+        return bool(np.mean(known) > 0.5 and tilt[known].max() < _LEVEL_RAD and off[known].max() < _OFF_RAD)
 
     def _begin(self, first: int) -> int:
         """The first cell of a loss: where the motor that is then at full output got there, up to three seconds ago."""

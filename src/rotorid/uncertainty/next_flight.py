@@ -1,4 +1,4 @@
-r"""One more flight beside earlier flights of the vehicle: whether a number lies within what these show of it.
+r"""One more flight compared with earlier flights of the vehicle: whether a number lies within what these show of it.
 
 Earlier flights :math:`y_j \pm s_j` scatter by more than they state, by :math:`\tau` between flights
 (:func:`rotorid.uncertainty.differences.scatter_between`), and the next flight lies, where nothing changed, at
@@ -44,7 +44,7 @@ FEWEST = 3
 
 @dataclass(frozen=True, kw_only=True)
 class NextFlight(Immutable):
-    """A number of one flight beside those of earlier ones.
+    """A number of one flight compared with those of earlier ones.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def random_effects_mean(values: FloatArray, stds: FloatArray) -> tuple[float, fl
 def next_flights(
     numbers: Mapping[str, tuple[Sequence[Quantity], Quantity]], *, false_alarms: float
 ) -> dict[str, NextFlight]:
-    """Each number of a flight beside those of earlier flights, with its verdict.
+    """Each number of a flight compared with those of earlier flights, with its verdict.
 
     Parameters
     ----------
