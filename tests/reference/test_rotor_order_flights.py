@@ -125,6 +125,12 @@ def kinds(found: RotorOrder, claimed: RotorLayout, truth: RotorLayout) -> Iterat
         yield f"directions {'right' if turns else 'wrong'}"
 
 
+def test_a_soft_controller_in_noise_names_no_other_order(unpacked: Unpacked) -> None:
+    """At a correlation of 0.5 one window of 5 s does."""
+    record = rotorid.read(unpacked("real_stacks/ap_x_guided_multisine.BIN.xz"))
+    assert "wrong" not in {found.verdict for found in window_orders(record, layout_of(record), window_s=5.0)}
+
+
 def test_motors_that_turn_the_other_way_by_the_mixer_are_not_found_to_turn_as_named(unpacked: Unpacked) -> None:
     """No header says so; the yaw command, which the autopilot mixes by the directions, does."""
     record = rotorid.read(unpacked("everyday/betaflight_431_freestyle.bbl.xz"))
