@@ -640,6 +640,9 @@ KINDS: Mapping[str, Kind] = {
     "speed_damping_biased": Kind(
         "warning", "Speed damping biased", "Speed damping was estimated from one response, which biases it."
     ),
+    "speed_damping_first": Kind(
+        "info", "Speed damping estimated first", "Speed damping was estimated before the others and then fixed."
+    ),
     "speed_modes_left_out": Kind(
         "warning",
         "Fitted above the speed modes",

@@ -29,7 +29,7 @@ from rotorid.fits.frequency.fit import FrequencyFit, cost_of
 from rotorid.fits.frequency.inverse import Screened, pose_screened
 from rotorid.fits.frequency.refusals import fit_or_refuse
 from rotorid.fits.frequency.scatter_between_flights import with_scatter
-from rotorid.fits.frequency.speed_damping import first_step
+from rotorid.fits.frequency.speed_damping import first_step, without_first
 from rotorid.fits.remarks import judge_combinations
 from rotorid.fits.searching import judge_minima, refuse_search, search_summary, searched_minima
 from rotorid.fits.time.feedback import following, judge_following
@@ -316,9 +316,10 @@ class Frequency(_Linear[ResponseData]):
             records = [corrected_record(record, sensors.correction) for record in records]
         structure, selection, findings = choose(self.model, records, settings, in_time=False)
         flights = selection.fitted
-        if settings.speed_damping == "two_step":
+        if settings.speed_damping != "joint":
             first = first_step(structure, flights, settings)
-            settings = replace(settings, fix={**first.fix, **settings.fix})
+            own = without_first(settings.pairs)
+            settings = replace(settings, fix={**first.fix, **settings.fix}, pairs=own)
             findings += first.findings
         measured = measure(flights, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
         if sensors is not None:

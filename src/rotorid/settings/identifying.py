@@ -29,7 +29,10 @@ if TYPE_CHECKING:
     from rotorid.settings.motors import ChosenCurve
 
 WeightsChoice: TypeAlias = Literal["auto", "cifer", "covariance"]
-SpeedDamping: TypeAlias = Literal["joint", "two_step"]
+SpeedDamping: TypeAlias = Literal["joint", "two_step", "two_step_force"]
+
+FIRST_RESPONSES = {"X_u": ("u_dot", "theta"), "Y_v": ("v_dot", "phi")}
+"""Speed damping to the response that shows it in a first step of its own."""
 MethodChoice: TypeAlias = Literal[
     "auto", "frequency", "output_error", "prediction_error", "equation_error", "accelerations"
 ]
@@ -130,7 +133,8 @@ class IdentifySettings(MeasureSettings):
     reduce
         Drop step by step what the data do not show.
     speed_damping
-        ``two_step`` takes X_u and Y_v from the responses of u_dot to theta and v_dot to phi before everything else.
+        ``two_step`` takes X_u and Y_v from the responses of u_dot to theta and v_dot to phi before everything else;
+        ``two_step_force`` does so with the force of the command, which ``two_step`` neglects.
     method
         ``frequency`` fits responses; ``output_error``, ``prediction_error`` and ``equation_error`` fit time histories;
         ``auto`` takes output error for responses to set-points and black boxes, and responses for all other models.

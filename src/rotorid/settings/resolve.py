@@ -13,7 +13,7 @@ from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet, no_such
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import structure_from_toml
-from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.identifying import FIRST_RESPONSES, IdentifySettings
 
 Model: TypeAlias = str | Path | LinearStructure | NonlinearStructure
 """A model as people name it: of the library, a TOML file, or a structure."""
@@ -118,6 +118,8 @@ def require_known(structure: LinearStructure, settings: IdentifySettings) -> Non
         Nothing is left free.
     """
     responses = [f"{output}/{source}" for output in structure.outputs for source in structure.inputs]
+    if settings.speed_damping != "joint":
+        responses += ["/".join(FIRST_RESPONSES[name]) for name in FIRST_RESPONSES if name in structure.parameters.names]
     for kind, given, known in (
         ("constant", settings.constants, structure.constants),
         ("response", settings.pairs, responses),

@@ -138,7 +138,7 @@ def test_a_channel_is_shifted_once() -> None:
     ("choice", "says"),
     [
         ({"weights": "cifr"}, "unknown weights 'cifr'; did you mean cifer?"),
-        ({"speed_damping": "twice"}, "unknown speed damping 'twice'; expected joint or two_step"),
+        ({"speed_damping": "twice"}, "unknown speed damping 'twice'; expected joint, two_step or two_step_force"),
         ({"fix": {"L_p": 1.0}, "ties": {"L_p": "L_roll"}}, "L_p has more than one of --fix, --tie and --free"),
         ({"fix": {"L_p": 1.0}, "free": ("L_p",)}, "L_p has more than one of --fix, --tie and --free"),
         ({"ties": {"L_p": "L_roll"}, "free": ("L_p",)}, "L_p has more than one of --fix, --tie and --free"),

@@ -18,7 +18,6 @@ from rotorid.data.trust import CERTAIN_SIGN
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.data_requirements import main_pairs
 from rotorid.fits.frequency.fit import FrequencyFit, fit_with_bounds
-from rotorid.fits.frequency.speed_damping import FIRST_RESPONSES
 from rotorid.fitting.frequency.problem import (
     ACCEPTABLE_COST,
     DB_PER_NEPER,
@@ -34,7 +33,7 @@ from rotorid.fitting.least_squares import Outcome
 from rotorid.flights.measure import Measured
 from rotorid.models.families import family_of, lacks_speed_modes
 from rotorid.models.state_space import StateSpace
-from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.identifying import FIRST_RESPONSES, IdentifySettings
 from rotorid.uncertainty.model_error import LARGEST_MODEL_ERROR
 
 WORST_PAIR_COST = 150.0

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
-from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fits.frequency.speed_damping import FirstStep, first_step
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.fits.frequency.speed_damping import FirstStep, first_step, without_first
 from rotorid.flights.flights import Flight
 from rotorid.models.library import library_model, rate_model
 from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.resolve import require_known
 from rotorid.typing import Axis, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -53,7 +54,30 @@ def flight(*axes: Axis, noise: float = 0.02, without: str = "") -> list[Flight]:
     return [Flight(record, maneuver) for maneuver in maneuvers]
 
 
+def pushed_flight(*, of_rate: float = -0.08, force: float = -7.0, delay_s: float = 0.04) -> Flight:
+    """Pitch by a command that pushes the vehicle along its axis too; the attitude answers as two integrators do."""
+    rng = np.random.default_rng(5)
+    omega = 2.0 * np.pi * np.fft.rfftfreq(SAMPLES, 1.0 / RATE_HZ)
+    s = 1j * omega
+    command = np.fft.rfft(rng.standard_normal(SAMPLES)) * (omega > 0.0) * (omega < 8.0 * np.pi)
+    theta = 60.0 / (s + 1.0) ** 2 * command * np.exp(-s * delay_s)
+    pushed = (-STANDARD_GRAVITY_M_S2 + of_rate * s) * theta + force * np.exp(-s * delay_s) * command
+    columns = {"pitch_command": command, "theta": theta, "u_dot": s * pushed / (s - X_U)}
+    values = np.stack([np.fft.irfft(spectrum, SAMPLES) for spectrum in columns.values()])
+    values[1:] += 0.01 * np.std(values[1:], axis=1, keepdims=True) * rng.standard_normal((2, SAMPLES))
+    topic = Topic(
+        name="log",
+        time_s=np.arange(SAMPLES) / RATE_HZ,
+        channels=tuple(Channel(name=name, unit=STANDARD_UNITS[name]) for name in columns),
+        values=values,
+    )
+    record = FlightRecord(source=Source(name="flight.csv", format="CSV", sha256="a"), topics=(topic,))
+    stop_s = SAMPLES / RATE_HZ
+    return Flight(record, Maneuver(axis="pitch", kind="random_binary", start_s=0.0, stop_s=stop_s, origin="found"))
+
+
 def step(model: str, flown: list[Flight], **choices: object) -> FirstStep:
+    choices = {"speed_damping": "two_step"} | choices
     return first_step(library_model(model), flown, IdentifySettings(**choices))  # type: ignore[arg-type]
 
 
@@ -100,9 +124,42 @@ def test_choices_about_the_second_step_do_not_disturb_the_first() -> None:
     assert chosen.fix == plain.fix
 
 
+def test_a_force_of_the_command_has_its_place_in_the_form_that_has_it() -> None:
+    first = step("hover.longitudinal", [pushed_flight()], speed_damping="two_step_force")
+    (finding,) = first.findings
+    assert (finding.kind, finding.severity, finding.where) == ("speed_damping_first", "info", "X_u")
+    assert abs(first.fix["X_u"] - X_U) <= 3.0 * finding.numbers["std"]
+    assert finding.numbers["std"] < 0.1 * abs(X_U)
+    assert finding.numbers["cost"] < 10.0
+
+
+def test_a_first_step_that_does_not_fit_is_refused() -> None:
+    """The response of one equation with a force that it does not have: no later cost can be trusted."""
+    with pytest.raises(InsufficientDataError, match="does not show X_u: the cost is") as refused:
+        step("hover.longitudinal", [pushed_flight(force=-60.0)])
+    assert "two_step_force" in (refused.value.remedy or "")
+    assert {finding.kind for finding in refused.value.findings} == {"poor_fit"}
+
+
+@pytest.mark.parametrize("way", ["two_step", "two_step_force"])
+def test_the_band_of_the_first_response_is_chosen_with_pair(way: str) -> None:
+    choices = {"speed_damping": way, "pairs": {"u_dot/theta": (1.5, 6.0), "q/pitch_command": None}}
+    (finding,) = step("hover.longitudinal", [pushed_flight(force=-1.0)], **choices).findings
+    assert 1.5 <= finding.numbers["low_rad_s"] < 2.0
+    assert 5.5 < finding.numbers["high_rad_s"] <= 6.0
+    assert without_first({"u_dot/theta": (1.5, 6.0), "q/pitch_command": None}) == {"q/pitch_command": None}
+
+
+def test_a_first_response_is_no_name_of_a_joint_fit() -> None:
+    structure = library_model("hover.longitudinal")
+    require_known(structure, IdentifySettings(pairs={"u_dot/theta": (2.0, 13.0)}, speed_damping="two_step"))
+    with pytest.raises(ModelError, match="u_dot/theta"):
+        require_known(structure, IdentifySettings(pairs={"u_dot/theta": (2.0, 13.0)}))
+
+
 def test_a_model_without_speed_damping_is_refused() -> None:
     with pytest.raises(UsageError, match=r"rate\.roll has neither a free X_u nor a free Y_v"):
-        first_step(rate_model("rate.roll"), flight("roll"), IdentifySettings())
+        first_step(rate_model("rate.roll"), flight("roll"), IdentifySettings(speed_damping="two_step"))
 
 
 def test_one_that_is_held_already_is_not_looked_for() -> None:
@@ -111,7 +168,7 @@ def test_one_that_is_held_already_is_not_looked_for() -> None:
         **{name: getattr(structure, name) for name in structure.__dataclass_fields__ if name != "parameters"},
         parameters=structure.parameters.fix("X_u", -0.2),
     )
-    first = first_step(held, flight("roll"), IdentifySettings())
+    first = first_step(held, flight("roll"), IdentifySettings(speed_damping="two_step"))
     assert first.fix.keys() == {"Y_v"}
 
 
