@@ -3,8 +3,8 @@ r"""Model error of ``motor.speed``: what is wrong in the same way all through a 
 Errors of a fit of speeds to outputs are small and its samples many: the covariance of colored residuals alone would
 state a lag to microseconds. Its interval holds more:
 
-- How parts of the data disagree: blocks of time, motors, bands of frequency (:mod:`rotorid.uncertainty.sandwich`), and
-  the stretches fitted alone, by Student's factor over their number. The largest counts: all judge the same misfit.
+- How blocks of time, motors, bands of frequency and stretches fitted alone disagree
+  (:mod:`rotorid.uncertainty.time_error`).
 - Gusts, which hide a part of the difference of the lags.
 - Clocks: where within a sample an output or a speed belongs is known to 0.15 of it. Lag and delay are separated by no
   more, and each end of the delay has a clock of its own.
@@ -17,27 +17,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.fits.motors.errors import SENSOR_SHARE
 from rotorid.fits.scatter import LogEstimate, widened
 from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
 from rotorid.fitting.problem import Part
 from rotorid.models.motor_speed import CURVE, DELAY, EXPONENT, LAG_DOWN, LAG_UP, LEAD
 from rotorid.results.model import SimulatedRecord
-from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
-from rotorid.uncertainty.sandwich import by_bands, by_blocks, by_outputs
-
-_FEWEST = 3
-"""Stretches below which Student's factor says nothing."""
-
-_ADDED = 4.0
-"""Of the variance of all stretches together, up to which their mean may lie and they be counted as repetitions."""
+from rotorid.uncertainty.time_error import with_time_error
 
 _STEPS_SEEN = 20
 """A channel of fewer different steps is not logged in steps that could be told."""
@@ -74,36 +65,9 @@ def with_model_errors(bounds: Bounds, values: Mapping[str, float], left: Leftove
     values
         All parameters.
     """
-    disagree = np.max([*_by_parts(left.parts), _by_stretches(bounds, left.alone)], axis=0)
-    grown = np.maximum(disagree - bounds.covariance.diagonal(), 0.0)
-    covariance = bounds.covariance + np.diag(grown)
-    for direction in (*_by_clocks(left.step_s), *_by_sensors(values, left.simulated)):
-        row = np.array([direction.get(name, 0.0) for name in bounds.names])
-        covariance += np.outer(row, row)
-    return widened(replace(bounds, covariance=covariance), _by_gusts(bounds.names, values, left.simulated))
-
-
-def _by_parts(parts: Sequence[Part]) -> Iterator[FloatArray]:
-    """Variances by blocks, motors and bands."""
-    for covariance in (by_blocks(parts), by_outputs(parts), by_bands(parts)):
-        yield covariance.diagonal()
-
-
-def _by_stretches(bounds: Bounds, alone: Sequence[LogEstimate]) -> FloatArray:
-    """Variance of the mean of stretches fitted alone; so few of them may agree by chance, which Student's t counts."""
-    from scipy.stats import t
-
-    names = bounds.names
-    found = np.zeros(len(names))
-    for place, name in enumerate(names):
-        known = [estimate for estimate in alone if name in estimate.stds]
-        values = [estimate.values[name] for estimate in known]
-        # What is known by the difference between stretches, as of the voltage, each alone says too little of.
-        apart = sum(estimate.stds[name] ** 2 for estimate in known) / max(len(known), 1) ** 2
-        if len(values) >= _FEWEST and apart <= _ADDED * bounds.random[place, place]:
-            factor = float(t.ppf(0.975, len(values) - 1)) / TWO_SIDED_95
-            found[place] = factor**2 * float(np.var(values, ddof=1)) / len(values)
-    return found
+    added = [*_by_clocks(left.step_s), *_by_sensors(values, left.simulated)]
+    known = with_time_error(bounds, left.parts, alone=left.alone, alike=True, added=added)
+    return widened(known, _by_gusts(bounds.names, values, left.simulated))
 
 
 def _by_clocks(step_s: float) -> Iterator[Mapping[str, float]]:
