@@ -1,0 +1,133 @@
+r"""Clocks in time: what a fit would have found, were some of its channels logged a little earlier or later.
+
+No log says where within a sample a value belongs, and no residual shows it: a channel that is late by :math:`\tau`
+moves parameters, and leaves nothing. So all channels of one unit, inputs and outputs each, are moved against the others
+by one standard deviation either way, and the records fitted again. Half the difference of the two is an error of the
+parameters; those of all groups add in squares.
+
+A refit is one step of Gauss and Newton from the old solution, with the slopes beside all unknowns of a record:
+
+.. math:: \delta\theta = -\frac12 F^{-1} (S_+^T r_+ - S_-^T r_-), \qquad F = \frac12 (S_+^T S_+ + S_-^T S_-)
+
+Slopes that leave the initial states where they were would give a third of that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.record import STANDARD_UNITS
+from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
+from rotorid.fitting.problem import Part
+from rotorid.fitting.time.output_error import RecordsProblem, TimeData
+from rotorid.typing import FloatArray
+
+
+class ClockGroup(NamedTuple):
+    """Rows of the inputs and of the outputs of a record that share a clock."""
+
+    inputs: tuple[int, ...]
+    outputs: tuple[int, ...]
+
+
+def clock_groups(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[ClockGroup, ...]:
+    """Channels of one unit, inputs and outputs each; a channel of no known unit has a clock of its own.
+
+    Examples
+    --------
+    >>> clock_groups(["phi", "theta", "velocity_down_dot"], ["velocity_forward", "velocity_right"])
+    (ClockGroup(inputs=(0, 1), outputs=()), ClockGroup(inputs=(2,), outputs=()), ClockGroup(inputs=(), outputs=(0, 1)))
+    """
+    return (
+        *(ClockGroup(rows, ()) for rows in _by_unit(inputs)),
+        *(ClockGroup((), rows) for rows in _by_unit(outputs)),
+    )
+
+
+def _by_unit(names: Sequence[str]) -> list[tuple[int, ...]]:
+    found: dict[str, list[int]] = {}
+    for row, name in enumerate(names):
+        found.setdefault(STANDARD_UNITS.get(name, name), []).append(row)
+    return [tuple(rows) for rows in found.values()]
+
+
+def clock_shifts(problem: RecordsProblem, theta: FloatArray, *, late: float = CLOCK_SAMPLES) -> FloatArray:
+    """By how much each group of channels moves the parameters, were its clock late by a standard deviation.
+
+    Parameters
+    ----------
+    problem
+        Of records in time, as it was fitted, with the noise that the fit ended with.
+    theta
+        Where the fit ended.
+    late
+        Standard deviation of a clock, in samples.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(groups, p)``: one row for each of :func:`clock_groups`, a column for each slope of the parts. With
+        ``C`` for it, the covariance is ``C.T @ C``.
+
+    Examples
+    --------
+    A clock that is late by 7.5 ms looks like a delay; straight lines between samples lose a little of it at steps:
+
+    >>> from rotorid.fitting.time.output_error import TimeProblem
+    >>> from rotorid.models.library import response_model
+    >>> lag = response_model("response.first_order_delay", [("phi_setpoint", "phi")])
+    >>> values = lag.parameters.with_values({"K_phi": 1.0, "T_phi": 0.2, "tau_phi": 0.07})
+    >>> steps = np.repeat([[0.1, -0.1, 0.1, -0.1]], 20, axis=1)
+    >>> record = TimeData(name="steps", inputs=steps, outputs=0.0 * steps, sample_rate_hz=20.0)
+    >>> problem = TimeProblem(structure=lag, parameters=values, records=(record,), unknowns=("initial_state",))
+    >>> exact = problem.noiseless(values.pack())
+    >>> shifts = clock_shifts(exact, values.pack())
+    >>> [name for name in values.free], (1e3 * shifts[:, 2]).round().tolist()
+    (['K_phi', 'T_phi', 'tau_phi'], [-7.0, 6.0])
+    """
+    structure = problem.structure
+    rows = []
+    for group in clock_groups(structure.inputs, structure.outputs):
+        sides = [
+            replace(problem, records=tuple(shifted(record, group, side * late) for record in problem.records)).parts(
+                theta
+            )
+            for side in (1.0, -1.0)
+        ]
+        rows.append(_half_difference(*sides))
+    return np.array(rows)
+
+
+def shifted(record: TimeData, group: ClockGroup, samples: float) -> TimeData:
+    """A record in which some channels come later by a fraction of a sample, read along straight lines."""
+    inputs, outputs = record.inputs.copy(), record.outputs.copy()
+    for row in group.inputs:
+        inputs[row] = _later(record.inputs[row], float(record.before[row, -1]), samples)
+    for row in group.outputs:
+        outputs[row] = _later(record.outputs[row], None, samples)
+    return replace(record, inputs=inputs, outputs=outputs)
+
+
+def _later(values: FloatArray, before: float | None, samples: float) -> FloatArray:
+    """Values at a time before each sample; beyond the ends along the last line."""
+    first = 2.0 * values[0] - values[1] if before is None else before
+    known = np.concatenate([[first], values, [2.0 * values[-1] - values[-2]]])
+    return np.asarray(np.interp(np.arange(values.size) + 1.0 - samples, np.arange(known.size), known))
+
+
+def _half_difference(after: Sequence[Part], before: Sequence[Part]) -> FloatArray:
+    """Half the difference of what two problems move the parameters by."""
+    count = after[0].slopes.shape[2]
+    pull, fisher = np.zeros(count), np.zeros((count, count))
+    for sign, parts in ((0.5, after), (-0.5, before)):
+        for part in parts:
+            slopes = part.slopes.reshape(-1, part.slopes.shape[2])
+            pull += sign * slopes.T @ part.residual.ravel()
+            fisher += 0.5 * slopes.T @ slopes
+    size = np.sqrt(fisher.diagonal())
+    size[size == 0.0] = np.inf
+    return np.asarray(-np.linalg.pinv(fisher / np.outer(size, size), hermitian=True) @ (pull / size) / size)
