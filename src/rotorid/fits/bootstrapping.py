@@ -99,7 +99,7 @@ def bootstrap(
     problem, solution, weights
         What was fitted, and how it ended; see :func:`rotorid.uncertainty.bootstrapping.bootstrap`.
     bounds
-        The stated standard deviations.
+        What was stated; its random errors, which alone the draws have, are compared.
     settings
         ``bootstrap`` runs from ``seed``.
 
@@ -118,7 +118,7 @@ def bootstrap(
     )
     # A parameter on its bound may not scatter at all.
     with np.errstate(divide="ignore", invalid="ignore"):
-        findings = judge_spread(table, bounds.std)
+        findings = judge_spread(table, bounds.random_std)
     source: Source = "responses" if problem.method == "frequency" else "outputs"
     return Bootstrap(source=source, table=table, findings=findings)
 

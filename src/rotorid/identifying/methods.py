@@ -42,7 +42,6 @@ from rotorid.fits.time.frequency_check import (
     judge_agreement,
     require_one_gain,
     responses_without_hold,
-    with_model_error,
 )
 from rotorid.fits.time.orders import chosen_order
 from rotorid.fits.time.refusals import require_bounds, require_time_fit_explains
@@ -509,13 +508,12 @@ class InTime(_Linear[TimeDomainData]):
         fitted = replace(fitted, simulated=simulated_records(fitted.problem.predicted(theta), data.records))
         side = data.frequency.fitted
         require_time_fit_explains(fitted, side, data.records)
-        widened = with_model_error(fitted, side, data.structure, data.records) if side else fitted
-        require_one_gain(widened, side)
+        require_one_gain(fitted, side)
         if not family_of(data.structure).opaque:
             couplings = [parameter.name for parameter in data.structure.parameters if is_coupling(parameter)]
-            require_bounds(widened.parameters, widened.bounds, couplings)
+            require_bounds(fitted.parameters, fitted.bounds, couplings)
         again = bootstrap(fitted.problem, fitted.solution, fitted.bounds, data.settings)
-        return replace(widened, bootstrap=again)
+        return replace(fitted, bootstrap=again)
 
     def verify(self, data: TimeDomainData, fitted: TimeFit, records: Sequence[FlightRecord]) -> Verifications:
         """Predict unseen maneuvers as those of the frequency domain are, or simulate responses to set-points."""

@@ -506,11 +506,8 @@ def connected(structure: LinearStructure) -> LinearStructure:
     >>> "motor_yaw" in roll.states, "L_yaw" in roll.parameters.names
     (False, False)
     """
-    links = _filled(structure.M) | _filled(structure.F)
-    moved = _spread(_filled(structure.G), links)
-    observed = _spread((_filled(structure.H0) | _filled(structure.H1)).T, links.T)
-    # From each input to each output there is a response where one state is both moved and seen.
-    responses = np.asarray(observed.T @ moved)
+    moved, observed = _reached(structure)
+    responses = answers(structure)
     if not responses.any():
         return structure
     inputs, outputs = np.asarray(responses.any(axis=0)), np.asarray(responses.any(axis=1))
@@ -518,6 +515,30 @@ def connected(structure: LinearStructure) -> LinearStructure:
     if states.all() and inputs.all() and outputs.all():
         return structure
     return _part(structure, states, inputs, outputs)
+
+
+def answers(structure: LinearStructure) -> BoolArray:
+    """Which output answers to which input, shape ``(y, u)``; entries count as they stand, whatever the values.
+
+    Examples
+    --------
+    >>> from rotorid.models.library import response_model
+    >>> pairs = [("phi_setpoint", "phi"), ("theta_setpoint", "theta")]
+    >>> answers(response_model("response.first_order", pairs)).tolist()
+    [[True, False], [False, True]]
+    """
+    moved, observed = _reached(structure)
+    # From each input to each output there is a response where one state is both moved and seen.
+    return np.asarray(observed.T @ moved)
+
+
+def _reached(structure: LinearStructure) -> tuple[BoolArray, BoolArray]:
+    """States that each input moves, shape ``(x, u)``, and that each output follows, shape ``(x, y)``."""
+    links = _filled(structure.M) | _filled(structure.F)
+    return (
+        _spread(_filled(structure.G), links),
+        _spread((_filled(structure.H0) | _filled(structure.H1)).T, links.T),
+    )
 
 
 def _filled(rows: Rows) -> BoolArray:

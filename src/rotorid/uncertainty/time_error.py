@@ -21,7 +21,7 @@ agree by it: a small *S* makes no interval small. The correlations are those of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -53,6 +53,11 @@ class Estimate(Protocol):
         """To its standard deviation; what has none is not compared."""
         ...
 
+    @property
+    def random(self) -> Mapping[str, float]:
+        """To that of its random errors alone, where known."""
+        ...
+
 
 def with_time_error(
     bounds: Bounds,
@@ -60,6 +65,7 @@ def with_time_error(
     *,
     alone: Sequence[Estimate] = (),
     alike: bool = False,
+    held: Collection[str] = (),
     added: Sequence[Mapping[str, float]] = (),
 ) -> Bounds:
     """Bounds of a fit in time with its model error.
@@ -74,6 +80,9 @@ def with_time_error(
         Each record fitted alone.
     alike
         Whether the outputs repeat one experiment.
+    held
+        Parameters on a bound that the data push against: other data would have left them there, so the others move
+        without them, and they keep their bounds.
     added
         For each clock or sensor, how far its error moves parameters, in their units.
 
@@ -89,10 +98,14 @@ def with_time_error(
     >>> bool(bounds.std[0] > 5.0 * bounds.random_std[0])
     True
     """
-    count = len(bounds.names)
-    ways = [by_blocks(parts), by_bands(parts), *([by_outputs(parts)] if alike else [])]
     stated = bounds.covariance.diagonal()
-    variance = np.max([stated, *(way.diagonal()[:count] for way in ways), by_records(bounds, alone)], axis=0)
+    moving = np.array([name not in held for name in bounds.names], dtype=np.bool_)
+    columns = np.ones(parts[0].slopes.shape[2], dtype=np.bool_)
+    columns[: moving.size] = moving
+    pulling = [part._replace(slopes=part.slopes[:, :, columns]) for part in parts]
+    variance = np.maximum(stated, by_records(bounds, alone))
+    for way in (by_blocks, by_bands, *([by_outputs] if alike else [])):
+        variance[moving] = np.maximum(variance[moving], way(pulling).diagonal()[: moving.sum()])
     factor = np.sqrt(variance / np.where(stated > 0.0, stated, 1.0))
     covariance = bounds.covariance * np.outer(factor, factor)
     for each in added:
@@ -117,8 +130,8 @@ def by_records(bounds: Bounds, alone: Sequence[Estimate]) -> FloatArray:
     for place, name in enumerate(bounds.names):
         known = [estimate for estimate in alone if name in estimate.stds]
         values = [estimate.values[name] for estimate in known]
-        stated = sum(estimate.stds[name] ** 2 for estimate in known) / max(len(known), 1) ** 2
-        if len(values) >= FEWEST_RECORDS and stated <= _INFORMED * bounds.random[place, place]:
+        stated = sum(estimate.random.get(name, estimate.stds[name]) ** 2 for estimate in known)
+        if len(known) >= FEWEST_RECORDS and stated <= _INFORMED * len(known) ** 2 * bounds.random[place, place]:
             factor = float(t.ppf(0.975, len(values) - 1)) / TWO_SIDED_95
             found[place] = factor**2 * float(np.var(values, ddof=1)) / len(values)
     return found

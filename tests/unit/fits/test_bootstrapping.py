@@ -77,7 +77,7 @@ def test_outputs_are_drawn_with_the_color_of_the_residuals(fitted: TimeFit, capl
     assert found is not None
     assert found.source == "outputs"
     # Of 60 runs a standard deviation is known to 9 %: four of these. White noise would be off by its inflation.
-    np.testing.assert_allclose(found.table.std, fitted.bounds.std, rtol=0.37)
+    np.testing.assert_allclose(found.table.std, fitted.bounds.random_std, rtol=0.37)
     assert fitted.bounds.inflation > 1.6
     assert caplog.messages[-1] == "bootstrap: 60 of 60 runs"
 
@@ -106,7 +106,7 @@ def test_one_run_is_no_bootstrap() -> None:
 
 
 def test_a_spread_that_contradicts_the_stated_errors_is_told(fitted: TimeFit) -> None:
-    narrow = replace(fitted, bounds=replace(fitted.bounds, covariance=0.04 * fitted.bounds.covariance))
+    narrow = replace(fitted, bounds=replace(fitted.bounds, random=0.04 * fitted.bounds.random))
     found = drawn(narrow, IdentifySettings(bootstrap=40))
     assert found is not None
     # Five times as wide as stated.

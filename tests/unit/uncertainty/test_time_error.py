@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ NAMES = ("gain", "other")
 class Alone(NamedTuple):
     values: dict[str, float]
     stds: dict[str, float]
+    random: Mapping[str, float] = MappingProxyType({})
 
 
 def part_of(slopes: FloatArray, measured: FloatArray) -> Part:
@@ -106,6 +108,19 @@ def test_records_that_agree_make_no_interval_small() -> None:
     np.testing.assert_array_equal(
         with_time_error(bounds, [part], alone=agreeing).std, with_time_error(bounds, [part]).std
     )
+
+
+def test_what_stays_on_its_bound_moves_nothing() -> None:
+    """Two columns that nearly do the same, one of them on a bound that the data push against."""
+    rng = np.random.default_rng(6)
+    driven = rng.normal(size=SAMPLES)
+    like = driven + 0.01 * rng.normal(size=SAMPLES)
+    gain = float(driven @ like) / float(driven @ driven)
+    part = Part((like - gain * driven)[:, None], np.stack([driven, like], axis=1)[:, None], np.zeros((SAMPLES, 1, 0)))
+    bounds = bounds_of_parts([part], NAMES)
+    free, held = (with_time_error(bounds, [part], held=names) for names in ((), ("other",)))
+    assert held.stds["other"] == pytest.approx(bounds.stds["other"])
+    assert held.stds["gain"] <= free.stds["gain"]
 
 
 def test_clocks_add_in_squares() -> None:

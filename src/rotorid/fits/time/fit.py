@@ -20,7 +20,9 @@ from rotorid.data.findings import Finding
 from rotorid.errors import UsageError
 from rotorid.fits.bootstrapping import Bootstrap
 from rotorid.fits.frequency.fit import FrequencyFit
+from rotorid.fits.scatter import LogEstimate, disagreements, widened
 from rotorid.fits.searching import Searched, refuse_search, searched
+from rotorid.fits.time.records_alone import bounds_in_time, fit_each_record, parts_at
 from rotorid.fitting.equations.equation_error import EquationErrorFit, EquationScore, fit_equation_error
 from rotorid.fitting.equations.regression import InBand, InTime
 from rotorid.fitting.least_squares import Solution
@@ -29,6 +31,7 @@ from rotorid.fitting.time.output_error import (
     Fitted,
     InitialCondition,
     OutputErrorFit,
+    RecordsProblem,
     TimeData,
     TimeProblem,
     fit_output_error,
@@ -44,7 +47,7 @@ from rotorid.results.model import SimulatedRecord
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import chosen_parameters
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
+from rotorid.uncertainty.cramer_rao import Bounds
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -103,7 +106,7 @@ class TimeFit(Immutable):
     listed
         The same with those that were dropped before.
     bounds
-        Their uncertainty, corrected for the color of the residuals.
+        Their uncertainty: random errors by the color of the residuals, model error and clocks.
     memory
         Order of the autoregression that describes that color; zero where none does.
     log_likelihood
@@ -116,6 +119,8 @@ class TimeFit(Immutable):
         Length of the pieces, ``None`` for whole records.
     findings
         Remarks of the fit itself.
+    alone
+        Each record fitted alone, where there are several that move every input.
     equations
         How well each equation of motion holds, where those were fitted.
     search
@@ -138,6 +143,7 @@ class TimeFit(Immutable):
     noise_numbers: int
     pieces_s: float | None
     findings: tuple[Finding, ...] = ()
+    alone: tuple[LogEstimate, ...] = ()
     equations: tuple[EquationScore, ...] = ()
     search: Searched | None = None
     bootstrap: Bootstrap | None = None
@@ -177,6 +183,7 @@ class _Ended(NamedTuple):
     by_equations: EquationErrorFit | None = None
     noise_numbers: int = 0
     search: Searched | None = None
+    posed: RecordsProblem | None = None
 
 
 def fit_in_time(
@@ -220,7 +227,7 @@ def fit_in_time(
     else:
         ended = _by_equations(structure, parameters, records, settings, frequency)
     search = frequency.search if frequency is not None else None
-    return _bounded(ended._replace(search=ended.search or search), whole, method)
+    return _bounded(ended._replace(search=ended.search or search), whole, method, records)
 
 
 def _from_frequency_fit(
@@ -314,15 +321,19 @@ def _predicting(
         unknowns=unknowns_of(structure),
     )
     fit = fit_prediction_error(problem)
-    low, high = problem.box
-    theta = fit.solution.theta
-    # A noise on its bound has no effect any more, and none on what is known of the model.
-    kept = ((theta > low) & (theta < high)) | (np.arange(theta.size) < len(parameters.free))
-    parts = [part._replace(slopes=part.slopes[:, :, kept]) for part in problem.parts(theta)]
+    parts = parts_at(fit.problem, fit.solution)
     length_s = settings.pieces_s or piece_s(structure, fit.parameters, records.data)
     shown = posed_in_pieces(structure, fit.parameters, records, length_s).with_noise(fit.noise_covariance)
-    noise_numbers = int(kept.sum()) - len(parameters.free)
-    return _Ended(shown, fit.solution, parts, fit.log_likelihood, length_s, noise_numbers=noise_numbers, search=search)
+    return _Ended(
+        shown,
+        fit.solution,
+        parts,
+        fit.log_likelihood,
+        length_s,
+        noise_numbers=parts[0].slopes.shape[2] - len(parameters.free),
+        search=search,
+        posed=fit.problem,
+    )
 
 
 def _by_equations(
@@ -361,7 +372,7 @@ def _without(parameters: ParameterSet, left: Sequence[str]) -> ParameterSet:
 def _ended(fit: OutputErrorFit, length_s: float | None = None, findings: tuple[Finding, ...] = ()) -> _Ended:
     parts = fit.problem.parts(fit.solution.theta)
     problem = fit.problem.with_parameters(fit.parameters)
-    return _Ended(problem, fit.solution, parts, fit.log_likelihood, length_s, findings)
+    return _Ended(problem, fit.solution, parts, fit.log_likelihood, length_s, findings, posed=fit.problem)
 
 
 def _black_box(
@@ -428,11 +439,21 @@ def growth(structure: LinearStructure, parameters: ParameterSet) -> float:
     return max(0.0, float(poles.real.max(initial=0.0)))
 
 
-def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod) -> TimeFit:
-    parameters = ended.problem.parameters
+def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod, records: TimeRecords) -> TimeFit:
+    parameters, posed = ended.problem.parameters, ended.posed
     by = ended.by_equations
-    bounds = bounds_of_parts(ended.parts, parameters.free) if by is None else equation_bounds(by)
-    whole = whole if by is None else _without(whole, by.left)
+    alone: tuple[LogEstimate, ...] = ()
+    if by is not None:
+        bounds, whole = equation_bounds(by), _without(whole, by.left)
+    else:
+        assert posed is not None
+        # Single numbers of a black box mean nothing, and neither does their scatter.
+        alone = () if family_of(posed.structure).opaque else fit_each_record(posed, ended.solution, records)
+        bounds = bounds_in_time(posed, ended.solution, alone=alone)
+    scattered = disagreements(alone)
+    bounds = widened(bounds, {disagreement.parameter: disagreement.scatter for disagreement in scattered})
+    units = {parameter.name: parameter.unit for parameter in parameters}
+    disagreeing = tuple(disagreement.finding(units[disagreement.parameter]) for disagreement in scattered)
     same = whole.free == parameters.free
     return TimeFit(
         method=method,
@@ -446,7 +467,8 @@ def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod) -> TimeFit:
         unknowns=sum(part.unknown.shape[2] for part in ended.parts),
         noise_numbers=ended.noise_numbers,
         pieces_s=ended.pieces_s,
-        findings=ended.findings,
+        findings=(*ended.findings, *disagreeing),
+        alone=alone,
         equations=() if by is None else by.equations,
         search=ended.search,
     )

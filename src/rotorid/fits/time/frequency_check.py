@@ -1,4 +1,7 @@
-"""Comparison of a fit in time with the responses of the same data: start values, added errors and agreement."""
+"""Comparison of a fit in time with the responses of the same data: start values and agreement.
+
+Its covariance is none for the fit in time: it weighs frequencies otherwise. The distance between both is a finding.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from rotorid.data.quantity import significant, with_error
 from rotorid.data.trust import CERTAIN_SIGN
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fits.data_requirements import require_known_gain
-from rotorid.fits.frequency.fit import FrequencyFit, fit_with_bounds, unbounded_parameters
+from rotorid.fits.frequency.fit import FrequencyFit, fit_with_bounds
 from rotorid.fits.frequency.inverse import pose_screened, require_vehicle
 from rotorid.fits.time.fit import TimeFit
 from rotorid.fitting.frequency.problem import FrequencyProblem
@@ -26,7 +29,6 @@ from rotorid.models.structure import LinearStructure
 from rotorid.results.summary import Compared
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.typing import ComplexArray, FloatArray
-from rotorid.uncertainty.cramer_rao import Bounds, bounds
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -136,53 +138,6 @@ def compare_with(
     }
 
 
-def with_model_error(
-    fitted: TimeFit, frequency: FrequencyFit, structure: LinearStructure, records: TimeRecords
-) -> TimeFit:
-    r"""The fit with its model error from the frequency domain in addition to the random errors.
-
-    .. math:: C = C_{random} + C_{model, f} + d d^T
-
-    Records in time do not separate model error from noise. What the residuals of responses show of it, see
-    :mod:`rotorid.uncertainty.model_error`, bends a fit of the same data in time as well, though not alike: with the
-    distance :math:`d` between both where it exceeds what they state, hold of the inputs apart. It is unknown which of
-    the two is right. Where responses leave a parameter without a bound they have run away with it: then their errors
-    are taken at the values of the fit in time.
-
-    Parameters
-    ----------
-    frequency, structure
-        The fit of responses of the same data. Parameters that only one of the two has keep their random errors.
-    """
-    bounds, names = fitted.bounds, list(fitted.bounds.names)
-    shared = [name for name in frequency.bounds.names if name in names]
-    if not shared:
-        return fitted
-    by_responses = frequency.bounds
-    if unbounded_parameters(frequency.parameters, by_responses):
-        by_responses = _bounds_by_responses(fitted, frequency, records)
-    here = [names.index(name) for name in shared]
-    there = [by_responses.names.index(name) for name in shared]
-    added = np.zeros(bounds.covariance.shape)
-    added[np.ix_(here, here)] = (by_responses.covariance - by_responses.random)[np.ix_(there, there)]
-    std = np.sqrt(np.diag(bounds.covariance + added))
-    distance = np.zeros(len(names))
-    for name, other in compare_with(frequency, structure, fitted, records).items():
-        if name in shared and other.std is not None:
-            place = names.index(name)
-            off = fitted.parameters[name].value + other.hold_s - other.value
-            distance[place] = off if abs(off) > math.hypot(std[place], other.std) else 0.0
-    return replace(fitted, bounds=replace(bounds, covariance=bounds.covariance + added + np.outer(distance, distance)))
-
-
-def _bounds_by_responses(fitted: TimeFit, frequency: FrequencyFit, records: TimeRecords) -> Bounds:
-    """Information of the responses of the same flights about the parameters, at the values of a fit in time."""
-    problem, theta = responses_without_hold(fitted, frequency, records)
-    residual, jacobian = problem.residuals(theta)
-    there = replace(frequency.final, theta=theta, residual=residual, jacobian=jacobian)
-    return bounds(problem, there, weights=frequency.weights)
-
-
 def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
     """Refuse a model whose gain could as well have the other sign, its distance to that of the responses counted.
 
@@ -198,7 +153,9 @@ def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
         require_known_gain(gain, fitted.parameters, fitted.bounds)
         return
     here, there = fitted.parameters[gain], frequency.parameters[gain]
-    std = fitted.bounds.stds[gain]
+    std, off = fitted.bounds.stds[gain], here.value - there.value
+    if abs(off) > math.hypot(std, frequency.bounds.stds[gain]):
+        std = math.hypot(std, off)
     if abs(here.value) >= CERTAIN_SIGN * std:
         return
     sentence = (
@@ -218,8 +175,7 @@ def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
 
 def judge_agreement(fitted: TimeFit, others: Mapping[str, Compared]) -> tuple[Finding, ...]:
     """A warning for each parameter that time and frequency domain know, and know differently."""
-    # Their distance is part of what is stated: without it, what each knows of itself.
-    std = fitted.bounds.random_stds
+    std = fitted.bounds.stds
     findings = []
     for name, other in others.items():
         if name not in std or other.std is None:

@@ -1,0 +1,157 @@
+"""Bounds of fits in time that simulate or predict, with each record fitted alone.
+
+What the structure lacks and clocks come by :mod:`rotorid.uncertainty.time_error` and :mod:`rotorid.uncertainty.clocks`.
+Records that each move every input are fitted alone, from the values of all together: how they scatter is evidence that
+no model of the errors gives. One that does not determine the parameters is not compared.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rotorid.errors import RotoridError
+from rotorid.fits.scatter import LogEstimate
+from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
+from rotorid.fitting.least_squares import Solution
+from rotorid.fitting.problem import Fit, Part, Problem
+from rotorid.fitting.time.output_error import (
+    RecordsProblem,
+    TimeData,
+    TimeProblem,
+    fit_output_error,
+    moving,
+    own_starts,
+)
+from rotorid.flights.segments import TimeRecords
+from rotorid.models.structure import LinearStructure, answers
+from rotorid.typing import FloatArray
+from rotorid.uncertainty.clocks import clock_groups, clock_shifts
+from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
+from rotorid.uncertainty.time_error import with_time_error
+
+_PROGRESS = logging.getLogger("rotorid.progress")
+
+
+def parts_at(problem: Problem, solution: Solution) -> list[Part]:
+    """Whitened residuals and slopes at the end of a fit; a noise on its bound has no effect any more."""
+    beyond = np.arange(solution.theta.size) >= len(problem.parameters.free)
+    kept = ~(np.array(solution.at_bound, dtype=np.bool_) & beyond)
+    return [part._replace(slopes=part.slopes[:, :, kept]) for part in problem.parts(solution.theta)]
+
+
+def bounds_in_time(problem: RecordsProblem, solution: Solution, *, alone: Sequence[LogEstimate] = ()) -> Bounds:
+    """Uncertainty at the end of a fit: random errors by the color of the residuals, model error and clocks.
+
+    Parameters
+    ----------
+    problem
+        With the noise that the fit ended with.
+    alone
+        Each record fitted alone.
+
+    Raises
+    ------
+    InsufficientDataError
+        The records do not determine the parameters.
+    """
+    random, parts, held = _random(problem, solution)
+    return with_time_error(random, parts, alone=alone, held=held, added=_clocks(problem, solution.theta, held))
+
+
+def _random(problem: Problem, solution: Solution) -> tuple[Bounds, list[Part], list[str]]:
+    names = problem.parameters.free
+    parts = parts_at(problem, solution)
+    held = [name for name, on_bound in zip(names, solution.at_bound, strict=False) if on_bound]
+    return bounds_of_parts(parts, names), parts, held
+
+
+def _clocks(problem: RecordsProblem, theta: FloatArray, held: Sequence[str]) -> list[dict[str, float]]:
+    """For each clock, by how much it moves the parameters that are on no bound."""
+    delayed = _clocks_of_delays(problem, held)
+    if delayed is not None:
+        return delayed
+    names = problem.parameters.free
+    parameters = problem.parameters.unpack(theta[: len(names)])
+    for name in held:
+        parameters = parameters.fix(name, parameters[name].value)
+    kept = np.array([name not in held for name in names] + [True] * (theta.size - len(names)), dtype=np.bool_)
+    shifts = clock_shifts(problem.with_parameters(parameters), theta[kept])
+    return [dict(zip(parameters.free, row, strict=False)) for row in shifts.tolist()]
+
+
+def _clocks_of_delays(problem: RecordsProblem, held: Sequence[str]) -> list[dict[str, float]] | None:
+    """What clocks move where every output answers to one input, with a delay of its own: exactly that delay.
+
+    Channels read between their samples would lose the edges of held inputs, which show a delay best.
+    """
+    structure = problem.structure
+    if not isinstance(structure, LinearStructure):
+        return None
+    delays = [str(entry) for entry in structure.input_delays]
+    if not set(delays) <= set(problem.parameters.free) - set(held) or len(set(delays)) < len(delays):
+        return None
+    answered = answers(structure)
+    if not ((answered.sum(axis=0) == 1).all() and (answered.sum(axis=1) == 1).all()):
+        return None
+    late_s = CLOCK_SAMPLES / min(record.sample_rate_hz for record in problem.records)
+    of_output = [delays[int(row.argmax())] for row in answered]
+    return [
+        {**{delays[row]: late_s for row in group.inputs}, **{of_output[row]: -late_s for row in group.outputs}}
+        for group in clock_groups(structure.inputs, structure.outputs)
+    ]
+
+
+def fit_each_record(problem: RecordsProblem, solution: Solution, records: TimeRecords) -> tuple[LogEstimate, ...]:
+    """Each record fitted alone, where there are several that move every input.
+
+    Parameters
+    ----------
+    problem, solution
+        The fit of all together.
+    records
+        What was fitted, which the problem may hold in pieces.
+    """
+    moved = np.array([moving(data.inputs) for data in records.data])
+    if len(records.data) < 2 or not moved.all():
+        return ()
+    found = []
+    for place, (segment, data) in enumerate(
+        zip(records.segments, _grouped(problem.records, records.data), strict=True)
+    ):
+        name = f"{segment.record} at {segment.history.start_s:.1f} s"
+        _PROGRESS.info(f"fitting {name} alone", extra={"done": place, "total": len(records.data)})
+        with contextlib.suppress(RotoridError):  # a record may be too short for what all show together
+            found.append(_alone(replace(problem, records=data), solution, name))
+    return tuple(found)
+
+
+def _grouped(parts: Sequence[TimeData], records: Sequence[TimeData]) -> Iterator[tuple[TimeData, ...]]:
+    """The pieces of each record."""
+    pieces = iter(parts)
+    for record in records:
+        group = [next(pieces)]
+        while sum(piece.samples for piece in group) < record.samples:
+            group.append(next(pieces))
+        yield tuple(group)
+
+
+def _alone(problem: RecordsProblem, solution: Solution, name: str) -> LogEstimate:
+    fit = _fitted(problem, solution.theta)
+    random, parts, held = _random(fit.problem, fit.solution)
+    found = with_time_error(random, parts, held=held)
+    return LogEstimate(record=name, values=fit.parameters.values, stds=found.stds, random=found.random_stds)
+
+
+def _fitted(problem: RecordsProblem, start: FloatArray) -> Fit:
+    if isinstance(problem, TimeProblem):
+        own = own_starts(problem) if any(problem.parameters[name].starts for name in problem.parameters.free) else []
+        return fit_output_error(problem, starts=[start, *own])
+    from rotorid.fitting.time.prediction_error import InnovationsProblem, fit_prediction_error
+
+    assert isinstance(problem, InnovationsProblem)
+    return fit_prediction_error(problem, starts=[start])
