@@ -331,6 +331,11 @@ KINDS: Mapping[str, Kind] = {
     "different_outputs": Kind(
         "warning", "Different outputs", "The models have different outputs, so their scores do not compare."
     ),
+    "disturbed_flight": Kind(
+        "warning",
+        "Pushed by wind or trim",
+        "Something besides the inputs moved the vehicle, such as wind or trim; the fit has unknown constants for it.",
+    ),
     "disturbed_verification": Kind(
         "warning", "Too gusty to judge the model", "An unseen flight was too disturbed to judge the model."
     ),

@@ -84,7 +84,7 @@ class MotorSpeeds:
 
     def _nonlinear(self, model: NonlinearStructure, segments: Sequence[Maneuver]) -> Nonlinear:
         settings = replace(self.settings, segments=tuple(segments))
-        return Nonlinear(model=model, settings=settings, problem=MotorSpeedProblem, solver=_SOLVER)
+        return Nonlinear(model=model, settings=settings, flies=False, problem=MotorSpeedProblem, solver=_SOLVER)
 
     def verify(self, data: NonlinearData, fitted: FittedNonlinear, records: Sequence[FlightRecord]) -> Verifications:
         """Predict the stretches that were kept, and further logs."""

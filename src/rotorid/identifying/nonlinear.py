@@ -5,7 +5,8 @@ it misses counts as noise at the outputs, whose covariance is estimated with the
 stand in the log, since a model of large motion counts from no trim. Three rules choose what is fitted where nobody
 said it: the outputs that the logs hold, without those that only integrate another one (a position beside its
 velocity: its errors add up, and say nothing new); parameters that act only on what no moving input reaches are held;
-and of several records each is fitted alone too, so that their scatter is seen and enters the intervals.
+and of several records each is fitted alone too, so that their scatter is seen and enters the intervals. Where wind
+moves the vehicle, records are fitted in pieces with constants of their own (:mod:`rotorid.fitting.time.disturbed`).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from rotorid.checking.checks import checks_of
 from rotorid.checking.nonlinear import NonlinearPredictor, flown_records, logged_outputs
 from rotorid.checking.predictions import whole_flights
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, refusal, remark
+from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, RotoridError
@@ -35,6 +36,7 @@ from rotorid.fits.time.refusals import does_not_describe, out_of_iterations, req
 from rotorid.fits.time.remarks import judge_colors, judge_explained, judge_solver, nothing_unseen
 from rotorid.fits.time.summary import information_of, record_fits, residual_colors
 from rotorid.fitting.least_squares import LevenbergMarquardt
+from rotorid.fitting.time.disturbed import DISTURBED, PIECE_S, left_over, pushed
 from rotorid.fitting.time.nonlinear import NonlinearFit, NonlinearProblem, fit_nonlinear
 from rotorid.fitting.time.output_error import TimeData, log_likelihood
 from rotorid.flights.coverage import covered_by
@@ -51,9 +53,11 @@ from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import chosen_parameters
 from rotorid.settings.verifying import VerifySettings
 from rotorid.simulation.nonlinear import Scheme
+from rotorid.uncertainty.clocks import clock_shifts
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
 from rotorid.uncertainty.identifiability import unseen_combinations
 from rotorid.uncertainty.propagation import pole_confidence
+from rotorid.uncertainty.time_error import with_time_error
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -129,6 +133,10 @@ class FittedNonlinear(Immutable):
         Parameters of which records say different things.
     search
         The search that the fit began at, if any.
+    pieces_s
+        Length of the pieces that records were cut into, if they were.
+    disturbance
+        What else moved the vehicle, if anything did.
     """
 
     model: NonlinearStructure
@@ -139,6 +147,8 @@ class FittedNonlinear(Immutable):
     alone: tuple[LogEstimate, ...] = ()
     scattered: tuple[Disagreement, ...] = ()
     search: Searched | None = None
+    pieces_s: float | None = None
+    disturbance: Finding | None = None
 
     @cached_property
     def structure(self) -> LinearStructure:
@@ -156,12 +166,28 @@ class FittedNonlinear(Immutable):
         return explained_percents(self.outputs, self.simulated)
 
 
+class Posing(NamedTuple):
+    """How records are posed: the structure that simulates them, and the length of their pieces."""
+
+    structure: NonlinearStructure
+    pieces_s: float | None
+    disturbance: Finding | None = None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Nonlinear:
-    """Fit a nonlinear structure to whole flights."""
+    """Fit a nonlinear structure to whole flights.
+
+    Parameters
+    ----------
+    flies
+        Whether the model is one of motion through the air, which wind may move, and whose channels have clocks of their
+        own. Other methods state the model error of theirs.
+    """
 
     model: NonlinearStructure
     settings: IdentifySettings
+    flies: bool = True
     problem: type[NonlinearProblem] = NonlinearProblem
     solver: LevenbergMarquardt = field(default_factory=LevenbergMarquardt)
 
@@ -192,7 +218,8 @@ class Nonlinear:
         """Fit all records together, bound the parameters, and fit each record alone."""
         structure, records = data.structure, data.records
         _PROGRESS.info(f"fitting {structure.name} by output error")
-        problem = self._posed(structure, data.parameters, records, records.data)
+        posing = Posing(structure, self.settings.pieces_s)
+        problem = self._posed(posing, data.parameters, records, records.data)
         search = searched(problem, self.settings)
         starts = [problem.start, *(basin.theta for basin in (search.minima if search else ()))]
         fits = [fit_nonlinear(problem, solver=self.solver, start=start) for start in starts]
@@ -204,9 +231,11 @@ class Nonlinear:
                 remedy="shorten the records with --pieces SECONDS, or give values with --fix NAME=VALUE",
                 findings=[refusal("not_converged", structure.name, "The simulation diverges at the start values.")],
             )
-        bounds = bounds_of_parts(fit.problem.parts(fit.solution.theta), data.parameters.free)
-        estimates = self._fit_each_record(data, fit)
+        if self.flies:
+            fit, posing = self._beside_wind(data, fit, posing)
+        estimates = self._fit_each_record(data, fit, posing)
         scattered = disagreements(estimates)
+        bounds = self._bounds(fit, estimates)
         fitted = FittedNonlinear(
             model=replace(data.whole, parameters=fit.estimate.parameters),
             outputs=structure.outputs,
@@ -216,24 +245,71 @@ class Nonlinear:
             alone=estimates,
             scattered=scattered,
             search=search,
+            pieces_s=posing.pieces_s,
+            disturbance=posing.disturbance,
         )
         _require_explained(fitted)
         return fitted
 
     def first_fit(self, data: NonlinearData) -> ParameterSet:
         """The parameters that fit all records best, without their bounds."""
-        problem = self._posed(data.structure, data.parameters, data.records, data.records.data)
+        posing = Posing(data.structure, self.settings.pieces_s)
+        problem = self._posed(posing, data.parameters, data.records, data.records.data)
         return fit_nonlinear(problem, solver=self.solver).estimate.parameters
 
-    def _posed(
-        self, structure: NonlinearStructure, parameters: ParameterSet, records: TimeRecords, data: Sequence[TimeData]
-    ) -> NonlinearProblem:
-        pieces_s = self.settings.pieces_s
-        parts = data if pieces_s is None else [piece for record in data for piece in record.pieces(pieces_s)]
-        scheme = Scheme(hold=records.hold)
-        return self.problem(structure=structure, parameters=parameters, records=tuple(parts), scheme=scheme)
+    def _bounds(self, fit: NonlinearFit, alone: Sequence[LogEstimate]) -> Bounds:
+        """Random errors by the color of the residuals; what equations leave out, records that differ, and clocks."""
+        theta, names = fit.solution.theta, fit.problem.parameters.free
+        parts = fit.problem.parts(theta)
+        bounds = bounds_of_parts(parts, names)
+        if not self.flies:
+            return bounds
+        clocks = [dict(zip(names, row, strict=True)) for row in clock_shifts(fit.problem, theta).tolist()]
+        return with_time_error(bounds, parts, alone=alone, added=clocks)
 
-    def _fit_each_record(self, data: NonlinearData, fit: NonlinearFit) -> tuple[LogEstimate, ...]:
+    def _beside_wind(self, data: NonlinearData, fit: NonlinearFit, posing: Posing) -> tuple[NonlinearFit, Posing]:
+        """The fit in pieces with constants in the equations, where that explains what inputs do not.
+
+        Records of one piece cannot tell a constant from drag, and are left as they are.
+        """
+        longest_s = max(record.duration_s for record in data.records.data)
+        theta, free = fit.solution.theta, fit.problem.parameters.free
+        if longest_s < 2.0 * PIECE_S or bounds_of_parts(fit.problem.parts(theta), free).inflation ** 2 < DISTURBED:
+            return fit, posing
+        structure = pushed(posing.structure, free)
+        lengths_s = [posing.pieces_s] if posing.pieces_s is not None else [PIECE_S, None]
+        _PROGRESS.info(f"fitting {posing.structure.name} in wind")
+        found: list[tuple[NonlinearFit, Posing]] = []
+        for length_s in lengths_s:
+            other = Posing(structure, length_s)
+            problem = self._posed(other, fit.estimate.parameters, data.records, data.records.data)
+            try:
+                one = fit_nonlinear(problem, solver=self.solver)
+                bounds_of_parts(one.problem.parts(one.solution.theta), free)
+            except RotoridError:  # constants take what a parameter does
+                continue
+            if np.isfinite(one.solution.cost):
+                found.append((one, other))
+        if not found:
+            return fit, posing
+        least = left_over(found[0][0])
+        ratio = left_over(fit) / least
+        if not ratio.max() >= DISTURBED:
+            return fit, posing
+        chosen, other = next(pair for pair in reversed(found) if (left_over(pair[0]) < DISTURBED * least).all())
+        row = int(np.argmax(ratio))
+        whole, piece = np.sqrt(left_over(fit)[row]), np.sqrt(left_over(chosen)[row])
+        return chosen, other._replace(disturbance=_disturbance(posing.structure, row, whole, piece, other.pieces_s))
+
+    def _posed(
+        self, posing: Posing, parameters: ParameterSet, records: TimeRecords, data: Sequence[TimeData]
+    ) -> NonlinearProblem:
+        length_s = posing.pieces_s
+        parts = data if length_s is None else [piece for record in data for piece in record.pieces(length_s)]
+        scheme = Scheme(hold=records.hold)
+        return self.problem(structure=posing.structure, parameters=parameters, records=tuple(parts), scheme=scheme)
+
+    def _fit_each_record(self, data: NonlinearData, fit: NonlinearFit, posing: Posing) -> tuple[LogEstimate, ...]:
         """The fit of each record alone, started from that of all; records without enough data are left out."""
         if len(data.records.data) < 2:
             return ()
@@ -244,9 +320,7 @@ class Nonlinear:
             if not parameters.free:
                 continue
             try:
-                item = fit_nonlinear(
-                    self._posed(data.structure, parameters, data.records, [record]), solver=self.solver
-                )
+                item = fit_nonlinear(self._posed(posing, parameters, data.records, [record]), solver=self.solver)
                 bounds = bounds_of_parts(item.problem.parts(item.solution.theta), parameters.free)
             except RotoridError:  # a record may be too short for what all show together
                 continue
@@ -292,7 +366,7 @@ class Nonlinear:
                 ),
                 fit_percent=fitted.fit_percent,
                 hold=data.records.hold,
-                pieces_s=self.settings.pieces_s,
+                pieces_s=fitted.pieces_s,
                 records=tuple(
                     replace(
                         fit, parameters=_estimates(estimates.get(f"{fit.record} at {fit.start_s:.1f} s"), fitted.model)
@@ -328,6 +402,7 @@ class Nonlinear:
         units = {parameter.name: parameter.unit for parameter in fitted.model.parameters}
         step_s = 1.0 / data.records.data[0].sample_rate_hz
         return (
+            *((fitted.disturbance,) if fitted.disturbance is not None else ()),
             *judge_explained(fitted.fit_percent),
             *judge_colors(fitted.model.name, fitted.bounds, step_s),
             *judge_solver(fitted.model.name, fitted.fit.solution, fitted.model.parameters, fitted.model.input_delays),
@@ -429,6 +504,22 @@ def _fixed_at_rest(
     words = f"{' and '.join(still)} did not move"
     return parameters, tuple(
         remark("no_excitation", name, f"{words}, so {name} was fixed at {parameters[name].value:g}.") for name in fixed
+    )
+
+
+def _disturbance(
+    structure: NonlinearStructure, row: int, whole: float, piece: float, pieces_s: float | None
+) -> Finding:
+    """A warning about what moved the vehicle besides its inputs."""
+    name = structure.outputs[row]
+    where = f"in pieces of {pieces_s:g} s with constants" if pieces_s is not None else "with constants"
+    return warn(
+        "disturbed_flight",
+        name,
+        f"Something besides the inputs moved the vehicle, such as wind or trim: the simulation misses {name} by "
+        f"{whole:.2g}, but by {piece:.2g} {where} in the equations. It was fitted so; still air gives smaller errors.",
+        whole=whole,
+        piece=piece,
     )
 
 
