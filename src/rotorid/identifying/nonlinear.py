@@ -36,7 +36,7 @@ from rotorid.fits.time.refusals import does_not_describe, out_of_iterations, req
 from rotorid.fits.time.remarks import judge_colors, judge_explained, judge_solver, nothing_unseen
 from rotorid.fits.time.summary import information_of, record_fits, residual_colors
 from rotorid.fitting.least_squares import LevenbergMarquardt
-from rotorid.fitting.time.disturbed import DISTURBED, PIECE_S, left_over, pushed
+from rotorid.fitting.time.disturbed import DISTURBED, PIECES_S, left_over, pushed
 from rotorid.fitting.time.nonlinear import NonlinearFit, NonlinearProblem, fit_nonlinear
 from rotorid.fitting.time.output_error import TimeData, log_likelihood
 from rotorid.flights.coverage import covered_by
@@ -274,10 +274,10 @@ class Nonlinear:
         """
         longest_s = max(record.duration_s for record in data.records.data)
         theta, free = fit.solution.theta, fit.problem.parameters.free
-        if longest_s < 2.0 * PIECE_S or bounds_of_parts(fit.problem.parts(theta), free).inflation ** 2 < DISTURBED:
+        if longest_s < 2.0 * PIECES_S[-1] or bounds_of_parts(fit.problem.parts(theta), free).inflation ** 2 < DISTURBED:
             return fit, posing
         structure = pushed(posing.structure, free)
-        lengths_s = [posing.pieces_s] if posing.pieces_s is not None else [PIECE_S, None]
+        lengths_s = [posing.pieces_s] if posing.pieces_s is not None else [*PIECES_S, None]
         _PROGRESS.info(f"fitting {posing.structure.name} in wind")
         found: list[tuple[NonlinearFit, Posing]] = []
         for length_s in lengths_s:

@@ -7,7 +7,8 @@ constant in the equations. So a record is cut into pieces, each with a start and
 .. math:: \dot x = f(x, u, \theta) + d, \qquad \dot d = 0
 
 in every equation that a free parameter stands in. They are states without a rate, whose initial values are unknown as
-those of all others.
+those of all others. Long pieces say more of the parameters, short ones know more of the wind: the longest is taken that
+leaves little more than the shortest.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from rotorid.models.expression import Expression
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.typing import FloatArray
 
-PIECE_S = 6.0
-"""Length of pieces: gusts over open ground last some seconds, and drag slows a multirotor within some."""
+PIECES_S = (3.0, 6.0)
+"""Lengths of pieces, the shortest first: gusts last some seconds, and drag slows a multirotor within one to four."""
 
 DISTURBED = 2.0
-"""Factor by which the variance of an output falls where pieces explain what inputs do not."""
+"""Factor by which the variance of an output falls where shorter pieces explain what inputs do not."""
 
 _PUSH = "push_on_"
 
