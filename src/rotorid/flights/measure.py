@@ -42,7 +42,7 @@ from rotorid.settings.measuring import CompositionChoice, MeasureSettings, Taper
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.spectral.composite import Composition
 from rotorid.spectral.derived import corrected
-from rotorid.spectral.estimate import Diagnostics, diagnosed_response
+from rotorid.spectral.estimate import Diagnostics, Known, diagnosed_response
 from rotorid.spectral.joined import by_input, joined_diagnostics, joined_responses
 from rotorid.spectral.windows import (
     HALF_SINE,
@@ -59,6 +59,35 @@ from rotorid.spectral.windows import (
 from rotorid.typing import BoolArray, FloatArray
 
 _PROGRESS = logging.getLogger("rotorid.progress")
+
+
+class Measurement(NamedTuple):
+    """How records that hold the same channels were measured, so that it can be repeated with other outputs.
+
+    Parameters
+    ----------
+    records
+        Maneuvers on one clock, with what lies around them.
+    inputs, outputs, instruments
+        Channels; no instruments for a direct estimate.
+    omega_rad_s
+        Grid that was asked for, shape ``(f,)``.
+    windows
+        Windows of each input.
+    """
+
+    records: tuple[TimeHistory, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    instruments: tuple[str, ...]
+    omega_rad_s: FloatArray
+    windows: Mapping[str, WindowPlan]
+
+    def repeated(self, records: Sequence[TimeHistory], settings: MeasureSettings, known: Known) -> FrequencyResponse:
+        """The response of records without a known response, and that, by the same windows, grid and instruments."""
+        return _respond(
+            records, self.inputs, self.outputs, self.omega_rad_s, self.windows, settings, self.instruments, known
+        )[0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,6 +113,8 @@ class Measured:
         Input to the lowest frequency that its own windows reach, where windows were chosen by input.
     unfiltered
         Outputs that known filters were taken off.
+    measurements
+        How each group of records was measured.
     """
 
     response: FrequencyResponse
@@ -95,6 +126,7 @@ class Measured:
     findings: tuple[Finding, ...]
     lowest_rad_s: Mapping[str, float] = field(default_factory=dict)
     unfiltered: tuple[str, ...] = ()
+    measurements: tuple[Measurement, ...] = ()
 
     @property
     def excited_to_rad_s(self) -> float:
@@ -350,6 +382,7 @@ def _measured(
             *left,
             *_band_outside_excitation(settings.band_rad_s, flights),
         ),
+        measurements=(Measurement((*records,), inputs, outputs, tuple(instruments), omega_rad_s, windows),),
     )
     return without_known_filters(measured, flights) if settings.correct_filters else measured
 
@@ -422,6 +455,7 @@ def _joined(
         excited_rad_s={name: max(own, default=np.inf) for name, own in tops.items()},
         lowest_rad_s={name: min(own) for name, own in lows.items() if own},
         unfiltered=tuple(dict.fromkeys(name for part in parts for name in part.unfiltered)),
+        measurements=tuple(measurement for part in parts for measurement in part.measurements),
         findings=(
             *_each_once(finding for part in parts for finding in part.findings),
             *(_unmodeled_inputs(group) for group in groups if group.unmodeled_inputs),
@@ -532,6 +566,7 @@ def _respond(
     windows: Mapping[str, WindowPlan],
     settings: MeasureSettings,
     instruments: Sequence[str] = (),
+    known: Known | None = None,
 ) -> tuple[FrequencyResponse, Diagnostics]:
     """Responses with the windows that were planned for each input."""
     found = {
@@ -545,6 +580,7 @@ def _respond(
             overlap=settings.overlap,
             taper=_TAPERS[settings.taper],
             composition=_COMPOSITIONS[settings.composition],
+            known=known,
         )
         for plan in _different(windows)
     }

@@ -360,7 +360,7 @@ class Frequency(_Linear[ResponseData]):
     def describe(self, data: ResponseData, fitted: FrequencyFit) -> FitReport:
         """Costs, responses and delays."""
         structure, problem, measured = fitted.structure, fitted.problem, data.measured
-        own, response = structure.parameters, measured.response
+        own, response = structure.parameters, problem.data
         used = np.asarray(problem.used)
         filters = filter_delays(measured, data.flights)
         return FitReport(

@@ -61,10 +61,12 @@ class StateSpace(Immutable):
             raise ModelError("the delays do not match the inputs and outputs", needed=f"{inputs} and {outputs} delays")
         self._set(**matrices, **delays)
 
-    def response(self, omega_rad_s: FloatArray) -> ComplexArray:
+    def response(self, omega_rad_s: FloatArray | ComplexArray) -> ComplexArray:
         r"""Frequency response, shape ``(y, u, f)``.
 
         .. math:: T = [H_0 + j\omega H_1] (j\omega M - F)^{-1} G \, e^{-j\omega(\tau_u + \tau_y)}
+
+        Complex frequencies are allowed: beside the imaginary axis an integrator has no pole.
         """
         jw = 1j * np.asarray(omega_rad_s)[:, None, None]
         states = np.linalg.solve(jw * self.M - self.F, np.broadcast_to(self.G, (jw.shape[0], *self.G.shape)))

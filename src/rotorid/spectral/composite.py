@@ -278,14 +278,20 @@ class Composer:
         """The frequencies of the responses, shape ``(f,)``."""
         return self.spectra.omega_rad_s
 
-    def responses(self, spectra: Sequence[OutputSpectra], *, draft: bool = False) -> Composed:
+    def responses(
+        self, spectra: Sequence[OutputSpectra], *, known: ComplexArray | None = None, draft: bool = False
+    ) -> Composed:
         """Responses of the output whose densities came, one set for each window length.
 
         A draft has the textbook's random error of the composite and no covariance; it is for what needs a response
-        before the final one can be formed.
+        before the final one can be formed. Densities of an output from which a known response was taken off give the
+        whole response with it, shape ``(u, f)``, as if it were still there.
         """
         parts = [condition(window, output) for window, output in zip(self.windows, spectra, strict=True)]
-        columns = [self._compose_frequency(parts, index, draft) for index in range(len(self.windows[0].inputs))]
+        columns = [
+            self._compose_frequency(parts, index, draft, 0.0 if known is None else known[index])
+            for index in range(len(self.windows[0].inputs))
+        ]
         values, coherence, error, covariance, share, single, weak_instrument = (
             np.stack(arrays) for arrays in zip(*columns, strict=True)
         )
@@ -309,10 +315,10 @@ class Composer:
         return self.windows[0].instruments == self.windows[0].inputs
 
     def _compose_frequency(
-        self, parts: Sequence[Conditioned], index: int, draft: bool
+        self, parts: Sequence[Conditioned], index: int, draft: bool, known: ComplexArray | float
     ) -> tuple[ComplexArray, FloatArray, FloatArray, ComplexArray, FloatArray, FloatArray, FloatArray]:
         power = self._padded([window.input_power[index] for window in self.windows], 1.0).real
-        response = self._padded([part.response[index] for part in parts], 1.0)
+        response = self._padded([part.response[index] for part in parts], 1.0) + known
         noise = self._padded([part.noise / left for part, left in zip(parts, self.left, strict=True)], 1.0).real
         pairs = PairSpectra(input_auto=power, output_auto=np.abs(response) ** 2 * power + noise, cross=response * power)
         single = random_error(pairs.coherence, self._averages, overlap=self.spectra.overlap)

@@ -155,6 +155,36 @@ def corrected(response: FrequencyResponse, filters: Mapping[str, Sequence[KnownF
     return _scaled(response, factor, *notes)
 
 
+def multiplied(response: FrequencyResponse, factor: ComplexArray) -> FrequencyResponse:
+    """The response with each output multiplied by a factor that is known exactly, and its disturbance with it.
+
+    Parameters
+    ----------
+    factor
+        Shape ``(y, f)``, nowhere zero.
+
+    Examples
+    --------
+    >>> ones = np.ones((1, 1, 2))
+    >>> plain = FrequencyResponse(omega_rad_s=[1.0, 10.0], values=ones, coherence=ones, random_error=0.02 * ones,
+    ...                           covariance=8e-4 * np.eye(2)[None, None], inputs=("roll_command",), outputs=("p",),
+    ...                           estimate="direct")
+    >>> twice = multiplied(plain, np.full((1, 2), 2.0))
+    >>> twice.values.real.tolist(), twice.random_error.tolist()
+    ([[[2.0, 2.0]]], [[[0.02, 0.02]]])
+    """
+    disturbance = response.disturbance
+    if disturbance is not None:
+        channels = np.concatenate([factor, np.ones((len(response.inputs), factor.shape[1]))])
+        disturbance = replace(
+            disturbance,
+            densities=disturbance.densities * channels[:, None] * channels.conj(),
+            level=disturbance.level * np.abs(factor) ** 2,
+        )
+    each = np.broadcast_to(factor[:, None], response.values.shape)
+    return replace(_scaled(response, each), disturbance=disturbance)
+
+
 def ratio(numerator: FrequencyResponse, denominator: FrequencyResponse) -> FrequencyResponse:
     r"""Response from one output to another, out of their responses to the same input.
 

@@ -9,7 +9,7 @@ only planned and its spectra expected.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -136,6 +136,7 @@ def _condition(window: ConditionedResponse) -> FloatArray:
 
 
 Leakage: TypeAlias = Literal["corrected", "ignored"]
+Known: TypeAlias = Callable[[FloatArray], ComplexArray]
 
 
 def frequency_response(
@@ -247,10 +248,18 @@ def diagnosed_response(
     taper: Taper = HANN,
     composition: Composition = "minimum_variance",
     leakage: Leakage = "corrected",
+    known: Known | None = None,
 ) -> tuple[FrequencyResponse, Diagnostics]:
     """:func:`frequency_response`, with what stands behind it.
 
     Parameters and errors are those of :func:`frequency_response`.
+
+    Parameters
+    ----------
+    known
+        Response ``(y, u, f)`` at frequencies ``(f,)`` whose effect was taken off the outputs of the records. It is
+        added to that of what they still hold, and windows add nothing to it, so that nothing is corrected. Multiple
+        coherence and leakage of the diagnostics are then those of what the outputs still hold.
 
     Returns
     -------
@@ -286,6 +295,7 @@ def diagnosed_response(
         asked=asked,
         composition=composition,
         leakage=leakage,
+        known=known,
     )
 
 
@@ -299,6 +309,7 @@ def response_from(
     composition: Composition = "minimum_variance",
     leakage: Leakage = "corrected",
     fitted: bool = True,
+    known: Known | None = None,
 ) -> tuple[FrequencyResponse, Diagnostics]:
     """The estimate that spectra hold, measured or expected ones.
 
@@ -315,6 +326,8 @@ def response_from(
     fitted
         Whether an estimate from these spectra adapts to their disturbance, which then holds less power than it had.
         It does to measured spectra; expected ones hold the whole disturbance.
+    known
+        As in :func:`diagnosed_response`.
 
     Raises
     ------
@@ -333,13 +346,15 @@ def response_from(
         composition=composition,
         fitted=fitted,
     )
-    answers = [_respond(composer, channels.index(name)) for name in outputs]
+    added = [None] * len(outputs) if known is None else known(composer.omega_rad_s)
+    answers = [_respond(composer, channels.index(name), own) for name, own in zip(outputs, added, strict=True)]
     whole = [answer.composed for answer in answers]
     asked = asked[-composer.omega_rad_s.size :]
     omega_rad_s, parts = composer.omega_rad_s[asked], [part.at(asked) for part in whole]
-    disturbance = disturbance_of(
-        composer.windows, [answer.densities for answer in answers], whole, composer.left, asked
-    )
+    held = [
+        part if own is None else replace(part, values=part.values - own) for part, own in zip(whole, added, strict=True)
+    ]
+    disturbance = disturbance_of(composer.windows, [answer.densities for answer in answers], held, composer.left, asked)
     share = np.mean([part.share for part in whole], axis=0)
     response = FrequencyResponse(
         omega_rad_s=omega_rad_s,
@@ -369,11 +384,11 @@ class _Answer(NamedTuple):
     densities: list[OutputSpectra]
 
 
-def _respond(composer: Composer, output: int) -> _Answer:
+def _respond(composer: Composer, output: int, known: ComplexArray | None) -> _Answer:
     matrices = composer.spectra.matrices
     plain = [output_spectra(matrix, output) for matrix in matrices]
-    if not composer.corrected:
-        composed = composer.responses(plain)
+    if not composer.corrected or known is not None:
+        composed = composer.responses(plain, known=known)
         return _Answer(composed, np.zeros_like(composed.values), plain)
     # What windows add is known from a first answer that still has it.
     draft = composer.responses(plain, draft=True)

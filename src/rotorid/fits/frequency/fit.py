@@ -19,10 +19,12 @@ from rotorid.data.quantity import with_error
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fits.bootstrapping import Bootstrap
 from rotorid.fits.data_requirements import main_pairs, require_known_gain, require_support
+from rotorid.fits.frequency.windows import measured_with_model
 from rotorid.fits.remarks import NO_BOUND, judge_band, judge_fit, judge_parameters, judge_structure
 from rotorid.fits.searching import Searched, judge_minima, searched
 from rotorid.fitting.frequency.fit import fit_frequency, refine, weights_of
 from rotorid.fitting.frequency.problem import (
+    ACCEPTABLE_COST,
     FrequencyProblem,
     only_pairs,
     within_bands,
@@ -180,7 +182,8 @@ def fit_with_bounds(
 
     The fit in CIFER's cost comes first, from the best of a search where one was asked for, and the reduction judges by
     it. Of several outputs the errors go together; then
-    the fit goes on with weights made of their covariance, from which the values come.
+    the fit goes on with weights made of their covariance, from which the values come. Where windows have added much to
+    a response, it is measured anew with that model and fitted once more (:mod:`rotorid.fits.frequency.windows`).
 
     Raises
     ------
@@ -188,6 +191,18 @@ def fit_with_bounds(
         Not even the sign of the gain is certain.
     """
     settings = settings or IdentifySettings()
+    first = _fit(problem, measured, settings)
+    if first.average_cost > ACCEPTABLE_COST:
+        return first
+    again = measured_with_model(replace(problem, used=first.problem.used), first.parameters, measured, settings)
+    if again is None:
+        return first
+    once = replace(settings, search=None, evaluations=None, starts="default")
+    return replace(_fit(_from_best_minimum(again, first.search), measured, once), search=first.search)
+
+
+def _fit(problem: FrequencyProblem, measured: Measured, settings: IdentifySettings) -> FrequencyFit:
+    """The fit of responses as they are."""
     problem, unseen = without_unseen_couplings(problem)
     library = problem.structure.parameters
     search = searched(problem, settings)

@@ -14,6 +14,7 @@ from rotorid.data.trust import RICH_KINDS
 from rotorid.errors import RotoridError
 from rotorid.fits.frequency.fit import FrequencyFit
 from rotorid.fits.frequency.inverse import pose_screened
+from rotorid.fits.frequency.windows import measured_with_model
 from rotorid.fits.scatter import LogEstimate, amplitude_dependences, disagreements, widened
 from rotorid.fitting.frequency.fit import fit_frequency, refine
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
@@ -85,6 +86,7 @@ def _separate_estimates(
     posed = pose_screened(whole.structure, measured, settings, flights).problem
     kept = whole.used.any(axis=-1, keepdims=True) & (posed.data.omega_rad_s >= fitted.band_rad_s[0])
     problem = replace(posed, parameters=whole.parameters.with_values(fitted.parameters.values), used=posed.used & kept)
+    problem = measured_with_model(problem, fitted.parameters, measured, settings) or problem
     solution = fit_frequency(problem)
     final = refine(problem, solution) if fitted.weights == "covariance" else solution
     costs = problem.costs(final.theta)[problem.used.any(axis=-1)]
