@@ -18,7 +18,6 @@ from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.delay.estimate import DelayAnalysis, DelayEstimate, estimate_delay, same_rate
-from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
 from rotorid.flights.flights import Flight, never_flew
 from rotorid.flights.instruments import axes_of, find_instrument, is_command, is_free
 from rotorid.flights.measure import measure
@@ -31,6 +30,7 @@ from rotorid.settings.measuring import MeasureSettings
 from rotorid.settings.option import as_settings
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import excitation_signals
+from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.typing import BoolArray
 
 _PROGRESS = logging.getLogger("rotorid.progress")

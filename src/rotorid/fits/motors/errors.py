@@ -33,13 +33,13 @@ import numpy as np
 
 from rotorid.data.axes import RATES
 from rotorid.data.record import MotorRecord
-from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, slow_taps
 from rotorid.fitting.motors.fit import MotorFit
 from rotorid.fitting.motors.problem import Axis, Filter, MotorProblem
 from rotorid.flights.motor_data import MotorData
 from rotorid.models.motors import DELAYS, SPIN_UP
 from rotorid.models.parameter import ParameterSet
+from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 

@@ -23,10 +23,10 @@ import numpy as np
 
 from rotorid.fits.motors.errors import SENSOR_SHARE
 from rotorid.fits.scatter import LogEstimate, widened
-from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
 from rotorid.fitting.problem import Part
 from rotorid.models.motor_speed import CURVE, DELAY, EXPONENT, LAG_DOWN, LAG_UP, LEAD
 from rotorid.results.model import SimulatedRecord
+from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.time_error import with_time_error
 

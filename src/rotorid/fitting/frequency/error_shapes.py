@@ -25,10 +25,8 @@ from dataclasses import replace
 import numpy as np
 
 from rotorid.fitting.problem import ErrorShapes
+from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.typing import ComplexArray, FloatArray, IntArray
-
-CLOCK_SAMPLES = 0.15
-"""Standard deviation of a delay within a sample: hold and stamps are known no better."""
 
 _OCTAVE = 0.7
 """Length of smooth errors over the natural logarithm of frequency: ln 2, rounded."""

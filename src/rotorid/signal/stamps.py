@@ -1,0 +1,144 @@
+r"""How exactly a log says when a value was taken: jitter of stamps, and clocks that inputs and outputs share.
+
+The stamp of a message says when it was written. Where within a sample its value belongs, and how long a command was
+held, the log does not say: 0.15 of a sample, the standard deviation of what lies anywhere within half of one. More is
+known only where a firmware writes inputs and outputs in one turn of its loop, as ArduPilot and Betaflight do: their
+stamps are alike and even, and what is left is their jitter, and what differs within a turn
+(:data:`SAME_TURN_SAMPLES`).
+
+A table proves nothing by even stamps: whoever brought several messages to one clock made them even. Nor do PX4's, whose
+modules stamp and filter each channel on their own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError
+from rotorid.signal.clock import source_topic
+from rotorid.typing import FloatArray
+
+CLOCK_SAMPLES = 0.15
+"""Standard deviation of a delay within a sample, of each input and each output, where hold and stamps are not known."""
+
+SAME_TURN_SAMPLES = 0.03
+"""The same of channels written in one turn of a loop."""
+
+_FEWEST = 20
+_ALIKE = 1e-3
+"""Of a step, by which stamps may differ and be alike."""
+
+_MOSTLY = 0.99
+_IN_ONE_TURN = ("ArduPilot DataFlash", "Betaflight blackbox")
+
+
+def stamp_jitter_s(time_s: FloatArray) -> float:
+    r"""Standard deviation of stamps about an even clock, seconds.
+
+    Steps between stamps are multiples of their median, for messages get lost; what is left of them is the difference of
+    two stamps: :math:`\sigma = \mathrm{rms}(\Delta t_k - n_k \Delta t) / \sqrt{2}`.
+
+    Parameters
+    ----------
+    time_s
+        Stamps, shape ``(n,)``; those that repeat or step back do not count.
+
+    Returns
+    -------
+    float
+        Infinite for fewer than twenty steps.
+
+    Examples
+    --------
+    >>> even = 0.004 * np.arange(500)
+    >>> late = np.random.default_rng(1).exponential(0.0002, 500)
+    >>> round(stamp_jitter_s(even), 9), round(stamp_jitter_s(np.delete(even, [7, 100, 101])), 9)
+    (0.0, 0.0)
+    >>> round(1e3 * stamp_jitter_s(even + late), 1)
+    0.2
+    """
+    steps = np.diff(time_s)
+    steps = steps[steps > 0.0]
+    if steps.size < _FEWEST:
+        return math.inf
+    step = float(np.median(steps))
+    left = steps - step * np.round(steps / step)
+    return float(np.sqrt(np.mean(left**2) / 2.0))
+
+
+def clock_errors_s(
+    record: FlightRecord, channels: Sequence[str], intervals: Iterable[tuple[float, float]]
+) -> tuple[float, ...]:
+    r"""Standard deviation of the time to which values of each channel belong, one for each, seconds.
+
+    Parameters
+    ----------
+    record
+        The log.
+    channels
+        Inputs and outputs together.
+    intervals
+        Start and stop of each maneuver; the largest error counts.
+
+    Examples
+    --------
+    One message of a firmware, and a table:
+
+    >>> from dataclasses import replace
+    >>> from rotorid.data.record import Channel
+    >>> from rotorid.data.record import Source, Topic
+    >>> rows = (Channel(name="roll_command", unit="1"), Channel(name="p", unit="rad/s"))
+    >>> message = Topic(name="RATE", time_s=0.0025 * np.arange(400), channels=rows, values=np.zeros((2, 400)))
+    >>> log = FlightRecord(source=Source(name="a.BIN", format="ArduPilot DataFlash", sha256=""), topics=(message,))
+    >>> [round(1e6 * error) for error in clock_errors_s(log, ("roll_command", "p"), [(0.0, 1.0)])]
+    [75, 75]
+    >>> table = replace(log, source=Source(name="a.csv", format="CSV", sha256=""))
+    >>> [round(1e6 * error) for error in clock_errors_s(table, ("roll_command", "p"), [(0.0, 1.0)])]
+    [375, 375]
+    """
+    found = np.zeros(len(channels))
+    for start_s, stop_s in intervals:
+        found = np.maximum(found, _errors_s(record, channels, start_s, stop_s))
+    return tuple(found.tolist())
+
+
+def _errors_s(record: FlightRecord, channels: Sequence[str], start_s: float, stop_s: float) -> FloatArray:
+    # What is worked out from other channels has no stamps of its own.
+    logged = [name for name in channels if name in record.channel_names]
+    try:
+        topics = {id(topic): topic for topic, _ in (source_topic(record, name, start_s, stop_s) for name in logged)}
+    except InsufficientDataError:
+        topics = {id(topic): topic for name in logged for topic, _ in record.holding(name)}
+        start_s, stop_s = -math.inf, math.inf
+    stamps = [topic.time_s[(topic.time_s >= start_s) & (topic.time_s <= stop_s)] for topic in topics.values()]
+    # The slowest channel sets the clock to which all are brought.
+    step_s = max((_step_s(time_s) for time_s in stamps), default=0.0)
+    share = CLOCK_SAMPLES
+    if record.source.format in _IN_ONE_TURN and len(logged) == len(channels) and _alike(stamps, step_s):
+        jitter = max(stamp_jitter_s(time_s) for time_s in stamps) / step_s
+        share = min(share, math.hypot(SAME_TURN_SAMPLES, jitter))
+    return np.full(len(channels), share * step_s)
+
+
+def _step_s(time_s: FloatArray) -> float:
+    steps = np.diff(time_s)
+    steps = steps[steps > 0.0]
+    return float(np.median(steps)) if steps.size else 0.0
+
+
+def _alike(stamps: Sequence[FloatArray], step_s: float) -> bool:
+    """Whether the stamps of the slowest topic are those of all others too."""
+    slowest = min(stamps, key=len)
+    if slowest.size < _FEWEST:
+        return False
+    for time_s in stamps:
+        rising = np.sort(time_s)
+        after = np.clip(np.searchsorted(rising, slowest), 1, rising.size - 1)
+        apart = np.minimum(np.abs(rising[after] - slowest), np.abs(rising[after - 1] - slowest))
+        if np.mean(apart <= _ALIKE * step_s) < _MOSTLY:
+            return False
+    return True
