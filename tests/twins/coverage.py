@@ -1,49 +1,59 @@
-"""Do intervals of 95 % hold? Flights of vehicles of the library, identified as their owners would, against the truth.
+"""Do intervals of 95 % hold, and are they sharp? Flights of the library's vehicles, identified as their owners would.
 
-True is the exact linearization in hover, with what a flight makes of it:
+``python -m tests.twins.coverage FOLDER`` flies what the folder does not hold yet (logs are kept, and flown once),
+identifies what this version of the program has not identified yet, and prints the tables; interrupted, it goes on where
+it was. ``--vehicles``, ``--weathers``, ``--seeds`` and ``--models`` select: a flight takes half a minute.
+``--before LABEL`` prints another version's rows first.
 
-- rotors whose thrust is quadratic in what is commanded have the slope at the mean command, and the mean command of a
-  sweep that holds the height is lower than that of hover;
-- rotors that speed up and slow down differently show fast motion a shorter lag than the mean of the two.
+All parameters are judged, those that are zero or dropped too. What is true of a flight: see
+:mod:`tests.twins.coverage_flights`. A dropped parameter is the statement that it is zero, with the deviation that is
+stated for it; without one it is *silent*, and counted apart.
 
-Reported apart, because nothing true is known of them: drag and speed derivatives of ArduPilot's vehicle (quadratic
-drag has no slope at rest), couplings of zero in steady wind, and rate models of the S500, without what turns it.
-
-``python -m tests.twins.coverage FOLDER`` flies and identifies, goes on where it was interrupted, and prints the table.
+Flights are counted beside intervals: intervals of one flight share its noise, its wind and its sweeps. The standard
+error of a share is that over flights.
 """
 
 from __future__ import annotations
 
+import argparse
+import hashlib
 import json
+import math
 import os
-import sys
-import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import binom
-from tests.twins.motor_twins import VEHICLES, Twin, twin
+from tests.twins.coverage_flights import DEV_SEEDS, DEV_WEATHERS, KeptFlight, fly, read_flight
+from tests.twins.motor_twins import VEHICLES
 
 import rotorid
-from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.flying.settings import SimulateSettings
-from rotorid.flying.simulation import truth_of
 from rotorid.identifying.identification import identify_motors
 
-WEATHERS = ("calm", "wind")
 RATE = tuple(f"rate.{axis}" for axis in ("roll", "pitch", "yaw", "vertical"))
 AXIS = tuple(f"axis.{axis}" for axis in ("roll", "pitch", "yaw"))
 HOVER = ("hover.lateral", "hover.longitudinal")
+REDUCED = tuple(f"{model}/reduced" for model in HOVER)
 MOTORS = "physical.motors"
-FAMILIES = ("rate", "axis", "hover", "physical")
-SLOPES_OF_SPEED = ("X_u", "Y_v", "Z_w", "M_u", "L_v")
-QUADRATIC_THRUST = ("crazyflie", "hummingbird", "iris", "x500")
+MODELS = (*RATE, *AXIS, *HOVER, *REDUCED, MOTORS)
+KINDS: Mapping[str, tuple[str, ...]] = {
+    "rate": RATE,
+    "axis": AXIS,
+    "hover": HOVER,
+    "reduced": REDUCED,
+    "motors": (MOTORS,),
+}
 TWO_SIDED = 1.96
+BLUNT = 0.005
+"""Median error over the value above which errors, below which half a percent, say how wide an interval may be."""
+WIDEST, FINEST = 1.8, 0.007
+"""Bars: median of stated over error (1.48 for normal errors), and stated over the value where errors are tiny."""
 
 
 class Case(NamedTuple):
@@ -53,153 +63,221 @@ class Case(NamedTuple):
     weather: str
     seed: int
     model: str
-    reduced: bool
 
     @property
-    def family(self) -> str:
-        return self.model.partition(".")[0]
+    def flight(self) -> tuple[str, str, int]:
+        return self[:3]
+
+    @property
+    def kind(self) -> str:
+        return next(kind for kind, models in KINDS.items() if self.model in models)
 
 
 class Judged(NamedTuple):
-    """A parameter of one identification against its truth."""
+    """A parameter of one identification against its truth; ``std`` is missing where a dropped one states none."""
 
     case: Case
     name: str
     truth: float
     value: float
-    std: float
-    std_random: float
+    std: float | None
+    std_random: float | None
+    status: str
 
     @property
     def ratio(self) -> float:
+        """Error over stated deviation."""
+        assert self.std
         return (self.value - self.truth) / self.std
 
-
-class Refused(NamedTuple):
-    """An identification that was refused, and why."""
-
-    case: Case
-    kinds: tuple[str, ...]
-    message: str
+    @property
+    def holds(self) -> bool:
+        return abs(self.ratio) <= TWO_SIDED
 
 
-class Dropped(NamedTuple):
-    """A parameter that was left out although it is not zero."""
+class Identified(NamedTuple):
+    """An identification that ended: whether it was refused, and its findings."""
 
     case: Case
-    name: str
-    truth: float
-
-
-def flown_truth(vehicle: str, record: FlightRecord) -> dict[str, float]:
-    """What one flight shows of its vehicle."""
-    craft = SimulateSettings(vehicle=vehicle).aircraft
-    truth = {name: true.value for name, true in truth_of(craft).items()}
-    rotors = craft.vehicle.rotors
-    if rotors.lag_down_s and rotors.lag_down_s != rotors.lag_up_s:
-        apart = (rotors.lag_up_s - rotors.lag_down_s) / (rotors.lag_up_s + rotors.lag_down_s)
-        truth["T_motor"] *= 1.0 - (1.0 - 8.0 / np.pi**2) * apart**2
-    if vehicle in QUADRATIC_THRUST:
-        thrust = record["thrust_command"]
-        sweep = rotorid.find_excitations(record, "thrust")[0]
-        inside = (thrust.time_s >= sweep.start_s) & (thrust.time_s <= sweep.stop_s)
-        before = (thrust.time_s >= sweep.start_s - 2.0) & (thrust.time_s < sweep.start_s)
-        truth["Z_thrust"] *= float(np.mean(thrust.values[inside]) / np.mean(thrust.values[before]))
-    return truth
-
-
-def is_known(case: Case, name: str, truth: float) -> bool:
-    """Whether anything true is known of a parameter of a flight."""
-    if case.vehicle == "ardupilot_quad" and name in SLOPES_OF_SPEED:
-        return False
-    return not (case.weather == "wind" and truth == 0.0)
-
-
-def is_judged(vehicle: str, family: str) -> bool:
-    """Whether the models of a kind can be right for a vehicle at all."""
-    return (vehicle, family) != ("s500", "rate")
-
-
-def cases_of(vehicle: str, weather: str, seed: int) -> Iterator[Case]:
-    """Every identification of one flight."""
-    for model in (*RATE, *AXIS, *HOVER, MOTORS):
-        if is_judged(vehicle, model.partition(".")[0]):
-            yield Case(vehicle, weather, seed, model, reduced=False)
-    for model in HOVER:
-        yield Case(vehicle, weather, seed, model, reduced=True)
-
-
-def judge(case: Case, flight: Twin, truth: Mapping[str, float]) -> list[Judged | Refused | Dropped]:
-    """One identification, parameter by parameter."""
-    try:
-        if case.model == MOTORS:
-            model = identify_motors([flight.record], flight.choices)
-            assert model.motors is not None
-            found: dict[str, Any] = {**model.motors.derived, **model.parameters}
-            truth = dict(flight.truth)
-            if not {"I_xx", "I_yy"} & set(found) and "tau_gyro" in truth:
-                # Where yaw alone is known, the delay is that of yaw.
-                truth["tau_gyro"] = truth["tau_gyro_yaw"]
-        else:
-            found = dict(rotorid.identify(flight.record, case.model, reduce=case.reduced).parameters)
-    except InsufficientDataError as error:
-        kinds = tuple(sorted({finding.kind for finding in error.findings}))
-        return [Refused(case, kinds, str(error))]
-    rows: list[Judged | Refused | Dropped] = []
-    for name, known in truth.items():
-        if name not in found or not is_known(case, name, known):
-            continue
-        parameter = found[name]
-        status = getattr(parameter, "status", "free")
-        if parameter.std and status in ("free", "derived"):
-            random = getattr(parameter, "std_random", None) or parameter.std
-            rows.append(Judged(case, name, known, parameter.value, parameter.std, random))
-        elif status == "dropped" and known != 0.0:
-            rows.append(Dropped(case, name, known))
-    return rows
-
-
-def fly(vehicle: str, weather: str, seed: int) -> list[dict[str, Any]]:
-    """One flight, all its identifications, as rows that can be kept in a file."""
-    with tempfile.TemporaryDirectory() as folder:
-        flight = twin(vehicle, weather, seed, Path(folder))
-        truth = flown_truth(vehicle, flight.record)
-        rows = [row for case in cases_of(vehicle, weather, seed) for row in judge(case, flight, truth)]
-    return [{"row": type(row).__name__, **row._asdict()} for row in rows]
+    refused: bool
+    findings: tuple[str, ...]
+    message: str = ""
 
 
 class Study(NamedTuple):
     """All that was judged."""
 
-    judged: list[Judged]
-    refused: list[Refused]
-    dropped: list[Dropped]
-    flights: frozenset[tuple[str, str, int]]
+    judged: tuple[Judged, ...]
+    identified: tuple[Identified, ...]
+    moved: Mapping[tuple[str, str], tuple[float, ...]]
+    """Of each vehicle and parameter, what flights show over what is true of hover in still air."""
 
-    def of(self, vehicle: str, family: str, reduced: bool = False) -> list[Judged]:
-        return [
-            row
-            for row in self.judged
-            if (row.case.vehicle, row.case.family, row.case.reduced) == (vehicle, family, reduced)
-        ]
+    @property
+    def flights(self) -> frozenset[tuple[str, str, int]]:
+        return frozenset(run.case.flight for run in self.identified)
 
-    def refusals(self, vehicle: str, family: str, reduced: bool = False) -> list[Refused]:
-        return [
-            row
-            for row in self.refused
-            if (row.case.vehicle, row.case.family, row.case.reduced) == (vehicle, family, reduced)
-        ]
+    @property
+    def intervals(self) -> list[Judged]:
+        """Parameters of which an interval is stated."""
+        return [row for row in self.judged if row.std]
 
-    def share_refused(self, vehicle: str, family: str, reduced: bool = False) -> float:
-        """Of the identifications of a vehicle by models of a kind."""
-        flights = sum(flight[0] == vehicle for flight in self.flights)
-        models = {"rate": RATE, "axis": AXIS, "hover": HOVER, "physical": (MOTORS,)}[family]
-        return len(self.refusals(vehicle, family, reduced)) / (flights * len(models))
+    @property
+    def silent(self) -> list[Judged]:
+        """Parameters that were dropped without a deviation."""
+        return [row for row in self.judged if not row.std]
+
+    def where(self, wanted: Callable[[Case], bool]) -> Study:
+        """The part of some cases."""
+        return Study(
+            judged=tuple(row for row in self.judged if wanted(row.case)),
+            identified=tuple(run for run in self.identified if wanted(run.case)),
+            moved=self.moved,
+        )
+
+    def cell(self, vehicle: str, kind: str) -> Study:
+        """The part of a vehicle and a kind of model."""
+        return self.where(lambda case: (case.vehicle, case.kind) == (vehicle, kind))
+
+    def share(self, true: Callable[[Identified], bool]) -> float:
+        """Share of identifications of which something is true."""
+        return float(np.mean([true(run) for run in self.identified]))
 
 
-def held(rows: Sequence[Judged]) -> float:
+class Share(NamedTuple):
+    """A share of intervals, and its standard error over flights (missing for one flight)."""
+
+    value: float
+    error: float
+
+    def __str__(self) -> str:
+        return f"{100.0 * self.value:.1f} ± {100.0 * self.error:.1f} %"
+
+
+def judge(case: Case, flight: KeptFlight) -> list[Judged | Identified]:
+    """One identification, parameter by parameter."""
+    model, _, reduced = case.model.partition("/")
+    truth = dict(flight.truth)
+    try:
+        if model == MOTORS:
+            result = identify_motors([flight.record], flight.choices)
+            assert result.motors is not None
+            found: dict[str, Any] = {**result.motors.derived, **result.parameters}
+            truth = dict(flight.motors)
+            if not {"I_xx", "I_yy"} & set(found) and "tau_gyro" in truth:
+                # Where yaw alone is known, the delay is that of yaw.
+                truth["tau_gyro"] = truth["tau_gyro_yaw"]
+        else:
+            result = rotorid.identify(flight.record, model, reduce=bool(reduced))
+            found = dict(result.parameters)
+            if model in RATE:
+                truth |= flight.rate_damping
+    except InsufficientDataError as error:
+        return [Identified(case, True, tuple(sorted({finding.kind for finding in error.findings})), str(error))]
+    rows: list[Judged | Identified] = [
+        Identified(case, False, tuple(sorted({finding.kind for finding in result.findings})))
+    ]
+    for name in truth.keys() & found.keys():
+        parameter = found[name]
+        status = getattr(parameter, "status", "derived")
+        if status == "dropped" or (parameter.std and status in ("free", "derived")):
+            random = getattr(parameter, "std_random", None)
+            rows.append(Judged(case, name, truth[name], parameter.value, parameter.std, random, status))
+    return rows
+
+
+@cache
+def version() -> str:
+    """Short hash of the program's source: rows of one version are never taken for those of another."""
+    code = hashlib.sha256()
+    for file in sorted(Path(rotorid.__file__).parent.rglob("*")):
+        if file.suffix in (".py", ".toml"):
+            code.update(file.read_bytes())
+    return code.hexdigest()[:10]
+
+
+def identify_flight(
+    folder: Path, flight: tuple[str, str, int], models: Sequence[str], label: str
+) -> dict[str, list[dict[str, Any]]]:
+    """Fly what was not flown, identify what was not identified, and keep the rows: model to rows."""
+    vehicle, weather, seed = flight
+    kept = fly(folder / "flights", *flight)
+    rows_file = folder / f"rows-{label}" / kept.name
+    rows = json.loads(rows_file.read_text(encoding="utf-8")) if rows_file.exists() else {}
+    missing = [model for model in models if model not in rows]
+    if missing:
+        read = read_flight(kept, vehicle)
+        for model in missing:
+            judged = judge(Case(vehicle, weather, seed, model), read)
+            rows[model] = [{"row": type(row).__name__, **row._asdict()} for row in judged]
+        rows_file.parent.mkdir(parents=True, exist_ok=True)
+        part = rows_file.with_suffix(".part")
+        part.write_text(json.dumps(rows), encoding="utf-8")
+        part.replace(rows_file)
+    return {model: rows[model] for model in models}
+
+
+def study(
+    folder: Path,
+    *,
+    vehicles: Sequence[str] = VEHICLES,
+    weathers: Sequence[str] = tuple(DEV_WEATHERS),
+    seeds: Sequence[int] = DEV_SEEDS,
+    models: Sequence[str] = MODELS,
+    label: str | None = None,
+    workers: int = 1,
+) -> Study:
+    """Fly and identify what the folder does not hold yet, and read all of it.
+
+    With a ``label`` the rows go by that name instead of the version's: a state that is to be kept, such as *before*.
+    """
+    label = label or version()
+    flights = [(vehicle, weather, seed) for seed in seeds for weather in weathers for vehicle in vehicles]
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if workers == 1:
+        found = {flight: identify_flight(folder, flight, models, label) for flight in flights}
+    else:
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            running = {pool.submit(identify_flight, folder, flight, models, label): flight for flight in flights}
+            found = {running[done]: done.result() for done in as_completed(running)}
+    return collected(folder, (row for flight in flights for rows in found[flight].values() for row in rows))
+
+
+def kept_study(folder: Path, label: str) -> Study:
+    """The rows of a version or label, whatever flights it has."""
+    files = sorted((folder / f"rows-{label}").glob("*.json"))
+    kept = (json.loads(file.read_text(encoding="utf-8")) for file in files)
+    return collected(folder, (row for models in kept for rows in models.values() for row in rows))
+
+
+def collected(folder: Path, kept: Iterable[dict[str, Any]]) -> Study:
+    """Rows of files as a study."""
+    judged: list[Judged] = []
+    identified: list[Identified] = []
+    for fields in kept:
+        values = {name: value for name, value in fields.items() if name != "row"} | {"case": Case(*fields["case"])}
+        if fields["row"] == "Judged":
+            judged.append(Judged(**values))
+        else:
+            identified.append(Identified(**values | {"findings": tuple(values["findings"])}))
+    moved: dict[tuple[str, str], tuple[float, ...]] = {}
+    for vehicle, weather, seed in sorted({run.case.flight for run in identified}):
+        flight = json.loads(fly(folder / "flights", vehicle, weather, seed).read_text(encoding="utf-8"))
+        for name, exact in flight["exact"].items():
+            if exact and flight["truth"][name] != exact:
+                moved[vehicle, name] = (*moved.get((vehicle, name), ()), flight["truth"][name] / exact)
+    return Study(judged=tuple(judged), identified=tuple(identified), moved=moved)
+
+
+def held(rows: Sequence[Judged]) -> Share:
     """Share of intervals that hold what is true."""
-    return float(np.mean([abs(row.ratio) <= TWO_SIDED for row in rows]))
+    of_flights: dict[tuple[str, str, int], list[bool]] = {}
+    for row in rows:
+        of_flights.setdefault(row.case.flight, []).append(row.holds)
+    holding = np.array([sum(holds) for holds in of_flights.values()], dtype=float)
+    counts = np.array([len(holds) for holds in of_flights.values()], dtype=float)
+    share, flights = holding.sum() / counts.sum(), counts.size
+    scatter = np.sum((holding - share * counts) ** 2) * flights / (flights - 1) if flights > 1 else math.nan
+    return Share(float(share), float(np.sqrt(scatter) / counts.sum()))
 
 
 def size(rows: Sequence[Judged]) -> float:
@@ -207,16 +285,59 @@ def size(rows: Sequence[Judged]) -> float:
     return float(np.sqrt(np.mean([row.ratio**2 for row in rows])))
 
 
-def width(rows: Sequence[Judged]) -> float:
-    """What is stated over what the error is: of every parameter its median deviation by its rms error, their median."""
-    return float(
-        np.median(
-            [
-                np.median([row.std for row in of]) / np.sqrt(np.mean([(row.value - row.truth) ** 2 for row in of]))
-                for of in by_parameter(rows).values()
-            ]
-        )
+class Sharpness(NamedTuple):
+    """How wide intervals are; a number is missing where no parameter is of its kind.
+
+    Parameters
+    ----------
+    over_error
+        Median of stated deviation over error, of the parameters whose median error is above half a percent of the
+        value, and of those that are zero.
+    over_value
+        Median of stated deviation over value, of the others.
+    too_wide
+        Parameters that miss the bar of their kind, with that number.
+    """
+
+    over_error: float | None
+    over_value: float | None
+    too_wide: Mapping[tuple[str, str], float]
+
+    @property
+    def reaches(self) -> bool:
+        return (self.over_error or 0.0) <= WIDEST and (self.over_value or 0.0) <= FINEST
+
+
+def sharpness(rows: Sequence[Judged]) -> Sharpness:
+    """Sharpness of the intervals of a cell, parameter by parameter and pooled."""
+    over_error: list[float] = []
+    over_value: list[float] = []
+    too_wide = {}
+    for key, of in by_parameter(rows).items():
+        errors = np.array([abs(row.value - row.truth) for row in of])
+        stds = np.array([row.std for row in of], dtype=float)
+        truths = np.array([abs(row.truth) for row in of])
+        if np.median(errors) > BLUNT * np.median(truths):
+            ratios, pool, bar = stds / np.maximum(errors, 1e-12), over_error, WIDEST
+        else:
+            ratios, pool, bar = stds / truths, over_value, FINEST
+        pool += ratios.tolist()
+        if np.median(ratios) > bar:
+            too_wide[key] = float(np.median(ratios))
+    return Sharpness(
+        over_error=float(np.median(over_error)) if over_error else None,
+        over_value=float(np.median(over_value)) if over_value else None,
+        too_wide=too_wide,
     )
+
+
+def wrong(part: Study) -> float:
+    """Wrong statements per flight: intervals that miss the truth, and parameters dropped in silence that are not zero.
+
+    Of right intervals of 95 %, one of twenty is wrong.
+    """
+    missed = sum(not row.holds for row in part.intervals) + sum(row.truth != 0.0 for row in part.silent)
+    return missed / len(part.flights)
 
 
 def by_parameter(rows: Iterable[Judged]) -> dict[tuple[str, str], list[Judged]]:
@@ -228,75 +349,104 @@ def by_parameter(rows: Iterable[Judged]) -> dict[tuple[str, str], list[Judged]]:
 
 
 def too_few_hold(rows: Sequence[Judged], *, promised: float = 0.9, risk: float = 0.01) -> bool:
-    """Whether the count of intervals that hold rejects that ``promised`` of them do."""
-    holding = sum(abs(row.ratio) <= TWO_SIDED for row in rows)
-    return bool(binom.cdf(holding, len(rows), promised) < risk)
+    """Whether the count of intervals that hold rejects that ``promised`` of them do.
+
+    A parameter has one interval in each flight and model, so that these are independent.
+    """
+    return bool(binom.cdf(sum(row.holds for row in rows), len(rows), promised) < risk)
 
 
-def study(folder: Path, seeds: Iterable[int], *, vehicles: Sequence[str] = VEHICLES, workers: int = 2) -> Study:
-    """Fly what the folder does not hold yet, and read all of it."""
-    folder.mkdir(parents=True, exist_ok=True)
-    flights = [(vehicle, weather, seed) for seed in seeds for vehicle in vehicles for weather in WEATHERS]
-    files = {flight: folder / "-".join(map(str, (*flight, "rows.json"))) for flight in flights}
-    missing = [flight for flight, file in files.items() if not file.exists()]
-    if missing:
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-            running = {pool.submit(fly, *flight): flight for flight in missing}
-            for done in as_completed(running):
-                whole = files[running[done]]
-                part = whole.with_suffix(".part")
-                part.write_text(json.dumps(done.result()), encoding="utf-8")
-                part.replace(whole)
-    kinds: Mapping[str, type[Judged | Refused | Dropped]] = {
-        "Judged": Judged,
-        "Refused": Refused,
-        "Dropped": Dropped,
-    }
-    rows: list[Any] = []
-    for file in files.values():
-        for row in json.loads(file.read_text(encoding="utf-8")):
-            kind = kinds[row.pop("row")]
-            rows.append(kind(**row | {"case": Case(*row["case"])}))
-    return Study(
-        judged=[row for row in rows if isinstance(row, Judged)],
-        refused=[row for row in rows if isinstance(row, Refused)],
-        dropped=[row for row in rows if isinstance(row, Dropped)],
-        flights=frozenset(flights),
-    )
+def cells(found: Study) -> Iterator[tuple[str, str, Study]]:
+    """Vehicle, kind of model and part of each cell."""
+    vehicles = [name for name in VEHICLES if any(flight[0] == name for flight in found.flights)]
+    for vehicle in vehicles:
+        for kind in KINDS:
+            if (part := found.cell(vehicle, kind)).identified:
+                yield vehicle, kind, part
+
+
+HEAD = (
+    "| vehicle | models | flights | intervals | refused | contain truth | of zeros | error/stated | stated/error "
+    "| stated/value | wrong per flight | structure_error | parameters that miss | too wide |"
+)
 
 
 def table(found: Study) -> Iterator[str]:
-    """Of every vehicle and family: how many hold, how large errors are by what is stated, how wide, and who misses."""
-    yield "| vehicle | models | flights | refused | held | error/stated | stated/error | parameters that miss |"
-    yield "|---|---|---|---|---|---|---|---|"
-    for vehicle in dict.fromkeys(vehicle for vehicle, _, _ in sorted(found.flights)):
-        flown = sum(flight[0] == vehicle for flight in found.flights)
-        for family, reduced in (*((family, False) for family in FAMILIES), ("hover", True)):
-            rows = found.of(vehicle, family, reduced)
-            if not rows:
-                continue
-            refused = 100.0 * found.share_refused(vehicle, family, reduced)
-            misses = [
-                f"{model} {name} {100.0 * held(of):.0f} %"
-                for (model, name), of in by_parameter(rows).items()
-                if too_few_hold(of)
-            ]
-            label = f"{family}{', reduced' if reduced else ''}"
-            yield (
-                f"| {vehicle} | {label} | {flown} | {refused:.0f} % | {100.0 * held(rows):.1f} % | {size(rows):.2f} "
-                f"| {width(rows):.1f} | {'; '.join(misses)} |"
-            )
+    """Of every vehicle and kind of model: how many hold, how large errors are, how wide, and who misses."""
+    yield HEAD
+    yield "|---" * (HEAD.count("|") - 1) + "|"
+    for vehicle, kind, part in cells(found):
+        yield f"| {vehicle} | {kind} " + row_of(part)
+    yield "| **all** | " + row_of(found)
+
+
+def row_of(part: Study) -> str:
+    """Measures of a part as cells of a table."""
+    rows = part.intervals
+    zeros = [row for row in rows if row.truth == 0.0]
+    refused = 100.0 * part.share(lambda run: run.refused)
+    ended = [run for run in part.identified if not run.refused]
+    structure = 100.0 * np.mean(["structure_error" in run.findings for run in ended]) if ended else math.nan
+    counts = f"| {len(part.flights)} | {len(rows)} | {refused:.0f} % "
+    if not rows:
+        return counts + "|  " * 9 + "|"
+    sharp = sharpness(rows)
+    misses = [
+        f"{model} {name} {100.0 * held(of).value:.0f} %"
+        for (model, name), of in by_parameter(rows).items()
+        if too_few_hold(of)
+    ]
+    wide = [
+        f"{model} {name} {f'{value:.1f}' if value > WIDEST else f'{100.0 * value:.1f} %'}"
+        for (model, name), value in sharp.too_wide.items()
+    ]
+    over_error = "–" if sharp.over_error is None else f"{sharp.over_error:.2f}"
+    over_value = "–" if sharp.over_value is None else f"{100.0 * sharp.over_value:.2f} %"
+    return (
+        f"{counts}| {held(rows)} | {held(zeros) if zeros else '–'} | {size(rows):.2f} | {over_error} | {over_value} "
+        f"| {wrong(part):.1f} | {structure:.0f} % | {'; '.join(misses)} | {len(wide)}: {'; '.join(wide[:8])} |"
+    )
+
+
+def moved_truth(found: Study) -> Iterator[str]:
+    """What was moved as truth, over its value in hover and still air."""
+    for (vehicle, name), ratios in sorted(found.moved.items()):
+        yield f"- {vehicle} {name}: {min(ratios):.3f} to {max(ratios):.3f} of hover in still air"
 
 
 def main() -> None:
-    folder = Path(sys.argv[1])
-    seeds = range(1, 1 + int(sys.argv[2])) if len(sys.argv) > 2 else range(1, 16)
-    vehicles = tuple(sys.argv[3].split(",")) if len(sys.argv) > 3 else VEHICLES
-    found = study(folder, seeds, vehicles=vehicles)
-    print(*table(found), sep="\n")
-    for row in found.refused:
-        print(*row.case, row.kinds, row.message)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="Where logs and rows are kept.")
+    parser.add_argument("--vehicles", default=",".join(VEHICLES), help="Names, with commas.")
+    parser.add_argument("--weathers", default=",".join(DEV_WEATHERS), help="Names, or NORTH/EAST/GUSTS in m/s.")
+    parser.add_argument("--seeds", default=",".join(map(str, DEV_SEEDS)), help="Numbers, with commas.")
+    parser.add_argument("--models", default=",".join(MODELS), help="Names, with commas, or kinds: " + ", ".join(KINDS))
+    parser.add_argument("--label", help="Name of the rows, instead of the version's.")
+    parser.add_argument("--before", help="Label of rows to print first, for the same flights and models.")
+    parser.add_argument("--by-weather", action="store_true", help="Tables for each weather.")
+    parser.add_argument("--refusals", action="store_true", help="Print why identifications were refused.")
+    parser.add_argument("--workers", type=int, default=1, help="Processes.")
+    given = parser.parse_args()
+    models = [model for name in given.models.split(",") for model in KINDS.get(name, (name,))]
+    seeds = [int(seed) for seed in given.seeds.split(",")]
+    found = study(
+        given.folder,
+        vehicles=given.vehicles.split(","),
+        weathers=given.weathers.split(","),
+        seeds=seeds,
+        models=models,
+        label=given.label,
+        workers=given.workers,
+    )
+    if given.before:
+        cases = {run.case for run in found.identified}
+        print(given.before, *table(kept_study(given.folder, given.before).where(cases.__contains__)), "", sep="\n")
+    print(given.label or version(), *table(found), "", *moved_truth(found), sep="\n")
+    if given.by_weather:
+        for weather in given.weathers.split(","):
+            print("", weather, *table(found.where(lambda case, weather=weather: case.weather == weather)), sep="\n")  # type: ignore[misc]
+    if given.refusals:
+        print(*(f"{'-'.join(map(str, run.case))}: {run.message}" for run in found.identified if run.refused), sep="\n")
 
 
 if __name__ == "__main__":
