@@ -95,6 +95,6 @@ def fit_direct(
         decibels, degrees = 20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))
         return float(20.0 / trust.size * np.sum(trust * (decibels**2 + DEGREE_SHARE * degrees**2)))
 
-    limits = [(one.lower / one.value, one.upper / one.value) for one in free]
+    limits = [tuple(sorted((one.lower / one.value, one.upper / one.value))) for one in free]
     found = minimize(cost, np.ones(start.size), method="SLSQP", bounds=limits, options={"maxiter": 500})
     return np.asarray(found.x * start)
