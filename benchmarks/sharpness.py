@@ -29,6 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
+from scipy.signal import lfilter
 from tests.twins.twin_flights import (
     BAND,
     HUMMINGBIRD_PITCH,
@@ -43,18 +44,16 @@ from tests.twins.twin_flights import (
     plan,
     problem_of,
     record_of,
+    refined,
 )
 
 from benchmarks.direct_response import direct_response, fit_direct
-from rotorid.data.record import FlightRecord, Maneuver
-from rotorid.fitting import FrequencyProblem, TimeData, TimeProblem, fit_frequency, fit_output_error
-from rotorid.fitting.frequency.fit import refine
-from rotorid.models.state_space import StateSpace
-from rotorid.simulation.linear import discretize
-from rotorid.simulation.linear_loop import LinearLoop, fly_linear
+from rotorid.data import FlightRecord, Maneuver
+from rotorid.fitting import FrequencyProblem, TimeData, TimeProblem, fit_output_error
+from rotorid.models import StateSpace
+from rotorid.simulation import LinearLoop, discretize, fly_linear
 from rotorid.typing import Axis, FloatArray
-from rotorid.uncertainty.colored import colored_covariance
-from rotorid.uncertainty.cramer_rao import bounds
+from rotorid.uncertainty import colored_covariance
 
 FLIGHTS = 20
 WINDOW_S, LEAST_COHERENCE = 10.0, 0.6
@@ -187,13 +186,19 @@ def predicted(system: StateSpace, loop: LinearLoop, rows: list[int], data: TimeD
     P = solve_discrete_are(step.transition.T, C.T, Q, R)
     S = C @ P @ C.T + R
     gain = step.transition @ P @ C.T @ np.linalg.inv(S)
-    from rotorid.simulation.linear_kernels import recursion
-
     past = np.zeros(inputs)
     shown = data.outputs.T - step.delayed(data.inputs, past).T @ D.T
     driven_by = step.forcing(data.inputs, past) + shown @ gain.T
-    states = recursion(step.transition - gain @ C, driven_by, np.zeros(len(A)))
+    states = recursion(step.transition - gain @ C, driven_by)
     return Predictor(shown - states @ C.T, S)
+
+
+def recursion(transition: FloatArray, forcing: FloatArray) -> FloatArray:
+    """States from zero on, :math:`x_{k+1} = A x_k + f_k`, mode by mode, shape ``(n, x)``."""
+    poles, modes = np.linalg.eig(transition)
+    driven = np.linalg.solve(modes, forcing.T.astype(complex))
+    moved = [lfilter([0.0, 1.0], [1.0, -pole], row) for pole, row in zip(poles, driven, strict=True)]
+    return np.asarray((modes @ np.array(moved)).real.T)
 
 
 def _sampled_noise(A: FloatArray, power: FloatArray, step_s: float) -> FloatArray:
@@ -247,9 +252,8 @@ def with_gusts(system: StateSpace, loop: LinearLoop) -> StateSpace:
 
 def ours(problem: FrequencyProblem) -> Estimate:
     """The fit by the covariance of all errors, with random and model error."""
-    found = refine(problem, fit_frequency(problem))
-    stated = bounds(problem, found, weights="covariance")
-    return Estimate(found.theta, stated.std, stated.random_std)
+    values, stated = refined(problem)
+    return Estimate(values, stated.std, stated.random_std)
 
 
 def white_residuals(job: Job, problem: FrequencyProblem, records: list[TimeData]) -> Estimate:

@@ -53,7 +53,7 @@ TWO_SIDED = 1.96
 BLUNT = 0.005
 """Median error over the value above which errors, below which half a percent, say how wide an interval may be."""
 WIDEST, FINEST = 1.8, 0.007
-"""Bars: median of stated over error (1.48 for normal errors), and stated over the value where errors are tiny."""
+"""Most of stated over error (median, 1.48 for normal errors), and of stated over the value where errors are tiny."""
 
 
 class Case(NamedTuple):
@@ -365,6 +365,44 @@ def cells(found: Study) -> Iterator[tuple[str, str, Study]]:
                 yield vehicle, kind, part
 
 
+class Bar(NamedTuple):
+    """What a cell must reach: a measure, and the least or most that it may be."""
+
+    measure: Callable[[Study], float]
+    least: float = -math.inf
+    most: float = math.inf
+
+    def reached(self, part: Study) -> bool:
+        return self.least <= self.measure(part) <= self.most
+
+
+def _finding(kind: str) -> Callable[[Identified], bool]:
+    return lambda run: kind in run.findings
+
+
+BARS: Mapping[str, Bar] = {
+    "few contain the truth": Bar(lambda part: held(part.intervals).value, least=0.90),
+    "all contain the truth": Bar(lambda part: held(part.intervals).value, most=0.995),
+    "errors exceed what is stated": Bar(lambda part: size(part.intervals), most=1.2),
+    "wider than errors": Bar(lambda part: sharpness(part.intervals).over_error or 0.0, most=WIDEST),
+    "wider than 0.7 % of tiny errors": Bar(lambda part: sharpness(part.intervals).over_value or 0.0, most=FINEST),
+    "a parameter misses": Bar(
+        lambda part: float(sum(map(too_few_hold, by_parameter(part.intervals).values()))), most=0.0
+    ),
+    "often refused": Bar(lambda part: part.share(lambda run: run.refused), most=0.1),
+    "structure_error of a right structure": Bar(lambda part: part.share(_finding("structure_error")), most=0.02),
+}
+"""What each cell must reach, and how it is called where it does not."""
+
+
+def misses(found: Study) -> Iterator[tuple[str, str, str, float]]:
+    """Bar, vehicle, kind of model and measure of every cell that misses a bar."""
+    for vehicle, kind, part in cells(found):
+        for name, bar in BARS.items():
+            if (part.intervals or name == "often refused") and not bar.reached(part):
+                yield name, vehicle, kind, bar.measure(part)
+
+
 HEAD = (
     "| vehicle | models | flights | intervals | refused | contain truth | of zeros | error/stated | stated/error "
     "| stated/value | wrong per flight | structure_error | parameters that miss | too wide |"
@@ -424,6 +462,7 @@ def main() -> None:
     parser.add_argument("--label", help="Name of the rows, instead of the version's.")
     parser.add_argument("--before", help="Label of rows to print first, for the same flights and models.")
     parser.add_argument("--by-weather", action="store_true", help="Tables for each weather.")
+    parser.add_argument("--misses", action="store_true", help="List the cells that miss a bar.")
     parser.add_argument("--refusals", action="store_true", help="Print why identifications were refused.")
     parser.add_argument("--workers", type=int, default=1, help="Processes.")
     given = parser.parse_args()
@@ -445,6 +484,8 @@ def main() -> None:
     if given.by_weather:
         for weather in given.weathers.split(","):
             print("", weather, *table(found.where(lambda case, weather=weather: case.weather == weather)), sep="\n")  # type: ignore[misc]
+    if given.misses:
+        print("", *(f"{vehicle}-{kind}: {bar} ({value:.3g})" for bar, vehicle, kind, value in misses(found)), sep="\n")
     if given.refusals:
         print(*(f"{'-'.join(map(str, run.case))}: {run.message}" for run in found.identified if run.refused), sep="\n")
 

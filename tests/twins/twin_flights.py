@@ -25,7 +25,7 @@ from rotorid.settings.identifying import IdentifySettings
 from rotorid.simulation.hover_flight import Excitation, fly
 from rotorid.simulation.linear_loop import LinearLoop, fly_linear
 from rotorid.typing import Axis, FloatArray
-from rotorid.uncertainty.cramer_rao import Weights, bounds
+from rotorid.uncertainty.cramer_rao import Bounds, Weights, bounds
 from rotorid.vehicles import hummingbird, rig, s500
 
 STEP_HZ = 1000.0
@@ -293,6 +293,12 @@ def problem_of(twin: Twin, record: FlightRecord) -> FrequencyProblem:
         settings=settings,
     )
     return pose(whole, data, settings)
+
+
+def refined(problem: FrequencyProblem) -> tuple[FloatArray, Bounds]:
+    """Values and their uncertainty, with weights by the covariance of all errors."""
+    found = refine(problem, fit_frequency(problem))
+    return found.theta, bounds(problem, found, weights="covariance")
 
 
 def identify(twin: Twin, seed: int) -> Result:
