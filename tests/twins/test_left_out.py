@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tests.twins.coverage import flown_truth
+from tests.twins.coverage_flights import flown_truth
 from tests.twins.motor_twins import twin
 
 import rotorid

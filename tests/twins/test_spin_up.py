@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from tests.twins.coverage import flown_truth
+from tests.twins.coverage_flights import flown_truth
 from tests.twins.motor_twins import Twin, twin
 from tests.twins.twin_flights import BAND, HUMMINGBIRD_YAW, flown, plan
 from tests.unit.identifying.motor_logs import ARM_M, with_speeds

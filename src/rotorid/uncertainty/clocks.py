@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.record import STANDARD_UNITS
-from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
 from rotorid.fitting.problem import Part
 from rotorid.fitting.time.output_error import RecordsProblem, TimeData
+from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.typing import FloatArray
 
 

@@ -16,7 +16,6 @@ import numpy as np
 
 from rotorid.errors import RotoridError
 from rotorid.fits.scatter import LogEstimate
-from rotorid.fitting.frequency.error_shapes import CLOCK_SAMPLES
 from rotorid.fitting.least_squares import Solution
 from rotorid.fitting.problem import Fit, Part, Problem
 from rotorid.fitting.time.output_error import (
@@ -29,6 +28,7 @@ from rotorid.fitting.time.output_error import (
 )
 from rotorid.flights.segments import TimeRecords
 from rotorid.models.structure import LinearStructure, answers
+from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.clocks import clock_groups, clock_shifts
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
