@@ -44,6 +44,10 @@ def delay_command(
             metavar="CHANNEL",
         ),
     ] = None,
+    order: Annotated[
+        int | None,
+        Option("--order", "Order of the lag, 1 to 4. [default: what the data show]", "Channels", metavar="N"),
+    ] = None,
     settings: MeasureSettings,
     map: Map = None,
     output: Output,
@@ -59,7 +63,7 @@ def delay_command(
     results: list[Delays] = []
 
     def compute(records: Sequence[FlightRecord]) -> Delays:
-        results.append(delay(records, input=input, output=answer, settings=settings))
+        results.append(delay(records, input=input, output=answer, order=order, settings=settings))
         return results[-1]
 
     carry_out(
@@ -87,7 +91,12 @@ def _print(document: DelayDocument, folder: Path, *, verbose: bool = False) -> N
     table = Table(box=None, pad_edge=False)
     for name in ("output behind input", "delay in ms", "95 % in ms", "samples", "what it is"):
         table.add_column(name, justify="left" if name in ("output behind input", "what it is") else "right")
-    rows = [(name.replace("/", " behind "), *_cells(pair.recommended)) for name, pair in document.pairs.items()]
+    rows = []
+    for name, pair in document.pairs.items():
+        rows.append((name.replace("/", " behind "), *_cells(pair.recommended)))
+        for log, estimate in pair.records.items():
+            shown = _cells(estimate)[:3] if estimate else ("not determined", "", "")
+            rows.append((f"  {log}", *shown, "lag of the same order"))
     if rows:
         print_table(table, rows, verbose=verbose, item="pair", page="")
     others = [

@@ -52,7 +52,8 @@ class DelayPairDocument(Document):
     ``recommended`` is the estimate to use, ``others`` are for comparison. ``whole_band`` is given where outputs were
     filtered without phase: the estimate of the whole band. ``feedback`` is whether the input contains feedback of the
     output, ``instrument`` the channel that removes its bias. Where records differ,
-    ``sample_s`` is the longest sample interval among them and ``hold`` is ``mixed``.
+    ``sample_s`` is the longest sample interval among them and ``hold`` is ``mixed``. ``records`` has the delay of each
+    of several logs, with a lag of the recommended order; ``null`` where a log shows none.
     """
 
     sample_s: float
@@ -62,6 +63,7 @@ class DelayPairDocument(Document):
     recommended: DelayEstimateDocument
     others: list[DelayEstimateDocument]
     whole_band: DelayEstimateDocument | None = None
+    records: dict[str, DelayEstimateDocument | None] = Field(default_factory=dict)
     maneuvers: list[ManeuverDocument]
 
 
@@ -85,6 +87,7 @@ def _pair(pair: PairDelay) -> DelayPairDocument:
         "recommended": _estimate(pair.recommended, pair.sample_s),
         "others": [_estimate(estimate, pair.sample_s) for estimate in pair.others],
         "whole_band": _estimate(pair.whole_band, pair.sample_s) if pair.whole_band else None,
+        "records": {name: estimate and _estimate(estimate, pair.sample_s) for name, estimate in pair.alone.items()},
     }
     plain = {name: getattr(pair, name) for name in ("sample_s", "hold", "feedback", "instrument", "maneuvers")}
     return DelayPairDocument.model_validate(plain | estimates)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.delay.estimate import DelayAnalysis, DelayEstimate, estimate_delay, same_rate
+from rotorid.fitting.delay.fit import Order
 from rotorid.flights.flights import Flight, never_flew
 from rotorid.flights.instruments import axes_of, find_instrument, is_command, is_free
 from rotorid.flights.measure import measure
@@ -35,6 +36,8 @@ from rotorid.typing import BoolArray
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
+_HIGHEST_ORDER = 4
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairDelay(Immutable):
@@ -48,6 +51,8 @@ class PairDelay(Immutable):
         Whether the input contains feedback of the output.
     instrument
         The channel that removes the bias of feedback; ``None`` where there is no feedback, or no such channel.
+    alone
+        Of several logs, the estimate of each by itself, all with a lag of one order; ``None`` where a log shows none.
     """
 
     analysis: DelayAnalysis
@@ -55,6 +60,10 @@ class PairDelay(Immutable):
     instrument: str | None
     flights: tuple[Flight, ...]
     findings: tuple[Finding, ...]
+    alone: Mapping[str, DelayEstimate | None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._set(alone=self.alone)
 
     @property
     def recommended(self) -> DelayEstimate:
@@ -131,6 +140,7 @@ def delay(
     *,
     input: str | None = None,
     output: str | None = None,
+    order: int | None = None,
     settings: MeasureSettings | None = None,
     **options: Any,
 ) -> Delays:
@@ -147,6 +157,9 @@ def delay(
     input, output
         Channels; without them every logged set-point that moves and its response, or the commands and their rates
         where no set-point is logged.
+    order
+        Of the lag that is no delay, 1 to 4; by default what the data show. Delays compare only within one order: of
+        several logs each is estimated by itself too, with the order of all together.
     settings
         Choices; everything has a default.
     **options
@@ -174,12 +187,13 @@ def delay(
     each_once(records)
     require_known_names(settings.instruments, records)
     pairs = _pairs(records, input, output)
+    orders = () if order is None else (_order(order),)
     found: dict[str, PairDelay] = {}
     refusals: list[Finding] = []
     errors: list[InsufficientDataError] = []
     for source, answer in pairs:
         try:
-            found[f"{answer}/{source}"] = _pair(records, source, answer, settings)
+            found[f"{answer}/{source}"] = _pair(records, source, answer, settings, orders)
         except InsufficientDataError as error:
             if input is not None:
                 raise
@@ -191,6 +205,7 @@ def delay(
         refusals += [replace(f, severity="error") if f.kind == "no_delay" else f for f in pair.findings]
     if len(errors) == len(pairs) and all(map(never_flew, errors)):
         raise errors[0]
+    found = {name: _with_each(pair, settings) for name, pair in found.items()}
     if not found:
         raise InsufficientDataError(
             "no pair of channels shows a delay",
@@ -232,7 +247,35 @@ def _pairs(records: Sequence[FlightRecord], input: str | None, output: str | Non
     return ((input, output),)
 
 
-def _pair(records: Sequence[FlightRecord], input: str, output: str, settings: MeasureSettings) -> PairDelay:
+def _order(poles: int) -> Order:
+    if not 1 <= poles <= _HIGHEST_ORDER:
+        raise UsageError(f"--order {poles} was given", needed=f"the order of a lag, 1 to {_HIGHEST_ORDER}")
+    return Order(0, poles)
+
+
+def _with_each(pair: PairDelay, settings: MeasureSettings) -> PairDelay:
+    """A pair with the delay of each log alone: a lag of another order would put it elsewhere."""
+    order, analysis = pair.recommended.order, pair.analysis
+    flown = dict.fromkeys(flight.record for flight in pair.flights)
+    if order is None or len(flown) < 2:
+        return pair
+    alone: dict[str, DelayEstimate | None] = {}
+    for record in flown:
+        name = record.source.name
+        if name in alone:
+            name = f"{name} ({len(alone) + 1})"
+        try:
+            estimate = _pair([record], analysis.input, analysis.output, settings, (order,)).recommended
+        except (InsufficientDataError, UsageError):
+            alone[name] = None
+        else:
+            alone[name] = None if estimate.unseen else estimate
+    return replace(pair, alone=alone)
+
+
+def _pair(
+    records: Sequence[FlightRecord], input: str, output: str, settings: MeasureSettings, orders: Sequence[Order]
+) -> PairDelay:
     _PROGRESS.info(f"delay from {input} to {output}")
     flown, remarks = chosen_maneuvers(records, input, output, settings)
     instrument = _instrument(flown, input, output, settings)
@@ -252,6 +295,7 @@ def _pair(records: Sequence[FlightRecord], input: str, output: str, settings: Me
         feedback=feedback,
         airframe=is_command(input),
         response=response,
+        orders=orders,
         highest_rad_s=settings.band_rad_s[1] if settings.band_rad_s else np.inf,
     )
     analysis = analysis.with_clocks(CLOCK_SAMPLES * math.sqrt(2.0) * analysis.sample_s)

@@ -9,6 +9,7 @@ from tests.unit.fitting.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag, slowe
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.documents.delay import DelayDocument, delay_document
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fitting.delay.fit import Order
 from rotorid.flights.selection import default_pairs
 from rotorid.identifying.delays import delay
 from rotorid.settings.measuring import MeasureSettings
@@ -70,6 +71,32 @@ def test_a_shift_moves_the_delay(record: FlightRecord) -> None:
     change = moved.pairs[name].recommended.delay_s - plain.pairs[name].recommended.delay_s
     # The output is interpolated to move it, which costs it some of its highest frequencies.
     assert change == pytest.approx(0.03, abs=2e-3)
+
+
+def test_several_logs_are_compared_with_a_lag_of_one_order() -> None:
+    histories = {name: late_lag(seed, late) for name, seed, late in (("early", 1, 1.7), ("late", 2, 3.7))}
+    logs = [log({INPUT: of[INPUT], OUTPUT: of[OUTPUT]}, name) for name, of in histories.items()]
+    pair = delay(logs, input=INPUT, output=OUTPUT, order=2).pairs[f"{OUTPUT}/{INPUT}"]
+    alone = {name: estimate for name, estimate in pair.alone.items() if estimate is not None}
+    assert list(alone) == ["early", "late"]
+    assert {estimate.order for estimate in (pair.recommended, *alone.values())} == {Order(0, 2)}
+    assert alone["late"].delay_s - alone["early"].delay_s == pytest.approx(2.0 / RATE_HZ, abs=0.3 / RATE_HZ)
+    assert alone["early"].delay_s < pair.recommended.delay_s < alone["late"].delay_s
+    document = delay_document(delay(logs, order=2))
+    assert list(document.pairs[f"{OUTPUT}/{INPUT}"].records) == ["early", "late"]
+
+
+def test_a_log_that_shows_no_delay_is_listed_without_a_number(record: FlightRecord) -> None:
+    rng = np.random.default_rng(8)
+    noise = {name: 1e-3 * rng.standard_normal(record[name].values.size) for name in (INPUT, OUTPUT)}
+    pair = delay([record, log(noise, "still")], input=INPUT, output=OUTPUT).pairs[f"{OUTPUT}/{INPUT}"]
+    assert pair.alone["log"] is not None
+    assert pair.alone["still"] is None
+
+
+def test_an_order_beyond_those_of_lags_is_refused(record: FlightRecord) -> None:
+    with pytest.raises(UsageError, match="--order 7 was given; expected the order of a lag, 1 to 4"):
+        delay([record], order=7)
 
 
 @pytest.mark.parametrize(
