@@ -365,7 +365,7 @@ def _fit(document: ResultDocument) -> Iterator[str]:
 
 
 def _lines_by_record(document: ResultDocument) -> Iterator[str]:
-    """Parameters of a nonlinear model from each record, and their spread."""
+    """Parameters from each record alone, and their spread."""
     for name in dict.fromkeys(name for fit in document.records for name in fit.parameters):
         estimates = [fit.parameters[name] for fit in document.records if name in fit.parameters]
         if len(estimates) > 1:

@@ -48,7 +48,7 @@ from rotorid.models.nonlinear import NonlinearStructure, linear_of
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import FittedData, SimulatedRecord, Verifications, bounds_of, no_response
-from rotorid.results.summary import Checks, Derived, Fit, FitEnd
+from rotorid.results.summary import Checks, Fit, FitEnd
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import chosen_parameters
 from rotorid.settings.verifying import VerifySettings
@@ -350,8 +350,9 @@ class Nonlinear:
         outputs = len(fitted.outputs)
         numbers = len(fitted.bounds.names) + problem.most_unknowns + outputs * (outputs + 1) // 2
         likelihood = log_likelihood(problem)
-        estimates = {estimate.record: estimate for estimate in fitted.alone}
-        fits = record_fits(fitted.simulated, data.records, fitted.outputs)
+        fits = record_fits(
+            fitted.simulated, data.records, fitted.outputs, parameters=fitted.model.parameters, alone=fitted.alone
+        )
         linear = fitted.structure.parameters
         return FitReport(
             fit=Fit(
@@ -367,12 +368,7 @@ class Nonlinear:
                 fit_percent=fitted.fit_percent,
                 hold=data.records.hold,
                 pieces_s=fitted.pieces_s,
-                records=tuple(
-                    replace(
-                        fit, parameters=_estimates(estimates.get(f"{fit.record} at {fit.start_s:.1f} s"), fitted.model)
-                    )
-                    for fit in fits
-                ),
+                records=fits,
                 noise=dict(zip(fitted.outputs, map(float, noise), strict=True)),
                 log_likelihood=likelihood,
                 information=information_of(likelihood, numbers, problem.samples * outputs),
@@ -535,13 +531,3 @@ def _require_explained(fitted: FittedNonlinear) -> None:
         remedy = "use other outputs, a model with the missing dynamics, or segments in which the inputs move it"
         raise does_not_describe(fitted.model.name, reasons, remedy)
     require_bounds(fitted.model.parameters, fitted.bounds)
-
-
-def _estimates(estimate: LogEstimate | None, structure: NonlinearStructure) -> dict[str, Derived]:
-    """Estimates of one record alone."""
-    if estimate is None:
-        return {}
-    return {
-        name: Derived(value=estimate.values[name], std=std, unit=structure.parameters[name].unit)
-        for name, std in estimate.stds.items()
-    }

@@ -519,7 +519,7 @@ class FitEnd:
 class RecordFit:
     """A stretch of a record that was fitted in time: share of each output's motion that the model explains.
 
-    ``parameters`` is what a nonlinear model fitted to this stretch alone says, where several were fitted together.
+    ``parameters`` is what a fit to this stretch alone says, where several were fitted together.
     """
 
     record: str

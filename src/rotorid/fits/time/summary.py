@@ -5,19 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from rotorid.fits.scatter import LogEstimate
 from rotorid.fits.time.fit import TimeFit
 from rotorid.flights.segments import TimeRecords
+from rotorid.models.parameter import ParameterSet
 from rotorid.results.model import SimulatedRecord
-from rotorid.results.summary import EquationFit, Information, RecordFit, Residuals
+from rotorid.results.summary import Derived, EquationFit, Information, RecordFit, Residuals
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.verification.scores import nrmse_fit_percent
 
 
 def record_fits(
-    simulated: Sequence[SimulatedRecord], records: TimeRecords, outputs: Sequence[str]
+    simulated: Sequence[SimulatedRecord],
+    records: TimeRecords,
+    outputs: Sequence[str],
+    *,
+    parameters: ParameterSet,
+    alone: Sequence[LogEstimate] = (),
 ) -> tuple[RecordFit, ...]:
-    """Fit of every record on its own."""
+    """Fit of every record on its own, with its own estimates where it was fitted alone too."""
+    estimates = {estimate.record: _estimates(estimate, parameters) for estimate in alone}
     return tuple(
         RecordFit(
             record=record.record,
@@ -31,9 +39,17 @@ def record_fits(
                 for row, name in enumerate(outputs)
                 if math.isfinite(percent := nrmse_fit_percent(record.measured[row], record.simulated[row]))
             },
+            parameters=estimates.get(f"{record.record} at {float(record.time_s[0]):.1f} s", {}),
         )
         for record, data in zip(simulated, records.data, strict=True)
     )
+
+
+def _estimates(estimate: LogEstimate, parameters: ParameterSet) -> dict[str, Derived]:
+    return {
+        name: Derived(value=estimate.values[name], std=std, unit=parameters[name].unit)
+        for name, std in estimate.stds.items()
+    }
 
 
 def information(fitted: TimeFit) -> Information:
