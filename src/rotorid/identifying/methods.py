@@ -39,9 +39,9 @@ from rotorid.fits.time.frequency_check import (
     compare_with,
     frequency_side,
     hold_response,
-    judge_agreement,
     require_one_gain,
     responses_without_hold,
+    with_distance,
 )
 from rotorid.fits.time.orders import chosen_order
 from rotorid.fits.time.refusals import require_bounds, require_time_fit_explains
@@ -508,6 +508,8 @@ class InTime(_Linear[TimeDomainData]):
         fitted = replace(fitted, simulated=simulated_records(fitted.problem.predicted(theta), data.records))
         side = data.frequency.fitted
         require_time_fit_explains(fitted, side, data.records)
+        if side:
+            fitted = with_distance(fitted, compare_with(side, data.structure, fitted, data.records))
         require_one_gain(fitted, side)
         if not family_of(data.structure).opaque:
             couplings = [parameter.name for parameter in data.structure.parameters if is_coupling(parameter)]
@@ -575,7 +577,6 @@ class InTime(_Linear[TimeDomainData]):
             *judge_minima(fitted.search, fitted.parameters, fitted.bounds),
             *(fitted.bootstrap.findings if fitted.bootstrap else ()),
             *(_feedback(fitted, data.records) if self.kind == "output_error" else ()),
-            *judge_agreement(fitted, report.fit.frequency_fit or {}),
             *_not_compared(data),
             *judge_combinations(report.combinations),
         )

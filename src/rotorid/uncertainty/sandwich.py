@@ -68,10 +68,31 @@ def by_bands(parts: Sequence[Part]) -> FloatArray:
         pulled = np.einsum("nyp,ny->np", slopes.conj(), residual).real * weights[:, None]
         frequency = rfftfreq(samples, 1.0 / part.sample_rate_hz)
         frequency[0] = 0.5 * frequency[1] if frequency.size > 1 else 1.0
-        bands = np.floor(_BANDS_PER_OCTAVE * np.log2(frequency)).astype(int)
-        for band in np.unique(bands).tolist():
-            found[band] = found.get(band, np.zeros(pulled.shape[1])) + pulled[bands == band].sum(axis=0)
+        _gather(found, pulled, frequency)
     return _sandwich(parts, np.array(list(found.values())))
+
+
+def by_lines(parts: Sequence[Part], omega_rad_s: Sequence[FloatArray]) -> FloatArray:
+    """The same of transforms over a band, whose rows are real parts of lines and then imaginary ones.
+
+    Parameters
+    ----------
+    omega_rad_s
+        Of the lines of each part.
+    """
+    found: dict[int, FloatArray] = {}
+    for part, omega in zip(parts, omega_rad_s, strict=True):
+        pulled = np.einsum("nyp,ny->np", part.slopes, part.residual)
+        lines = pulled[: omega.size] + pulled[omega.size :]
+        _gather(found, lines, omega / (2.0 * np.pi))
+    return _sandwich(parts, np.array(list(found.values())))
+
+
+def _gather(found: dict[int, FloatArray], pulled: FloatArray, frequency_hz: FloatArray) -> None:
+    """Add pulls ``(f, p)`` to those of their bands."""
+    bands = np.floor(_BANDS_PER_OCTAVE * np.log2(frequency_hz)).astype(int)
+    for band in np.unique(bands).tolist():
+        found[band] = found.get(band, np.zeros(pulled.shape[1])) + pulled[bands == band].sum(axis=0)
 
 
 def _sandwich(parts: Sequence[Part], scores: FloatArray) -> FloatArray:

@@ -98,15 +98,30 @@ def with_time_error(
     >>> bool(bounds.std[0] > 5.0 * bounds.random_std[0])
     True
     """
-    stated = bounds.covariance.diagonal()
     moving = np.array([name not in held for name in bounds.names], dtype=np.bool_)
     columns = np.ones(parts[0].slopes.shape[2], dtype=np.bool_)
     columns[: moving.size] = moving
     pulling = [part._replace(slopes=part.slopes[:, :, columns]) for part in parts]
-    variance = np.maximum(stated, by_records(bounds, alone))
+    found = [by_records(bounds, alone)]
     for way in (by_blocks, by_bands, *([by_outputs] if alike else [])):
-        variance[moving] = np.maximum(variance[moving], way(pulling).diagonal()[: moving.sum()])
-    factor = np.sqrt(variance / np.where(stated > 0.0, stated, 1.0))
+        pulled = np.zeros(moving.size)
+        pulled[moving] = way(pulling).diagonal()[: moving.sum()]
+        found.append(pulled)
+    return grown(bounds, found, added)
+
+
+def grown(bounds: Bounds, variances: Sequence[FloatArray], added: Sequence[Mapping[str, float]] = ()) -> Bounds:
+    """Bounds with the largest of several variances of each parameter, shape ``(p,)`` each, and errors on top.
+
+    Parameters
+    ----------
+    bounds
+        Whose covariance is one of them, and has the correlations.
+    added
+        As in :func:`with_time_error`.
+    """
+    stated = bounds.covariance.diagonal()
+    factor = np.sqrt(np.max([stated, *variances], axis=0) / np.where(stated > 0.0, stated, 1.0))
     covariance = bounds.covariance * np.outer(factor, factor)
     for each in added:
         moved = np.array([each.get(name, 0.0) for name in bounds.names])

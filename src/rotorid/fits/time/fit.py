@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -22,9 +22,10 @@ from rotorid.fits.bootstrapping import Bootstrap
 from rotorid.fits.frequency.fit import FrequencyFit
 from rotorid.fits.scatter import LogEstimate, disagreements, widened
 from rotorid.fits.searching import Searched, refuse_search, searched
-from rotorid.fits.time.records_alone import bounds_in_time, fit_each_record, parts_at
+from rotorid.fits.time.records_alone import bounds_in_time, clocks_of, fit_each_record, parts_at
 from rotorid.fitting.equations.equation_error import EquationErrorFit, EquationScore, fit_equation_error
 from rotorid.fitting.equations.regression import InBand, InTime
+from rotorid.fitting.equations.rows import EquationDomain
 from rotorid.fitting.least_squares import Solution
 from rotorid.fitting.problem import Part
 from rotorid.fitting.time.output_error import (
@@ -48,22 +49,38 @@ from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import chosen_parameters
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.sandwich import by_lines
+from rotorid.uncertainty.time_error import by_records, grown, with_time_error
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
 
-def equation_bounds(fit: EquationErrorFit) -> Bounds:
+def equation_bounds(
+    fit: EquationErrorFit,
+    domain: EquationDomain,
+    *,
+    sample_rate_hz: float = 1.0,
+    alone: Sequence[LogEstimate] = (),
+    clocks: Sequence[Mapping[str, float]] = (),
+) -> Bounds:
     r"""Bounds of an equation-error fit, from :math:`F = J^T J` of its weighted equations.
 
-    Percents are formed as by :func:`rotorid.uncertainty.cramer_rao.bounds_of_parts`. The covariance is that of the fit,
-    for residuals of any color, and ``inflation`` compares it with white ones. None of them knows the bias by noise in
-    measured states.
+    Percents are formed as by :func:`rotorid.uncertainty.cramer_rao.bounds_of_parts`. The random covariance is that of
+    the fit, for residuals of any color, and ``inflation`` compares it with white ones; the model error is that of all
+    fits in time. None of them knows the bias by noise in measured states.
+
+    Parameters
+    ----------
+    domain
+        Of the equations.
+    alone, clocks
+        See :func:`rotorid.uncertainty.time_error.with_time_error`.
     """
     fisher = fit.solution.jacobian.T @ fit.solution.jacobian
     length = np.sqrt(fisher.diagonal())
     white = np.sqrt(np.linalg.inv(fisher / np.outer(length, length)).diagonal()) / length
     ratio = np.log(fit.covariance.diagonal() / white**2)
-    return Bounds(
+    random = Bounds(
         names=fit.names,
         cramer_rao=2.0 * white,
         insensitivity=1.0 / length,
@@ -71,6 +88,11 @@ def equation_bounds(fit: EquationErrorFit) -> Bounds:
         random=fit.covariance,
         inflation=math.exp(0.5 * float(np.mean(ratio))),
     )
+    parts = fit.parts(sample_rate_hz)
+    if not isinstance(domain, InBand):
+        return with_time_error(random, parts, alone=alone, added=clocks)
+    lines = [np.linspace(*domain.band_rad_s, len(part.residual) // 2) for part in parts]
+    return grown(random, [by_records(random, alone), by_lines(parts, lines).diagonal()], clocks)
 
 
 TimeMethod: TypeAlias = Literal["output_error", "prediction_error", "equation_error"]
@@ -184,6 +206,7 @@ class _Ended(NamedTuple):
     noise_numbers: int = 0
     search: Searched | None = None
     posed: RecordsProblem | None = None
+    bounds: Bounds | None = None
 
 
 def fit_in_time(
@@ -358,8 +381,11 @@ def _by_equations(
     errors = np.hstack([fitted.record.outputs - fitted.predicted for fitted in problem.predicted(found.pack())])
     noise = errors @ errors.T / errors.shape[1] + _LEAST_NOISE * problem.noise
     problem = problem.with_noise(noise)
+    rate_hz = min(record.sample_rate_hz for record in records.data)
+    clocks = clocks_of(problem, found.pack())
+    bounds = equation_bounds(fit, domain, sample_rate_hz=rate_hz, clocks=clocks)
     parts = problem.parts(found.pack())
-    return _Ended(problem, fit.solution, parts, log_likelihood(problem), length_s, fit.findings, fit)
+    return _Ended(problem, fit.solution, parts, log_likelihood(problem), length_s, fit.findings, fit, bounds=bounds)
 
 
 def _without(parameters: ParameterSet, left: Sequence[str]) -> ParameterSet:
@@ -444,7 +470,8 @@ def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod, records: Ti
     by = ended.by_equations
     alone: tuple[LogEstimate, ...] = ()
     if by is not None:
-        bounds, whole = equation_bounds(by), _without(whole, by.left)
+        assert ended.bounds is not None
+        bounds, whole = ended.bounds, _without(whole, by.left)
     else:
         assert posed is not None
         # Single numbers of a black box mean nothing, and neither does their scatter.

@@ -1,6 +1,7 @@
 """Comparison of a fit in time with the responses of the same data: start values and agreement.
 
-Its covariance is none for the fit in time: it weighs frequencies otherwise. The distance between both is a finding.
+Its covariance is none for the fit in time: it weighs frequencies otherwise. Where the two contradict each other, that
+is a finding, and the interval reaches as far as the other value: it is unknown which of them is right.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fits.data_requirements import require_known_gain
 from rotorid.fits.frequency.fit import FrequencyFit, fit_with_bounds
 from rotorid.fits.frequency.inverse import pose_screened, require_vehicle
+from rotorid.fits.scatter import widened
 from rotorid.fits.time.fit import TimeFit
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.flights.flights import Flight
@@ -153,9 +155,7 @@ def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
         require_known_gain(gain, fitted.parameters, fitted.bounds)
         return
     here, there = fitted.parameters[gain], frequency.parameters[gain]
-    std, off = fitted.bounds.stds[gain], here.value - there.value
-    if abs(off) > math.hypot(std, frequency.bounds.stds[gain]):
-        std = math.hypot(std, off)
+    std = fitted.bounds.stds[gain]
     if abs(here.value) >= CERTAIN_SIGN * std:
         return
     sentence = (
@@ -171,6 +171,23 @@ def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
             refusal("not_identifiable", gain, f"{sentence}.", value=here.value, std=std, by_responses=there.value)
         ],
     )
+
+
+def with_distance(fitted: TimeFit, others: Mapping[str, Compared]) -> TimeFit:
+    """The fit with a finding, and an interval that holds the other value, where the frequency domain contradicts it.
+
+    Parameters
+    ----------
+    others
+        Parameters in the frequency domain, see :func:`compare_with`.
+    """
+    found = judge_agreement(fitted, others)
+    apart = {
+        finding.where: abs(fitted.parameters[finding.where].value + others[finding.where].hold_s - other)
+        for finding in found
+        for other in [others[finding.where].value]
+    }
+    return replace(fitted, bounds=widened(fitted.bounds, apart), findings=(*fitted.findings, *found))
 
 
 def judge_agreement(fitted: TimeFit, others: Mapping[str, Compared]) -> tuple[Finding, ...]:

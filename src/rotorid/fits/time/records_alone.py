@@ -60,7 +60,7 @@ def bounds_in_time(problem: RecordsProblem, solution: Solution, *, alone: Sequen
         The records do not determine the parameters.
     """
     random, parts, held = _random(problem, solution)
-    return with_time_error(random, parts, alone=alone, held=held, added=_clocks(problem, solution.theta, held))
+    return with_time_error(random, parts, alone=alone, held=held, added=clocks_of(problem, solution.theta, held))
 
 
 def _random(problem: Problem, solution: Solution) -> tuple[Bounds, list[Part], list[str]]:
@@ -70,7 +70,7 @@ def _random(problem: Problem, solution: Solution) -> tuple[Bounds, list[Part], l
     return bounds_of_parts(parts, names), parts, held
 
 
-def _clocks(problem: RecordsProblem, theta: FloatArray, held: Sequence[str]) -> list[dict[str, float]]:
+def clocks_of(problem: RecordsProblem, theta: FloatArray, held: Sequence[str] = ()) -> list[dict[str, float]]:
     """For each clock, by how much it moves the parameters that are on no bound."""
     delayed = _clocks_of_delays(problem, held)
     if delayed is not None:

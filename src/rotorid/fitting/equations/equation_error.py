@@ -31,6 +31,7 @@ from rotorid.fitting.equations.regression import CONSTANT, InTime, StepwiseRegre
 from rotorid.fitting.equations.rows import EquationDomain, EquationRows, Errors, simulated_parameters, stacked
 from rotorid.fitting.frequency.parameter_map import ParameterMap
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
+from rotorid.fitting.problem import Part
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.parameter import ParameterSet, no_such
 from rotorid.models.structure import LinearStructure
@@ -297,6 +298,8 @@ class EquationErrorFit(Immutable):
     findings
         What limits the trust: ``noisy_regressors`` for states, ``biased_by_noise`` and
         ``not_in_measured_equations`` for parameters.
+    rows
+        Of each equation, for each record: residuals are those of all equations of a record, then of the next.
     """
 
     parameters: ParameterSet
@@ -306,9 +309,27 @@ class EquationErrorFit(Immutable):
     equations: tuple[EquationScore, ...]
     solution: Solution
     findings: tuple[Finding, ...]
+    rows: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(covariance=read_only(self.covariance, np.float64, ndim=2))
+
+    def parts(self, sample_rate_hz: float) -> list[Part]:
+        """Weighted errors and derivatives of each record, rows and equations apart.
+
+        Parameters
+        ----------
+        sample_rate_hz
+            Of rows that follow each other in time.
+        """
+        equations, place, found = len(self.equations), 0, []
+        for rows in self.rows:
+            stop = place + equations * rows
+            error = self.solution.residual[place:stop].reshape(equations, rows).T
+            slopes = self.solution.jacobian[place:stop].reshape(equations, rows, -1).swapaxes(0, 1)
+            found.append(Part(error, slopes, np.zeros((rows, equations, 0)), sample_rate_hz))
+            place = stop
+        return found
 
     @property
     def std(self) -> dict[str, float]:
@@ -518,6 +539,7 @@ def _ended(search: _Search, theta: FloatArray, weights: FloatArray, solution: So
         equations=_scores(search, parts, leverage),
         solution=solution,
         findings=findings,
+        rows=tuple(part.error.shape[1] for part in parts),
     )
 
 

@@ -11,12 +11,14 @@ from tests.unit.checking.response_flight import flight
 from rotorid.data.record import Maneuver
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.time.fit import TimeFit, fit_in_time
+from rotorid.fits.time.frequency_check import with_distance
 from rotorid.fits.time.refusals import require_bounds
 from rotorid.flights.flights import Flight
 from rotorid.flights.segments import time_records
 from rotorid.identifying.identification import identify
 from rotorid.models.library import response_model
 from rotorid.models.structure import LinearStructure
+from rotorid.results.summary import Compared
 from rotorid.settings.identifying import IdentifySettings
 
 SECOND = "response.second_order_delay"
@@ -132,3 +134,20 @@ def test_flights_of_two_vehicles_disagree_and_the_interval_holds_both() -> None:
 def test_a_structure_without_the_delay_has_a_model_error() -> None:
     found = fit_of([0.95], response_model("response.first_order", [("phi_setpoint", "phi")]))
     assert found.bounds.stds["T_phi"] > 2.0 * found.bounds.random_stds["T_phi"]
+
+
+def test_equations_state_a_model_error_and_clocks_too() -> None:
+    log = Flight(flight(noise=0.002, form="response.first_order_delay", truth=LAGGED), WHOLE)
+    records = time_records(FIRST, [log], IdentifySettings())
+    bounds = fit_in_time(FIRST, records, IdentifySettings(band_rad_s=(1.0, 12.0)), method="equation_error").bounds
+    assert (bounds.model_std >= 0.0).all()
+    assert bounds.stds["tau_phi"] > 0.15 * 2.0**0.5 / 50.0
+
+
+def test_an_interval_reaches_to_responses_that_contradict_it() -> None:
+    fitted = fit_of([0.95])
+    value, std = fitted.parameters["T_phi"].value, fitted.bounds.stds["T_phi"]
+    far, near = (with_distance(fitted, {"T_phi": Compared(value=value + off, std=std)}) for off in (10.0 * std, std))
+    assert [finding.kind for finding in far.findings] == ["methods_disagree"]
+    assert far.bounds.stds["T_phi"] > 10.0 * std
+    assert (near.findings, near.bounds.stds) == ((), fitted.bounds.stds)

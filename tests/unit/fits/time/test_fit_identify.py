@@ -170,7 +170,7 @@ def test_without_responses_equations_are_fitted_sample_by_sample() -> None:
     assert [one.name for one in fitted.equations] == ["y'"]
     assert fitted.pieces_s is None
     white = fitted.bounds.cramer_rao / 2.0
-    assert fitted.bounds.inflation == pytest.approx(np.sqrt(np.prod(fitted.bounds.std / white)))
+    assert fitted.bounds.inflation == pytest.approx(np.sqrt(np.prod(fitted.bounds.random_std / white)))
     assert (fitted.bounds.insensitivity <= white * (1.0 + 1e-9)).all()
 
 
