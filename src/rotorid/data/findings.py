@@ -333,8 +333,8 @@ KINDS: Mapping[str, Kind] = {
     ),
     "disturbed_flight": Kind(
         "warning",
-        "Pushed by wind or trim",
-        "Something besides the inputs moved the vehicle, such as wind or trim; the fit has unknown constants for it.",
+        "Moved by wind or trim",
+        "Inputs and equations do not explain what moved the vehicle, such as wind; the fit has constants for it.",
     ),
     "disturbed_verification": Kind(
         "warning", "Too gusty to judge the model", "An unseen flight was too disturbed to judge the model."

@@ -512,8 +512,9 @@ def _disturbance(
     return warn(
         "disturbed_flight",
         name,
-        f"Something besides the inputs moved the vehicle, such as wind or trim: the simulation misses {name} by "
-        f"{whole:.2g}, but by {piece:.2g} {where} in the equations. It was fitted so; still air gives smaller errors.",
+        f"Inputs and equations do not explain what moved the vehicle: the simulation misses {name} by {whole:.2g}, but "
+        f"by {piece:.2g} {where} in the equations, so it was fitted with these. Wind does this, a trim, or another law "
+        "of drag; still air gives smaller errors.",
         whole=whole,
         piece=piece,
     )
