@@ -194,7 +194,8 @@ def fit_with_bounds(
     first = _fit(problem, measured, settings)
     if first.average_cost > ACCEPTABLE_COST:
         return first
-    again = measured_with_model(replace(problem, used=first.problem.used), first.parameters, measured, settings)
+    whole = replace(problem, used=first.problem.used)
+    again = measured_with_model(whole, first.parameters, first.bounds, measured, settings)
     if again is None:
         return first
     once = replace(settings, search=None, evaluations=None, starts="default")

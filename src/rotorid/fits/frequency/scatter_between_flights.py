@@ -86,7 +86,7 @@ def _separate_estimates(
     posed = pose_screened(whole.structure, measured, settings, flights).problem
     kept = whole.used.any(axis=-1, keepdims=True) & (posed.data.omega_rad_s >= fitted.band_rad_s[0])
     problem = replace(posed, parameters=whole.parameters.with_values(fitted.parameters.values), used=posed.used & kept)
-    problem = measured_with_model(problem, fitted.parameters, measured, settings) or problem
+    problem = measured_with_model(problem, fitted.parameters, fitted.bounds, measured, settings) or problem
     solution = fit_frequency(problem)
     final = refine(problem, solution) if fitted.weights == "covariance" else solution
     costs = problem.costs(final.theta)[problem.used.any(axis=-1)]

@@ -27,7 +27,7 @@ not follow the data: it knows nothing of their windows.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -36,7 +36,7 @@ import numpy as np
 from rotorid.data.record import TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import ModelError
-from rotorid.fitting.frequency.problem import FrequencyProblem
+from rotorid.fitting.frequency.problem import FrequencyProblem, pair_names
 from rotorid.flights.measure import Measured, Measurement
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.state_space import StateSpace
@@ -44,19 +44,23 @@ from rotorid.settings.measuring import MeasureSettings
 from rotorid.spectral.derived import multiplied
 from rotorid.spectral.joined import joined_responses
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
+from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.model_error import SMALLEST_MODEL_ERROR
 from rotorid.verification.sampled import adjust, bounded_responses, sampled
 
 _LARGEST_REST = 0.5
 """Mean square of what the estimate's own correction leaves, over that of the stated error, from which a response is
-measured anew. Responses of an angle on two integrators have 1.5 to 2.5, of others less than 0.2."""
+measured anew. Responses of an angle on two integrators have 0.7 to 8, of others less than 0.25."""
+
+_SHARE_OF_MODEL_ERROR = 0.2
+"""What is left, over a model error that was found, from which it may be made by windows."""
 
 _DECAYS = np.linspace(5.0, 12.0, 15)
 """Decays of the weight of a transform over a record, of which the one farthest from all poles is taken."""
 
 
-def windows_matter(measured: Measured, used: BoolArray) -> bool:
-    """Whether windows leave more in some response than its errors cover.
+def windows_matter(measured: Measured, used: BoolArray, model_errors: Mapping[str, float]) -> bool:
+    """Whether windows leave more in some response than its errors cover, or what was taken for a model error.
 
     The estimate takes two terms of a series in the leakage out. The next one is about the square of what it took out.
 
@@ -66,14 +70,25 @@ def windows_matter(measured: Measured, used: BoolArray) -> bool:
         The responses.
     used
         Points that are fitted, shape ``(y, u, f)``.
+    model_errors
+        Sizes of the model errors of a fit, ``output/input`` to a relative error.
     """
-    rest = np.abs(measured.diagnostics.leakage) ** 2 / np.hypot(measured.response.random_error, SMALLEST_MODEL_ERROR)
-    squares = np.where(used, rest**2, 0.0).sum(axis=-1)
-    return bool((squares > _LARGEST_REST * np.count_nonzero(used, axis=-1)).any())
+    data, points = measured.response, np.maximum(np.count_nonzero(used, axis=-1), 1)
+    rest = np.where(used, np.abs(measured.diagnostics.leakage) ** 2, 0.0)
+    error = np.hypot(data.random_error, SMALLEST_MODEL_ERROR)
+    hidden = np.sum((rest / error) ** 2, axis=-1) / points
+    found = np.array([model_errors.get(name, 0.0) for name in pair_names(data)]).reshape(points.shape)
+    size = np.sqrt(np.sum(rest**2, axis=-1) / points)
+    mistaken = (size > _SHARE_OF_MODEL_ERROR * found) & (found > 2.0 * SMALLEST_MODEL_ERROR)
+    return bool((mistaken | (hidden > _LARGEST_REST)).any())
 
 
 def measured_with_model(
-    problem: FrequencyProblem, parameters: ParameterSet, measured: Measured, settings: MeasureSettings
+    problem: FrequencyProblem,
+    parameters: ParameterSet,
+    limits: Bounds,
+    measured: Measured,
+    settings: MeasureSettings,
 ) -> FrequencyProblem | None:
     """The problem with responses to which windows have added nothing; none where they have added little.
 
@@ -81,14 +96,15 @@ def measured_with_model(
     ----------
     problem
         As it was fitted.
-    parameters
-        What the fit found.
+    parameters, limits
+        What the fit found, with its model errors.
     measured
         The responses, and how they were measured.
     settings
         With which they were measured.
     """
-    if measured.unfiltered or not measured.measurements or not windows_matter(measured, problem.used):
+    sizes = limits.model_error.sizes if limits.model_error else {}
+    if measured.unfiltered or not measured.measurements or not windows_matter(measured, problem.used, sizes):
         return None
     structure, data = problem.structure.condensed(parameters), problem.data
     modeled = {name for name, used in zip(data.outputs, problem.used, strict=True) if used.any()}
