@@ -91,3 +91,38 @@ def test_the_exact_rig_has_no_model_error(windows: str) -> None:
     share = found.fit.bounds.std / np.array([RIG_ROLL.truth[name] for name in found.fit.bounds.names])
     assert share[0] < 0.007
     assert share[1:].max() < 0.025
+
+
+@pytest.mark.parametrize("windows", WINDOWS)
+@pytest.mark.parametrize("missing", [{"lag_s": 0.15}, {"damping": 0.1}], ids=str)
+def test_what_the_structure_lacks_is_found(windows: str, missing: dict[str, float]) -> None:
+    """A lag of 0.15 s and a damping of 0.1 1/s move the delays by more than two of their deviations."""
+    found = identified(flown(0, **missing), WINDOWS[windows])
+    assert np.abs(found.error / found.fit.bounds.std).max() > 1.7
+    assert found.misses
+    message = next(one.message for one in found.fit.findings if one.kind == "structure_error")
+    assert "Dynamics are missing" in message
+
+
+EXACT = [{}, {"gust": 0.01}, {"gust": 0.05}]
+WRONG = [{"lag_s": 0.15}, {"damping": 0.1}, {"damping": 0.2}, {"lag_s": 0.15, "gust": 0.05}]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("windows", WINDOWS)
+def test_intervals_are_sharp_and_hold(windows: str) -> None:
+    for air in EXACT:
+        every = [identified(flown(seed, **air), WINDOWS[windows]) for seed in range(20)]
+        ratio = np.array([one.error / one.fit.bounds.std for one in every])
+        assert np.mean([one.misses for one in every]) <= 0.02
+        assert np.mean(np.abs(ratio) <= 1.96) >= 0.9
+        assert np.sqrt(np.mean(ratio**2)) <= 1.2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("windows", WINDOWS)
+@pytest.mark.parametrize("missing", WRONG, ids=str)
+def test_a_wrong_structure_is_found_where_it_matters(windows: str, missing: dict[str, float]) -> None:
+    every = [identified(flown(seed, **missing), WINDOWS[windows]) for seed in range(20)]
+    moved = [one.misses for one in every if np.abs(one.error / one.fit.bounds.std).max() > 2.0]
+    assert np.mean(moved) >= 0.8

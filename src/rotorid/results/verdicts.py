@@ -150,6 +150,10 @@ def _measure(method: str, cost: Cost | None, fit_percent: Mapping[str, float] | 
     return Verdict("", "not judged"), "", "The fit has neither a cost nor a percentage"
 
 
+_MEANINGLESS_PERCENT = 10.0
+"""Model error of a main response above which values follow the data only."""
+
+
 def _doubts(findings: Iterable[FindingLike]) -> Iterator[tuple[str, str]]:
     """Reasons to doubt a low cost, the most serious first: a word, and a clause to follow "but"."""
     by_kind: dict[str, list[FindingLike]] = {}
@@ -160,7 +164,8 @@ def _doubts(findings: Iterable[FindingLike]) -> Iterator[tuple[str, str]]:
     if "impossible_physics" in by_kind:
         yield "not physical", f"no vehicle can have such values ({_named(by_kind['impossible_physics'])})"
     missed = by_kind.get("structure_error", [])
-    if meaningless := [finding for finding in missed if "model_error_percent" in finding.numbers]:
+    sized = [finding for finding in missed if "model_error_percent" in finding.numbers]
+    if meaningless := [one for one in sized if one.numbers["model_error_percent"] > _MEANINGLESS_PERCENT]:
         most = max(finding.numbers["model_error_percent"] for finding in meaningless)
         of_several = " at most" if len(meaningless) > 1 else ""
         yield (
@@ -168,6 +173,9 @@ def _doubts(findings: Iterable[FindingLike]) -> Iterator[tuple[str, str]]:
             f"the model misses {_named(meaningless)} by {most:.0f} %{of_several}: its values follow the data but "
             "have no physical meaning",
         )
+    if smaller := [one for one in sized if one not in meaningless]:
+        most = max(finding.numbers["model_error_percent"] for finding in smaller)
+        yield "partly valid", f"the model misses {_named(smaller)} by {most:.1f} %: it lacks dynamics"
     if others := [finding for finding in missed if "model_error_percent" not in finding.numbers]:
         yield "partly valid", f"the model does not describe {_named(others)}"
 
@@ -212,7 +220,7 @@ def response_verdict(pair: str, cost: float, findings: Iterable[FindingLike]) ->
     for finding in findings:
         if finding.kind == "structure_error" and finding.where == pair and by_cost.level != "poor":
             percent = finding.numbers.get("model_error_percent")
-            return Verdict("fair", f"the model misses it{'' if percent is None else f' by {percent:.0f} %'}")
+            return Verdict("fair", f"the model misses it{'' if percent is None else f' by {percent:.2g} %'}")
     return by_cost
 
 

@@ -32,8 +32,9 @@ Error in Estimated Transfer Functions with Application to Model Order Selection*
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -242,3 +243,62 @@ def _members(group: IntArray, groups: int, columns: int) -> FloatArray:
     member = np.zeros((groups, columns))
     member[group, np.arange(group.size)] = 1.0
     return member
+
+
+class Evidence(NamedTuple):
+    """How much residuals say of the model error of one response.
+
+    Parameters
+    ----------
+    found
+        By how much the size that was found makes the residuals more likely than the least one, as a logarithm. Chance
+        makes it 3 in one of 140 fits of an exact structure.
+    expected
+        What it would be in the mean if the model error were as large as asked.
+    """
+
+    found: float
+    expected: float
+
+
+def model_error_evidence(
+    found: ModelError,
+    residual: FloatArray,
+    jacobian: FloatArray,
+    covariance: FloatArray,
+    names: Iterable[str],
+    *,
+    asked: float,
+) -> dict[str, Evidence]:
+    r"""What residuals say of model errors: whether one is there, and whether they would show it.
+
+    The logarithm of the restricted likelihood with the size that was found, less that with 0.5 %; and its mean, were
+    the size :math:`a`, with the eigenvalues :math:`\mu_i` of what the columns of the response are in units of all
+    other errors: :math:`\frac12 \sum_i [\lambda_i - \ln(1 + \lambda_i)]`, :math:`\lambda_i = a^2 \mu_i`.
+
+    Parameters
+    ----------
+    found, residual, jacobian, covariance
+        Result and arguments of :func:`model_error`.
+    names
+        Responses of interest; one that shares the size of another is left out.
+    asked
+        The size that the residuals ought to show, relative.
+    """
+    shapes = found.shapes
+    likelihood = _Likelihood.of(shapes, residual, jacobian, covariance, found.scatter)
+    logs = np.log([found.sizes[name] for name in shapes.names])
+    said = {}
+    for name in names:
+        if name not in shapes.names:
+            continue
+        place = shapes.names.index(name)
+        least = logs.copy()
+        least[place] = min(math.log(SMALLEST_MODEL_ERROR), logs[place])
+        gain = likelihood(least)[0] - likelihood(logs)[0]
+        D, own = np.exp(least @ likelihood.member), likelihood.member[place] > 0.0
+        scaled = likelihood.S * D
+        shown = likelihood.S - scaled @ np.linalg.solve(np.eye(D.size) + D[:, None] * scaled, scaled.T)
+        growth = np.linalg.eigvalsh(shown[np.ix_(own, own)]).clip(min=0.0) * asked**2
+        said[name] = Evidence(float(gain), 0.5 * float(np.sum(growth - np.log1p(growth))))
+    return said

@@ -16,6 +16,7 @@ from rotorid.fitting.least_squares import Outcome
 from rotorid.models.library import library_model, rate_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.model_error import Evidence
 
 FOUND = rate_model("rate.roll").parameters
 """L_roll 100, L_p -1, T_motor 0.03, tau_roll 0.01."""
@@ -152,21 +153,36 @@ def test_a_fit_that_is_not_sound_is_refused_for_its_reason(changes: dict[str, An
     assert all(reason.severity == "error" for reason in reasons)
 
 
+CERTAIN, BY_CHANCE, HIDDEN = Evidence(8.0, 40.0), Evidence(2.0, 40.0), Evidence(0.1, 1.0)
+
+
 @pytest.mark.parametrize(
-    ("changes", "where"),
+    ("changes", "evidence", "where"),
     [
-        ({}, []),
+        ({}, CERTAIN, []),
         # The response that is known best is the one that tells.
-        ({"missed": {"p/roll_command": 0.11, "ay/roll_command": 0.02}}, ["p/roll_command"]),
-        ({"missed": {"p/roll_command": 0.09, "ay/roll_command": 0.3}}, []),
-        ({"costs": [[5.0], [31.0]]}, []),
-        ({"costs": [[1.0], [0.5]]}, []),
+        ({"missed": {"p/roll_command": 0.026, "ay/roll_command": 0.02}}, CERTAIN, ["p/roll_command"]),
+        ({"missed": {"p/roll_command": 0.2, "ay/roll_command": 0.02}}, CERTAIN, ["p/roll_command"]),
+        ({"missed": {"p/roll_command": 0.2, "ay/roll_command": 0.02}}, BY_CHANCE, []),
+        ({"missed": {"p/roll_command": 0.024, "ay/roll_command": 0.3}}, CERTAIN, []),
+        ({"costs": [[5.0], [31.0]]}, CERTAIN, []),
+        ({"costs": [[1.0], [0.5]]}, CERTAIN, []),
     ],
 )
-def test_a_structure_that_does_not_hold_is_remarked_on(changes: dict[str, Any], where: list[str]) -> None:
+def test_a_structure_that_does_not_hold_is_remarked_on(
+    changes: dict[str, Any], evidence: Evidence, where: list[str]
+) -> None:
     fitted = a_fit(**changes)
-    found = judge_structure(fitted.problem, fitted.costs, fitted.bounds)
+    found = judge_structure(fitted.problem, fitted.costs, fitted.bounds, {"p/roll_command": evidence})
     assert [(one.kind, one.where) for one in found] == [("structure_error", name) for name in where]
+    assert all(one.severity == "warning" for one in found)
+
+
+def test_a_structure_whose_error_would_not_show_is_not_passed() -> None:
+    fitted = a_fit()
+    (found,) = judge_structure(fitted.problem, fitted.costs, fitted.bounds, {"p/roll_command": HIDDEN})
+    assert (found.kind, found.severity) == ("structure_error", "info")
+    assert found.message.startswith("Not enough data to judge the structure by p/roll_command")
 
 
 def test_a_response_that_costs_many_times_the_others_is_remarked_on() -> None:
@@ -175,6 +191,6 @@ def test_a_response_that_costs_many_times_the_others_is_remarked_on() -> None:
     fitted.problem.data.outputs = names
     fitted.problem.data.random_error = np.full((3, 1, 20), 0.01)
     fitted.problem.used = np.ones((3, 1, 20), dtype=np.bool_)
-    (found,) = judge_structure(fitted.problem, np.array([[4.0], [5.0], [31.0]]), fitted.bounds)
+    (found,) = judge_structure(fitted.problem, np.array([[4.0], [5.0], [31.0]]), fitted.bounds, {})
     assert (found.kind, found.where) == ("structure_error", "ay/roll_command")
-    assert judge_structure(fitted.problem, np.array([[4.0], [5.0], [29.0]]), fitted.bounds) == ()
+    assert judge_structure(fitted.problem, np.array([[4.0], [5.0], [29.0]]), fitted.bounds, {}) == ()

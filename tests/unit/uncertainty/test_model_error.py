@@ -10,7 +10,7 @@ import pytest
 from rotorid.fitting.frequency.error_shapes import response_error_shapes
 from rotorid.fitting.problem import ErrorShapes
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.model_error import model_error
+from rotorid.uncertainty.model_error import model_error, model_error_evidence
 
 OMEGA = np.geomspace(1.0, 50.0, 60)
 NOISE = 0.003
@@ -62,3 +62,16 @@ def test_an_error_that_parameters_follow_leaves_no_trace_and_counts_whole(steep:
 
 def test_a_clock_counts_whole_whatever_residuals_show(steep: FloatArray, noise: FloatArray) -> None:
     assert left(noise, steep, largest=0) == 1.0
+
+
+@pytest.mark.parametrize(("size", "level", "certain"), [(0.0, NOISE, False), (0.04, NOISE, True), (0.04, 0.3, False)])
+def test_a_model_error_is_certain_where_noise_would_not_make_it(size: float, level: float, certain: bool) -> None:
+    noise = level * np.random.default_rng(3).standard_normal(2 * OMEGA.size)
+    bend = np.concatenate([size * np.sin(2.0 * np.log(OMEGA)), np.zeros(OMEGA.size)])
+    given = (np.zeros((noise.size, 0)), level**2 * np.eye(noise.size))
+    nothing = np.zeros(noise.size)
+    found = model_error(shapes(nothing, largest=0), bend + noise, *given)
+    said = model_error_evidence(found, bend + noise, *given, ["ax/pitch", "q/pitch"], asked=0.1)
+    assert list(said) == ["ax/pitch"]
+    assert (said["ax/pitch"].found > 3.0) is certain
+    assert (said["ax/pitch"].expected > 3.0) is (level == NOISE)

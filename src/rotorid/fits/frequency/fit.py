@@ -20,7 +20,7 @@ from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fits.bootstrapping import Bootstrap
 from rotorid.fits.data_requirements import main_pairs, require_known_gain, require_support
 from rotorid.fits.frequency.windows import measured_with_model
-from rotorid.fits.remarks import NO_BOUND, judge_band, judge_fit, judge_parameters, judge_structure
+from rotorid.fits.remarks import NO_BOUND, judge_band, judge_fit, judge_parameters, judge_structure, structure_evidence
 from rotorid.fits.searching import Searched, judge_minima, searched
 from rotorid.fitting.frequency.fit import fit_frequency, refine, weights_of
 from rotorid.fitting.frequency.problem import (
@@ -228,7 +228,7 @@ def _fit(problem: FrequencyProblem, measured: Measured, settings: IdentifySettin
         *findings,
         *judge_parameters(parameters, limits),
         *judge_fit(problem, replace(solution, at_bound=final.at_bound), mean_cost),
-        *judge_structure(problem, costs, limits),
+        *judge_structure(problem, costs, limits, structure_evidence(problem, limits, final.theta)),
         *judge_minima(search, parameters, limits),
     )
     return FrequencyFit(
