@@ -52,8 +52,8 @@ _LARGEST_REST = 0.5
 """Mean square of what the estimate's own correction leaves, over that of the stated error, from which a response is
 measured anew. Responses of an angle on two integrators have 0.7 to 8, of others less than 0.25."""
 
-_SHARE_OF_MODEL_ERROR = 0.2
-"""What is left, over a model error that was found, from which it may be made by windows."""
+_MISTAKEN = 2.0 * SMALLEST_MODEL_ERROR
+"""What is left, as a relative error, and a model error that was found, above both of which windows may have made it."""
 
 _DECAYS = np.linspace(5.0, 12.0, 15)
 """Decays of the weight of a transform over a record, of which the one farthest from all poles is taken."""
@@ -79,7 +79,7 @@ def windows_matter(measured: Measured, used: BoolArray, model_errors: Mapping[st
     hidden = np.sum((rest / error) ** 2, axis=-1) / points
     found = np.array([model_errors.get(name, 0.0) for name in pair_names(data)]).reshape(points.shape)
     size = np.sqrt(np.sum(rest**2, axis=-1) / points)
-    mistaken = (size > _SHARE_OF_MODEL_ERROR * found) & (found > 2.0 * SMALLEST_MODEL_ERROR)
+    mistaken = (size > _MISTAKEN) & (found > _MISTAKEN)
     return bool((mistaken | (hidden > _LARGEST_REST)).any())
 
 
