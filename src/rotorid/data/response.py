@@ -96,6 +96,9 @@ class FrequencyResponse(Immutable):
         What moved the outputs beside the inputs; ``None`` for what is no plain estimate any more.
     sample_rate_hz
         Of the records behind it; ``None`` where that is not known.
+    clock_error_s
+        Standard deviation of the time to which values of each channel belong
+        (:func:`rotorid.signal.stamps.clock_error_s`); ``None`` where nothing is known of the stamps.
     sensor_errors
         How far each output disagrees with the other sensors of its log, as a relative error of its scale and as a
         delay in seconds, shape ``(y, 2)``; ``None`` where nothing disagrees.
@@ -139,6 +142,7 @@ class FrequencyResponse(Immutable):
     input_correlation: ComplexArray | None = None
     disturbance: Disturbance | None = None
     sample_rate_hz: float | None = None
+    clock_error_s: float | None = None
     sensor_errors: FloatArray | None = None
     slope_changes: FloatArray | None = None
     lean_errors: FloatArray | None = None

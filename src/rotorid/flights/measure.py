@@ -40,6 +40,7 @@ from rotorid.flights.unchecked import unchecked_scales, with_unchecked_errors
 from rotorid.results.model import Segment
 from rotorid.settings.measuring import CompositionChoice, MeasureSettings, TaperChoice
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
+from rotorid.signal.stamps import clock_error_s
 from rotorid.spectral.composite import Composition
 from rotorid.spectral.derived import corrected
 from rotorid.spectral.estimate import Diagnostics, Known, diagnosed_response
@@ -326,6 +327,10 @@ def _prepare(group: _Group, settings: MeasureSettings, also: Sequence[str]) -> _
     return _Prepared(group, segments, (*channels, *followers), band, windows, findings)
 
 
+def _interval(flight: Flight) -> tuple[float, float]:
+    return flight.maneuver.start_s, flight.maneuver.stop_s
+
+
 def _common_band(prepared: Sequence[_Prepared]) -> tuple[float, float]:
     """From the lowest to the highest frequency of any group that the rates of all groups allow."""
     low = min(item.band_rad_s[0] for item in prepared)
@@ -349,7 +354,8 @@ def _measured(
     # An input that is the excitation itself needs no instrument, nor does one that comes straight from the stick.
     free = open_loop(flights, *inputs) or all(is_free(flights, name) for name in inputs)
     unknown = settings.estimate == "auto" and not instruments and not free
-    known = replace(joint or direct, sensor_errors=errors)
+    late_s = [clock_error_s(flight.record, (*inputs, *outputs), [_interval(flight)]) for flight in flights]
+    known = replace(joint or direct, sensor_errors=errors, clock_error_s=max(late_s))
     bands = _bands_of_sticks(flights, inputs, instruments)
     bent = 0.0
     if any(is_command(name) for name in inputs):
@@ -443,6 +449,7 @@ def _joined(
     return Measured(
         response=replace(
             response,
+            clock_error_s=max((part.response.clock_error_s or 0.0 for part in parts), default=0.0) or None,
             sensor_errors=_largest_errors(parts, response.outputs),
             slope_changes=_largest(parts, response, lambda response: response.slope_changes),
             lean_errors=_largest(parts, response, lambda response: response.lean_errors),

@@ -638,7 +638,7 @@ def _end(solution: Solution, weights: FitWeights, bounds: Bounds) -> FitEnd:
         evaluations=solution.evaluations,
         trace=tuple(solution.trace),
         inflation=bounds.inflation,
-        model_error=dict(bounds.model_error.sizes) if bounds.model_error else {},
+        model_error=dict(bounds.model_error.deviations) if bounds.model_error else {},
     )
 
 

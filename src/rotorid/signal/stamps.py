@@ -70,10 +70,8 @@ def stamp_jitter_s(time_s: FloatArray) -> float:
     return float(np.sqrt(np.mean(left**2) / 2.0))
 
 
-def clock_errors_s(
-    record: FlightRecord, channels: Sequence[str], intervals: Iterable[tuple[float, float]]
-) -> tuple[float, ...]:
-    r"""Standard deviation of the time to which values of each channel belong, one for each, seconds.
+def clock_error_s(record: FlightRecord, channels: Sequence[str], intervals: Iterable[tuple[float, float]]) -> float:
+    r"""Standard deviation of the time to which values of each of some channels belong, seconds.
 
     Parameters
     ----------
@@ -89,24 +87,20 @@ def clock_errors_s(
     One message of a firmware, and a table:
 
     >>> from dataclasses import replace
-    >>> from rotorid.data.record import Channel
-    >>> from rotorid.data.record import Source, Topic
+    >>> from rotorid.data.record import Channel, Source, Topic
     >>> rows = (Channel(name="roll_command", unit="1"), Channel(name="p", unit="rad/s"))
     >>> message = Topic(name="RATE", time_s=0.0025 * np.arange(400), channels=rows, values=np.zeros((2, 400)))
     >>> log = FlightRecord(source=Source(name="a.BIN", format="ArduPilot DataFlash", sha256=""), topics=(message,))
-    >>> [round(1e6 * error) for error in clock_errors_s(log, ("roll_command", "p"), [(0.0, 1.0)])]
-    [75, 75]
+    >>> round(1e6 * clock_error_s(log, ("roll_command", "p"), [(0.0, 1.0)]))
+    75
     >>> table = replace(log, source=Source(name="a.csv", format="CSV", sha256=""))
-    >>> [round(1e6 * error) for error in clock_errors_s(table, ("roll_command", "p"), [(0.0, 1.0)])]
-    [375, 375]
+    >>> round(1e6 * clock_error_s(table, ("roll_command", "p"), [(0.0, 1.0)]))
+    375
     """
-    found = np.zeros(len(channels))
-    for start_s, stop_s in intervals:
-        found = np.maximum(found, _errors_s(record, channels, start_s, stop_s))
-    return tuple(found.tolist())
+    return max((_error_s(record, channels, start_s, stop_s) for start_s, stop_s in intervals), default=0.0)
 
 
-def _errors_s(record: FlightRecord, channels: Sequence[str], start_s: float, stop_s: float) -> FloatArray:
+def _error_s(record: FlightRecord, channels: Sequence[str], start_s: float, stop_s: float) -> float:
     # What is worked out from other channels has no stamps of its own.
     logged = [name for name in channels if name in record.channel_names]
     try:
@@ -121,7 +115,7 @@ def _errors_s(record: FlightRecord, channels: Sequence[str], start_s: float, sto
     if record.source.format in _IN_ONE_TURN and len(logged) == len(channels) and _alike(stamps, step_s):
         jitter = max(stamp_jitter_s(time_s) for time_s in stamps) / step_s
         share = min(share, math.hypot(SAME_TURN_SAMPLES, jitter))
-    return np.full(len(channels), share * step_s)
+    return share * step_s
 
 
 def _step_s(time_s: FloatArray) -> float:

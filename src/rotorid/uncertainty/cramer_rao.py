@@ -171,6 +171,9 @@ def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer", 
         about = problem.stated_errors(solution.theta, weights="covariance")
         assert about is not None
         found = model_error(shapes, residual, of_cost, about.covariance)
+        # A value at a bound says nothing of what else is in it.
+        anything = ~np.isfinite(problem.box[0]) & ~np.isfinite(problem.box[1])
+        found = found.as_parameters_show(gain, np.where(anything, solution.theta, np.nan), random)
         moved = gain @ found.root
         total = random + moved @ moved.T
     return Bounds(

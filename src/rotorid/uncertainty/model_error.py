@@ -9,19 +9,26 @@ taken as
 
 with the random error :math:`e` that the data state; a model error :math:`B c` of each response, in magnitude and in
 phase a Gaussian process over :math:`\ln \omega` with the kernel :math:`\exp(-\frac12 (\Delta \ln\omega / 0.7)^2)`, one
-octave; and clocks :math:`T d`, a phase of :math:`0.15 \, \omega \Delta t` for every input and every output, for no log
-says where within a sample a value belongs. The size :math:`a_k` of the model error of a response is the one that makes
-its residuals most likely, with what the parameters absorb projected out (restricted maximum likelihood), between 0.5 %,
-which no sensor is better than, and 30 %, and at most three times its typical residual: a few points at the end of a
-band, which nothing smooth explains, would ask for any size. The values stay what the fit gave. With its own gain M,
-from residuals to parameters,
+octave; and what is known beside it :math:`T d`: scales of 0.25 % and clocks of every input and every output, and what
+else :mod:`rotorid.fitting.frequency.error_shapes` lists. The values stay what the fit gave. With its own gain M, from
+residuals to parameters,
 
-.. math:: \mathrm{Cov}\,\theta = M \, (C + \sum_k a_k^2 s B_k B_k^T s + T T^T) \, M^T
+.. math:: \mathrm{Cov}\,\theta = M \, (C + \sum_k E[a_k^2] \, s B_k B_k^T s + T T^T) \, M^T
 
-An accelerometer may lie beside the center of gravity by some centimeters. Where no parameter follows it, that would
-leave a large trace; of this column the share counts that the residuals leave of it, its root mean square given them.
+Residuals say how large the model error of a response is, with what the parameters absorb projected out (restricted
+likelihood). They say little where random errors are larger, so no single size is taken, but the mean square over all
+sizes, by their likelihood given the other responses and a prior: half of a Cauchy distribution, with 0.3 % as its
+median, whose tail hardly speaks against what residuals show (Gelman, *Prior Distributions for Variance Parameters in
+Hierarchical Models*, Bayesian Analysis 1(3), 2006). No size counts above 30 %, or above three times the typical
+residual: a few points at the end of a band, which nothing smooth explains, would ask for any size.
 
-Errors that leave no trace in residuals, a wrong scale or a slope that depends on amplitude, are covered by the floor
+An accelerometer may lie beside the center of gravity by some centimeters. Of this column the share counts that the
+residuals leave of it, its root mean square given them. What parameters follow leaves no trace there, but in their
+values: an accelerometer off by a centimeter adds to each of them what it adds, and where one of them is far smaller,
+its true value would have to cancel that by chance. The smallest share that a parameter shows so, with its deviation,
+is an upper bound.
+
+Errors that leave no trace in residuals, a wrong scale or a slope that depends on amplitude, are covered by the scales
 alone. How often such intervals hold, over simulated flights of seven vehicles, stands in ``docs/accuracy.md``.
 
 The idea of a prior on what is left out is that of stochastic embedding (Goodwin, Gevers and Ninness, *Quantifying the
@@ -33,7 +40,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -43,7 +50,10 @@ from rotorid.fitting.problem import ErrorShapes
 from rotorid.typing import FloatArray, IntArray
 
 SMALLEST_MODEL_ERROR, LARGEST_MODEL_ERROR = 0.005, 0.3
-"""No sensor and no structure is better than the one; beyond the other nothing is described any more."""
+"""No sensor is better than the one; beyond the other nothing is described any more."""
+
+USUAL_MODEL_ERROR = 0.003
+"""Half of the responses of a fit have a smaller model error than this, before their residuals are seen."""
 
 _OWN_SHARE = 0.1
 _OWN_ERRORS = (0.002, 0.005, 0.01, 0.02, 0.05)
@@ -57,7 +67,8 @@ _TYPICAL, _NORMAL = 0.75, 0.8693
 a normal error over it."""
 
 _LARGEST_SHARE = 3.0
-_BOX = (math.log(SMALLEST_MODEL_ERROR), math.log(LARGEST_MODEL_ERROR))
+_BOX = (math.log(1e-4), math.log(LARGEST_MODEL_ERROR))
+_FINE = 60
 _COARSE = 9
 """Sizes that are tried for each group before the search, so that it begins near its end."""
 
@@ -71,7 +82,9 @@ class ModelError(Immutable):
     shapes
         The shapes that were allowed.
     sizes
-        Relative standard deviation of the model error of each group.
+        Relative standard deviation of the model error of each group that makes the residuals most likely.
+    deviations
+        The one that counts: its root mean square over all sizes that residuals allow.
     scatter
         Standard deviation of what the data do not state and no smooth error explains, from residual to residual,
         shape ``(n,)``.
@@ -81,12 +94,14 @@ class ModelError(Immutable):
 
     shapes: ErrorShapes
     sizes: Mapping[str, float]
+    deviations: Mapping[str, float]
     scatter: FloatArray
     expected: FloatArray
 
     def __post_init__(self) -> None:
         self._set(
             sizes=self.sizes,
+            deviations=self.deviations,
             scatter=read_only(self.scatter, np.float64, ndim=1),
             expected=read_only(self.expected, np.float64, ndim=1),
         )
@@ -94,11 +109,34 @@ class ModelError(Immutable):
     @property
     def root(self) -> FloatArray:
         """Columns whose outer products sum to the covariance of all this, shape ``(n, k)``."""
-        return np.concatenate([self.shapes.root(self.sizes), np.diag(self.scatter)], axis=1)
+        return np.concatenate([self.shapes.root(self.deviations), np.diag(self.scatter)], axis=1)
+
+    def as_parameters_show(self, gain: FloatArray, values: FloatArray, random: FloatArray) -> ModelError:
+        """The same, where values of parameters bound the :attr:`~ErrorShapes.largest` columns.
+
+        Parameters
+        ----------
+        gain
+            From residuals to parameters, shape ``(p, n)``.
+        values
+            Parameters whose true value may be anything; not a number for all others, shape ``(p,)``.
+        random
+            Covariance of their random errors, shape ``(p, p)``.
+        """
+        columns = self.shapes.known.shape[1] - self.shapes.largest
+        if not self.shapes.largest:
+            return self
+        shifts = gain @ self.shapes.known[:, columns:]
+        others = replace(self, shapes=replace(self.shapes, known=self.shapes.known[:, :columns], largest=0))
+        moved = gain @ others.root
+        size = np.sqrt(values**2 + random.diagonal() + np.sum(moved**2, axis=1))
+        with np.errstate(divide="ignore"):
+            shown = np.nan_to_num(size[:, None] / np.abs(shifts), nan=1.0)
+        return replace(self, shapes=self.shapes.with_shares(np.minimum(shown.min(axis=0, initial=1.0), 1.0)))
 
 
 def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray, covariance: FloatArray) -> ModelError:
-    r"""Sizes of model errors that make residuals most likely.
+    r"""Sizes of model errors by what residuals say of them.
 
     With everything in units of the random error and outside of what the parameters can follow, columns X and residuals
     :math:`\rho` give :math:`S = X^T X`, :math:`y = X^T \rho`, and of sizes D the logarithm of the restricted likelihood
@@ -121,11 +159,11 @@ def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray,
     >>> omega = np.geomspace(1.0, 50.0, 40)
     >>> nothing = np.zeros(40, dtype=np.int64)
     >>> shapes = response_error_shapes(omega, nothing, nothing, np.ones(80), outputs=["p"], inputs=["roll"],
-    ...                                sample_rate_hz=None)
+    ...                                clock_error_s=None)
     >>> residual = np.concatenate([0.05 * np.sin(3.0 * np.log(omega)), np.zeros(40)])
     >>> found = model_error(shapes, residual, np.zeros((80, 0)), 1e-6 * np.eye(80))
-    >>> 0.01 < found.sizes["p/roll"] < 0.1
-    True
+    >>> 0.01 < found.sizes["p/roll"] < 0.1, 0.01 < found.deviations["p/roll"] < 0.1
+    (True, True)
     """
     own, start, tops = np.zeros(residual.size), np.zeros(len(shapes.names)), np.zeros(len(shapes.names))
     scale = _scale_of(shapes, np.diag(covariance))
@@ -148,6 +186,7 @@ def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray,
     return ModelError(
         shapes=shapes.with_shares(likelihood.shares(logs)[columns.shape[1] - shapes.largest :]),
         sizes=dict(zip(shapes.names, map(float, np.exp(logs)), strict=True)),
+        deviations=dict(zip(shapes.names, likelihood.mean_sizes(logs, tops), strict=True)),
         scatter=own,
         expected=columns @ likelihood.expected(logs),
     )
@@ -226,6 +265,30 @@ class _Likelihood:
         box = [(_BOX[0], top) for top in tops.tolist()]
         found = minimize(self, start, jac=True, method="L-BFGS-B", bounds=box)
         return np.clip(found.x, _BOX[0], tops)
+
+    def mean_sizes(self, logs: FloatArray, tops: FloatArray) -> list[float]:
+        r"""Root mean square of each size over its posterior, given the most likely sizes of all others.
+
+        With the other columns marginalized, :math:`S_{kk \mid o} = V \Lambda V^T` and :math:`v = V^T y_{k \mid o}`, the
+        logarithm of the likelihood is :math:`-\frac12 \sum \ln(1 + a^2 \lambda_i) + \frac12 \sum a^2 v_i^2 / (1 +
+        a^2 \lambda_i)`.
+        """
+        D, found = self._sizes(logs), []
+        for own, top in zip(self.member > 0.0, tops.tolist(), strict=True):
+            size = D[~own]
+            inner = np.eye(size.size) + size[:, None] * self.S[np.ix_(~own, ~own)] * size
+            cross = size[:, None] * self.S[np.ix_(~own, own)]
+            explained = np.linalg.solve(inner, np.column_stack([cross, size * self.y[~own]]))
+            roots, vectors = np.linalg.eigh(self.S[np.ix_(own, own)] - cross.T @ explained[:, :-1])
+            squares = (vectors.T @ (self.y[own] - cross.T @ explained[:, -1])) ** 2
+            grid = np.linspace(_BOX[0], top, _FINE)
+            power = np.exp(2.0 * grid)[:, None]
+            inside = 1.0 + power * np.maximum(roots, 0.0)
+            chance = 0.5 * np.sum(power * squares / inside - np.log(inside), axis=1)
+            chance += grid - np.log1p(np.exp(2.0 * (grid - math.log(USUAL_MODEL_ERROR))))
+            weight = np.exp(chance - chance.max())
+            found.append(float(np.sqrt(weight @ power[:, 0] / weight.sum())))
+        return found
 
     def expected(self, logs: FloatArray) -> FloatArray:
         """Most likely factors of all columns."""

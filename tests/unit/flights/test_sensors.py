@@ -132,8 +132,9 @@ def test_they_stand_in_the_errors_of_a_fit() -> None:
         np.full(2 * count, 3.0),
         outputs=("p",),
         inputs=("roll_command",),
-        sample_rate_hz=None,
+        clock_error_s=None,
         sensor_shapes=np.stack([np.full(count, 0.02 + 0.0j), np.full(count, 0.01j)]),
     )
-    np.testing.assert_allclose(shapes.known[:, 0], np.repeat([0.06, 0.0], count))
-    np.testing.assert_allclose(shapes.known[:, 1], np.repeat([0.0, 0.03], count))
+    # Behind the scales of input and output.
+    np.testing.assert_allclose(shapes.known[:, 2], np.repeat([0.06, 0.0], count))
+    np.testing.assert_allclose(shapes.known[:, 3], np.repeat([0.0, 0.03], count))

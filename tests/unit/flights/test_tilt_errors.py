@@ -90,9 +90,10 @@ def test_magnitude_and_phase_of_each_response_err_by_themselves() -> None:
     lean = 0.05 / omega
     scale = np.concatenate([np.full(omega.size, 2.0), np.full(omega.size, 3.0)])
     shapes = response_error_shapes(
-        omega, output, nothing, scale, outputs=["p", "phi"], inputs=["roll"], sample_rate_hz=None, lean_errors=lean
+        omega, output, nothing, scale, outputs=["p", "phi"], inputs=["roll"], clock_error_s=None, lean_errors=lean
     )
     first = (output == 0) * lean
-    np.testing.assert_allclose(shapes.known[:, 0], np.concatenate([2.0 * first, 0.0 * first]))
-    np.testing.assert_allclose(shapes.known[:, 1], np.concatenate([0.0 * first, 3.0 * first]))
-    assert shapes.known.shape == (4 * OMEGA.size, 4)
+    # Behind the scales of one input and two outputs.
+    np.testing.assert_allclose(shapes.known[:, 3], np.concatenate([2.0 * first, 0.0 * first]))
+    np.testing.assert_allclose(shapes.known[:, 4], np.concatenate([0.0 * first, 3.0 * first]))
+    assert shapes.known.shape == (4 * OMEGA.size, 3 + 4)

@@ -90,7 +90,7 @@ def test_the_columns_have_the_size_that_is_stated() -> None:
     omega = np.tile(OMEGA, 2)
     output, source = np.repeat([0, 1], count), np.zeros(2 * count, dtype=np.int64)
     sizes = np.stack([np.full(2 * count, 0.015), np.full(2 * count, 0.02)])
-    common: Mapping[str, object] = {"outputs": ["p", "ay"], "inputs": ["roll_command"], "sample_rate_hz": None}
+    common: Mapping[str, object] = {"outputs": ["p", "ay"], "inputs": ["roll_command"], "clock_error_s": None}
     shapes = response_error_shapes(
         omega,
         output,
@@ -99,7 +99,9 @@ def test_the_columns_have_the_size_that_is_stated() -> None:
         unchecked_errors=sizes,
         **common,  # type: ignore[arg-type]
     )
-    covariance = shapes.known @ shapes.known.T
+    # Behind the scales of one input and two outputs.
+    known = shapes.known[:, 3:]
+    covariance = known @ known.T
     np.testing.assert_allclose(np.diag(covariance)[: 2 * count], 0.015**2 + 0.02**2, rtol=0.02)
     np.testing.assert_allclose(np.diag(covariance)[2 * count :], 0.02**2, rtol=0.02)
     # The same frequency of the other output shares the slope of thrust, and nothing else.

@@ -20,7 +20,6 @@ from rotorid.models.structure import LinearStructure
 from rotorid.typing import ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import bounds, bounds_of_parts
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
-from rotorid.uncertainty.model_error import SMALLEST_MODEL_ERROR
 
 OMEGA = np.geomspace(1.5, 50.0, 40)
 TRUTH = {"L_roll": 60.0, "L_p": -3.0, "T_motor": 0.05, "tau_roll": 0.012}
@@ -100,11 +99,9 @@ def test_spread_of_the_fits_is_the_predicted_one(fits: tuple[FloatArray, FloatAr
     assert np.all(np.abs(errors.mean(axis=0)) <= 5.0 * errors.std(axis=0) / np.sqrt(FITS) + 0.1 * spreads.mean(axis=0))
 
 
-def test_a_structure_that_holds_has_no_model_error_beyond_the_floor(
-    fits: tuple[FloatArray, FloatArray, FloatArray],
-) -> None:
+def test_a_structure_that_holds_has_hardly_a_model_error(fits: tuple[FloatArray, FloatArray, FloatArray]) -> None:
     sizes = fits[2]
-    assert sizes.min() == pytest.approx(SMALLEST_MODEL_ERROR)
+    assert sizes.min() < 0.001
     # Random errors of 5 % hide a model error of one.
     assert np.median(sizes) < 0.01
 

@@ -20,7 +20,7 @@ def shapes(column: FloatArray, *, largest: int) -> ErrorShapes:
     """One response, and a column of known size beside its smooth error."""
     nothing = np.zeros(OMEGA.size, dtype=np.int64)
     plain = response_error_shapes(
-        OMEGA, nothing, nothing, np.ones(2 * OMEGA.size), outputs=["ax"], inputs=["pitch"], sample_rate_hz=None
+        OMEGA, nothing, nothing, np.ones(2 * OMEGA.size), outputs=["ax"], inputs=["pitch"], clock_error_s=None
     )
     return replace(plain, known=column[:, None], largest=largest)
 
@@ -75,3 +75,36 @@ def test_a_model_error_is_certain_where_noise_would_not_make_it(size: float, lev
     assert list(said) == ["ax/pitch"]
     assert (said["ax/pitch"].found > 3.0) is certain
     assert (said["ax/pitch"].expected > 3.0) is (level == NOISE)
+
+
+def test_the_size_that_counts_is_a_mean_over_what_residuals_allow(steep: FloatArray, noise: FloatArray) -> None:
+    quiet, loud = (
+        model_error(
+            shapes(steep, largest=0),
+            factor * noise,
+            np.zeros((noise.size, 0)),
+            (factor * NOISE) ** 2 * np.eye(noise.size),
+        )
+        for factor in (0.1, 10.0)
+    )
+    # Exact data show that there is hardly an error; loud ones leave what is usual.
+    assert quiet.deviations["ax/pitch"] < 0.001
+    assert 0.001 < loud.deviations["ax/pitch"] < 0.02
+
+
+def test_a_parameter_that_shows_little_of_a_column_bounds_it(steep: FloatArray, noise: FloatArray) -> None:
+    count = noise.size
+    jacobian = steep[:, None]
+    gain = np.linalg.pinv(jacobian)
+    found = model_error(shapes(steep, largest=1), noise, jacobian, NOISE**2 * np.eye(count))
+    random = NOISE**2 * gain @ gain.T
+
+    def share(value: float) -> float:
+        shown = found.as_parameters_show(gain, np.array([value]), random)
+        return float(np.linalg.norm(shown.shapes.known) / np.linalg.norm(steep))
+
+    # The whole column moves the parameter by one.
+    assert share(0.3) == pytest.approx(0.3, abs=0.02)
+    assert share(5.0) == pytest.approx(1.0)
+    assert 0.0 < share(0.0) < 0.1
+    assert share(np.nan) == pytest.approx(1.0)

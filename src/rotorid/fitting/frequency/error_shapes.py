@@ -5,8 +5,9 @@ Each shape is a column in the residuals, with a size of its own.
 - *Model error*. A structure that leaves something out errs alike at neighboring frequencies: in magnitude and in phase
   a Gaussian process over :math:`\ln \omega` with the kernel :math:`\exp(-\frac12 (\Delta \ln\omega / 0.7)^2)`, one
   octave. The residuals of a fit show how large it is (:mod:`rotorid.uncertainty.model_error`).
-- *Clocks*. No log says where within a sample a value belongs: every input and every output may be late by
-  :math:`0.15 \, \Delta t`.
+- *Clocks*. Hardly a log says where within a sample a value belongs: every input and every output may be late by
+  :math:`0.15 \, \Delta t`, or by what the stamps of its log show (:mod:`rotorid.signal.stamps`).
+- *Scales*. No input and no output is known better than by 0.25 %, at all frequencies alike.
 - *Sensors*. One that contradicts the kinematics of its log may be the wrong one of the two: its response may be off by
   all of the scale and the delay by which they differ. One that was corrected is off by what is left, with its
   covariance.
@@ -25,8 +26,11 @@ from dataclasses import replace
 import numpy as np
 
 from rotorid.fitting.problem import ErrorShapes
-from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.typing import ComplexArray, FloatArray, IntArray
+
+SCALE_ERROR = 0.0025
+"""Standard deviation of the scale of each input and each output, which nothing in a log shows: a gain is known to no
+better than 0.35 %."""
 
 _OCTAVE = 0.7
 """Length of smooth errors over the natural logarithm of frequency: ln 2, rounded."""
@@ -72,7 +76,7 @@ def response_error_shapes(
     *,
     outputs: Sequence[str],
     inputs: Sequence[str],
-    sample_rate_hz: float | None,
+    clock_error_s: float | None,
     sensor_errors: FloatArray | None = None,
     slope_changes: FloatArray | None = None,
     lean_errors: FloatArray | None = None,
@@ -87,8 +91,8 @@ def response_error_shapes(
         Frequency and indices of output and input of each point, shape ``(n,)`` each.
     scale
         Factor from a relative error to each residual, shape ``(2 n,)``.
-    sample_rate_hz
-        Of the log; without it clocks count as exact.
+    clock_error_s
+        Standard deviation of the delay of each channel; without it clocks count as exact.
     sensor_errors
         Relative error of the scale and delay in seconds by which each output disagrees with other sensors, ``(y, 2)``.
     slope_changes
@@ -112,11 +116,13 @@ def response_error_shapes(
             smooth.append(block)
             group += [place] * columns.shape[1]
         names.append(f"{outputs[y]}/{inputs[u]}")
-    known = np.zeros((2 * count, 0))
-    if sample_rate_hz is not None:
-        late = phase * omega_rad_s * CLOCK_SAMPLES / sample_rate_hz
-        channels = [*(source == u for u in np.unique(source)), *(output == y for y in np.unique(output))]
-        known = np.concatenate([np.zeros((count, len(channels))), late[:, None] * np.stack(channels, axis=1)])
+    nothing = np.zeros(count)
+    channels = [*(source == u for u in np.unique(source)), *(output == y for y in np.unique(output))]
+    off = [np.concatenate([SCALE_ERROR * magnitude * channel, nothing]) for channel in channels]
+    if clock_error_s is not None:
+        late = phase * omega_rad_s * clock_error_s
+        off += [np.concatenate([nothing, late * channel]) for channel in channels]
+    known = np.stack(off, axis=1)
     if sensor_errors is not None:
         known = np.concatenate([known, _contradicted(sensor_errors, magnitude, phase * omega_rad_s, output)], axis=1)
     if slope_changes is not None:

@@ -39,6 +39,7 @@ from rotorid.fitting.frequency.error_shapes import response_error_shapes
 from rotorid.fitting.frequency.parameter_map import Matrices, ParameterMap, Slopes
 from rotorid.fitting.problem import ErrorShapes, Problem, ResidualErrors
 from rotorid.models.structure import LinearStructure
+from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.spectral.composite import level_about, output_correlation
 from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
 
@@ -611,7 +612,7 @@ class FrequencyProblem(Problem):
             np.concatenate(self.point_scales),
             outputs=self.data.outputs,
             inputs=self.data.inputs,
-            sample_rate_hz=self.data.sample_rate_hz,
+            clock_error_s=_clock_error_s(self.data),
             sensor_errors=self.data.sensor_errors,
             slope_changes=None if changes is None else changes[points.input, points.frequency],
             lean_errors=None if tilt is None else tilt[points.input, points.frequency],
@@ -669,6 +670,13 @@ class FrequencyProblem(Problem):
         """Cost of each response without weights of pairs, shape ``(y, u)``."""
         model = self.structure.response(self.parameters.unpack(theta).values, self.data.omega_rad_s)
         return pair_costs(model, self.data.values, self.weights)
+
+
+def _clock_error_s(data: FrequencyResponse) -> float | None:
+    """What stamps show, or the share of a sample that counts where nobody looked at them."""
+    if data.clock_error_s is not None or data.sample_rate_hz is None:
+        return data.clock_error_s
+    return CLOCK_SAMPLES / data.sample_rate_hz
 
 
 def _weighted(values: ComplexArray, magnitude: FloatArray, phase: FloatArray) -> FloatArray:
