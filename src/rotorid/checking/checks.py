@@ -66,7 +66,8 @@ def maneuver_check(check: Verification, states: Sequence[str], trim: Trim | None
         verdict=verdict(check),
         scores=_scores(check),
         j_rms=check.j_rms,
-        biases=dict(zip(states, map(float, check.biases), strict=True)),
+        # In a steady wind a model may have the heading as a last state, which it did not have where it was fitted.
+        biases=dict(zip(states, map(float, check.biases), strict=False)),
         growth_1_s=check.growth_1_s,
         low_pass_rad_s=check.low_pass_rad_s,
         moved=tuple(check.moved),

@@ -49,6 +49,7 @@ from rotorid.flights.selection import (
     select_records,
     wholly_flown,
 )
+from rotorid.flights.steady_wind import in_wind_of
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import connected
 from rotorid.results.model import Verifications
@@ -108,7 +109,7 @@ class LinearPredictor:
         """Excitations of its axes with the time around them, or whole records where its inputs are set-points."""
         structure = self.candidate.structure
         return [
-            Trial(flight, partial(score_flights, structure, [flight], settings))
+            Trial(flight, partial(score_flights, *in_wind_of(structure, [flight]), settings))
             for flight in self._scored(record, settings)
         ]
 
@@ -120,8 +121,8 @@ class LinearPredictor:
         if not inputs or not outputs:
             lacking = whole.inputs if not inputs else whole.outputs
             raise InsufficientDataError(f"it contains none of {', '.join(lacking)}", needed="an input and an output")
-        structure = connected(whole.select(inputs=inputs, outputs=outputs))
-        flights = whole_flights([record], settings.segments)
+        at_trim, flights = in_wind_of(whole, whole_flights([record], settings.segments))
+        structure = connected(at_trim.select(inputs=inputs, outputs=outputs))
         records = time_records(structure, flights, IdentifySettings(hold=settings.hold), every_input=False)
         parameters = structure.parameters
         length_s = settings.pieces_s or piece_s(structure, parameters, records.data)
@@ -292,7 +293,8 @@ def _attempts(
 
 
 def _maneuvers(candidate: Candidate, log: UnseenLog, settings: VerifySettings) -> Verifications:
-    checks, findings = predict_maneuvers(candidate, log.short, settings, outputs=log.outputs)
+    candidate, short = _at_trim_of(candidate, log.short)
+    checks, findings = predict_maneuvers(candidate, short, settings, outputs=log.outputs)
     excited = excited_outputs(checks, candidate)
     if not excited:
         raise InsufficientDataError("its short maneuvers move no output more than it moved before")
@@ -304,7 +306,7 @@ def _maneuvers(candidate: Candidate, log: UnseenLog, settings: VerifySettings) -
 
 
 def _sweeps(candidate: Candidate, logs: Sequence[UnseenLog], settings: VerifySettings) -> Verifications:
-    sweeps = [flight for log in logs for flight in log.sweeps]
+    candidate, sweeps = _at_trim_of(candidate, [flight for log in logs for flight in log.sweeps])
     outputs = tuple(name for name in candidate.structure.outputs if all(name in log.outputs for log in logs))
     if not outputs:
         raise InsufficientDataError("the logs have no output of the model in common")
@@ -319,6 +321,12 @@ def _sweeps(candidate: Candidate, logs: Sequence[UnseenLog], settings: VerifySet
     )
     findings = (*_without(candidate, logs, outputs), *judged.findings)
     return Verifications(frequency=judged.costs, findings=findings, sweeps=(judged,))
+
+
+def _at_trim_of(candidate: Candidate, flights: Sequence[Flight]) -> tuple[Candidate, tuple[Flight, ...]]:
+    """A model in the wind of flights that may not be the one in which it was fitted."""
+    structure, blown = in_wind_of(candidate.structure, flights)
+    return replace(candidate, structure=structure), blown
 
 
 def _without(candidate: Candidate, logs: Sequence[UnseenLog], outputs: Sequence[str]) -> list[Finding]:

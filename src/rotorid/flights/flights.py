@@ -31,6 +31,23 @@ class Samples(NamedTuple):
     unit: str
 
 
+class SteadyDrag(NamedTuple):
+    """Drag of a steady wind over mass, fixed to the earth (:mod:`rotorid.flights.steady_wind`).
+
+    Parameters
+    ----------
+    north, east
+        In m/s².
+    heave_share
+        Share of it that acts along the rotors too: one for drag of one size along all axes, zero for rotors that drag
+        in their plane alone.
+    """
+
+    north: float
+    east: float
+    heave_share: float = 0.0
+
+
 @dataclass(frozen=True)
 class Flight:
     """A maneuver and its log.
@@ -41,10 +58,13 @@ class Flight:
         The log.
     maneuver
         What was flown, and when.
+    steady_drag
+        Drag of a steady wind, where the vehicle leaned against it and its model knows of that.
     """
 
     record: FlightRecord
     maneuver: Maneuver
+    steady_drag: SteadyDrag | None = None
 
     @property
     def axis(self) -> Axis:

@@ -343,7 +343,7 @@ def while_flying(flights: Sequence[Flight]) -> tuple[list[Flight], list[Finding]
         if key not in airborne_parts:
             airborne_parts[key] = airborne_by_thrust(record)
         kept, remark = _flying_part(flight.maneuver, airborne_parts[key])
-        cut_down.append(Flight(record, kept))
+        cut_down.append(replace(flight, maneuver=kept))
         findings += remark
     return cut_down, findings
 

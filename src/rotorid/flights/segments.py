@@ -17,12 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.axes import ATTITUDE
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import AXES, STANDARD_UNITS, Channel, FlightRecord, Maneuver, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError, UsageError, unknown_name
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.flights.flights import Flight, overlap
 from rotorid.flights.instruments import is_injection, while_flying
+from rotorid.flights.steady_wind import LEANING, without_steady_drag
 from rotorid.models.families import family_of
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.results.model import Segment
@@ -224,7 +226,7 @@ def cut(
         found = resample(
             record,
             channels=with_ingredients(record, channels),
-            auxiliary=[name for name in followers if name not in silent],
+            auxiliary=[name for name in (*followers, *_attitude_of_trim(item, channels)) if name not in silent],
             start_s=start_s,
             stop_s=stop_s,
             sample_rate_hz=sample_rate_hz,
@@ -244,7 +246,7 @@ def cut(
         Segment(
             record=flight.record.source.name,
             maneuver=flight.maneuver,
-            history=shifted(built(history, wanted), shifts or {}),
+            history=shifted(_from_trim(history, flight, wanted), shifts or {}),
         )
         for flight, part in zip(flights, parts, strict=True)
         for history in part.histories
@@ -255,6 +257,22 @@ def cut(
         *reconstructed_findings(histories(segments)),
         *other_sources(segments, segments, channels),
     )
+
+
+def _attitude_of_trim(flight: Flight, channels: Sequence[str]) -> tuple[str, ...]:
+    """Angles by which channels of a leaning vehicle are counted from its trim, as far as they are not read anyway."""
+    if flight.steady_drag is None or not set(channels) & set(LEANING):
+        return ()
+    read = with_ingredients(flight.record, channels)
+    return tuple(name for name in ATTITUDE if name in flight.record.channel_names and name not in read)
+
+
+def _from_trim(history: TimeHistory, flight: Flight, wanted: Sequence[str]) -> TimeHistory:
+    """The channels that are wanted, those of a leaning vehicle without the drag of the steady wind."""
+    if flight.steady_drag is None or not set(wanted) & set(LEANING):
+        return built(history, wanted)
+    turning = [name for name in ATTITUDE if name in history.names and name not in wanted]
+    return built(without_steady_drag(built(history, (*wanted, *turning)), flight.steady_drag), wanted)
 
 
 def _rates(rates: Sequence[float], slowest: float) -> tuple[Finding, ...]:
@@ -334,17 +352,18 @@ def with_surroundings(flights: Sequence[Flight], margin_s: float, channels: Sequ
     """
     wider: list[Flight] = []
     for record in dict.fromkeys(flight.record for flight in flights):
-        own = sorted((flight.maneuver for flight in flights if flight.record is record), key=lambda m: m.start_s)
-        barriers = [m for m in _all_excitations(record) if not any(overlap(m, mine) for mine in own)]
+        own = sorted((flight for flight in flights if flight.record is record), key=lambda f: f.maneuver.start_s)
+        barriers = [m for m in _all_excitations(record) if not any(overlap(m, mine.maneuver) for mine in own)]
         in_air = airborne_by_thrust(record)
-        around = (_widened(record, m, margin_s, barriers, channels, _flight_around(in_air, m)) for m in own)
-        for maneuver in around:
+        for flight in own:
+            around = _flight_around(in_air, flight.maneuver)
+            maneuver = _widened(record, flight.maneuver, margin_s, barriers, channels, around)
             last = wider[-1] if wider else None
             if last is not None and last.record is record and maneuver.start_s < last.maneuver.stop_s:
                 stop_s = max(last.maneuver.stop_s, maneuver.stop_s)
-                wider[-1] = Flight(record, replace(last.maneuver, stop_s=stop_s))
+                wider[-1] = replace(last, maneuver=replace(last.maneuver, stop_s=stop_s))
             else:
-                wider.append(Flight(record, maneuver))
+                wider.append(replace(flight, maneuver=maneuver))
     return tuple(wider)
 
 
@@ -456,7 +475,7 @@ def time_records(
     channels = (*structure.inputs, *structure.outputs)
     for flight in flights:
         require_channels(flight.record, channels)
-    even = [Flight(evenly_stamped(segment.record, segment.maneuver, channels), segment.maneuver) for segment in flights]
+    even = [replace(flight, record=evenly_stamped(flight.record, flight.maneuver, channels)) for flight in flights]
     parts = [_cut([item], channels, settings) for item in even]
     if family_of(structure).opaque and not _of_one_rate([segment for part in parts for segment in part.segments]):
         parts = [_cut(even, channels, settings)]
@@ -497,7 +516,7 @@ def absolute_records(
     channels = (*logged, *outputs)
     for flight in flights:
         require_channels(flight.record, channels)
-    even = [Flight(evenly_stamped(segment.record, segment.maneuver, channels), segment.maneuver) for segment in flights]
+    even = [replace(flight, record=evenly_stamped(flight.record, flight.maneuver, channels)) for flight in flights]
     parts = [_Cut([item], *cut([item], channels=channels, shifts=settings.shifts)) for item in even]
     segments = tuple(
         replace(segment, history=with_zeros(segment.history, absent)) for part in parts for segment in part.segments

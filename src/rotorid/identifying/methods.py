@@ -30,6 +30,7 @@ from rotorid.fits.frequency.inverse import Screened, pose_screened
 from rotorid.fits.frequency.refusals import fit_or_refuse
 from rotorid.fits.frequency.scatter_between_flights import with_scatter
 from rotorid.fits.frequency.speed_damping import first_step, without_first
+from rotorid.fits.frequency.trim_choice import best_trim
 from rotorid.fits.remarks import judge_combinations
 from rotorid.fits.searching import judge_minima, refuse_search, search_summary, searched_minima
 from rotorid.fits.time.feedback import following, judge_following
@@ -59,7 +60,7 @@ from rotorid.flights.selection import Selection, select_records
 from rotorid.flights.sensors import corrected_record, sensor_correction, with_sensor_errors
 from rotorid.flights.supports import supporting_logs
 from rotorid.identifying.delay_budget import delay_budget
-from rotorid.identifying.scope import require_common_axes, scoped, trimmed, with_channels_of
+from rotorid.identifying.scope import require_common_axes, scoped, trimmed, trimmed_in_wind, with_channels_of
 from rotorid.models.families import family_of, is_rate_model, order_is_open
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
@@ -259,9 +260,12 @@ def choose(
     selection, remarks = select_records(model, records, settings, in_time=in_time)
     own = settings if settings.outputs or not outputs else replace(settings, outputs=outputs)
     scope = scoped(model, selection, records, own, joined=not in_time)
-    at_trim = trimmed(scope.structure, selection.fitted, settings)
+    leaning = (scope.structure, selection.fitted, settings)
+    at_trim = best_trim([trimmed(*leaning), *trimmed_in_wind(*leaning)], settings)
     return StructureAndLogs(
-        at_trim.structure, selection, (*ruled_out, *left, *remarks, *scope.findings, *at_trim.findings)
+        at_trim.structure,
+        replace(selection, fitted=at_trim.flights),
+        (*ruled_out, *left, *remarks, *scope.findings, *at_trim.findings),
     )
 
 

@@ -7,9 +7,9 @@ the maneuvers, where these are no hover.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 
@@ -21,13 +21,15 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import axis_of, is_command
 from rotorid.flights.segments import holds, require_channels
 from rotorid.flights.selection import Selection
+from rotorid.flights.steady_wind import in_wind_of, mean_of
 from rotorid.models.expression import Expression
+from rotorid.models.steady_wind import HEAVE_SHARE, HEAVE_SHARES, STEADY_DRAG, lean_of
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import require_known
 from rotorid.signal.clock import resample
 from rotorid.signal.excitations import rich_excitations
-from rotorid.signal.kinematics import VELOCITIES, ingredients
+from rotorid.signal.kinematics import ingredients
 from rotorid.signal.quality import led_share
 
 INERTIAL = ("p", "q", "r", "ax", "ay", "az")
@@ -359,9 +361,16 @@ _LEVEL_RAD = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trimmed:
-    """A structure at a trim, with the remark on it where it is no hover."""
+    """A structure at a trim, with the remark on it where it is no level hover.
+
+    Parameters
+    ----------
+    flights
+        Maneuvers, which know the drag of a steady wind where the structure counts from it.
+    """
 
     structure: LinearStructure
+    flights: tuple[Flight, ...]
     findings: tuple[Finding, ...] = ()
 
 
@@ -383,7 +392,7 @@ def trimmed(structure: LinearStructure, flights: Sequence[Flight], settings: Ide
     ModelError
         A constant was given that the structure does not have.
     """
-    means = {name: _mean(flights, channel) for name, channel in _CHANNELS.items() if name in structure.constants}
+    means = {name: mean_of(flights, channel) for name, channel in _CHANNELS.items() if name in structure.constants}
     flying = any(abs(value) >= HOVER_M_S for name, value in means.items() if name in _SPEEDS)
     measured = {
         name: value
@@ -392,16 +401,58 @@ def trimmed(structure: LinearStructure, flights: Sequence[Flight], settings: Ide
     }
     constants = {**measured, **settings.constants}
     if not constants:
-        return Trimmed(structure=structure)
+        return Trimmed(structure=structure, flights=tuple(flights))
     findings = [_finding(measured)] if measured else []
     if "U0" in measured:
         findings += _several(flights)
-    return Trimmed(structure=structure.with_constants(constants), findings=tuple(findings))
+    at_trim = structure.with_constants(constants)
+    return Trimmed(structure=at_trim, flights=tuple(flights), findings=tuple(findings))
+
+
+def trimmed_in_wind(
+    structure: LinearStructure, flights: Sequence[Flight], settings: IdentifySettings
+) -> tuple[Trimmed, ...]:
+    """The same structure in a hover that leans against a steady wind, see :mod:`rotorid.models.steady_wind`.
+
+    Parameters
+    ----------
+    structure, flights, settings
+        As for :func:`trimmed`.
+
+    Returns
+    -------
+    tuple
+        One for each axis along which the wind may drag; empty where nothing leans by 3° and more, where the flights
+        are no hover, and where the trim was given.
+    """
+    if set(settings.constants) & set(_CHANNELS):
+        return ()
+    found = []
+    for share in HEAVE_SHARES:
+        windy, blown = in_wind_of(structure.with_constants(settings.constants), flights, heave_share=share)
+        if HEAVE_SHARE in windy.constants and (not share or "az" in structure.outputs):
+            found.append(Trimmed(structure=windy, flights=blown, findings=(_leaning(windy),)))
+    return tuple(found)
+
+
+def _leaning(structure: LinearStructure) -> Finding:
+    """The remark on a steady wind."""
+    lean_rad = lean_of(structure.constants)
+    drag = {name: structure.constants[name] for name in STEADY_DRAG}
+    forward, right = drag.values()
+    return remark(
+        "trim",
+        ", ".join(drag),
+        f"The vehicle leaned by {math.degrees(lean_rad):.0f}° against a steady wind, and the model counts from there. "
+        f"Its accelerations leave out the drag of that wind, {forward:.2f} m/s² forward, {right:.2f} m/s² right.",
+        lean_rad=lean_rad,
+        **drag,
+    )
 
 
 def _several(flights: Sequence[Flight]) -> list[Finding]:
     """A warning if maneuvers were flown at different speeds."""
-    speeds = [_mean([flight], "u") for flight in flights]
+    speeds = [mean_of([flight], "u") for flight in flights]
     low, high = min(speeds), max(speeds)
     if high - low < _ONE_TRIM_M_S:
         return []
@@ -415,15 +466,6 @@ def _several(flights: Sequence[Flight]) -> list[Finding]:
             highest_m_s=high,
         )
     ]
-
-
-def _mean(flights: Sequence[Flight], channel: str) -> float:
-    if channel in VELOCITIES:
-        parts = [flight.body_velocity(channel) for flight in flights]
-    else:
-        parts = [samples.values for flight in flights for samples in islice(flight.samples(channel), 1)]
-    together = np.concatenate(parts) if parts else np.zeros(0)
-    return float(together.mean()) if together.size else 0.0
 
 
 def _finding(trim: dict[str, float]) -> Finding:

@@ -17,13 +17,14 @@ from rotorid.errors import ModelError
 from rotorid.fitting.frequency.parameter_map import generic_values
 from rotorid.fitting.frequency.problem import EXCELLENT_COST, FrequencyProblem, pair_names
 from rotorid.models.parameter import Parameter
+from rotorid.models.steady_wind import STEADY_DRAG
 from rotorid.models.structure import LinearStructure
 from rotorid.typing import BoolArray, FloatArray
 
 _DRAWS = 3
 _ZERO = 1e-9
 _LEAST_SHOWN = 1e-6
-_TRIM = ("U0", "V0", "W0", "phi0", "theta0")
+_TRIM = ("U0", "V0", "W0", "phi0", "theta0", *STEADY_DRAG)
 
 
 def without_structural_zeros(problem: FrequencyProblem) -> tuple[FrequencyProblem, tuple[str, ...]]:
