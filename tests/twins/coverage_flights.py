@@ -1,6 +1,7 @@
 """Flights for the study of intervals: weathers, logs that are flown once and kept, and what is true of each flight.
 
-True is the exact linearization in hover and still air. Three numbers are moved to what a flight shows of them:
+True is the exact linearization about hover in the mean wind of the sweeps. Three numbers are moved to what a flight
+shows of them:
 
 - ``Z_thrust`` of rotors whose thrust is quadratic in what is commanded: the slope at the mean command of the sweep;
 - ``T_motor`` of rotors that speed up and slow down differently: fast motion shows a lag below the mean of the two;
@@ -34,6 +35,7 @@ from rotorid.flying.settings import PlanSettings, SimulateSettings
 from rotorid.flying.simulation import fly_run, truth_of, write_run
 from rotorid.planning.amplitude import Limits
 from rotorid.settings.motors import MotorSettings
+from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.simulation.wind import Wind
 from rotorid.typing import FloatArray
@@ -67,6 +69,8 @@ ROOM_M = 60.0
 LEANING_DEG: Mapping[str, float] = MappingProxyType({"px4_quad": 40.0})
 """Tilt limit in wind of a vehicle that leans by 25 degrees without a test input; 25 degrees elsewhere."""
 QUADRATIC_THRUST = ("crazyflie", "hummingbird", "iris", "x500")
+SMALLEST = 0.01
+"""A slope that wind alone makes counts as zero below it, in SI units of a derivative."""
 SLOPES_OF_DRAG = {"X_u": ("pitch", 0), "Y_v": ("roll", 1), "Z_w": ("thrust", 2)}
 DAMPING = {"L_p": ("roll", 3), "M_q": ("pitch", 4), "N_r": ("yaw", 5), "Z_w": ("thrust", 2)}
 
@@ -155,7 +159,7 @@ def fly(folder: Path, vehicle: str, weather: str, seed: int) -> Path:
         record = rotorid.read(plain)
     craft = options.aircraft
     exact = {name: true.value for name, true in truth_of(craft).items()}
-    truth, motors = flown_truth(vehicle, record), truth_of_motors(craft)
+    truth, motors = flown_truth(vehicle, record, run.flown), truth_of_motors(craft)
     if vehicle == "ardupilot_quad":
         drag = slopes_as_flown(craft, run.flown, SLOPES_OF_DRAG)
         truth |= drag
@@ -192,10 +196,21 @@ def read_flight(kept: Path, vehicle: str) -> KeptFlight:
     )
 
 
-def flown_truth(vehicle: str, record: FlightRecord) -> dict[str, float]:
-    """What one flight shows of its vehicle: hover in still air, but for the thrust slope and the lag of the rotors."""
+def flown_truth(vehicle: str, record: FlightRecord, flown: SimulatedFlight | None = None) -> dict[str, float]:
+    """What one flight shows of its vehicle: hover in the mean wind of its sweeps, with the slope of thrust as flown.
+
+    Parameters
+    ----------
+    flown
+        What truly happened; still air without.
+    """
     craft = SimulateSettings(vehicle=vehicle).aircraft
     truth = {name: true.value for name, true in truth_of(craft).items()}
+    if flown is not None:
+        ahead, aside = steady_airspeed(flown)
+        in_wind = hover_derivatives_of(craft.vehicle, craft.autopilot, airspeed_m_s=ahead, aside_m_s=aside)
+        # Rotors that drag turn and push by their own speeds in a wind: N_roll, X_thrust, L_yaw are no zeros there.
+        truth |= {n: value for n, value in in_wind.items() if n in truth and (truth[n] or abs(value) > SMALLEST)}
     rotors = craft.vehicle.rotors
     if rotors.lag_down_s and rotors.lag_down_s != rotors.lag_up_s:
         apart = (rotors.lag_up_s - rotors.lag_down_s) / (rotors.lag_up_s + rotors.lag_down_s)
@@ -207,6 +222,18 @@ def flown_truth(vehicle: str, record: FlightRecord) -> dict[str, float]:
         before = (thrust.time_s >= sweep.start_s - 2.0) & (thrust.time_s < sweep.start_s)
         truth["Z_thrust"] *= float(np.mean(thrust.values[inside]) / np.mean(thrust.values[before]))
     return truth
+
+
+def steady_airspeed(flown: SimulatedFlight) -> tuple[float, float]:
+    """Mean velocity through the air over all sweeps, level: along the heading and to its right, m/s."""
+    true = flown.truth
+    north, east = (true[f"velocity_{way}"] - true[f"wind_{way}"] for way in ("north", "east"))
+    cosine, sine = np.cos(true["psi"]), np.sin(true["psi"])
+    inside = np.zeros(flown.samples, dtype=bool)
+    for maneuver in flown.maneuvers:
+        inside |= (flown.time_s >= maneuver.start_s) & (flown.time_s <= maneuver.stop_s)
+    ahead, aside = cosine * north + sine * east, cosine * east - sine * north
+    return float(ahead[inside].mean()), float(aside[inside].mean())
 
 
 def slopes_as_flown(craft: Aircraft, flown: SimulatedFlight, wanted: Mapping[str, tuple[str, int]]) -> dict[str, float]:

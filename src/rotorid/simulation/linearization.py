@@ -115,7 +115,7 @@ class Trim(Immutable):
         return np.asarray(_quaternion(self.angles_rad).real)
 
 
-def trimmed(vehicle: Multirotor, airspeed_m_s: float) -> Trim:
+def trimmed(vehicle: Multirotor, airspeed_m_s: float, aside_m_s: float = 0.0) -> Trim:
     r"""Attitude and rotor speeds of steady level flight at an airspeed.
 
     Solves :math:`\dot u = \dot v = \dot w = \dot p = \dot q = \dot r = 0` at zero rates for roll, pitch and the speeds
@@ -128,6 +128,8 @@ def trimmed(vehicle: Multirotor, airspeed_m_s: float) -> Trim:
         What flies.
     airspeed_m_s
         Forward, or backward if negative; zero gives hover.
+    aside_m_s
+        To the right: with ``airspeed_m_s`` minus a steady wind, in which the vehicle hovers.
 
     Raises
     ------
@@ -149,18 +151,18 @@ def trimmed(vehicle: Multirotor, airspeed_m_s: float) -> Trim:
     """
     shares = vehicle.hover_shares
     still = Trim(float(airspeed_m_s), np.zeros(3), np.zeros(3), shares)
-    if airspeed_m_s == 0.0:
+    if airspeed_m_s == 0.0 and aside_m_s == 0.0:
         return still
     body = vehicle.body()
     unknown = np.concatenate([np.zeros(2), shares])
-    along = np.array([float(airspeed_m_s), 0.0, 0.0])
+    along = np.array([float(airspeed_m_s), float(aside_m_s), 0.0])
 
     def point_at(values: AnyArray) -> ComplexArray:
         angles = np.array([values[0], values[1], 0.0], dtype=np.complex128)
         speeds = values[2:].astype(np.complex128)
         return np.concatenate([_to_earth(angles).T @ along, np.zeros(3), angles, speeds, speeds])
 
-    for _ in range(_MOST_TURNS if math.isfinite(airspeed_m_s) else 0):
+    for _ in range(_MOST_TURNS if np.isfinite(along).all() else 0):
         left = _rates(point_at(unknown), body).real[:6]
         if np.abs(left).max() < _BALANCE:
             break
@@ -188,6 +190,7 @@ def linearize(
     *,
     accelerometer_m: Place = (0.0, 0.0, 0.0),
     airspeed_m_s: float = 0.0,
+    aside_m_s: float = 0.0,
 ) -> StateSpace:
     r"""The vehicle around hover or steady level flight, from commands to what is measured.
 
@@ -204,7 +207,7 @@ def linearize(
         Its mixer, linearization, delays and rate are used; its gains are not.
     accelerometer_m
         Where the accelerometer sits, from the center of gravity.
-    airspeed_m_s
+    airspeed_m_s, aside_m_s
         Of the level flight around which it is linear (:func:`trimmed`). States are differences from that trim; the
         terms of :math:`\omega \times v`, as :math:`-w_0 q` in :math:`\dot u`, are part of ``F``.
 
@@ -227,7 +230,7 @@ def linearize(
     (-9.80665, (13, 4))
     """
     body = vehicle.body()
-    trim = trimmed(vehicle, airspeed_m_s)
+    trim = trimmed(vehicle, airspeed_m_s, aside_m_s)
     slopes = _slopes(trim, body)
     count, rotors = len(MOTION), vehicle.rotors.layout.rotors
     size = count + rotors
@@ -278,7 +281,9 @@ def rotor_slopes(vehicle: Multirotor, autopilot: Autopilot, shares: FloatArray) 
     return np.asarray(autopilot.mixer_for(vehicle) / curve.slope(shares)[:, None])
 
 
-def hover_derivatives_of(vehicle: Multirotor, autopilot: Autopilot, *, airspeed_m_s: float = 0.0) -> dict[str, float]:
+def hover_derivatives_of(
+    vehicle: Multirotor, autopilot: Autopilot, *, airspeed_m_s: float = 0.0, aside_m_s: float = 0.0
+) -> dict[str, float]:
     r"""Stability and control derivatives in hover or level flight, by the names of the hover models, ``X_u`` and so on.
 
     Per mass and inertia, in SI units and radians, commands of one. The control derivatives are those of steady rotors:
@@ -289,8 +294,9 @@ def hover_derivatives_of(vehicle: Multirotor, autopilot: Autopilot, *, airspeed_
 
     Parameters
     ----------
-    vehicle, autopilot, airspeed_m_s
-        See :func:`linearize`.
+    vehicle, autopilot, airspeed_m_s, aside_m_s
+        See :func:`linearize`. In a steady wind rotors that drag have derivatives that are zero in calm air, such as
+        ``N_roll``: the speed of each rotor sets how much it drags.
 
     Examples
     --------
@@ -305,12 +311,12 @@ def hover_derivatives_of(vehicle: Multirotor, autopilot: Autopilot, *, airspeed_
     >>> round(found["Z_thrust"], 3), found["M_u"]
     (-34.304, 0.0)
     """
-    system = linearize(vehicle, autopilot, airspeed_m_s=airspeed_m_s)
+    system = linearize(vehicle, autopilot, airspeed_m_s=airspeed_m_s, aside_m_s=aside_m_s)
     rows = len(FORCES_AND_MOMENTS)
     motion = len(MOTION)
     followed = np.linalg.solve(system.F[motion:, motion:], system.G[motion:])
     control = system.G[:rows] - system.F[:rows, motion:] @ followed
-    u, v, w = trimmed(vehicle, airspeed_m_s).velocity_m_s
+    u, v, w = trimmed(vehicle, airspeed_m_s, aside_m_s).velocity_m_s
     turned = np.zeros((rows, rows))
     turned[:3, 3:] = [[0.0, -w, v], [w, 0.0, -u], [-v, u, 0.0]]
     table = np.hstack([system.F[:rows, :rows] - turned, control])

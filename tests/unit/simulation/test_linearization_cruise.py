@@ -77,3 +77,17 @@ def test_a_speed_that_is_none_is_refused(text: str) -> None:
 def test_a_speed_beyond_all_vehicles_is_refused() -> None:
     with pytest.raises(UsageError, match="--speed -400 is out of range"):
         SimulateSettings(vehicle="forward_quad", speed_m_s=(0.0, -400.0))
+
+
+def test_a_wind_from_the_side_drags_as_one_from_ahead() -> None:
+    vehicle, autopilot = CRAFT.vehicle, CRAFT.autopilot
+    still = hover_derivatives_of(vehicle, autopilot)
+    ahead = hover_derivatives_of(vehicle, autopilot, airspeed_m_s=3.0)
+    aside = hover_derivatives_of(vehicle, autopilot, aside_m_s=3.0)
+    assert aside["Y_v"] / still["Y_v"] == pytest.approx(ahead["X_u"] / still["X_u"], rel=0.1)
+    # A rotor drags by its own speed: rolling in wind from ahead turns the vehicle as pitching does in one from aside.
+    assert (ahead["N_roll"], aside["N_pitch"]) == (
+        pytest.approx(ahead["N_roll"]),
+        pytest.approx(ahead["N_roll"], rel=0.2),
+    )
+    assert abs(ahead["N_roll"]) > 0.1 > abs(still["N_roll"])
