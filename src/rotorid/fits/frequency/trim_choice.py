@@ -7,8 +7,9 @@ shows none of that, responses do: the model is fitted at each trim, and the best
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.frequency.fit import cost_of
@@ -17,7 +18,6 @@ from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
 from rotorid.flights.flights import Flight
 from rotorid.flights.measure import measure
-from rotorid.models.steady_wind import HEAVE_SHARE
 from rotorid.models.structure import LinearStructure
 from rotorid.settings.identifying import IdentifySettings
 
@@ -37,41 +37,73 @@ TrimT = TypeVar("TrimT", bound=_Trim)
 
 _HEAVE = "az"
 
+_SURELY_LOWER = 2.0
+"""Costs of heave that differ by more decide; of closer ones the dampings do."""
+
+_CLEARLY = 0.8
+"""A trim that turns with the vehicle has to cost less than this share, as most leans are those of a wind."""
+
+
+class _Fitted(NamedTuple):
+    """Cost of each response, empty where a fit is refused, and the damping of heave over that across the rotors."""
+
+    costs: Mapping[str, float]
+    ratio: float
+
+    @property
+    def missed(self) -> bool:
+        return not self.costs or any(not cost <= ACCEPTABLE_COST for cost in self.costs.values())
+
+    @property
+    def heave(self) -> float:
+        own = [cost for name, cost in self.costs.items() if name.startswith(f"{_HEAVE}/")]
+        return math.inf if self.missed or not own else sum(own) / len(own)
+
+    def surely_below(self, other: _Fitted) -> bool:
+        """Whether it misses no response where the other does, or costs clearly less over those that both have."""
+        if self.missed is not other.missed:
+            return other.missed
+        common = self.costs.keys() & other.costs.keys()
+        return sum(self.costs[name] for name in common) < _CLEARLY * sum(other.costs[name] for name in common)
+
 
 def best_trim(trims: Sequence[TrimT], settings: IdentifySettings) -> TrimT:
     """The trim at which a model explains the flights best; without a choice nothing is fitted.
 
-    A trim that misses no response comes first, then the one that has most of them, then the lowest cost. How much of a
-    steady drag acts along the rotors the heave alone shows.
+    A vehicle leans against a wind, unless the trim that turns with it misses no response where that of the wind does,
+    or costs clearly less. How much of a steady drag acts along the rotors the heave shows, or else the ratio of the
+    dampings :math:`Z_w / X_u`.
 
     Parameters
     ----------
     trims
-        A model and its flights at each.
+        A model and its flights: first the trim that turns with the vehicle, then those of a steady wind.
     """
     if len(trims) == 1:
         return trims[0]
-    costs = [(trim, _cost(trim, settings)) for trim in trims]
-    level = [item for item in costs if HEAVE_SHARE not in item[0].structure.constants]
-    windy = [item for item in costs if HEAVE_SHARE in item[0].structure.constants]
-    best = [min(windy, key=lambda item: _misfit(item[1], _HEAVE))] if windy else []
-    return min([*level, *best], key=lambda item: _misfit(item[1]))[0]
+    found = [(trim, _fitted(trim, settings)) for trim in trims]
+    turning, *windy = found
+    best = windy[0]
+    if len(windy) > 1:
+        plane, body = windy
+        heaves = plane[1].heave, body[1].heave
+        if max(heaves) > _SURELY_LOWER * min(heaves):
+            best = plane if heaves[0] < heaves[1] else body
+        else:
+            best = body if plane[1].ratio > 0.5 else plane
+    return turning[0] if turning[1].surely_below(best[1]) else best[0]
 
 
-def _cost(trim: _Trim, settings: IdentifySettings) -> Mapping[str, float]:
-    """Cost of each response; empty where a fit is refused."""
+def _fitted(trim: _Trim, settings: IdentifySettings) -> _Fitted:
     structure, flights = trim.structure, trim.flights
     try:
         measured = measure(flights, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
         problem = pose_screened(structure, measured, settings, flights).problem
         solution = fit_frequency(problem)
     except InsufficientDataError:
-        return {}
-    return {name: pair.value for name, pair in cost_of(problem, problem.costs(solution.theta)).pairs.items()}
-
-
-def _misfit(costs: Mapping[str, float], output: str = "") -> tuple[bool, int, float]:
-    """Whether a response is missed, how many there are (of a single output that does not count), and the mean cost."""
-    own = [cost for name, cost in costs.items() if name.startswith(f"{output}/" if output else "")]
-    missed = not own or any(not cost <= ACCEPTABLE_COST for cost in costs.values())
-    return missed, 0 if output else -len(own), sum(own) / max(len(own), 1)
+        return _Fitted({}, 0.0)
+    costs = cost_of(problem, problem.costs(solution.theta)).pairs
+    values = problem.parameters.unpack(solution.theta).values
+    across = values.get("X_u", 0.0)
+    ratio = values.get("Z_w", 0.0) / across if across else 0.0
+    return _Fitted({name: pair.value for name, pair in costs.items()}, ratio)
