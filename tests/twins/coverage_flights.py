@@ -68,6 +68,16 @@ S500_SPEED, S500_GUSTS = 0.25, 0.15
 ROOM_M = 60.0
 LEANING_DEG: Mapping[str, float] = MappingProxyType({"px4_quad": 40.0})
 """Tilt limit in wind of a vehicle that leans by 25 degrees without a test input; 25 degrees elsewhere."""
+BEHIND_SETPOINTS = "bebop"
+"""Its log has set-points, attitudes, velocities at 20 Hz: what is true of it is the linear drag of its body."""
+BINARY = PlanSettings(
+    shape="random_binary",
+    entry="attitude_setpoint",
+    axes=("roll", "pitch"),
+    duration_s=40.0,
+    band_rad_s=(0.5, 6.0),
+    limits=Limits(tilt_rad=0.4, position_m=ROOM_M),
+)
 QUADRATIC_THRUST = ("crazyflie", "hummingbird", "iris", "x500")
 SMALLEST = 0.01
 """A slope that wind alone makes counts as zero below it, in SI units of a derivative."""
@@ -129,6 +139,8 @@ def wind_of(vehicle: str, weather: str) -> Wind:
 def plan_of(vehicle: str, weather: str) -> FlightPlan:
     """Sweeps on all axes, as large as the wind leaves room for."""
     craft, wind = SimulateSettings(vehicle=vehicle).aircraft, wind_of(vehicle, weather)
+    if vehicle == BEHIND_SETPOINTS:
+        return plan_for(craft, replace(BINARY, wind=wind)).plan
     tilt_deg = LEANING_DEG.get(vehicle, 25.0) if wind.speed_m_s > 2.5 else 25.0
     choices = PlanSettings(
         shape=sweep_of(craft),
@@ -159,7 +171,8 @@ def fly(folder: Path, vehicle: str, weather: str, seed: int) -> Path:
         record = rotorid.read(plain)
     craft = options.aircraft
     exact = {name: true.value for name, true in truth_of(craft).items()}
-    truth, motors = flown_truth(vehicle, record, run.flown), truth_of_motors(craft)
+    truth = flown_truth(vehicle, record, run.flown)
+    motors = {} if vehicle == BEHIND_SETPOINTS else truth_of_motors(craft)
     if vehicle == "ardupilot_quad":
         drag = slopes_as_flown(craft, run.flown, SLOPES_OF_DRAG)
         truth |= drag
@@ -185,7 +198,7 @@ def read_flight(kept: Path, vehicle: str) -> KeptFlight:
         known={"m": craft.vehicle.mass_kg}, layout=write_layout(craft.vehicle.rotors.layout, craft, kept.parent)
     )
     exact, truth = found["exact"], found["truth"]
-    moved = {name: truth[name] / exact[name] for name in truth if truth[name] != exact[name] and exact[name]}
+    moved = {name: truth[name] / value for name, value in exact.items() if value and truth[name] != value}
     return KeptFlight(
         record=rotorid.read(kept.parent / found["log"]),
         choices=known,
@@ -221,6 +234,8 @@ def flown_truth(vehicle: str, record: FlightRecord, flown: SimulatedFlight | Non
         inside = (thrust.time_s >= sweep.start_s) & (thrust.time_s <= sweep.stop_s)
         before = (thrust.time_s >= sweep.start_s - 2.0) & (thrust.time_s < sweep.start_s)
         truth["Z_thrust"] *= float(np.mean(thrust.values[inside]) / np.mean(thrust.values[before]))
+    if vehicle == BEHIND_SETPOINTS:
+        truth |= {"k_Dx": -truth["X_u"], "k_Dy": -truth["Y_v"]}
     return truth
 
 
