@@ -318,7 +318,7 @@ class Sharpness(NamedTuple):
 
     over_error: float | None
     over_value: float | None
-    too_wide: Mapping[tuple[str, str], float]
+    too_wide: Mapping[tuple[str, str, str], float]
 
     @property
     def reaches(self) -> bool:
@@ -334,7 +334,7 @@ def sharpness(rows: Sequence[Judged]) -> Sharpness:
         errors = np.array([abs(row.value - row.truth) for row in of])
         stds = np.array([row.std for row in of], dtype=float)
         truths = np.array([abs(row.truth) for row in of])
-        if np.median(errors) > BLUNT * np.median(truths):
+        if not truths.any() or np.median(errors) > BLUNT * np.median(truths):
             ratios, pool, bar = stds / np.maximum(errors, 1e-12), over_error, WIDEST
         else:
             ratios, pool, bar = stds / truths, over_value, FINEST
@@ -358,11 +358,11 @@ def wrong(part: Study) -> tuple[float, float]:
     return missed / flights, sum(row.truth != 0.0 for row in part.silent) / flights
 
 
-def by_parameter(rows: Iterable[Judged]) -> dict[tuple[str, str], list[Judged]]:
-    """The judged of each model's parameter."""
-    found: dict[tuple[str, str], list[Judged]] = {}
+def by_parameter(rows: Iterable[Judged]) -> dict[tuple[str, str, str], list[Judged]]:
+    """The judged of each vehicle's, model's parameter."""
+    found: dict[tuple[str, str, str], list[Judged]] = {}
     for row in rows:
-        found.setdefault((row.case.model, row.name), []).append(row)
+        found.setdefault((row.case.vehicle, row.case.model, row.name), []).append(row)
     return found
 
 
@@ -442,6 +442,32 @@ def table(found: Study) -> Iterator[str]:
     yield "| **all** | " + row_of(found)
 
 
+def table_of_docs(found: Study) -> Iterator[str]:
+    """The table of ``docs/accuracy.md``: kinds of models beside each other, what misses a bar in bold."""
+    parts = {(vehicle, kind): part for vehicle, kind, part in cells(found)}
+    vehicles = dict.fromkeys(vehicle for vehicle, _ in parts)
+    kinds = [kind for kind in KINDS if any((vehicle, kind) in parts for vehicle in vehicles)]
+    yield f"| vehicle | {' | '.join(kinds)} |"
+    yield "|---" * (len(kinds) + 1) + "|"
+    for vehicle in vehicles:
+        yield f"| {vehicle} | {' | '.join(_short(parts.get((vehicle, kind))) for kind in kinds)} |"
+
+
+def _short(part: Study | None) -> str:
+    """Share that contains the truth, error over stated, stated over error, stated over value."""
+    if part is None or not (rows := part.intervals):
+        return "–" if part is None else "refused"
+    share, sharp = held(rows), sharpness(rows)
+    contain = f"{100.0 * share.value:.1f} ± {100.0 * share.error:.1f} %"
+    measures = [
+        (contain, 0.90 <= share.value <= 0.995),
+        (f"{size(rows):.2f}", size(rows) <= 1.2),
+        ("–" if sharp.over_error is None else f"{sharp.over_error:.1f}", (sharp.over_error or 0.0) <= WIDEST),
+        ("–" if sharp.over_value is None else f"{100.0 * sharp.over_value:.1f} %", (sharp.over_value or 0.0) <= FINEST),
+    ]
+    return ", ".join(text if right else f"**{text}**" for text, right in measures)
+
+
 def row_of(part: Study) -> str:
     """Measures of a part as cells of a table."""
     rows = part.intervals
@@ -453,12 +479,12 @@ def row_of(part: Study) -> str:
     sharp, (missed, dropped) = sharpness(rows), wrong(part)
     misses = [
         f"{model} {name} {100.0 * held(of).value:.0f} %"
-        for (model, name), of in by_parameter(rows).items()
+        for (_, model, name), of in by_parameter(rows).items()
         if too_few_hold(of)
     ]
     wide = [
         f"{model} {name} {f'{value:.1f}' if value > WIDEST else f'{100.0 * value:.1f} %'}"
-        for (model, name), value in sharp.too_wide.items()
+        for (_, model, name), value in sharp.too_wide.items()
     ]
     over_error = "–" if sharp.over_error is None else f"{sharp.over_error:.2f}"
     over_value = "–" if sharp.over_value is None else f"{100.0 * sharp.over_value:.2f} %"
@@ -485,6 +511,7 @@ def main() -> None:
     parser.add_argument("--label", help="Name of the rows, instead of the version's.")
     parser.add_argument("--before", help="Label of rows to print first, for the same flights and models.")
     parser.add_argument("--by-weather", action="store_true", help="Tables for each weather.")
+    parser.add_argument("--docs", action="store_true", help="Print the table of the documentation.")
     parser.add_argument("--misses", action="store_true", help="List the cells that miss a bar.")
     parser.add_argument("--refusals", action="store_true", help="Print why identifications were refused.")
     parser.add_argument("--workers", type=int, default=1, help="Processes.")
@@ -507,6 +534,8 @@ def main() -> None:
     if given.by_weather:
         for weather in given.weathers.split(","):
             print("", weather, *table(found.where(lambda case, weather=weather: case.weather == weather)), sep="\n")  # type: ignore[misc]
+    if given.docs:
+        print("", *table_of_docs(found), sep="\n")
     if given.misses:
         print("", *(f"{vehicle}-{kind}: {bar} ({value:.3g})" for bar, vehicle, kind, value in misses(found)), sep="\n")
     if given.refusals:

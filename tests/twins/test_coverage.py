@@ -39,6 +39,7 @@ from tests.twins.coverage import (
     size,
     study,
     table,
+    table_of_docs,
     wrong,
 )
 from tests.twins.coverage_flights import (
@@ -121,7 +122,7 @@ def test_sharp_intervals_of_normal_errors_reach_the_bar() -> None:
     assert sharpness(rows).over_error == pytest.approx(1.48, abs=0.05)
     assert sharpness(rows).reaches
     wide = sharpness([row._replace(std=1.5) for row in rows])
-    assert list(wide.too_wide) == [("rate.roll", "L_p")]
+    assert list(wide.too_wide) == [("iris", "rate.roll", "L_p")]
     assert not wide.reaches
 
 
@@ -156,6 +157,13 @@ def test_cells_that_miss_a_bar_are_listed() -> None:
         "wider than errors": pytest.approx(10.0),
         "often refused": 0.25,
     }
+
+
+def test_the_table_of_the_documentation_says_what_misses() -> None:
+    run = Identified(Case("iris", "calm", 1, "rate.roll"), False, ())
+    rows = (judged(), judged(error=0.01, name="N_r", truth=20.0))
+    *_, last = table_of_docs(Study(judged=rows, identified=(run,), moved={}))
+    assert last == "| iris | **100.0 ± nan %**, 0.35, **2.0**, **5.0 %** |"
 
 
 def test_no_wind_and_no_seed_of_development_is_one_of_the_study() -> None:
